@@ -1,0 +1,147 @@
+"""Open a folder of PersONAL episode files and iterate over it; everything else gets its episodes here."""
+
+import gzip
+import hashlib
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from sim.errors import DatasetError, line_from_validation_error
+from sim.types import SPLITS, EpisodeKey, Split
+
+from .schema import Episode, Goal, SceneFile, resolve_episode
+
+_ADVICE = '"personal-viz validate" lists every problem.'
+
+
+class PersonalDataset:
+    """Episode files below one folder, read on demand and kept.
+
+    Layout: `<root>/<split>/content/<SceneName>.json.gz` (or plain `.json`; where both exist the `.gz` counts).
+    """
+
+    def __init__(self, root: Path | str) -> None:
+        """Lists the files; reads none.
+
+        Raises:
+            DatasetError: The folder does not exist or holds no content file.
+        """
+        self.root = Path(root)
+        self.files: dict[tuple[Split, str], Path] = {}
+        for split in SPLITS:
+            for path in sorted((self.root / split / "content").glob("*.json")):
+                self.files[(split, path.name.removesuffix(".json"))] = path
+            for path in sorted((self.root / split / "content").glob("*.json.gz")):
+                self.files[(split, path.name.removesuffix(".json.gz"))] = path
+        if not self.files:
+            raise DatasetError(
+                f"{self.root}: found no episode file; expected {self.root}/easy|medium|hard/content/<Scene>.json.gz. "
+                "Give --dataset the folder that holds the splits (data/split in the authors' repository)."
+            )
+        self._contents: dict[tuple[Split, str], SceneFile] = {}
+
+    @property
+    def scenes(self) -> tuple[str, ...]:
+        """Names of all scenes, sorted."""
+        return tuple(sorted({scene for _, scene in self.files}))
+
+    def content(self, split: Split, scene: str) -> SceneFile:
+        """One content file, checked against the schema.
+
+        Raises:
+            DatasetError: The scene is not in this split, or its file is damaged or not in the format.
+        """
+        key = (split, scene)
+        if key not in self.files:
+            known = ", ".join(name for of_split, name in self.files if of_split == split) or "no scene"
+            raise DatasetError(f"{self.root}: scene {scene!r} is not in split {split!r}; expected one of: {known}.")
+        if key not in self._contents:
+            self._contents[key] = read_scene_file(self.files[key])
+        return self._contents[key]
+
+    def episodes(
+        self, *, splits: tuple[Split, ...] = SPLITS, scenes: tuple[str, ...] | None = None
+    ) -> Iterator[Episode]:
+        """All episodes with their targets, ordered by split (easy, medium, hard), scene name and place in the file.
+
+        Raises:
+            DatasetError: A named scene is unknown, a file is damaged, or a target does not resolve.
+        """
+        for scene in scenes or ():
+            self.require_scene(scene)
+        for split in splits:
+            for of_split, scene in sorted(self.files):
+                if of_split != split or (scenes is not None and scene not in scenes):
+                    continue
+                content = self.content(split, scene)
+                for index, record in enumerate(content.episodes):
+                    try:
+                        yield resolve_episode(split, scene, record, content)
+                    except KeyError as error:
+                        where = f"{self.files[(split, scene)]}: episodes[{index}]"
+                        raise DatasetError(f"{where}: {error.args[0]}. {_ADVICE}") from None
+
+    def episode(self, key: EpisodeKey) -> Episode:
+        """One episode by its key.
+
+        Raises:
+            DatasetError: There is no such episode.
+        """
+        for episode in self.episodes(splits=(key.split,), scenes=(key.scene,)):
+            if episode.key == key:
+                return episode
+        raise DatasetError(f"{self.root}: found no episode {key}; expected an id of {key.split}/{key.scene}.")
+
+    def goals(self, scene: str) -> dict[str, Goal]:
+        """Every goal object of a scene by `object_name`, from all splits; the first split that names it counts."""
+        self.require_scene(scene)
+        found: dict[str, Goal] = {}
+        for split in SPLITS:
+            if (split, scene) in self.files:
+                for goals in self.content(split, scene).goals_by_category.values():
+                    for goal in goals:
+                        found.setdefault(goal.object_name, goal)
+        return found
+
+    def require_scene(self, scene: str) -> None:
+        """Raises DatasetError when no split has the scene."""
+        if scene not in self.scenes:
+            raise DatasetError(f"{self.root}: found no scene {scene!r}; expected one of: {', '.join(self.scenes)}.")
+
+    def digest(self) -> str:
+        """sha256 over the decompressed bytes of all content files, in order of split and scene."""
+        total = hashlib.sha256()
+        for (split, scene), path in sorted(self.files.items()):
+            total.update(f"{split}/{scene}\n".encode())
+            total.update(read_bytes(path))
+        return total.hexdigest()
+
+
+def read_bytes(path: Path) -> bytes:
+    """The file's bytes, decompressed when its name ends in .gz.
+
+    Raises:
+        DatasetError: The file cannot be read or is not valid gzip.
+    """
+    try:
+        data = path.read_bytes()
+        return gzip.decompress(data) if path.suffix == ".gz" else data
+    except (OSError, EOFError, zlib.error) as error:
+        raise DatasetError(
+            f"{path}: found a file that cannot be read ({error}); expected gzip-compressed JSON. "
+            "Copy the file again from its source."
+        ) from None
+
+
+def read_scene_file(path: Path) -> SceneFile:
+    """Read and check one content file.
+
+    Raises:
+        DatasetError: The file is unreadable, not JSON, or not in the format.
+    """
+    try:
+        return SceneFile.model_validate_json(read_bytes(path), strict=True)
+    except ValidationError as error:
+        raise DatasetError(line_from_validation_error(path, error, advice=_ADVICE)) from None

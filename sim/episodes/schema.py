@@ -1,0 +1,181 @@
+"""The released episode files as pydantic models, and `Episode`, an episode with its targets resolved.
+
+Unions and nulls are those measured in DATA_FORMAT.md. The dataset's `description` is the target's caption: it is
+called `captions` here, is ground truth and never leaves `Episode`; `summary` becomes `Task.description`.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, model_validator
+
+from sim.frames import yaw_from_quat_xyzw
+from sim.types import PAPER6, Action, EpisodeKey, Pose, Split, Task, TaskKind
+
+Finite = Annotated[float, AllowInfNan(False)]
+Vector3 = tuple[Finite, Finite, Finite]
+QuatXyzw = tuple[Finite, Finite, Finite, Finite]
+_STRICT_SHAPE = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+
+class AgentState(BaseModel):
+    """A place to stand, world frame."""
+
+    model_config = _STRICT_SHAPE
+    position: Vector3
+    """Feet, metres."""
+    rotation: QuatXyzw
+    """Unit quaternion [x, y, z, w]."""
+
+
+class ViewPoint(BaseModel):
+    """A place from which a goal can be seen (original) or that the generator added (extra, no `iou`)."""
+
+    model_config = _STRICT_SHAPE
+    agent_state: AgentState
+    iou: Finite | None = None
+    """Coverage score of GOAT, up to 2.94 in the release; absent on extra points."""
+
+
+class Goal(BaseModel):
+    """One object instance of a scene, with the places around it."""
+
+    model_config = _STRICT_SHAPE
+    position: Vector3
+    """Centre of the object's box, metres."""
+    object_id: int
+    object_name: str = Field(min_length=1)
+    """`<raw name>_<int>`: the key that episodes use."""
+    object_category: str = Field(min_length=1)
+    floor_id: str
+    """Annotator's label; text only, storeys follow from heights."""
+    view_points: tuple[ViewPoint, ...]
+    radius: Finite | None = None
+    object_name_id: int | None = None
+    room_id: int | str | None = None
+    room_name: str | None = None
+
+    @property
+    def original_view_points(self) -> tuple[ViewPoint, ...]:
+        """View points with an `iou`; the only ones that the rules `paper` and `habitat` use."""
+        return tuple(point for point in self.view_points if point.iou is not None)
+
+    @property
+    def floor_y(self) -> float:
+        """Height of the floor the object belongs to: median of its original view points (of all if there are none)."""
+        points = self.original_view_points or self.view_points
+        heights = sorted(point.agent_state.position[1] for point in points)
+        return heights[len(heights) // 2] if heights else self.position[1]
+
+
+class EpisodeInfo(BaseModel):
+    """Distances that the generator stored; a named alternative only (DESIGN.md recomputes them)."""
+
+    model_config = _STRICT_SHAPE
+    geodesic_distance: Finite
+    """Metres from the start to view_points[0] of the target."""
+    euclidean_distance: Finite
+    """Planar metres from the start to the target's centre."""
+    closest_goal_object_id: int
+
+
+class EpisodeRecord(BaseModel):
+    """One entry of `episodes` in a content file, as released."""
+
+    model_config = _STRICT_SHAPE
+    episode_id: str = Field(min_length=1)
+    scene_id: str = Field(min_length=1)
+    scene_dataset_config: str
+    object_category: str = Field(min_length=1)
+    object_id: str | tuple[str, ...]
+    """One object name, or several of which any is right ("one of X's Ys")."""
+    captions: tuple[str, ...] | tuple[tuple[str, ...], ...] = Field(alias="description")
+    """Three caption slots, or one such triple per instance; ground truth."""
+    owner: str = Field(min_length=1)
+    floor_id: str
+    summary: str = Field(min_length=1)
+    extracted_summary: tuple[str, ...]
+    """One ownership sentence per edge; ground truth for people and for PAN agents."""
+    query: tuple[str, ...] = Field(min_length=1)
+    """Equivalent paraphrases."""
+    start_position: Vector3
+    start_rotation: QuatXyzw
+    info: EpisodeInfo
+    goals: tuple[Any, ...] = ()
+    additional_obj_config_paths: tuple[Any, ...] = ()
+    start_room: Any = None
+    shortest_paths: Any = None
+
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """Names of the right objects, always a tuple."""
+        return (self.object_id,) if isinstance(self.object_id, str) else self.object_id
+
+    @property
+    def captions_per_object(self) -> tuple[tuple[str, ...], ...]:
+        """The filled caption slots of each of `object_names`."""
+        nested = self.captions if self.captions and not isinstance(self.captions[0], str) else (self.captions,)
+        return tuple(tuple(text for text in slots if text) for slots in nested)
+
+    @model_validator(mode="after")
+    def _one_caption_list_per_object(self) -> "EpisodeRecord":
+        if len(self.captions_per_object) != len(self.object_names):
+            raise ValueError(f"description for {len(self.object_names)} objects, found {len(self.captions_per_object)}")
+        return self
+
+
+class SceneFile(BaseModel):
+    """One content file `<split>/content/<SceneName>.json.gz`."""
+
+    model_config = _STRICT_SHAPE
+    goals_by_category: dict[str, tuple[Goal, ...]]
+    """`<SceneName>.basis.glb_<category>` to all goal objects of that category in the scene."""
+    episodes: tuple[EpisodeRecord, ...]
+    category_to_task_category_id: dict[str, int]
+    category_to_scene_annotation_category_id: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """An episode with its targets; holds ground truth, so it never reaches an agent, a browser or a prompt."""
+
+    key: EpisodeKey
+    record: EpisodeRecord
+    targets: tuple[Goal, ...]
+    """The right objects, found by exact `object_name`."""
+
+    @property
+    def start(self) -> Pose:
+        """Start pose, world frame."""
+        return Pose(self.record.start_position, yaw_from_quat_xyzw(self.record.start_rotation))
+
+    def task(self, kind: TaskKind, *, query_index: int = 0, actions: tuple[Action, ...] = PAPER6) -> Task:
+        """What an agent or a participant may see of this episode."""
+        return Task(kind, self.record.summary, (self.record.query[query_index],), actions=actions)
+
+
+def goals_key(scene: str, category: str) -> str:
+    """Key of `goals_by_category` for a category of a scene."""
+    return f"{scene}.basis.glb_{category}"
+
+
+def scene_name_from_id(scene_id: str) -> str:
+    """`TEEsavR23oF` from `hm3d_v0.2/val/00800-TEEsavR23oF/TEEsavR23oF.basis.glb`."""
+    return scene_id.rsplit("/", 1)[-1].split(".", 1)[0]
+
+
+def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: SceneFile) -> Episode:
+    """The episode with its targets.
+
+    Raises:
+        KeyError: The goal list is missing or a name does not resolve exactly once; args[0] says which.
+    """
+    key = goals_key(scene, record.object_category)
+    goals = content.goals_by_category.get(key)
+    if goals is None:
+        raise KeyError(f"goals_by_category has no key {key!r}")
+    targets = tuple(goal for name in record.object_names for goal in goals if goal.object_name == name)
+    if [goal.object_name for goal in targets] != list(record.object_names):
+        found = [goal.object_name for goal in targets]
+        raise KeyError(f"object_id {list(record.object_names)} resolves to {found} in {key!r}, expected each once")
+    return Episode(EpisodeKey(split, scene, record.episode_id), record, targets)

@@ -1,0 +1,60 @@
+"""The one tree of errors that users can meet; every message says where, what was found, what was expected, what to do."""
+
+from pathlib import Path
+
+from pydantic import ValidationError
+
+
+class PersonalVizError(Exception):
+    """Base of every error that the command line prints as one line with exit code 1."""
+
+
+class DatasetError(PersonalVizError):
+    """An episode file is missing, damaged or not in the PersONAL format."""
+
+
+class SceneError(PersonalVizError):
+    """A scene file is missing, damaged or cannot be used (no faces, unknown scene)."""
+
+
+class TaskStateError(PersonalVizError):
+    """An action or answer came when the task could not take it (after the end, before the start)."""
+
+
+class AgentError(PersonalVizError):
+    """A plug-in (agent, grounder, encoder) raised or broke its contract."""
+
+
+class RunFileError(PersonalVizError):
+    """A run file is damaged, holds impossible steps, or lacks what is asked of it."""
+
+
+class StudyError(PersonalVizError):
+    """A study is misconfigured, locked by another process, or its store cannot be used."""
+
+
+class RecordingError(PersonalVizError):
+    """A recording cannot be written or read."""
+
+
+class MissingDependencyError(PersonalVizError, ImportError):
+    """An optional package is needed; the message names it and the extra that brings it."""
+
+
+def line_from_validation_error(where: str | Path, error: ValidationError, *, advice: str) -> str:
+    """The first problem of a pydantic error as one line: where, field, what was found, what was expected, what to do.
+
+    Args:
+        where: File (and line) in which the bad value stands.
+        error: What pydantic raised.
+        advice: What the reader can do, a full sentence.
+    """
+    first = error.errors()[0]
+    field = ".".join(str(part) for part in first["loc"]) or "(top level)"
+    found = "nothing" if first["type"] == "missing" else repr(first["input"])
+    if first["type"] == "json_invalid":
+        found = "text that is not JSON"
+    if len(found) > 80:
+        found = found[:77] + "..."
+    more = f" (and {error.error_count() - 1} more problems)" if error.error_count() > 1 else ""
+    return f"{where}: {field} is {found}; expected: {first['msg']}{more}. {advice}"

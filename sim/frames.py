@@ -1,0 +1,97 @@
+"""All frame conversions of the project. World frame = Habitat: right-handed, metres, +y up.
+
+            +y (up)
+             |
+             |____ +x (right)        agent looks along -z at yaw 0; positive yaw turns left
+            /
+          +z (towards you)
+
+Frames: `world`; `glb` = a file's own axes (HM3D is z-up); `agent` = on the floor under the robot, -z forward;
+`camera` = OpenCV (+x right, +y down, +z forward); `start` = world re-based to the episode's start pose.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .types import Camera, Pose
+
+R_agent_camera = np.diag([1.0, -1.0, -1.0])
+"""(3, 3): OpenCV camera axes in the agent's axes, without tilt."""
+T_world_glb_zup = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""(4, 4): z-up file (HM3D) to world: (x, y, z) -> (x, z, -y)."""
+
+
+def yaw_from_quat_xyzw(quat_xyzw: tuple[float, float, float, float]) -> float:
+    """Yaw in radians of a pure-yaw quaternion [0, sin(yaw/2), 0, cos(yaw/2)], in (-pi, pi]."""
+    _, y, _, w = quat_xyzw
+    return wrap_angle(2.0 * math.atan2(y, w))
+
+
+def quat_xyzw_from_yaw(yaw: float) -> tuple[float, float, float, float]:
+    """Pure-yaw unit quaternion in Habitat's order [x, y, z, w]."""
+    return (0.0, math.sin(yaw / 2), 0.0, math.cos(yaw / 2))
+
+
+def wrap_angle(angle: float) -> float:
+    """The same angle in (-pi, pi]."""
+    return math.pi - (math.pi - angle) % (2 * math.pi)
+
+
+def forward_from_yaw(yaw: float) -> NDArray[np.float64]:
+    """Unit vector (3,) along which a robot with this yaw moves forward."""
+    return np.array([-math.sin(yaw), 0.0, -math.cos(yaw)])
+
+
+def yaw_towards(from_xz: tuple[float, float], to_xz: tuple[float, float]) -> float:
+    """Yaw in radians of a robot at `from_xz` that faces `to_xz`."""
+    return math.atan2(from_xz[0] - to_xz[0], from_xz[1] - to_xz[1])
+
+
+def T_world_agent(pose: Pose) -> NDArray[np.float64]:
+    """(4, 4) of the robot's base in the world."""
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    T = np.eye(4)
+    T[:3, :3] = [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]
+    T[:3, 3] = pose.position
+    return T
+
+
+def T_world_camera(pose: Pose, camera: Camera) -> NDArray[np.float64]:
+    """(4, 4) of the camera (OpenCV axes) in the world; tilt turns it about its own x axis."""
+    cos, sin = math.cos(pose.tilt), math.sin(pose.tilt)
+    T_agent_camera = np.eye(4)
+    T_agent_camera[:3, :3] = np.array([[1, 0, 0], [0, cos, -sin], [0, sin, cos]]) @ R_agent_camera
+    T_agent_camera[1, 3] = camera.mount_height
+    return T_world_agent(pose) @ T_agent_camera
+
+
+def T_start_camera(start: Pose, pose: Pose, camera: Camera) -> NDArray[np.float64]:
+    """(4, 4) of the camera in the start frame, which is all that an agent is told of its place."""
+    return np.linalg.inv(T_world_agent(start)) @ T_world_camera(pose, camera)
+
+
+def gps_from_poses(start: Pose, pose: Pose) -> tuple[float, float]:
+    """(forward, right) metres of `pose` seen from `start` (Habitat's 2-D GPS)."""
+    offset = np.linalg.inv(T_world_agent(start)) @ np.array([*pose.position, 1.0])
+    return (float(-offset[2]), float(offset[0]))
+
+
+def wxyz_from_matrix(R: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit quaternion (4,) in viser's order [w, x, y, z] of a rotation matrix (3, 3)."""
+    w = math.sqrt(max(0.0, 1 + R[0, 0] + R[1, 1] + R[2, 2])) / 2
+    x = math.copysign(math.sqrt(max(0.0, 1 + R[0, 0] - R[1, 1] - R[2, 2])) / 2, R[2, 1] - R[1, 2])
+    y = math.copysign(math.sqrt(max(0.0, 1 - R[0, 0] + R[1, 1] - R[2, 2])) / 2, R[0, 2] - R[2, 0])
+    z = math.copysign(math.sqrt(max(0.0, 1 - R[0, 0] - R[1, 1] + R[2, 2])) / 2, R[1, 0] - R[0, 1])
+    return np.array([w, x, y, z])
+
+
+def world_from_glb_zup(points_glb: NDArray[np.floating]) -> NDArray[np.floating]:
+    """World points of a z-up file's points; (N, 3) in and out."""
+    return points_glb @ T_world_glb_zup[:3, :3].T.astype(points_glb.dtype)
+
+
+def glb_zup_from_world(points: NDArray[np.floating]) -> NDArray[np.floating]:
+    """A z-up file's points of world points; (N, 3) in and out."""
+    return points @ T_world_glb_zup[:3, :3].astype(points.dtype)

@@ -1,0 +1,359 @@
+"""Runs on disk and in memory: `EpisodeRun` (PAN) and `Answer` (POG), from agents, people and other simulators alike.
+
+`runs/<run_id>/`: `run.json` (who and with what), `steps.jsonl` (one block of lines per PAN episode: `episode`, `step`...,
+`end`), `answers.jsonl` (one line per POG answer). Blocks are appended whole; files are never edited.
+"""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
+
+from sim.errors import RunFileError, line_from_validation_error
+from sim.types import Action, EndReason, EpisodeKey, Pose, SceneKind, Split, SuccessRule, WhoKind
+
+SCHEMA_VERSION = 1
+Finite = Annotated[float, AllowInfNan(False)]
+Vector3 = tuple[Finite, Finite, Finite]
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+
+
+class RunInfo(BaseModel):
+    """`run.json`: who ran, on which data, with which program."""
+
+    model_config = _MODEL
+    schema_version: Literal[1] = SCHEMA_VERSION
+    run_id: str = Field(pattern=r"^[A-Za-z0-9._-]{1,80}$")
+    who: str = Field(min_length=1, max_length=80)
+    """Row name in tables: an agent's or a grounder's name, or "human"."""
+    who_kind: WhoKind
+    condition: str = "none"
+    """`none` or `memory` for PAN; map and encoder for POG."""
+    scene_kind: SceneKind | Literal["oracle-map"]
+    """Where the results hold; tables never mix kinds."""
+    dataset_digest: str
+    seed: int | None = None
+    config: dict[str, str | int | float | bool | None] = {}
+    """Options that the command was given."""
+    versions: dict[str, str] = {}
+    git_commit: str | None = None
+    created_utc: str
+    """ISO 8601."""
+
+
+class Step(BaseModel):
+    """One action and where it led."""
+
+    model_config = _MODEL
+    kind: Literal["step"] = "step"
+    action: Action
+    position: Vector3
+    """Feet after the action, world metres."""
+    yaw: Finite
+    tilt: Finite = 0.0
+    collided: bool = False
+    t_s: Finite = 0.0
+    """Seconds since the episode's start."""
+
+    @property
+    def pose(self) -> Pose:
+        """Pose after the action."""
+        return Pose(self.position, self.yaw, self.tilt)
+
+
+class EpisodeStart(BaseModel):
+    """First line of an episode's block."""
+
+    model_config = _MODEL
+    kind: Literal["episode"] = "episode"
+    schema_version: Literal[1] = SCHEMA_VERSION
+    split: Split
+    scene: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
+    episode_id: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
+    position: Vector3
+    yaw: Finite
+    allow_sliding: bool = False
+    participant: str | None = None
+    """Public code of the person, None for agents."""
+
+
+class RuleMeasures(BaseModel):
+    """One success rule's figures for one run (rules: DESIGN.md)."""
+
+    model_config = _MODEL
+    success: bool
+    spl: Finite
+    soft_spl: Finite
+    dtg: Finite | None
+    """Geodesic metres to the rule's success region at the end, 0 inside; None when unreachable."""
+    start_distance: Finite | None
+    """L: the same at the start; None when unreachable."""
+
+
+class Measures(BaseModel):
+    """What the simulator computed when a run ended; a program outside never writes this."""
+
+    model_config = _MODEL
+    rules: dict[SuccessRule, RuleMeasures | None]
+    """None = the rule has no usable point in this episode ("undefined")."""
+    centre_distance: Finite
+    """Planar metres from the last position to the nearest valid target's centre."""
+    path_m: Finite
+    """Sum of 3-D displacements."""
+    num_steps: int
+    collisions: int
+    stored_geodesic: Finite
+    """The dataset's own `info.geodesic_distance`, the named alternative for L."""
+    scene_digest: str
+
+
+class EpisodeEnd(BaseModel):
+    """Last line of an episode's block."""
+
+    model_config = _MODEL
+    kind: Literal["end"] = "end"
+    reason: EndReason
+    measures: Measures | None = None
+    """None in files that another simulator wrote, until `personal-viz import` has read them."""
+
+
+class EpisodeRun(BaseModel):
+    """One finished PAN episode of a person or an agent."""
+
+    model_config = _MODEL
+    start: EpisodeStart
+    steps: tuple[Step, ...]
+    end: EpisodeEnd
+
+    @property
+    def key(self) -> EpisodeKey:
+        """The episode."""
+        return EpisodeKey(self.start.split, self.start.scene, self.start.episode_id)
+
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """Start pose and the pose after each step; len(steps) + 1."""
+        return (Pose(self.start.position, self.start.yaw), *(step.pose for step in self.steps))
+
+
+class AnswerMeasures(BaseModel):
+    """How far a POG answer is from the truth (rule: DESIGN.md, planar distance on the target's storey)."""
+
+    model_config = _MODEL
+    success: bool
+    top3_success: bool
+    planar_distance: Finite | None
+    """Metres to the nearest valid target's centre on the answer's storey; None when none is on it or no answer."""
+    distance_3d: Finite | None
+
+
+class ClickRay(BaseModel):
+    """How a person pointed: the ray in the world and the camera it came from."""
+
+    model_config = _MODEL
+    origin: Vector3
+    direction: Vector3
+    camera_position: Vector3
+    camera_wxyz: tuple[Finite, Finite, Finite, Finite]
+    storey_y: Finite
+    """Floor height of the storey that was shown."""
+
+
+class Answer(BaseModel):
+    """One POG answer of a person or a grounder; one line of `answers.jsonl`."""
+
+    model_config = _MODEL
+    kind: Literal["answer"] = "answer"
+    schema_version: Literal[1] = SCHEMA_VERSION
+    split: Split
+    scene: str
+    episode_id: str
+    candidates: tuple[Vector3, ...]
+    """World points, best first; empty = no answer. A person gives one."""
+    scores: tuple[Finite, ...] = ()
+    """One per candidate, higher is better; empty for people."""
+    storey_given: bool = False
+    """Whether the target's storey was told."""
+    participant: str | None = None
+    ray: ClickRay | None = None
+    t_s: Finite | None = None
+    """Seconds from the scene being shown to the answer."""
+    reason: EndReason = "click"
+    measures: AnswerMeasures | None = None
+
+    @property
+    def key(self) -> EpisodeKey:
+        """The episode."""
+        return EpisodeKey(self.split, self.scene, self.episode_id)
+
+
+class Run(BaseModel):
+    """A whole run folder in memory."""
+
+    model_config = _MODEL
+    info: RunInfo
+    episodes: tuple[EpisodeRun, ...] = ()
+    answers: tuple[Answer, ...] = ()
+
+
+_LINE_MODELS = {"episode": EpisodeStart, "step": Step, "end": EpisodeEnd, "answer": Answer}
+_ADVICE = "Write the file again from its source, or delete the damaged line's episode block."
+
+
+def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
+    """(line number from 1, checked model) of each line of a steps or answers file.
+
+    Raises:
+        RunFileError: The file is unreadable or a line is not valid.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RunFileError(f"{path}: cannot be read ({error}); expected JSON lines. Check the path.") from None
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            raw = json.loads(line)
+            kind = raw.get("kind") if isinstance(raw, dict) else None
+        except ValueError:
+            raise RunFileError(
+                f"{path}:{number}: found text that is not JSON; expected one object. {_ADVICE}"
+            ) from None
+        if kind not in _LINE_MODELS:
+            raise RunFileError(f"{path}:{number}: kind is {kind!r}; expected one of {list(_LINE_MODELS)}. {_ADVICE}")
+        try:
+            yield number, _LINE_MODELS[kind].model_validate_json(line, strict=True)
+        except ValidationError as error:
+            raise RunFileError(line_from_validation_error(f"{path}:{number}", error, advice=_ADVICE)) from None
+
+
+def read_episode_runs(path: Path) -> Iterator[tuple[int, EpisodeRun]]:
+    """(line number of its first line, run) of each complete block of a steps file; an incomplete last block is left out.
+
+    Raises:
+        RunFileError: A line is not valid or stands where it cannot.
+    """
+    first = 0
+    start: EpisodeStart | None = None
+    steps: list[Step] = []
+    for number, line in read_lines(path):
+        if isinstance(line, EpisodeStart) and start is None:
+            first, start, steps = number, line, []
+        elif isinstance(line, Step) and start is not None:
+            steps.append(line)
+        elif isinstance(line, EpisodeEnd) and start is not None:
+            yield first, EpisodeRun(start=start, steps=tuple(steps), end=line)
+            start = None
+        else:
+            expected = "'episode'" if start is None else "'step' or 'end'"
+            raise RunFileError(f"{path}:{number}: kind is {line.kind!r}; expected {expected} here. {_ADVICE}")  # type: ignore[attr-defined]
+
+
+def read_run(folder: Path) -> Run:
+    """A run folder.
+
+    Raises:
+        RunFileError: `run.json` is missing or any file is damaged.
+    """
+    path = folder / "run.json"
+    if not path.is_file():
+        raise RunFileError(
+            f"{folder}: found no run.json; expected a folder written by personal-viz run, ground, "
+            "import or study export. Give the folder that holds run.json."
+        )
+    try:
+        info = RunInfo.model_validate_json(path.read_bytes(), strict=True)
+    except ValidationError as error:
+        raise RunFileError(line_from_validation_error(path, error, advice="Restore the file.")) from None
+    steps, answers = folder / "steps.jsonl", folder / "answers.jsonl"
+    runs = tuple(run for _, run in read_episode_runs(steps)) if steps.is_file() else ()
+    found = tuple(line for _, line in read_lines(answers)) if answers.is_file() else ()
+    for number, line in enumerate(found, start=1):
+        if not isinstance(line, Answer):
+            raise RunFileError(f"{answers}:{number}: expected only lines of kind 'answer'. {_ADVICE}")
+    return Run(info=info, episodes=runs, answers=tuple(line for line in found if isinstance(line, Answer)))
+
+
+class RunWriter:
+    """Appends finished episodes and answers to a run folder; a killed run resumes where it stopped."""
+
+    def __init__(self, folder: Path, info: RunInfo) -> None:
+        """Opens the folder; an incomplete tail left by a kill is cut off.
+
+        Raises:
+            RunFileError: The folder cannot be written, or holds a run of another configuration.
+        """
+        self.folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path = folder / "run.json"
+            if path.exists():
+                self._require_same_run(read_run(folder).info, info)
+            else:
+                _write_whole(path, info.model_dump_json(indent=2) + "\n")
+            for name in ("steps.jsonl", "answers.jsonl"):
+                _cut_incomplete_tail(folder / name)
+        except OSError as error:
+            raise RunFileError(
+                f"{folder}: cannot be written ({error}). Give --out a folder that you can write."
+            ) from None
+        run = read_run(folder)
+        self.done: set[EpisodeKey] = {item.key for item in (*run.episodes, *run.answers)}
+        """Episodes that the folder already holds."""
+
+    def add_episode(self, run: EpisodeRun) -> None:
+        """Appends one block; it is on disk when this returns."""
+        lines = (run.start, *run.steps, run.end)
+        _append(self.folder / "steps.jsonl", "".join(line.model_dump_json() + "\n" for line in lines))
+        self.done.add(run.key)
+
+    def add_answer(self, answer: Answer) -> None:
+        """Appends one line; it is on disk when this returns."""
+        _append(self.folder / "answers.jsonl", answer.model_dump_json() + "\n")
+        self.done.add(answer.key)
+
+    def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
+        for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config"):
+            was, now = getattr(found, field), getattr(wanted, field)
+            if was != now:
+                raise RunFileError(
+                    f"{self.folder / 'run.json'}: {field} is {was!r}, this run has {now!r}; expected the same to resume. "
+                    "Give another --out or --run-id."
+                )
+
+
+def _append(path: Path, text: str) -> None:
+    with path.open("a", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Write beside, then rename: the file is never half-written."""
+    beside = path.with_name(path.name + ".part")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, path)
+
+
+def _cut_incomplete_tail(path: Path) -> None:
+    """Drop lines after the last complete block or answer (left by a kill in the middle of a write)."""
+    if not path.is_file():
+        return
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
+    whole = len(lines)
+    while whole and not (lines[whole - 1].endswith("\n") and _closes_a_block(lines[whole - 1])):
+        whole -= 1
+    if whole < len(lines):
+        _write_whole(path, "".join(lines[:whole]))
+
+
+def _closes_a_block(line: str) -> bool:
+    try:
+        return json.loads(line).get("kind") in ("end", "answer")
+    except ValueError:
+        return False

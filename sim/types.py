@@ -1,0 +1,150 @@
+"""Value types that every package shares; numpy only, so that importing them is cheap. Frames: sim/frames.py."""
+
+import enum
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+STOREY_GAP = 1.5
+"""Two points are on one storey when their floor heights differ by less than this (metres, DESIGN.md)."""
+FORWARD_STEP = 0.25
+"""Length of MOVE_FORWARD (metres; paper, Sec. III-A)."""
+TURN_STEP = math.radians(30)
+"""Angle of one turn and of one look (radians; paper, Sec. III-A)."""
+MAX_STEPS = 500
+"""Step budget of PAN; STOP as the 500th action still counts (paper, Sec. III-A; HABITAT_SEMANTICS.md)."""
+AGENT_RADIUS = 0.18
+AGENT_HEIGHT = 0.88
+CAMERA_HEIGHT = 0.88
+"""LoCoBot of ObjectNav-HM3D (metres; paper, Sec. III-A)."""
+
+Split = Literal["easy", "medium", "hard"]
+SPLITS: tuple[Split, ...] = ("easy", "medium", "hard")
+TaskKind = Literal["pan", "pog"]
+SceneKind = Literal["scan", "schematic", "invented"]
+WhoKind = Literal["human", "agent"]
+EndReason = Literal["stop", "steps", "click", "giveup", "timeout", "technical", "abandoned"]
+SuccessRule = Literal["paper", "habitat", "authors"]
+SUCCESS_RULES: tuple[SuccessRule, ...] = ("paper", "habitat", "authors")
+
+
+class Action(enum.StrEnum):
+    """What an agent or a person can do in PAN. Habitat numbers them 0-5 in this order."""
+
+    STOP = "stop"
+    FORWARD = "forward"
+    LEFT = "left"
+    RIGHT = "right"
+    LOOK_UP = "look_up"
+    LOOK_DOWN = "look_down"
+
+
+PAPER4 = (Action.STOP, Action.FORWARD, Action.LEFT, Action.RIGHT)
+"""The four actions that people had in the paper."""
+PAPER6 = (*PAPER4, Action.LOOK_UP, Action.LOOK_DOWN)
+"""All six actions that the paper lists for agents."""
+
+
+class EpisodeKey(NamedTuple):
+    """What names one episode: ids alone repeat across splits and scenes."""
+
+    split: Split
+    scene: str
+    episode_id: str
+
+    def __str__(self) -> str:
+        return f"{self.split}/{self.scene}/{self.episode_id}"
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where the robot's base is and where it looks, world frame."""
+
+    position: tuple[float, float, float]
+    """Feet on the floor, metres."""
+    yaw: float
+    """Radians about +y, positive to the left; 0 looks along -z."""
+    tilt: float = 0.0
+    """Camera tilt in radians, positive looks up; body pose is not affected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A pinhole camera with square pixels; pixel centres are at +0.5, row 0 is the top."""
+
+    width: int = 640
+    height: int = 480
+    hfov_deg: float = 79.0
+    """Horizontal field of view in degrees (paper, Sec. III-A)."""
+    mount_height: float = CAMERA_HEIGHT
+    """Height of the camera above the robot's feet, metres."""
+
+    @property
+    def focal(self) -> float:
+        """Focal length in pixels, the same for both axes."""
+        return self.width / 2 / math.tan(math.radians(self.hfov_deg) / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """All that an agent or a participant may know of an episode; holds no ground truth."""
+
+    kind: TaskKind
+    description: str
+    """The paragraph that says who owns what (the dataset's `summary`)."""
+    queries: tuple[str, ...]
+    """What to find, in order; one query today."""
+    max_steps: int = MAX_STEPS
+    actions: tuple[Action, ...] = PAPER6
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What the robot senses after one action."""
+
+    rgb: NDArray[np.uint8] | None
+    """(H, W, 3); None when the environment runs without rendering."""
+    depth_m: NDArray[np.float32] | None
+    """(H, W) planar depth in metres, 0 = no return; None without rendering."""
+    gps: tuple[float, float]
+    """(forward, right) metres from the start, in the start's frame."""
+    compass: float
+    """Yaw relative to the start in [-pi, pi], positive to the left."""
+    T_start_camera: NDArray[np.float64]
+    """(4, 4) camera (OpenCV axes) in the start frame."""
+    camera: Camera
+    collided: bool
+    """Whether the last action was a forward that a wall shortened."""
+    step: int
+    """How many actions were taken, 0 at reset."""
+
+
+@dataclass(frozen=True, slots=True)
+class GridSpec:
+    """A regular grid on the floor plane: rows grow with z, columns with x."""
+
+    origin_xz: tuple[float, float]
+    """World (x, z) of the corner of cell (0, 0), metres."""
+    cell: float
+    """Side of a cell, metres."""
+    shape: tuple[int, int]
+    """(rows, cols)."""
+
+    def rc_from_xz(self, xz: NDArray[np.floating]) -> NDArray[np.int64]:
+        """Row and column of the cells that hold the points; (..., 2) in, (..., 2) out, may lie outside `shape`."""
+        xz = np.asarray(xz, float)
+        cells = np.floor((xz - np.asarray(self.origin_xz)) / self.cell).astype(np.int64)
+        return cells[..., ::-1]
+
+    def xz_from_rc(self, rc: NDArray[np.integer]) -> NDArray[np.float64]:
+        """World (x, z) of cell centres; (..., 2) in, (..., 2) out."""
+        rc = np.asarray(rc)
+        return np.asarray(self.origin_xz) + (rc[..., ::-1] + 0.5) * self.cell
+
+    def contains(self, rc: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Which (row, col) pairs lie inside the grid; (..., 2) in, (...) out."""
+        rc = np.asarray(rc)
+        return np.all((rc >= 0) & (rc < np.asarray(self.shape)), axis=-1)

@@ -1,0 +1,45 @@
+"""What a renderer gives; implemented by sim/world/raycast.py. Light, so that environments and sessions can name it."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Camera
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One rendered view."""
+
+    rgb: NDArray[np.uint8]
+    """(H, W, 3)."""
+    depth_m: NDArray[np.float32]
+    """(H, W) planar depth in metres, 0 where nothing was hit."""
+    instance_ids: NDArray[np.int32]
+    """(H, W), 0 where no object."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """Where rays met the scene first."""
+
+    range_m: NDArray[np.float64]
+    """(N,) metres along the unit ray, inf where nothing was hit."""
+    positions: NDArray[np.float64]
+    """(N, 3) world metres, nan where nothing was hit."""
+    face_ids: NDArray[np.int64]
+    """(N,) face of the mesh, -1 where nothing was hit."""
+
+
+class Renderer(Protocol):
+    """Renders views of one scene and casts rays into it."""
+
+    def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+        """RGB, planar depth and instance ids seen by a camera at (4, 4)."""
+        ...
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
+        """First hits of rays; both (N, 3), directions need not be unit length."""
+        ...
