@@ -62,10 +62,16 @@ class Goal(BaseModel):
 
     @property
     def floor_y(self) -> float:
-        """Height of the floor the object belongs to: median of its original view points (of all if there are none)."""
-        points = self.original_view_points or self.view_points
-        heights = sorted(point.agent_state.position[1] for point in points)
-        return heights[len(heights) // 2] if heights else self.position[1]
+        """Height of the floor the object belongs to: the median of its original view points.
+
+        Without any (window shutter_259), the highest listed view point that is not above the centre, because extra
+        points lie on several storeys.
+        """
+        originals = sorted(point.agent_state.position[1] for point in self.original_view_points)
+        if originals:
+            return originals[len(originals) // 2]
+        below = [y for y in (point.agent_state.position[1] for point in self.view_points) if y <= self.position[1]]
+        return max(below, default=self.position[1])
 
 
 class EpisodeInfo(BaseModel):

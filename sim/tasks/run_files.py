@@ -1,7 +1,7 @@
 """Runs on disk and in memory: `EpisodeRun` (PAN) and `Answer` (POG), from agents, people and other simulators alike.
 
-`runs/<run_id>/`: `run.json` (who and with what), `steps.jsonl` (one block of lines per PAN episode: `episode`, `step`...,
-`end`), `answers.jsonl` (one line per POG answer). Blocks are appended whole; files are never edited.
+`runs/<run_id>/`: `run.json` (who and with what), `steps.jsonl` (one block of lines per PAN episode: `episode`,
+`step`..., `end`), `answers.jsonl` (one line per POG answer). Blocks are appended whole; files are never edited.
 """
 
 import json
@@ -232,7 +232,7 @@ def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
 
 
 def read_episode_runs(path: Path) -> Iterator[tuple[int, EpisodeRun]]:
-    """(line number of its first line, run) of each complete block of a steps file; an incomplete last block is left out.
+    """(line of its first line, run) of each complete block of a steps file; an incomplete last block is left out.
 
     Raises:
         RunFileError: A line is not valid or stands where it cannot.
@@ -321,8 +321,8 @@ class RunWriter:
             was, now = getattr(found, field), getattr(wanted, field)
             if was != now:
                 raise RunFileError(
-                    f"{self.folder / 'run.json'}: {field} is {was!r}, this run has {now!r}; expected the same to resume. "
-                    "Give another --out or --run-id."
+                    f"{self.folder / 'run.json'}: {field} is {was!r}, this run has {now!r}; "
+                    "expected the same to resume. Give another --out or --run-id."
                 )
 
 

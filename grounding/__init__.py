@@ -1,0 +1,1 @@
+"""Explore, map, ground: where on a map is the object that the query names."""

@@ -1,0 +1,83 @@
+"""What an encoder of texts or images must offer, a cache by text, and the encoders known by name."""
+
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+EncoderName = Literal["hashed"]
+_MAX_CACHED_TEXTS = 50_000
+
+
+class TextEncoder(Protocol):
+    """Texts to unit vectors. `grounding.checks.check_encoder` tests a plug-in."""
+
+    @property
+    def name(self) -> str:
+        """Names the vector space: maps and queries match only when their encoders' names are equal."""
+        ...
+
+    @property
+    def dim(self) -> int:
+        """E, the length of a vector."""
+        ...
+
+    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, E) unit rows, one per text whatever the others are; a zero row for a text without content."""
+        ...
+
+
+class TextImageEncoder(TextEncoder, Protocol):
+    """Texts and pictures in one space."""
+
+    def encode_images(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
+        """(N, E) unit rows of pictures (H, W, 3)."""
+        ...
+
+
+class DenseEncoder(TextEncoder, Protocol):
+    """Texts and the patches of a picture in one space."""
+
+    def encode_patches(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """(h, w, E) unit vectors of a picture's (H, W, 3) patches, row 0 at the top."""
+        ...
+
+
+class CachedTextEncoder:
+    """An encoder that encodes each text once; forgets everything when it holds `max_texts`."""
+
+    def __init__(self, encoder: TextEncoder, *, max_texts: int = _MAX_CACHED_TEXTS) -> None:
+        """Wraps `encoder`."""
+        self._encoder = encoder
+        self._max_texts = max_texts
+        self._rows: dict[str, NDArray[np.float32]] = {}
+
+    @property
+    def name(self) -> str:
+        """The wrapped encoder's."""
+        return self._encoder.name
+
+    @property
+    def dim(self) -> int:
+        """The wrapped encoder's."""
+        return self._encoder.dim
+
+    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, E) unit rows; only texts not met before are encoded, in one call."""
+        unknown = [text for text in dict.fromkeys(texts) if text not in self._rows]
+        if len(self._rows) + len(unknown) > self._max_texts:
+            self._rows.clear()
+            unknown = list(dict.fromkeys(texts))
+        if unknown:
+            self._rows.update(zip(unknown, self._encoder.encode_texts(unknown), strict=True))
+        return np.array([self._rows[text] for text in texts], np.float32).reshape(len(texts), self.dim)
+
+
+def make_encoder(name: EncoderName) -> TextEncoder:
+    """The encoder of this name, with a cache by text."""
+    match name:
+        case "hashed":
+            from .encoder_hashed import HashedWords
+
+            return CachedTextEncoder(HashedWords())

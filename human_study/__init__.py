@@ -1,0 +1,1 @@
+"""People do the same tasks as agents."""

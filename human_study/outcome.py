@@ -1,0 +1,159 @@
+"""What a trial came to, rebuilt from its stored events: an `EpisodeRun` (PAN) or an `Answer` (POG) with measures.
+
+Measures need the goal, so this runs on the server only, after the trial's last event is stored. `verify` and `export`
+call the same functions: there is one way from events to a result.
+"""
+
+from collections.abc import Sequence
+
+from sim.episodes.schema import Episode
+from sim.errors import StudyError
+from sim.tasks.rules import score_answer, score_run
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart
+from sim.types import Action, EndReason, TaskKind
+from sim.world.navigation_map import NavigationMap
+
+from .events import Abandoned, Act, ClickEvent, Confirm, Error, Event, GaveUp, Open
+
+Outcome = EpisodeEnd | Answer
+"""What the store keeps of a finished trial: a PAN run's end (its steps are the events), or a whole POG answer."""
+
+
+def opening(events: Sequence[Event]) -> Open:
+    """The trial's first event.
+
+    Raises:
+        StudyError: The trial has no events, or does not begin with `open`.
+    """
+    first = events[0] if events else None
+    if not isinstance(first, Open):
+        found = first.kind if first else "no event"
+        raise StudyError(f"trial: starts with {found!r}; expected 'open'. Run personal-viz study check-db.")
+    return first
+
+
+def end_reason(events: Sequence[Event]) -> EndReason | None:
+    """Why the trial is over; None while it is running.
+
+    Raises:
+        StudyError: The trial does not begin with `open`.
+    """
+    opened = opening(events)
+    num_steps = 0
+    for event in events:
+        match event:
+            case GaveUp():
+                return "giveup"
+            case Abandoned():
+                return "abandoned"
+            case Confirm():
+                return "click"
+            case Error(is_fatal=True):
+                return "technical"
+            case Act(action=Action.STOP):
+                return "stop"
+            case Act():
+                num_steps += 1
+                if num_steps >= opened.max_steps:
+                    return "steps"
+            case _:
+                pass
+    return None
+
+
+def pan_outcome(
+    events: Sequence[Event], episode: Episode, *, navigation: NavigationMap, participant: str
+) -> EpisodeRun:
+    """The finished PAN trial with its measures.
+
+    Args:
+        events: All events of the trial, in order.
+        episode: The trial's episode, with its targets.
+        navigation: Of the scene on which the trial was done.
+        participant: Public code.
+
+    Raises:
+        StudyError: The trial is not over, is of POG, or of another episode.
+    """
+    opened, reason = _finished(events, "pan", episode)
+    run = episode_run(events, end=EpisodeEnd(reason=reason), participant=participant)
+    measures = score_run(
+        episode,
+        run.poses,
+        stopped=reason == "stop",
+        navigation=navigation,
+        collisions=sum(step.collided for step in run.steps),
+        scene_digest=opened.scene_digest,
+    )
+    return run.model_copy(update={"end": EpisodeEnd(reason=reason, measures=measures)})
+
+
+def pog_outcome(
+    events: Sequence[Event], episode: Episode, *, storeys: Sequence[tuple[float, float]], participant: str
+) -> Answer:
+    """The finished POG trial with its measures; without candidates unless the participant confirmed a point.
+
+    Args:
+        events: All events of the trial, in order.
+        episode: The trial's episode, with its targets.
+        storeys: (lowest, highest) floor of each storey, from `sim.tasks.rules.scene_storeys`.
+        participant: Public code.
+
+    Raises:
+        StudyError: The trial is not over, is of PAN, or of another episode.
+    """
+    opened, reason = _finished(events, "pog", episode)
+    marked = last_marked(events) if reason == "click" else None
+    candidates = (marked.hit,) if marked is not None and marked.hit is not None else ()
+    return Answer(
+        split=opened.split,
+        scene=opened.scene,
+        episode_id=opened.episode_id,
+        candidates=candidates,
+        participant=participant,
+        ray=marked.ray if marked is not None else None,
+        t_s=events[-1].t_s,
+        reason=reason,
+        measures=score_answer(episode, candidates, storeys=storeys),
+    )
+
+
+def episode_run(events: Sequence[Event], *, end: EpisodeEnd, participant: str) -> EpisodeRun:
+    """A PAN trial's events as a run with the given end.
+
+    Raises:
+        StudyError: The trial does not begin with `open`, or is of POG.
+    """
+    opened = opening(events)
+    if opened.position is None or opened.yaw is None:
+        raise StudyError(f"trial of {opened.key}: has no start pose; expected a PAN trial. Give a trial of task pan.")
+    start = EpisodeStart(
+        split=opened.split,
+        scene=opened.scene,
+        episode_id=opened.episode_id,
+        position=opened.position,
+        yaw=opened.yaw,
+        participant=participant,
+    )
+    return EpisodeRun(start=start, steps=tuple(event.step for event in events if isinstance(event, Act)), end=end)
+
+
+def last_marked(events: Sequence[Event]) -> ClickEvent | None:
+    """The last click that met the scene; None when there is none."""
+    return next((event for event in reversed(events) if isinstance(event, ClickEvent) and event.hit is not None), None)
+
+
+def _finished(events: Sequence[Event], task: TaskKind, episode: Episode) -> tuple[Open, EndReason]:
+    """The opening and the end of a trial of this task and episode; raises StudyError when it is not one."""
+    opened, reason = opening(events), end_reason(events)
+    if opened.task != task or opened.key != episode.key:
+        raise StudyError(
+            f"trial of {opened.task} {opened.key}: asked for the outcome of {task} {episode.key}; expected its own. "
+            "Give the trial's own task and episode."
+        )
+    if reason is None:
+        raise StudyError(
+            f"trial of {task} {opened.key}: is not over after {len(events)} events; expected its end. "
+            "Let the participant finish it first."
+        )
+    return opened, reason

@@ -1,0 +1,1 @@
+"""The viser apps, their gateway and the command line."""

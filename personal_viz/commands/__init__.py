@@ -1,0 +1,1 @@
+"""Workers of the command line, one module per group of verbs; imported after parsing."""

@@ -1,0 +1,124 @@
+"""Verbs `run` and `metrics`: agents over episodes, and tables from stored runs."""
+
+import json as json_module
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import AgentError
+from sim.tasks.metrics import MetricRow, metric_rows, read_runs, require_comparable
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import RunWriter
+from sim.tasks.runner import AgentJob, run_agent, scene_kind
+from sim.types import SPLITS, EpisodeKey, Split, SuccessRule
+
+
+def run(
+    *,
+    agent: str,
+    dataset: Path,
+    out: Path,
+    scenes_dir: Path | None,
+    scene: tuple[str, ...],
+    split: tuple[Split, ...],
+    limit: int | None,
+    seed: int,
+    jobs: int,
+    run_id: str | None,
+) -> int:
+    """Runs an agent over episodes into `out/<run_id>`; a second call goes on where the first stopped."""
+    if agent not in ("random", "shortest-path") and ":" not in agent:
+        raise AgentError(
+            f"--agent is {agent!r}; expected random, shortest-path, or your own as package.module:factory."
+        )
+    episodes = PersonalDataset(dataset)
+    chosen = select_episodes(episodes, scenes=scene, splits=split, limit=limit)
+    kind = scene_kind(episodes, scenes_dir)
+    run_id = run_id or f"{agent.replace(':', '.')}-{kind}-seed{seed}"
+    info = make_run_info(
+        run_id,
+        who=agent,
+        who_kind="agent",
+        scene_kind=kind,
+        dataset_digest=episodes.digest(),
+        seed=seed,
+        config={"actions": "paper6"},
+    )
+    writer = RunWriter(out / run_id, info)
+    by_scene: dict[str, list[EpisodeKey]] = {}
+    for episode in chosen:
+        by_scene.setdefault(episode.key.scene, []).append(episode.key)
+    work = [AgentJob(dataset, scenes_dir, agent, seed, name, tuple(keys)) for name, keys in sorted(by_scene.items())]
+    left = sum(episode.key not in writer.done for episode in chosen)
+    print(f"{len(chosen)} episodes in {len(work)} scenes ({kind}), {len(chosen) - left} of them done before")
+    with Progress(console=Console(stderr=True)) as progress:
+        bar = progress.add_task(agent, total=left)
+        run_agent(work, writer, processes=jobs, on_scene=lambda n: progress.update(bar, advance=n))
+    print(f"Written to {out / run_id}; see it with: personal-viz metrics {out / run_id}")
+    return 0
+
+
+def select_episodes(
+    dataset: PersonalDataset, *, scenes: Sequence[str], splits: Sequence[Split], limit: int | None
+) -> list[Episode]:
+    """Episodes in dataset order, at most `limit` per split."""
+    chosen: list[Episode] = []
+    for split in splits or SPLITS:
+        found = dataset.episodes(splits=(split,), scenes=tuple(scenes) or None)
+        chosen += [episode for number, episode in enumerate(found) if limit is None or number < limit]
+    return chosen
+
+
+def metrics(*, runs: tuple[Path, ...], rule: SuccessRule, json: bool) -> int:
+    """Prints the paper's tables of people and agents from run folders."""
+    found = read_runs(runs)
+    require_comparable(run.info for run in found)
+    rows = metric_rows(found, rule=rule)
+    if json:
+        print(json_module.dumps([row.model_dump() for row in rows], indent=2))
+        return 0
+    console = Console(file=sys.stdout)
+    for task, title in (("pan", f"PAN, rule {rule}"), ("pog", "POG, planar distance <= 1 m on the target's storey")):
+        of_task = [row for row in rows if row.task == task]
+        if of_task:
+            console.print(_table(title, of_task))
+    for row in rows:
+        if row.unreachable or row.undefined:
+            print(
+                f"{row.who}, {row.split}: {row.unreachable} trials without a path to the goal (left out of DTG), "
+                f"{row.undefined} without a usable point under the rule (left out of all)"
+            )
+    return 0
+
+
+def _table(title: str, rows: Sequence[MetricRow]) -> Table:
+    """The paper's layout: one line per row name, groups Easy, Medium, Hard, Total."""
+    table = Table(title=f"{title}; scenes: {rows[0].scene_kind}")
+    table.add_column("Method")
+    groups = [split for split in (*SPLITS, "total") if any(row.split == split for row in rows)]
+    heads = ("SR", "k/n", "SPL", "DTG") if rows[0].task == "pan" else ("SR", "k/n", "top-3")
+    for group in groups:
+        for head in heads:
+            table.add_column(f"{group.capitalize()}\n{head}", justify="right")
+    for name in dict.fromkeys((row.who, row.condition) for row in rows):
+        cells = [name[0] if name[1] == "none" else f"{name[0]} ({name[1]})"]
+        for group in groups:
+            row = next((row for row in rows if (row.who, row.condition) == name and row.split == group), None)
+            cells += [""] * len(heads) if row is None else _cells(row)
+        table.add_row(*cells)
+    return table
+
+
+def _cells(row: MetricRow) -> list[str]:
+    figures = [_figure(row.sr, 1), f"{row.k}/{row.n}"]
+    return figures + ([_figure(row.spl, 1), _figure(row.dtg, 2)] if row.task == "pan" else [_figure(row.top3, 1)])
+
+
+def _figure(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

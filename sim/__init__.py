@@ -1,0 +1,1 @@
+"""The world, the tasks, the episodes, and how well a run did."""

@@ -1,0 +1,278 @@
+"""`HomePlan`: a home as a small JSON file, before it has triangles. `invent` and `recover` write it, `furnish` reads it."""
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
+
+from sim.errors import SceneError, line_from_validation_error
+from sim.types import GridSpec
+
+SCHEMA_VERSION = 1
+CELL = 0.05
+"""Side of a plan's cells (metres)."""
+Finite = Annotated[float, AllowInfNan(False)]
+Positive = Annotated[float, AllowInfNan(False), Field(gt=0)]
+Xz = tuple[Finite, Finite]
+Byte = Annotated[int, Field(ge=0, le=255)]
+Rgb = tuple[Byte, Byte, Byte]
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+_ADVICE = "Make the plan again with personal-viz invent, or restore the file."
+
+
+class Rect(NamedTuple):
+    """An axis-aligned rectangle on the floor plane, world metres."""
+
+    x0: float
+    z0: float
+    x1: float
+    z1: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """(x, z)."""
+        return ((self.x0 + self.x1) / 2, (self.z0 + self.z1) / 2)
+
+    def grown(self, by: float) -> "Rect":
+        """The rectangle with every side moved outwards by `by` metres."""
+        return Rect(self.x0 - by, self.z0 - by, self.x1 + by, self.z1 + by)
+
+    def overlaps(self, other: "Rect") -> bool:
+        """Whether the two share more than a border."""
+        return self.x0 < other.x1 and other.x0 < self.x1 and self.z0 < other.z1 and other.z0 < self.z1
+
+    def holds(self, x: float, z: float) -> bool:
+        """Whether the point is inside or on the border."""
+        return self.x0 <= x <= self.x1 and self.z0 <= z <= self.z1
+
+    def holds_rect(self, other: "Rect") -> bool:
+        """Whether `other` lies inside."""
+        return self.holds(other.x0, other.z0) and self.holds(other.x1, other.z1)
+
+
+class Storey(BaseModel):
+    """One level of a home."""
+
+    model_config = _MODEL
+    label: str
+    """How texts call it: "ground floor"."""
+    floor_y: Finite
+    ceiling: Positive = 2.5
+    """Height of the ceiling (or of the walls' top) above the floor, metres."""
+
+
+class Room(BaseModel):
+    """A named part of a storey; schematic homes have one per storey."""
+
+    model_config = _MODEL
+    name: str = Field(min_length=1)
+    storey: int = Field(ge=0)
+    """Index into `HomePlan.storeys`."""
+    rect: Rect | None = None
+    """Middle lines of its walls; None where the plan's cells say where floor is."""
+    floor_rgb: Rgb
+    wall_rgb: Rgb
+
+
+class Opening(BaseModel):
+    """A hole (door) or a pane (window) in a wall."""
+
+    model_config = _MODEL
+    kind: Literal["door", "window"]
+    offset: Finite
+    """Metres from the wall's start to the middle of the opening."""
+    width: Positive
+    sill: Finite = 0.0
+    top: Positive = 2.05
+    """Lower and upper edge above the floor, metres."""
+
+
+class Wall(BaseModel):
+    """A straight wall along x or z, or a railing where `height` is low."""
+
+    model_config = _MODEL
+    storey: int = Field(ge=0)
+    start: Xz
+    end: Xz
+    """Ends of the middle line; x or z is equal."""
+    height: Positive
+    thickness: Positive = 0.12
+    openings: tuple[Opening, ...] = ()
+
+    @property
+    def length(self) -> float:
+        """Metres along the middle line."""
+        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
+
+
+class Stair(BaseModel):
+    """A straight flight of solid steps with the hole above it."""
+
+    model_config = _MODEL
+    storey: int = Field(ge=0)
+    """The storey it rises from, to the next one."""
+    rect: Rect
+    """Footprint of the flight and of the hole in the floor above."""
+    towards: Literal["+x", "-x", "+z", "-z"]
+    """Direction in which it rises."""
+    num_steps: int = Field(ge=1)
+
+
+class Furniture(BaseModel):
+    """One object."""
+
+    model_config = _MODEL
+    name: str = Field(pattern=r"^.+_\d+$")
+    """`<category>_<int>`; unique in the plan."""
+    category: str = Field(min_length=1)
+    centre: tuple[Finite, Finite, Finite]
+    size: tuple[Positive, Positive, Positive]
+    """Width, height, depth in its own axes, metres."""
+    yaw: Finite = 0.0
+    """Radians about +y; at 0 its front looks along +z."""
+    rgb: Rgb
+    material: str = ""
+    caption: str = ""
+    room: str = ""
+
+    @property
+    def rect(self) -> Rect:
+        """Axis-aligned bounds on the floor plane."""
+        cos, sin = abs(np.cos(self.yaw)), abs(np.sin(self.yaw))
+        half_x = float(self.size[0] * cos + self.size[2] * sin) / 2
+        half_z = float(self.size[0] * sin + self.size[2] * cos) / 2
+        x, _, z = self.centre
+        return Rect(x - half_x, z - half_z, x + half_x, z + half_z)
+
+    @property
+    def world_size(self) -> tuple[float, float, float]:
+        """Extents along world x, y, z in metres."""
+        rect = self.rect
+        return (rect.x1 - rect.x0, self.size[1], rect.z1 - rect.z0)
+
+
+class CellRun(NamedTuple):
+    """Neighbouring cells of one row at one height."""
+
+    row: int
+    col: int
+    """First column."""
+    length: int
+    y_cm: int
+    """Height in centimetres."""
+    guessed: bool = False
+    """Nobody was recorded here; the recovery put a bridge."""
+
+
+class CellGrid(BaseModel):
+    """Cells with heights, several per column allowed, stored as runs."""
+
+    model_config = _MODEL
+    origin_xz: Xz
+    shape: tuple[int, int]
+    """(rows, cols)."""
+    cell: Positive = CELL
+    walkable: tuple[CellRun, ...]
+    """Where the robot's centre can be."""
+    plinth: tuple[CellRun, ...] = ()
+    """Open but not walkable space: tops of low blocks."""
+
+    @property
+    def grid(self) -> GridSpec:
+        """The cells' place in the world."""
+        return GridSpec(self.origin_xz, self.cell, self.shape)
+
+
+class HomePlan(BaseModel):
+    """A home: its levels, rooms, walls, stairs and furniture."""
+
+    model_config = _MODEL
+    schema_version: Literal[1] = SCHEMA_VERSION
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
+    kind: Literal["schematic", "invented"]
+    storeys: tuple[Storey, ...] = Field(min_length=1)
+    rooms: tuple[Room, ...]
+    walls: tuple[Wall, ...] = ()
+    stairs: tuple[Stair, ...] = ()
+    furniture: tuple[Furniture, ...] = ()
+    cells: CellGrid | None = None
+    """Floor of a schematic home; None for invented homes, whose mesh says where one can walk."""
+
+
+class Cells(NamedTuple):
+    """Cells as arrays."""
+
+    rc: NDArray[np.int64]
+    """(N, 2) row and column."""
+    y: NDArray[np.float64]
+    """(N,) heights in metres."""
+    guessed: NDArray[np.bool_]
+    """(N,)."""
+
+
+def cells_from_runs(runs: tuple[CellRun, ...]) -> Cells:
+    """The single cells of runs, in the runs' order."""
+    if not runs:
+        return Cells(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0, bool))
+    table = np.array(runs, np.int64)  # (R, 5)
+    lengths = table[:, 2]
+    first = np.repeat(np.cumsum(lengths) - lengths, lengths)
+    cols = np.repeat(table[:, 1], lengths) + np.arange(lengths.sum()) - first
+    rc = np.stack([np.repeat(table[:, 0], lengths), cols], axis=1)
+    return Cells(rc, np.repeat(table[:, 3], lengths) / 100, np.repeat(table[:, 4], lengths).astype(bool))
+
+
+def runs_from_cells(cells: Cells) -> tuple[CellRun, ...]:
+    """Runs of cells, sorted by height, row and column; heights are rounded to a centimetre."""
+    if not len(cells.rc):
+        return ()
+    y_cm = np.round(cells.y * 100).astype(np.int64)
+    order = np.lexsort((cells.rc[:, 1], cells.rc[:, 0], cells.guessed, y_cm))
+    rows, cols, y_cm, guessed = cells.rc[order, 0], cells.rc[order, 1], y_cm[order], cells.guessed[order]
+    new = np.ones(len(rows), bool)
+    new[1:] = (np.diff(rows) != 0) | (np.diff(cols) != 1) | (np.diff(y_cm) != 0) | (guessed[1:] != guessed[:-1])
+    firsts = np.flatnonzero(new)
+    lengths = np.diff(np.append(firsts, len(rows)))
+    return tuple(
+        CellRun(int(rows[k]), int(cols[k]), int(length), int(y_cm[k]), bool(guessed[k]))
+        for k, length in zip(firsts, lengths, strict=True)
+    )
+
+
+def load_plan(path: Path) -> HomePlan:
+    """Read and check a plan.
+
+    Raises:
+        SceneError: The file is missing, damaged, or of another version.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error}); expected a home plan. {_ADVICE}") from None
+    try:
+        return HomePlan.model_validate_json(data)
+    except ValidationError as error:
+        raise SceneError(line_from_validation_error(path, error, advice=_ADVICE)) from None
+
+
+def save_plan(plan: HomePlan, path: Path) -> None:
+    """Write a plan; the same plan gives the same bytes, and the file is never half-written.
+
+    Raises:
+        SceneError: The file cannot be written.
+    """
+    beside = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_bytes(plan_bytes(plan))
+        os.replace(beside, path)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be written ({error}). Give a folder that you can write.") from None
+
+
+def plan_bytes(plan: HomePlan) -> bytes:
+    """The plan as its file holds it."""
+    return plan.model_dump_json().encode() + b"\n"

@@ -1,0 +1,353 @@
+"""Bring PAN runs of another simulator in: check every step, compute all measures here, write an ordinary run folder.
+
+Files come from `recordings/habitat_writer.py`. Nothing that a file says about its own success, measures or collisions is
+used; a file with an impossible step is refused with its line number, and then nothing at all is written.
+"""
+
+import datetime
+import hashlib
+import importlib.metadata
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import DatasetError, RunFileError, line_from_validation_error
+from sim.frames import forward_from_yaw, wrap_angle
+from sim.scenes.sources import open_scene
+from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, EpisodeKey, Pose, SceneKind
+
+from .rules import score_run
+from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, RunInfo, RunWriter, Step, read_lines
+
+START_TOLERANCE = 0.01
+"""A run starts at most this far (metres) from its episode's start."""
+ANGLE_TOLERANCE = math.radians(0.5)
+"""For the start's yaw and for every turn and look; Habitat's float32 rotations stay within 0.001 degrees."""
+POSITION_TOLERANCE = 1e-3
+"""Metres of rounding allowed in any step; of 8,000 forwards of real Habitat none is off by more than 3e-6."""
+MAX_RISE = 0.45
+"""Most that one forward can climb or fall (metres): 0.25 on Habitat's steepest slope (45 degrees) plus one climb of 0.2."""
+SNAP_SIDEWAYS = 0.25
+"""How far sideways the first forward may leave its line when the start is off the other simulator's mesh (metres).
+
+Episode starts were drawn on a mesh for radius 0.10, Habitat 0.2.5 plays on one for 0.20: 0.1 m, rotated by up to a cell
+on each side; the golden steps from off-mesh starts reach 0.20.
+"""
+SNAP_HEIGHT = 0.5
+"""... and how far up or down (metres); farther, the place counts as not navigable in Habitat."""
+
+_BODY_ADVICE = "Give habitat_writer the body's pose after the action (agent_state, not a sensor)."
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedRun:
+    """A possible run with the episode that it belongs to."""
+
+    episode: Episode
+    run: EpisodeRun
+    """Measures dropped, `collided` computed from the positions, the dataset's episode id."""
+    where: str
+    """`file:line` of its first line."""
+    renumbered: bool
+    """Whether the file named the episode by its place in the content file, as habitat-lab does."""
+
+
+def import_runs(
+    files: Sequence[Path],
+    *,
+    dataset: PersonalDataset,
+    scenes_dir: Path | None,
+    out: Path,
+    who: str,
+    run_id: str | None = None,
+    allow_schematic: bool = False,
+) -> list[Path]:
+    """Check files that another simulator wrote, score their runs and write them as run folders below `out`.
+
+    Args:
+        files: Steps files, read as one run (an evaluation may write one file per worker).
+        dataset: The episodes that were played.
+        scenes_dir: Folder with the scans; None only for invented homes, whose plan lies beside the episodes.
+        out: Folder that gets `<run_id>/`.
+        who: The agent's name in tables.
+        run_id: Name of the folder; None = `who` and the digest of the files. Importing the same files again resumes.
+        allow_schematic: Score on homes recovered from the episodes; their distances are not those of the scans.
+
+    Returns:
+        The folders written: one, or one per scene kind with the kind in its name.
+
+    Raises:
+        RunFileError: A line is damaged, a step is impossible, an episode is unknown or comes twice, or `out` cannot be
+            written.
+        SceneError: A scene cannot be opened.
+    """
+    checked = [run for path in files for run in check_file(path, dataset=dataset)]
+    _require_some_and_no_twins(checked, files)
+    scored = _score(checked, dataset=dataset, scenes_dir=scenes_dir, allow_schematic=allow_schematic)
+    digest = _digest(files)
+    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", who).strip("-")[:60] or "run"
+    kinds = sorted({kind for kind, _ in scored})
+    folders = []
+    for kind in kinds:
+        name = (run_id or f"{slug}-{digest[:8]}") + (f"-{kind}" if len(kinds) > 1 else "")
+        config = {
+            "imported": " ".join(path.name for path in files),
+            "imported_digest": digest,
+            "renumbered": sum(run.renumbered for run in checked),
+        }
+        info = _run_info(run_id=name, who=who, scene_kind=kind, dataset_digest=dataset.digest(), config=config)
+        writer = RunWriter(out / name, info)
+        for of_kind, run in scored:
+            if of_kind == kind and run.key not in writer.done:
+                writer.add_episode(run)
+        folders.append(writer.folder)
+    return folders
+
+
+def check_file(path: Path, *, dataset: PersonalDataset) -> Iterator[CheckedRun]:
+    """Each complete run of a file, once all its steps are found possible.
+
+    Raises:
+        RunFileError: A line is damaged or a step is impossible; the message begins with `file:line`.
+    """
+    for lines, run in read_numbered_runs(path):
+        episode, renumbered = _find_episode(f"{path}:{lines[0]}", run.start, dataset)
+        check_steps(path, lines, run)
+        yield CheckedRun(episode, _with_own_facts(run, episode), f"{path}:{lines[0]}", renumbered)
+
+
+def read_numbered_runs(path: Path) -> Iterator[tuple[list[int], EpisodeRun]]:
+    """(line numbers of start, each step and end; run) of each block; an incomplete last block is left out.
+
+    Raises:
+        RunFileError: A line is not valid or stands where it cannot.
+    """
+    numbers: list[int] = []
+    start: EpisodeStart | None = None
+    steps: list[Step] = []
+    for number, line in read_lines(path):
+        if isinstance(line, EpisodeStart) and start is None:
+            numbers, start, steps = [number], line, []
+        elif isinstance(line, Step) and start is not None:
+            numbers.append(number)
+            steps.append(line)
+        elif isinstance(line, EpisodeEnd) and start is not None:
+            yield [*numbers, number], EpisodeRun(start=start, steps=tuple(steps), end=line)
+            start = None
+        else:
+            expected = "a line of kind 'episode'" if start is None else "'step' or 'end'"
+            raise RunFileError(
+                f"{path}:{number}: found a line of kind {getattr(line, 'kind', None)!r}; expected {expected} here. "
+                "Write the file with habitat_writer.py."
+            )
+
+
+def check_steps(path: Path, lines: Sequence[int], run: EpisodeRun) -> None:
+    """Refuses a run that no robot of the paper could have made.
+
+    Raises:
+        RunFileError: Says at which line of `lines` (start, steps, end) what is wrong.
+    """
+    poses = run.poses
+    has_moved = False
+    for index, step in enumerate(run.steps):
+        where = f"{path}:{lines[index + 1]}"
+        if index >= MAX_STEPS:
+            raise RunFileError(f"{where}: found step {index + 1}; expected at most {MAX_STEPS}. Stop at the limit.")
+        if index and run.steps[index - 1].action is Action.STOP:
+            raise RunFileError(
+                f"{where}: found action {step.action.value!r} after 'stop'; expected 'end'. Call end_episode after STOP."
+            )
+        problem = _step_problem(poses[index], step, allow_sliding=run.start.allow_sliding, may_snap=not has_moved)
+        if problem:
+            raise RunFileError(f"{where}: action {step.action.value!r} {problem}")
+        has_moved = has_moved or math.dist(poses[index].position, step.position) > POSITION_TOLERANCE
+    _check_end(f"{path}:{lines[-1]}", run)
+
+
+def _step_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bool) -> str | None:
+    """What is impossible about a step that began at `before`, or None."""
+    turn = {Action.LEFT: TURN_STEP, Action.RIGHT: -TURN_STEP}.get(step.action, 0.0)
+    look = {Action.LOOK_UP: TURN_STEP, Action.LOOK_DOWN: -TURN_STEP}.get(step.action, 0.0)
+    for what, found, wanted in (("yaw", step.yaw - before.yaw, turn), ("tilt", step.tilt - before.tilt, look)):
+        if abs(wrap_angle(found - wanted)) > ANGLE_TOLERANCE:
+            found_deg, wanted_deg = math.degrees(wrap_angle(found)), math.degrees(wanted)
+            return f"changed {what} by {found_deg:.1f} degrees; expected {wanted_deg:.0f}. {_BODY_ADVICE}"
+    if step.action is Action.FORWARD:
+        return _forward_problem(before, step, allow_sliding=allow_sliding, may_snap=may_snap)
+    moved = math.dist(before.position, step.position)
+    if moved > POSITION_TOLERANCE:
+        return f"moved the robot {moved:.3f} m; expected no displacement. {_BODY_ADVICE}"
+    return None
+
+
+def _forward_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bool) -> str | None:
+    """What is impossible about where a forward ended, or None.
+
+    Without sliding Habitat stops on the line to the wanted end. With sliding it ends at the point of the mesh's border
+    nearest to the wanted end; the start itself was a candidate, so the result is within one step of the wanted end.
+    """
+    forward = forward_from_yaw(before.yaw)
+    moved = np.subtract(step.position, before.position)
+    ahead, aside, rise = float(moved @ forward), float(moved[0] * -forward[2] + moved[2] * forward[0]), float(moved[1])
+    beyond = ahead - FORWARD_STEP
+    off_line = math.hypot(aside, max(0.0, beyond, -ahead))
+    allowed = POSITION_TOLERANCE + (SNAP_SIDEWAYS if may_snap else 0.0)
+    possible = math.hypot(beyond, aside) <= FORWARD_STEP + allowed if allow_sliding else off_line <= allowed
+    if possible and abs(rise) <= (SNAP_HEIGHT if may_snap else MAX_RISE):
+        return None
+    limit = "0.25 m from the wanted end" if allow_sliding else "0 to 0.25 m straight ahead"
+    advice = "" if allow_sliding else " If the simulator slides along walls, say so with allow_sliding=True."
+    return (
+        f"ended {ahead:.3f} m ahead, {aside:.3f} m to the right and {rise:.3f} m up; expected {limit} and at most "
+        f"{MAX_RISE} m up or down. {_BODY_ADVICE}{advice}"
+    )
+
+
+def _check_end(where: str, run: EpisodeRun) -> None:
+    stopped = bool(run.steps) and run.steps[-1].action is Action.STOP
+    at_limit = len(run.steps) == MAX_STEPS and not stopped
+    reason = run.end.reason
+    if (reason == "stop") != stopped or (reason == "steps") != at_limit or reason == "click":
+        expected = "'stop'" if stopped else "'steps'" if at_limit else "'giveup', 'timeout', 'technical' or 'abandoned'"
+        last = run.steps[-1].action.value if run.steps else None
+        raise RunFileError(
+            f"{where}: reason is {reason!r} after {len(run.steps)} steps, the last of which is {last!r}; expected "
+            f"{expected}. Let habitat_writer fill it in: end_episode() without a reason."
+        )
+
+
+def _find_episode(where: str, start: EpisodeStart, dataset: PersonalDataset) -> tuple[Episode, bool]:
+    """The dataset's episode that starts where the run starts, and whether it was named by its place in the file."""
+    if (start.split, start.scene) not in dataset.files:
+        known = ", ".join(scene for split, scene in dataset.files if split == start.split) or "no scene"
+        raise RunFileError(
+            f"{where}: scene {start.scene!r} is not in split {start.split!r} of {dataset.root}; expected one of: {known}. "
+            "Give --dataset the episodes that were played."
+        )
+    try:
+        episodes = list(dataset.episodes(splits=(start.split,), scenes=(start.scene,)))
+    except DatasetError as error:
+        raise RunFileError(f"{where}: its episode cannot be read: {error}") from None
+    by_id = next((episode for episode in episodes if episode.key.episode_id == start.episode_id), None)
+    if by_id and _start_problem(start, by_id) is None:
+        return by_id, False
+    place = int(start.episode_id) if start.episode_id.isdecimal() else len(episodes)
+    if place < len(episodes) and _start_problem(start, episodes[place]) is None:
+        return episodes[place], True
+    key = EpisodeKey(start.split, start.scene, start.episode_id)
+    if by_id is None:
+        raise RunFileError(
+            f"{where}: found no episode {key} in {dataset.root}, and none in that place of its file that starts here; "
+            "expected an id of the content file. Give --dataset the episodes that were played."
+        )
+    raise RunFileError(f"{where}: episode {key} {_start_problem(start, by_id)}. Reset to the episode's start pose.")
+
+
+def _start_problem(start: EpisodeStart, episode: Episode) -> str | None:
+    wanted = episode.start
+    apart, turned = math.dist(start.position, wanted.position), abs(wrap_angle(start.yaw - wanted.yaw))
+    if apart <= START_TOLERANCE and turned <= ANGLE_TOLERANCE:
+        return None
+    return (
+        f"begins {apart:.3f} m and {math.degrees(turned):.1f} degrees from its start; expected at most "
+        f"{START_TOLERANCE} m and {math.degrees(ANGLE_TOLERANCE):.1f} degrees"
+    )
+
+
+def _with_own_facts(run: EpisodeRun, episode: Episode) -> EpisodeRun:
+    """The run without what it claims: no measures, collisions by habitat-sim's rule, the dataset's id."""
+    steps = tuple(
+        step.model_copy(update={"collided": step.action is Action.FORWARD and _collided(before, step)})
+        for before, step in zip(run.poses, run.steps, strict=False)
+    )
+    start = run.start.model_copy(update={"episode_id": episode.key.episode_id})
+    return EpisodeRun(start=start, steps=steps, end=EpisodeEnd(reason=run.end.reason))
+
+
+def _collided(before: Pose, step: Step) -> bool:
+    """Whether a forward was shortened (habitat-sim: |moved|^2 + 1e-5 < |wanted|^2)."""
+    return math.dist(before.position, step.position) ** 2 + 1e-5 < FORWARD_STEP**2
+
+
+def _require_some_and_no_twins(checked: Sequence[CheckedRun], files: Sequence[Path]) -> None:
+    if not checked:
+        names = ", ".join(str(path) for path in files) or "no file"
+        raise RunFileError(
+            f"{names}: found no finished episode; expected at least one. Give files of habitat_writer.py."
+        )
+    first: dict[EpisodeKey, str] = {}
+    for run in checked:
+        if run.episode.key in first:
+            raise RunFileError(
+                f"{run.where}: episode {run.episode.key} comes a second time (first at {first[run.episode.key]}); "
+                "expected once per run. Import repeated runs one by one, each with its own --run-id."
+            )
+        first[run.episode.key] = run.where
+
+
+def _score(
+    checked: Sequence[CheckedRun], *, dataset: PersonalDataset, scenes_dir: Path | None, allow_schematic: bool
+) -> list[tuple[SceneKind, EpisodeRun]]:
+    """(scene kind, run with measures) of every run, in the order given; one scene is open at a time."""
+    scored: dict[EpisodeKey, tuple[SceneKind, EpisodeRun]] = {}
+    for name in sorted({run.episode.key.scene for run in checked}):
+        scene = open_scene(dataset, name, scenes_dir=scenes_dir)
+        of_scene = [run for run in checked if run.episode.key.scene == name]
+        if scene.kind == "schematic" and not allow_schematic:
+            raise RunFileError(
+                f"{of_scene[0].where}: scene {name!r} has no scan and no plan here, only a schematic home, which another "
+                "simulator did not use; expected the scene that was played. Give --scenes-dir the folder of its GLB."
+            )
+        for item in of_scene:
+            measures = score_run(
+                item.episode,
+                item.run.poses,
+                stopped=item.run.end.reason == "stop",
+                navigation=scene.navigation,
+                collisions=sum(step.collided for step in item.run.steps),
+                scene_digest=scene.digest,
+            )
+            end = EpisodeEnd(reason=item.run.end.reason, measures=measures)
+            scored[item.episode.key] = (scene.kind, item.run.model_copy(update={"end": end}))
+    return [scored[run.episode.key] for run in checked]
+
+
+def _run_info(
+    *,
+    run_id: str,
+    who: str,
+    scene_kind: SceneKind | Literal["oracle-map"],
+    dataset_digest: str,
+    config: dict[str, str | int | float | bool | None],
+) -> RunInfo:
+    try:
+        return RunInfo(
+            run_id=run_id,
+            who=who,
+            who_kind="agent",
+            scene_kind=scene_kind,
+            dataset_digest=dataset_digest,
+            config=config,
+            versions={"personal-viz": importlib.metadata.version("personal-viz")},
+            created_utc=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        )
+    except ValidationError as error:
+        advice = "Give another --run-id (letters, digits, '.', '_', '-') or --who."
+        raise RunFileError(line_from_validation_error("import", error, advice=advice)) from None
+
+
+def _digest(files: Sequence[Path]) -> str:
+    """sha256 over the bytes of all files, in the order given."""
+    total = hashlib.sha256()
+    for path in files:
+        total.update(path.read_bytes())
+    return total.hexdigest()

@@ -1,0 +1,178 @@
+"""Stored runs to tables; only aggregates, with numpy and pydantic alone. Distances were computed when runs ended."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from sim.errors import RunFileError
+from sim.types import SPLITS, EpisodeKey, SuccessRule, TaskKind
+
+from .run_files import Answer, EpisodeRun, Run, RunInfo, read_run
+
+
+class MetricRow(BaseModel):
+    """One cell group of the paper's tables: one row name, one split."""
+
+    model_config = ConfigDict(frozen=True)
+    who: str
+    task: TaskKind
+    condition: str
+    scene_kind: str
+    split: str
+    """A split, or `total` = the plain mean of the splits present (how the paper's Total column is built)."""
+    rule: SuccessRule | Literal["planar"]
+    """`planar` for POG (DESIGN.md)."""
+    n: int
+    """Trials counted; technical failures are left out, undefined episodes too."""
+    k: int
+    """Successes among them."""
+    sr: float | None
+    """Percent."""
+    spl: float | None = None
+    """Percent; PAN only."""
+    dtg: float | None = None
+    """Metres, mean over the trials whose goal could be reached from the last position; PAN only."""
+    top3: float | None = None
+    """Percent; POG only, None for people, who give one answer."""
+    unreachable: int = 0
+    """Trials whose start or end has no path to the goal region: in SR and SPL as failures, not in DTG."""
+    undefined: int = 0
+    """Trials whose episode has no usable point under the rule."""
+
+
+def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[MetricRow]:
+    """Rows per who, task, condition and split, then a total row for each.
+
+    Args:
+        runs: Folders in memory; runs of the same who, condition and scene kind are pooled.
+        rule: Success rule of the PAN rows.
+
+    Raises:
+        RunFileError: A run was never scored, or an episode stands twice in one agent's run.
+    """
+    groups: dict[tuple[str, str, str, TaskKind], list[EpisodeRun | Answer]] = defaultdict(list)
+    for run in runs:
+        _require_scored(run)
+        who, condition, kind = run.info.who, run.info.condition, run.info.scene_kind
+        if run.episodes:
+            groups[(who, condition, kind, "pan")].extend(run.episodes)
+        if run.answers:
+            groups[(who, condition, kind, "pog")].extend(run.answers)
+    rows = []
+    for (who, condition, kind, task), items in groups.items():
+        names = {"who": who, "condition": condition, "scene_kind": kind, "task": task}
+        cells = [
+            _row(names, split, [item for item in items if item.key.split == split], rule=rule)
+            for split in SPLITS
+            if any(item.key.split == split for item in items)
+        ]
+        rows += [*cells, _total(cells)]
+    return rows
+
+
+def require_comparable(infos: Iterable[RunInfo]) -> None:
+    """Raises RunFileError when runs come from different kinds of scenes: their results never share a table."""
+    kinds = {info.scene_kind: info.run_id for info in infos}
+    if len(kinds) > 1:
+        found = ", ".join(f"{kind} ({run_id})" for kind, run_id in sorted(kinds.items()))
+        raise RunFileError(f"runs: found scene kinds {found}; expected one kind per table. Give the kinds separately.")
+
+
+def read_runs(folders: Sequence[Path]) -> list[Run]:
+    """Every run folder named, or found one level below a named folder.
+
+    Raises:
+        RunFileError: A folder holds no run, or a run is damaged.
+    """
+    if not folders:
+        raise RunFileError("found no run folder on the command line; expected at least one, such as runs/<run_id>.")
+    found = []
+    for folder in folders:
+        inside = sorted(path.parent for path in folder.glob("*/run.json")) if folder.is_dir() else []
+        found += [folder] if (folder / "run.json").is_file() or not inside else inside
+    return [read_run(folder) for folder in found]
+
+
+def _require_scored(run: Run) -> None:
+    for episode in run.episodes:
+        if episode.end.measures is None and episode.end.reason != "technical":
+            raise RunFileError(
+                f"{run.info.run_id}: steps.jsonl holds no measures for {episode.key}; expected distances computed on "
+                'its scene. Read the file with "personal-viz import" first.'
+            )
+    for answer in run.answers:
+        if answer.measures is None and answer.reason != "technical":
+            raise RunFileError(
+                f"{run.info.run_id}: answers.jsonl holds no measures for {answer.key}; expected a scored answer. "
+                "Write the run again with personal-viz ground or study export."
+            )
+    seen: set[EpisodeKey] = set()
+    for item in (*run.episodes, *run.answers):
+        if item.key in seen:
+            raise RunFileError(f"{run.info.run_id}: found {item.key} twice; expected one run per episode and folder.")
+        seen.add(item.key)
+
+
+def _row(names: dict[str, str], split: str, items: Sequence[EpisodeRun | Answer], *, rule: SuccessRule) -> MetricRow:
+    if names["task"] == "pog":
+        return _pog_row(names, split, [item for item in items if isinstance(item, Answer)])
+    return _pan_row(names, split, [item for item in items if isinstance(item, EpisodeRun)], rule=rule)
+
+
+def _pan_row(names: dict[str, str], split: str, runs: Sequence[EpisodeRun], *, rule: SuccessRule) -> MetricRow:
+    scored = [run.end.measures.rules[rule] for run in runs if run.end.measures is not None]
+    found = [measures for measures in scored if measures is not None]
+    reached = [measures.dtg for measures in found if measures.dtg is not None]
+    successes = sum(measures.success for measures in found)
+    return MetricRow(
+        **names,  # type: ignore[arg-type]
+        split=split,
+        rule=rule,
+        n=len(found),
+        k=successes,
+        sr=_percent(successes, len(found)),
+        spl=_percent(sum(measures.spl for measures in found), len(found)),
+        dtg=float(np.mean(reached)) if reached else None,
+        unreachable=sum(measures.dtg is None or measures.start_distance is None for measures in found),
+        undefined=len(scored) - len(found),
+    )
+
+
+def _pog_row(names: dict[str, str], split: str, answers: Sequence[Answer]) -> MetricRow:
+    scored = [answer for answer in answers if answer.measures is not None]
+    successes = sum(answer.measures.success for answer in scored if answer.measures)
+    top3 = sum(answer.measures.top3_success for answer in scored if answer.measures)
+    ranked = any(answer.scores for answer in scored)
+    return MetricRow(
+        **names,  # type: ignore[arg-type]
+        split=split,
+        rule="planar",
+        n=len(scored),
+        k=successes,
+        sr=_percent(successes, len(scored)),
+        top3=_percent(top3, len(scored)) if ranked else None,
+    )
+
+
+def _total(cells: Sequence[MetricRow]) -> MetricRow:
+    """Plain mean of the splits' figures; counts are added."""
+    return cells[0].model_copy(
+        update={
+            "split": "total",
+            **{name: sum(getattr(cell, name) for cell in cells) for name in ("n", "k", "unreachable", "undefined")},
+            **{name: _mean([getattr(cell, name) for cell in cells]) for name in ("sr", "spl", "dtg", "top3")},
+        }
+    )
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known and len(known) == len(values) else None
+
+
+def _percent(part: float, whole: int) -> float | None:
+    return 100.0 * part / whole if whole else None

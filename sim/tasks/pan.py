@@ -1,0 +1,136 @@
+"""PAN: walk to the object. `PanEnv` owns the pose, takes actions, gives observations; it knows nothing of the goal."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.errors import TaskStateError
+from sim.frames import T_start_camera, T_world_camera, forward_from_yaw, gps_from_poses, wrap_angle
+from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, Camera, EndReason, Observation, Pose
+from sim.world.navigation_map import NavigationMap
+from sim.world.renderer import Renderer
+
+from .run_files import Step
+
+
+class PanEnv:
+    """One PAN episode on one scene: reset, then step until it is over."""
+
+    def __init__(
+        self,
+        episode_start: Pose,
+        navigation: NavigationMap,
+        *,
+        renderer: Renderer | None,
+        camera: Camera = Camera(),  # noqa: B008 - frozen value
+        max_steps: int = MAX_STEPS,
+        allow_sliding: bool = False,
+    ) -> None:
+        """Places the robot at the start exactly as recorded, without snapping (habitat-lab's rule).
+
+        Args:
+            episode_start: Start pose, world frame.
+            navigation: Where the robot can walk.
+            renderer: Draws the camera's view; None leaves `rgb` and `depth_m` of observations None.
+            camera: Intrinsics and mounting height.
+            max_steps: The episode is over after this many actions; STOP as the last one counts.
+            allow_sliding: Slide along walls; off in ObjectNav and PersONAL.
+        """
+        self.camera = camera
+        self.max_steps = max_steps
+        self._start = episode_start
+        self._navigation = navigation
+        self._renderer = renderer
+        self._allow_sliding = allow_sliding
+        self._steps: list[Step] = []
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is now."""
+        return self._steps[-1].pose if self._steps else self._start
+
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """Start pose and the pose after each action."""
+        return (self._start, *(step.pose for step in self._steps))
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """Actions taken so far and where each led."""
+        return tuple(self._steps)
+
+    @property
+    def end_reason(self) -> EndReason | None:
+        """`stop` or `steps` once the episode is over, None before."""
+        if self._steps and self._steps[-1].action is Action.STOP:
+            return "stop"
+        return "steps" if len(self._steps) >= self.max_steps else None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether no further action is taken."""
+        return self.end_reason is not None
+
+    def reset(self) -> Observation:
+        """Back to the start."""
+        self._steps = []
+        return self.observe()
+
+    def restore(self, steps: Sequence[Step]) -> Observation:
+        """The state after `steps`, which this environment (or its twin) took before."""
+        self._steps = list(steps)
+        return self.observe()
+
+    def step(self, action: Action, *, t_s: float = 0.0) -> Observation:
+        """Takes one action.
+
+        Args:
+            action: What to do.
+            t_s: Seconds since the episode's start, stored with the step.
+
+        Raises:
+            TaskStateError: The episode is over.
+        """
+        if self.is_over:
+            raise TaskStateError(
+                f"step {len(self._steps) + 1}: found action {action.value!r} after the end ({self.end_reason}); "
+                "expected reset() first."
+            )
+        self._steps.append(self._after(action, t_s))
+        return self.observe()
+
+    def observe(self) -> Observation:
+        """What the robot senses now."""
+        pose = self.pose
+        frame = self._renderer.render(T_world_camera(pose, self.camera), self.camera) if self._renderer else None
+        return Observation(
+            rgb=frame.rgb if frame else None,
+            depth_m=frame.depth_m if frame else None,
+            gps=gps_from_poses(self._start, pose),
+            compass=wrap_angle(pose.yaw - self._start.yaw),
+            T_start_camera=T_start_camera(self._start, pose, self.camera),
+            camera=self.camera,
+            collided=self._steps[-1].collided if self._steps else False,
+            step=len(self._steps),
+        )
+
+    def _after(self, action: Action, t_s: float) -> Step:
+        """The step that `action` makes from the present pose (semantics: HABITAT_SEMANTICS.md 2.1)."""
+        pose = self.pose
+        position, yaw, tilt, collided = pose.position, pose.yaw, pose.tilt, False
+        match action:
+            case Action.FORWARD:
+                start = np.array(position)
+                end = start + FORWARD_STEP * forward_from_yaw(yaw)
+                position, collided = self._navigation.step(start, end, slide=self._allow_sliding)
+            case Action.LEFT:
+                yaw = wrap_angle(yaw + TURN_STEP)
+            case Action.RIGHT:
+                yaw = wrap_angle(yaw - TURN_STEP)
+            case Action.LOOK_UP:
+                tilt = wrap_angle(tilt + TURN_STEP)
+            case Action.LOOK_DOWN:
+                tilt = wrap_angle(tilt - TURN_STEP)
+            case Action.STOP:
+                pass
+        return Step(action=action, position=position, yaw=yaw, tilt=tilt, collided=collided, t_s=t_s)

@@ -1,0 +1,38 @@
+"""POG: point at the object. `PogScene` intersects a person's click with the same cut storey that the browser shows."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from sim.scenes.scene import Scene, TriangleMesh, cut_storey
+from sim.world.renderer import Renderer
+
+
+class PogScene:
+    """The cut storeys of one scene, each with a renderer that clicks are cast into."""
+
+    def __init__(self, scene: Scene, *, make_renderer: Callable[[TriangleMesh], Renderer]) -> None:
+        """Cuts every storey once.
+
+        Args:
+            scene: The home.
+            make_renderer: Builds a renderer of a mesh (`sim.world.raycast.Raycaster`).
+        """
+        self.storeys = scene.navigation.storey_heights
+        self._renderers = [make_renderer(cut_storey(scene.mesh, floor_y)) for floor_y in self.storeys]
+
+    def hit(
+        self, storey: int, origin: Sequence[float], direction: Sequence[float]
+    ) -> tuple[float, float, float] | None:
+        """World point where a ray meets the storey first; None when it meets nothing.
+
+        Args:
+            storey: Index into `storeys`.
+            origin: (3,) world metres.
+            direction: (3,), any length.
+        """
+        hits = self._renderers[storey].cast(np.array([origin], float), np.array([direction], float))
+        if not np.isfinite(hits.range_m[0]):
+            return None
+        x, y, z = hits.positions[0]
+        return (float(x), float(y), float(z))

@@ -1,0 +1,61 @@
+"""What a run must say about itself: program versions, code state, time."""
+
+import datetime
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from sim.types import SceneKind, WhoKind
+
+from .run_files import RunInfo
+
+_PACKAGES = ("personal-viz", "numpy", "numba", "open3d-cpu", "open3d", "torch", "trimesh")
+
+
+def make_run_info(
+    run_id: str,
+    *,
+    who: str,
+    who_kind: WhoKind,
+    scene_kind: SceneKind | str,
+    dataset_digest: str,
+    condition: str = "none",
+    seed: int | None = None,
+    config: dict[str, str | int | float | bool | None] | None = None,
+) -> RunInfo:
+    """`run.json` of a new run on this machine, now."""
+    return RunInfo(
+        run_id=run_id,
+        who=who,
+        who_kind=who_kind,
+        condition=condition,
+        scene_kind=scene_kind,  # type: ignore[arg-type]
+        dataset_digest=dataset_digest,
+        seed=seed,
+        config=config or {},
+        versions=package_versions(),
+        git_commit=git_commit(),
+        created_utc=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    )
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of the packages that results may depend on, where installed."""
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def git_commit() -> str | None:
+    """Commit of this checkout, None outside one."""
+    try:
+        done = subprocess.run(
+            ["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, timeout=10
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() or None if done.returncode == 0 else None

@@ -1,0 +1,194 @@
+"""The named success rules: computed once when a run ends, on the server, and stored; tables only aggregate them."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.episodes.schema import Episode, Goal, Vector3, ViewPoint
+from sim.types import STOREY_GAP, Pose
+from sim.world.navigation_map import NavigationMap, storey_clusters
+
+from .run_files import AnswerMeasures, Measures, RuleMeasures
+
+SUCCESS_RADIUS = 1.0
+"""Metres (paper, Sec. III); planar, because a picture hung at 1.7 m is never within 1 m of a robot's base in 3-D."""
+RELAXED_RADIUS = 1.5
+"""For targets without an original view point within SUCCESS_RADIUS (paper, Sec. IV: 1 m relaxed to 1.5 m)."""
+HABITAT_DISTANCE = 0.1
+"""Strict upper bound of ObjectNav-HM3D's success_distance, metres."""
+AUTHORS_DISTANCE = 0.2
+"""Planar metres to a listed view point in the authors' result reader."""
+BELOW_FLOOR = 0.3
+"""A point this far below a storey's lowest floor still belongs to it (floors are noisy), metres."""
+
+
+def score_run(
+    episode: Episode,
+    poses: Sequence[Pose],
+    *,
+    stopped: bool,
+    navigation: NavigationMap,
+    collisions: int,
+    scene_digest: str,
+) -> Measures:
+    """Every rule's figures of one finished run.
+
+    Args:
+        episode: With its targets.
+        poses: Start and the pose after each step, world frame; at least one.
+        stopped: Whether the last action was STOP.
+        navigation: Geodesic distances on the scene.
+        collisions: How many forwards a wall shortened.
+        scene_digest: Digest of the scene on which the distances are computed.
+    """
+    positions = np.array([pose.position for pose in poses])
+    path_m = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+    ends = positions[[0, -1]]
+    return Measures(
+        rules={
+            "paper": _paper(episode, ends, path_m, stopped=stopped, navigation=navigation),
+            "habitat": _habitat(episode, ends, path_m, stopped=stopped, navigation=navigation),
+            "authors": _authors(episode, ends, path_m, navigation=navigation),
+        },
+        centre_distance=min(_planar(positions[-1], target.position) for target in episode.targets),
+        path_m=path_m,
+        num_steps=len(poses) - 1,
+        collisions=collisions,
+        stored_geodesic=episode.record.info.geodesic_distance,
+        scene_digest=scene_digest,
+    )
+
+
+def score_answer(
+    episode: Episode, candidates: Sequence[Vector3], *, storeys: Sequence[tuple[float, float]]
+) -> AnswerMeasures:
+    """How far ranked POG answers are from the nearest valid target on their own storey.
+
+    Args:
+        episode: With its targets.
+        candidates: World points, best first; empty = no answer.
+        storeys: (lowest, highest) floor of each storey of the scene, from `scene_storeys`.
+    """
+    planar = [_planar_on_storey(point, episode.targets, storeys) for point in candidates[:3]]
+    return AnswerMeasures(
+        success=bool(planar) and planar[0] <= SUCCESS_RADIUS,
+        top3_success=any(distance <= SUCCESS_RADIUS for distance in planar),
+        planar_distance=planar[0] if planar and math.isfinite(planar[0]) else None,
+        distance_3d=min((math.dist(candidates[0], target.position) for target in episode.targets), default=None)
+        if candidates
+        else None,
+    )
+
+
+def scene_storeys(goals: Iterable[Goal]) -> list[tuple[float, float]]:
+    """(lowest, highest) floor of each storey of a scene, ascending, from the heights of its view points."""
+    listed = [goal for goal in goals if goal.view_points]
+    heights = [point.agent_state.position[1] for goal in listed for point in goal.original_view_points]
+    return storey_clusters(np.array(heights or [goal.floor_y for goal in listed]), gap=STOREY_GAP)
+
+
+def storey_of(y: float, storeys: Sequence[tuple[float, float]]) -> int:
+    """Index of the storey that a point at height `y` belongs to: the highest whose floor is not above it."""
+    return max((index for index, (low, _) in enumerate(storeys) if y >= low - BELOW_FLOOR), default=0)
+
+
+def success_radius(target: Goal) -> float:
+    """Largest planar distance to the target's centre that rule `paper` accepts, metres."""
+    near = (_planar(point.agent_state.position, target.position) for point in storey_view_points(target))
+    return SUCCESS_RADIUS if min(near, default=math.inf) <= SUCCESS_RADIUS else RELAXED_RADIUS
+
+
+def storey_view_points(target: Goal) -> tuple[ViewPoint, ...]:
+    """Original view points on the target's storey: all that `paper` and `habitat` use."""
+    return tuple(
+        point
+        for point in target.original_view_points
+        if abs(point.agent_state.position[1] - target.floor_y) < STOREY_GAP
+    )
+
+
+def reaches_target(position: Sequence[float] | NDArray[np.float64], target: Goal) -> bool:
+    """Whether a robot here is close enough to the target for rule `paper`; the boundary counts."""
+    on_storey = abs(position[1] - target.floor_y) < STOREY_GAP
+    return on_storey and _planar(position, target.position) <= success_radius(target)
+
+
+def success_region(episode: Episode, navigation: NavigationMap, *, margin: float = 0.0) -> NDArray[np.float64]:
+    """Places (K, 3) from which STOP succeeds under rule `paper`, `margin` metres inside where there are any."""
+    regions = []
+    for target in episode.targets:
+        centre = np.array([[target.position[0], target.floor_y, target.position[2]]])
+        regions.append(navigation.points_within(centre, success_radius(target) - margin, max_dy=STOREY_GAP))
+    region = np.concatenate(regions)
+    return region if len(region) or not margin else success_region(episode, navigation)
+
+
+def _paper(
+    episode: Episode, ends: NDArray[np.float64], path_m: float, *, stopped: bool, navigation: NavigationMap
+) -> RuleMeasures:
+    inside = [any(reaches_target(end, target) for target in episode.targets) for end in ends]
+    distances = np.where(inside, 0.0, _distances(ends, success_region(episode, navigation), navigation))
+    return _measures(stopped and inside[1], distances, path_m)
+
+
+def _habitat(
+    episode: Episode, ends: NDArray[np.float64], path_m: float, *, stopped: bool, navigation: NavigationMap
+) -> RuleMeasures | None:
+    points = [point.agent_state.position for target in episode.targets for point in storey_view_points(target)]
+    if not points:
+        return None
+    distances = _distances(ends, np.array(points), navigation)
+    return _measures(stopped and bool(distances[1] < HABITAT_DISTANCE), distances, path_m)
+
+
+def _authors(
+    episode: Episode, ends: NDArray[np.float64], path_m: float, *, navigation: NavigationMap
+) -> RuleMeasures | None:
+    listed = [point.agent_state.position for target in episode.targets for point in target.view_points]
+    if not listed:
+        return None
+    points = np.array(listed)
+    offsets = ends[:, None, [0, 2]] - points[None, :, [0, 2]]
+    inside = np.linalg.norm(offsets, axis=-1).min(axis=1) <= AUTHORS_DISTANCE
+    region = navigation.points_within(points, AUTHORS_DISTANCE, max_dy=math.inf)
+    distances = np.where(inside, 0.0, _distances(ends, region, navigation))
+    return _measures(bool(inside[1]), distances, path_m)
+
+
+def _distances(
+    starts: NDArray[np.float64], region: NDArray[np.float64], navigation: NavigationMap
+) -> NDArray[np.float64]:
+    return navigation.distances(starts, region) if len(region) else np.full(len(starts), math.inf)
+
+
+def _measures(success: bool, distances: NDArray[np.float64], path_m: float) -> RuleMeasures:
+    """SPL and SoftSPL from L and DTG (habitat-lab's formulas; L = 0: SPL = success; unreachable: 0, and shown)."""
+    start, end = float(distances[0]), float(distances[1])
+    if not math.isfinite(start):
+        spl = soft_spl = 0.0
+    elif start == 0:
+        spl, soft_spl = float(success), float(end == 0)
+    else:
+        efficiency = start / max(start, path_m)
+        spl, soft_spl = success * efficiency, max(0.0, 1 - end / start) * efficiency
+    return RuleMeasures(
+        success=success,
+        spl=spl,
+        soft_spl=soft_spl,
+        dtg=end if math.isfinite(end) else None,
+        start_distance=start if math.isfinite(start) else None,
+    )
+
+
+def _planar(a: Sequence[float] | NDArray[np.float64], b: Sequence[float]) -> float:
+    return math.hypot(a[0] - b[0], a[2] - b[2])
+
+
+def _planar_on_storey(point: Vector3, targets: Sequence[Goal], storeys: Sequence[tuple[float, float]]) -> float:
+    storey = storey_of(point[1], storeys)
+    return min(
+        (_planar(point, target.position) for target in targets if storey_of(target.floor_y, storeys) == storey),
+        default=math.inf,
+    )
