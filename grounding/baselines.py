@@ -101,9 +101,7 @@ def rank_cells(
     return best
 
 
-def candidates_at(
-    memory: FeatureMap, rc: NDArray[np.integer], scores: NDArray[np.floating]
-) -> tuple[Candidate, ...]:
+def candidates_at(memory: FeatureMap, rc: NDArray[np.integer], scores: NDArray[np.floating]) -> tuple[Candidate, ...]:
     """Candidates at the centres of cells (M, 2), on the floor, with these scores (M,)."""
     points: list[Vector3] = [tuple(point) for point in memory.points_from_rc(rc).tolist()]
     return tuple(

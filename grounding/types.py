@@ -41,8 +41,10 @@ class FeatureMap:
         assert bool(self.grid.contains(self.rc).all()), "cells outside the grid"
         assert bool((np.diff(self.flat_index) > 0).all()), "cells are not in row-major order, each once"
         assert np.allclose(np.linalg.norm(self.rows, axis=1), 1, atol=_UNIT_TOLERANCE), "rows are not unit vectors"
-        for array in (self.rows, self.rc, self.cell_y, self.weights):
-            array.flags.writeable = False
+        for name in ("rows", "rc", "cell_y", "weights"):
+            view = getattr(self, name).view()
+            view.flags.writeable = False
+            object.__setattr__(self, name, view)
 
     @property
     def dim(self) -> int:

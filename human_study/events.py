@@ -128,7 +128,7 @@ class ShownStorey(_Event):
     storey_y: Finite
 
 
-class ClickEvent(_Event):
+class Clicked(_Event):
     """A POG participant pointed at the scene."""
 
     kind: Literal["click"] = "click"
@@ -139,7 +139,7 @@ class ClickEvent(_Event):
     """Whether it can still be changed before `confirm`."""
 
 
-class Confirm(_Event):
+class Confirmed(_Event):
     """The marked point is the answer: the trial is over."""
 
     kind: Literal["confirm"] = "confirm"
@@ -194,8 +194,8 @@ Event = (
     | Stop
     | Cam
     | ShownStorey
-    | ClickEvent
-    | Confirm
+    | Clicked
+    | Confirmed
     | GaveUp
     | Reconnect
     | Superseded

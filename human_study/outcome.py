@@ -13,7 +13,7 @@ from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart
 from sim.types import Action, EndReason, TaskKind
 from sim.world.navigation_map import NavigationMap
 
-from .events import Abandoned, Act, ClickEvent, Confirm, Error, Event, GaveUp, Open
+from .events import Abandoned, Act, Clicked, Confirmed, Error, Event, GaveUp, Open
 
 Outcome = EpisodeEnd | Answer
 """What the store keeps of a finished trial: a PAN run's end (its steps are the events), or a whole POG answer."""
@@ -46,7 +46,7 @@ def end_reason(events: Sequence[Event]) -> EndReason | None:
                 return "giveup"
             case Abandoned():
                 return "abandoned"
-            case Confirm():
+            case Confirmed():
                 return "click"
             case Error(is_fatal=True):
                 return "technical"
@@ -138,9 +138,9 @@ def episode_run(events: Sequence[Event], *, end: EpisodeEnd, participant: str) -
     return EpisodeRun(start=start, steps=tuple(event.step for event in events if isinstance(event, Act)), end=end)
 
 
-def last_marked(events: Sequence[Event]) -> ClickEvent | None:
+def last_marked(events: Sequence[Event]) -> Clicked | None:
     """The last click that met the scene; None when there is none."""
-    return next((event for event in reversed(events) if isinstance(event, ClickEvent) and event.hit is not None), None)
+    return next((event for event in reversed(events) if isinstance(event, Clicked) and event.hit is not None), None)
 
 
 def _finished(events: Sequence[Event], task: TaskKind, episode: Episode) -> tuple[Open, EndReason]:

@@ -8,23 +8,34 @@ results come from `outcome`.
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.errors import TaskStateError
 from sim.tasks.pan import PanEnv
-from sim.tasks.run_files import ClickRay, Vector3
+from sim.tasks.run_files import Vector3
 from sim.types import Action, EndReason, EpisodeKey, Task
 
+from .commands import (
+    Click,
+    Confirm,
+    Fail,
+    GiveUp,
+    LookFrom,
+    Move,
+    PanCommand,
+    PogCommand,
+    PressStop,
+    Resume,
+    ShowStorey,
+    Start,
+)
 from .events import (
     Abandoned,
     Act,
     Cam,
-    ClickEvent,
-    Confirm,
+    Clicked,
+    Confirmed,
     Dropped,
     DropReason,
     Error,
@@ -38,6 +49,7 @@ from .events import (
     StopArmed,
 )
 from .outcome import end_reason, last_marked, opening
+from .views import PanView, PogView, SessionUpdate
 
 STOP_WITHIN_S = 2.0
 """The second press of STOP counts this long after the first (DESIGN.md, keys)."""
@@ -47,131 +59,6 @@ CAMERA_EVERY_S = 0.5
 """Camera poses are kept at most twice a second (HUMAN_STUDY.md, section 2)."""
 RESUME_WITHIN_S = 600.0
 """Default of StudyConfig.resume_within_s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Start:
-    """Show the trial for the first time."""
-
-
-@dataclass(frozen=True, slots=True)
-class Resume:
-    """Show a rebuilt trial again, or end it as `abandoned` after too long."""
-
-    away_s: float = 0.0
-    """Seconds since the trial's last event (`Trial.away_s`)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Move:
-    """Press a key or button of any action but STOP."""
-
-    action: Action
-    code: str
-    """`KeyboardEvent.code` or the button's name."""
-    repeat: bool = False
-    t_cli_ms: float | None = None
-
-    def __post_init__(self) -> None:
-        """STOP needs two presses: PressStop."""
-        assert self.action is not Action.STOP
-
-
-@dataclass(frozen=True, slots=True)
-class PressStop:
-    """Press Enter or the STOP button; the second press within STOP_WITHIN_S ends the trial."""
-
-    code: str = "Enter"
-    repeat: bool = False
-    t_cli_ms: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class GiveUp:
-    """End the trial without an answer."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fail:
-    """End the trial because our side failed (outcome `technical`)."""
-
-    message: str
-
-
-@dataclass(frozen=True, slots=True)
-class ShowStorey:
-    """See another storey."""
-
-    storey: int
-    """Index into `PogView.storeys`."""
-
-
-@dataclass(frozen=True, slots=True)
-class LookFrom:
-    """The POG camera moved."""
-
-    position: Vector3
-    wxyz: tuple[float, float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Click:
-    """Point at the shown storey."""
-
-    ray: ClickRay
-    hit: Vector3 | None
-    """Where the caller's ray met the shown storey; None = nothing was hit."""
-    t_cli_ms: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class ConfirmPoint:
-    """Make the marked point the answer."""
-
-
-PanCommand = Start | Resume | Move | PressStop | GiveUp | Fail
-PogCommand = Start | Resume | ShowStorey | LookFrom | Click | ConfirmPoint | GiveUp | Fail
-
-
-@dataclass(frozen=True, slots=True)
-class PanView:
-    """All that a PAN participant may see; holds no ground truth."""
-
-    task: Task
-    rgb: NDArray[np.uint8] | None
-    """(H, W, 3) what the robot sees; None when the environment does not render."""
-    step: int
-    """Actions taken so far."""
-    is_armed: bool
-    """Whether another press of STOP now ends the trial."""
-    is_over: bool
-
-
-@dataclass(frozen=True, slots=True)
-class PogView:
-    """All that a POG participant may see; holds no ground truth and never says whether a point is right."""
-
-    task: Task
-    storeys: tuple[float, ...]
-    """Floor height of each storey that can be shown, metres, ascending."""
-    storey: int
-    """Index of the shown one."""
-    marker: Vector3 | None
-    """The marked point, world metres."""
-    is_over: bool
-
-
-ViewT = TypeVar("ViewT", PanView, PogView)
-
-
-@dataclass(frozen=True, slots=True)
-class SessionUpdate(Generic[ViewT]):
-    """What a command led to."""
-
-    events: tuple[Event, ...]
-    """Store these first, all or none."""
-    view: ViewT
-    """Show this when they are stored."""
 
 
 class _Clock:
@@ -315,7 +202,7 @@ class PanSession:
         """The picture's event; none without rendering or after the last step, when nothing new is shown."""
         if self._rgb is None or self.is_over:
             return ()
-        digest = hashlib.sha256(np.ascontiguousarray(self._rgb)).hexdigest()
+        digest = hashlib.sha256(np.ascontiguousarray(self._rgb).data).hexdigest()
         return (Shown(t_s=t_s, step=len(self._env.steps), frame_hash=digest),)
 
     def _rebuild(self, events: Sequence[Event]) -> None:
@@ -395,10 +282,10 @@ class PogSession:
                 return self._look(command, t_s)
             case Click():
                 return self._click(command, t_s)
-            case ConfirmPoint():
+            case Confirm():
                 if self._marker is None:
                     return (Dropped(t_s=t_s, reason="nothing_marked"),)
-                return self._end("click", Confirm(t_s=t_s))
+                return self._end("click", Confirmed(t_s=t_s))
             case GiveUp():
                 return self._end("giveup", GaveUp(t_s=t_s))
             case Fail(message=message):
@@ -424,7 +311,7 @@ class PogSession:
         return (Cam(t_s=t_s, position=command.position, wxyz=command.wxyz),)
 
     def _click(self, command: Click, t_s: float) -> tuple[Event, ...]:
-        event = ClickEvent(t_s=t_s, t_cli_ms=command.t_cli_ms, ray=command.ray, hit=command.hit)
+        event = Clicked(t_s=t_s, t_cli_ms=command.t_cli_ms, ray=command.ray, hit=command.hit)
         if self._clock.too_soon(t_s):
             return (Dropped(t_s=t_s, reason="rate"),)
         self._clock.accept(t_s)
@@ -507,6 +394,6 @@ def _last_time(events: Sequence[Event]) -> float:
 def _require_same_trial(opened: Open, key: EpisodeKey, scene_digest: str) -> None:
     if (opened.key, opened.scene_digest) != (key, scene_digest):
         raise TaskStateError(
-            f"trial of {opened.key}: asked to resume on {key}, scene {scene_digest[:12]}; expected the same episode and "
-            f"scene {opened.scene_digest[:12]}. Serve the study with the scenes it was begun with."
+            f"trial of {opened.key}: asked to resume on {key}, scene {scene_digest[:12]}; expected the same episode "
+            f"and scene {opened.scene_digest[:12]}. Serve the study with the scenes it was begun with."
         )

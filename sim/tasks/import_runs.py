@@ -1,18 +1,15 @@
 """Bring PAN runs of another simulator in: check every step, compute all measures here, write an ordinary run folder.
 
-Files come from `recordings/habitat_writer.py`. Nothing that a file says about its own success, measures or collisions is
-used; a file with an impossible step is refused with its line number, and then nothing at all is written.
+Files come from `recordings/habitat_writer.py`. Nothing that a file says about its own success, measures or collisions
+is used; a file with an impossible step is refused with its line number, and then nothing at all is written.
 """
 
-import datetime
 import hashlib
-import importlib.metadata
 import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from pydantic import ValidationError
@@ -21,20 +18,21 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import DatasetError, RunFileError, line_from_validation_error
 from sim.frames import forward_from_yaw, wrap_angle
-from sim.scenes.sources import open_scene
 from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, EpisodeKey, Pose, SceneKind
 
+from .provenance import make_run_info
 from .rules import score_run
 from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, RunInfo, RunWriter, Step, read_lines
+from .runner import scene_kind
 
 START_TOLERANCE = 0.01
 """A run starts at most this far (metres) from its episode's start."""
 ANGLE_TOLERANCE = math.radians(0.5)
 """For the start's yaw and for every turn and look; Habitat's float32 rotations stay within 0.001 degrees."""
 POSITION_TOLERANCE = 1e-3
-"""Metres of rounding allowed in any step; of 8,000 forwards of real Habitat none is off by more than 3e-6."""
+"""Metres of rounding allowed in any step; of the 3,926 forwards in the golden runs none is off by more than 3e-6."""
 MAX_RISE = 0.45
-"""Most that one forward can climb or fall (metres): 0.25 on Habitat's steepest slope (45 degrees) plus one climb of 0.2."""
+"""Most that one forward can climb or fall (metres): 0.25 on Habitat's steepest slope (45 degrees) plus a climb."""
 SNAP_SIDEWAYS = 0.25
 """How far sideways the first forward may leave its line when the start is off the other simulator's mesh (metres).
 
@@ -53,11 +51,12 @@ class CheckedRun:
 
     episode: Episode
     run: EpisodeRun
-    """Measures dropped, `collided` computed from the positions, the dataset's episode id."""
+    """Measures dropped, `collided` computed from the positions, the episode's id as in the dataset.
+
+    habitat-lab overwrites ids by the place in the content file; such a number is understood when the start fits.
+    """
     where: str
     """`file:line` of its first line."""
-    renumbered: bool
-    """Whether the file named the episode by its place in the content file, as habitat-lab does."""
 
 
 def import_runs(
@@ -82,34 +81,28 @@ def import_runs(
         allow_schematic: Score on homes recovered from the episodes; their distances are not those of the scans.
 
     Returns:
-        The folders written: one, or one per scene kind with the kind in its name.
+        The folder written.
 
     Raises:
         RunFileError: A line is damaged, a step is impossible, an episode is unknown or comes twice, or `out` cannot be
             written.
         SceneError: A scene cannot be opened.
     """
+    kind = scene_kind(dataset, scenes_dir)
+    if kind == "schematic" and not allow_schematic:
+        raise RunFileError(
+            f"{dataset.root}: there are neither scans nor plans of its homes, only schematic homes, which another "
+            "simulator did not use; expected the scenes that were played. Give --scenes-dir the folder of their GLBs."
+        )
+    info = _run_info(files, dataset=dataset, kind=kind, who=who, run_id=run_id)
     checked = [run for path in files for run in check_file(path, dataset=dataset)]
     _require_some_and_no_twins(checked, files)
-    scored = _score(checked, dataset=dataset, scenes_dir=scenes_dir, allow_schematic=allow_schematic)
-    digest = _digest(files)
-    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", who).strip("-")[:60] or "run"
-    kinds = sorted({kind for kind, _ in scored})
-    folders = []
-    for kind in kinds:
-        name = (run_id or f"{slug}-{digest[:8]}") + (f"-{kind}" if len(kinds) > 1 else "")
-        config = {
-            "imported": " ".join(path.name for path in files),
-            "imported_digest": digest,
-            "renumbered": sum(run.renumbered for run in checked),
-        }
-        info = _run_info(run_id=name, who=who, scene_kind=kind, dataset_digest=dataset.digest(), config=config)
-        writer = RunWriter(out / name, info)
-        for of_kind, run in scored:
-            if of_kind == kind and run.key not in writer.done:
-                writer.add_episode(run)
-        folders.append(writer.folder)
-    return folders
+    scored = _score(checked, dataset=dataset, scenes_dir=scenes_dir)
+    writer = RunWriter(out / info.run_id, info)
+    for run in scored:
+        if run.key not in writer.done:
+            writer.add_episode(run)
+    return [writer.folder]
 
 
 def check_file(path: Path, *, dataset: PersonalDataset) -> Iterator[CheckedRun]:
@@ -119,9 +112,9 @@ def check_file(path: Path, *, dataset: PersonalDataset) -> Iterator[CheckedRun]:
         RunFileError: A line is damaged or a step is impossible; the message begins with `file:line`.
     """
     for lines, run in read_numbered_runs(path):
-        episode, renumbered = _find_episode(f"{path}:{lines[0]}", run.start, dataset)
+        episode = _find_episode(f"{path}:{lines[0]}", run.start, dataset)
         check_steps(path, lines, run)
-        yield CheckedRun(episode, _with_own_facts(run, episode), f"{path}:{lines[0]}", renumbered)
+        yield CheckedRun(episode, _with_own_facts(run, episode), f"{path}:{lines[0]}")
 
 
 def read_numbered_runs(path: Path) -> Iterator[tuple[list[int], EpisodeRun]]:
@@ -164,7 +157,8 @@ def check_steps(path: Path, lines: Sequence[int], run: EpisodeRun) -> None:
             raise RunFileError(f"{where}: found step {index + 1}; expected at most {MAX_STEPS}. Stop at the limit.")
         if index and run.steps[index - 1].action is Action.STOP:
             raise RunFileError(
-                f"{where}: found action {step.action.value!r} after 'stop'; expected 'end'. Call end_episode after STOP."
+                f"{where}: found action {step.action.value!r} after 'stop'; expected 'end'. "
+                "Call end_episode after STOP."
             )
         problem = _step_problem(poses[index], step, allow_sliding=run.start.allow_sliding, may_snap=not has_moved)
         if problem:
@@ -225,13 +219,13 @@ def _check_end(where: str, run: EpisodeRun) -> None:
         )
 
 
-def _find_episode(where: str, start: EpisodeStart, dataset: PersonalDataset) -> tuple[Episode, bool]:
-    """The dataset's episode that starts where the run starts, and whether it was named by its place in the file."""
+def _find_episode(where: str, start: EpisodeStart, dataset: PersonalDataset) -> Episode:
+    """The dataset's episode that the run names, by its id or by its place in the content file, and where it starts."""
     if (start.split, start.scene) not in dataset.files:
         known = ", ".join(scene for split, scene in dataset.files if split == start.split) or "no scene"
         raise RunFileError(
-            f"{where}: scene {start.scene!r} is not in split {start.split!r} of {dataset.root}; expected one of: {known}. "
-            "Give --dataset the episodes that were played."
+            f"{where}: scene {start.scene!r} is not in split {start.split!r} of {dataset.root}; expected one of: "
+            f"{known}. Give --dataset the episodes that were played."
         )
     try:
         episodes = list(dataset.episodes(splits=(start.split,), scenes=(start.scene,)))
@@ -239,10 +233,10 @@ def _find_episode(where: str, start: EpisodeStart, dataset: PersonalDataset) -> 
         raise RunFileError(f"{where}: its episode cannot be read: {error}") from None
     by_id = next((episode for episode in episodes if episode.key.episode_id == start.episode_id), None)
     if by_id and _start_problem(start, by_id) is None:
-        return by_id, False
+        return by_id
     place = int(start.episode_id) if start.episode_id.isdecimal() else len(episodes)
     if place < len(episodes) and _start_problem(start, episodes[place]) is None:
-        return episodes[place], True
+        return episodes[place]
     key = EpisodeKey(start.split, start.scene, start.episode_id)
     if by_id is None:
         raise RunFileError(
@@ -294,20 +288,16 @@ def _require_some_and_no_twins(checked: Sequence[CheckedRun], files: Sequence[Pa
         first[run.episode.key] = run.where
 
 
-def _score(
-    checked: Sequence[CheckedRun], *, dataset: PersonalDataset, scenes_dir: Path | None, allow_schematic: bool
-) -> list[tuple[SceneKind, EpisodeRun]]:
-    """(scene kind, run with measures) of every run, in the order given; one scene is open at a time."""
-    scored: dict[EpisodeKey, tuple[SceneKind, EpisodeRun]] = {}
-    for name in sorted({run.episode.key.scene for run in checked}):
+def _score(checked: Sequence[CheckedRun], *, dataset: PersonalDataset, scenes_dir: Path | None) -> list[EpisodeRun]:
+    """Every run with its measures, in the order given; one scene is open at a time."""
+    from sim.scenes.sources import open_scene
+
+    scored: dict[EpisodeKey, EpisodeRun] = {}
+    for name in sorted({item.episode.key.scene for item in checked}):
         scene = open_scene(dataset, name, scenes_dir=scenes_dir)
-        of_scene = [run for run in checked if run.episode.key.scene == name]
-        if scene.kind == "schematic" and not allow_schematic:
-            raise RunFileError(
-                f"{of_scene[0].where}: scene {name!r} has no scan and no plan here, only a schematic home, which another "
-                "simulator did not use; expected the scene that was played. Give --scenes-dir the folder of its GLB."
-            )
-        for item in of_scene:
+        for item in checked:
+            if item.episode.key.scene != name:
+                continue
             measures = score_run(
                 item.episode,
                 item.run.poses,
@@ -317,28 +307,23 @@ def _score(
                 scene_digest=scene.digest,
             )
             end = EpisodeEnd(reason=item.run.end.reason, measures=measures)
-            scored[item.episode.key] = (scene.kind, item.run.model_copy(update={"end": end}))
-    return [scored[run.episode.key] for run in checked]
+            scored[item.episode.key] = item.run.model_copy(update={"end": end})
+    return [scored[item.episode.key] for item in checked]
 
 
 def _run_info(
-    *,
-    run_id: str,
-    who: str,
-    scene_kind: SceneKind | Literal["oracle-map"],
-    dataset_digest: str,
-    config: dict[str, str | int | float | bool | None],
+    files: Sequence[Path], *, dataset: PersonalDataset, kind: SceneKind, who: str, run_id: str | None
 ) -> RunInfo:
+    digest = _digest(files)
+    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", who).strip("-")[:60] or "run"
     try:
-        return RunInfo(
-            run_id=run_id,
+        return make_run_info(
+            run_id or f"{slug}-{digest[:8]}",
             who=who,
             who_kind="agent",
-            scene_kind=scene_kind,
-            dataset_digest=dataset_digest,
-            config=config,
-            versions={"personal-viz": importlib.metadata.version("personal-viz")},
-            created_utc=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            scene_kind=kind,
+            dataset_digest=dataset.digest(),
+            config={"imported": " ".join(path.name for path in files), "imported_digest": digest},
         )
     except ValidationError as error:
         advice = "Give another --run-id (letters, digits, '.', '_', '-') or --who."
@@ -349,5 +334,8 @@ def _digest(files: Sequence[Path]) -> str:
     """sha256 over the bytes of all files, in the order given."""
     total = hashlib.sha256()
     for path in files:
-        total.update(path.read_bytes())
+        try:
+            total.update(path.read_bytes())
+        except OSError as error:
+            raise RunFileError(f"{path}: cannot be read ({error}); expected JSON lines. Check the path.") from None
     return total.hexdigest()

@@ -259,23 +259,33 @@ def read_run(folder: Path) -> Run:
     Raises:
         RunFileError: `run.json` is missing or any file is damaged.
     """
+    info = read_run_info(folder)
+    steps, answers = folder / "steps.jsonl", folder / "answers.jsonl"
+    runs = tuple(run for _, run in read_episode_runs(steps)) if steps.is_file() else ()
+    found = []
+    for number, line in read_lines(answers) if answers.is_file() else ():
+        if not isinstance(line, Answer):
+            raise RunFileError(f"{answers}:{number}: expected only lines of kind 'answer'. {_ADVICE}")
+        found.append(line)
+    return Run(info=info, episodes=runs, answers=tuple(found))
+
+
+def read_run_info(folder: Path) -> RunInfo:
+    """`run.json` of a run folder.
+
+    Raises:
+        RunFileError: It is missing or damaged.
+    """
     path = folder / "run.json"
     if not path.is_file():
         raise RunFileError(
-            f"{folder}: found no run.json; expected a folder written by personal-viz run, ground, "
-            "import or study export. Give the folder that holds run.json."
+            f"{folder}: found no run.json; expected a folder written by personal-viz run, ground, import or "
+            "study export. Give the folder that holds run.json."
         )
     try:
-        info = RunInfo.model_validate_json(path.read_bytes(), strict=True)
+        return RunInfo.model_validate_json(path.read_bytes(), strict=True)
     except ValidationError as error:
         raise RunFileError(line_from_validation_error(path, error, advice="Restore the file.")) from None
-    steps, answers = folder / "steps.jsonl", folder / "answers.jsonl"
-    runs = tuple(run for _, run in read_episode_runs(steps)) if steps.is_file() else ()
-    found = tuple(line for _, line in read_lines(answers)) if answers.is_file() else ()
-    for number, line in enumerate(found, start=1):
-        if not isinstance(line, Answer):
-            raise RunFileError(f"{answers}:{number}: expected only lines of kind 'answer'. {_ADVICE}")
-    return Run(info=info, episodes=runs, answers=tuple(line for line in found if isinstance(line, Answer)))
 
 
 class RunWriter:
@@ -292,7 +302,7 @@ class RunWriter:
             folder.mkdir(parents=True, exist_ok=True)
             path = folder / "run.json"
             if path.exists():
-                self._require_same_run(read_run(folder).info, info)
+                self._require_same_run(read_run_info(folder), info)
             else:
                 _write_whole(path, info.model_dump_json(indent=2) + "\n")
             for name in ("steps.jsonl", "answers.jsonl"):

@@ -1,0 +1,152 @@
+"""Grounders over episodes: maps, answers and their measures, one worker process per scene. Written as `Answer` lines."""
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.tasks.rules import scene_storeys, score_answer
+from sim.tasks.run_files import Answer, RunWriter
+from sim.types import SPLITS, EpisodeKey, Split
+
+from .encoders import EncoderName, make_encoder
+from .grounders import GrounderName, make_grounder
+from .oracle_map import MapName, objects_map, oracle_home
+from .phrases import DatasetPhrases
+from .types import FeatureMap, Grounding
+
+_SCORE_DECIMALS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class GroundSettings:
+    """What is evaluated; the same settings give the same answers, whatever else is run."""
+
+    method: GrounderName
+    map: MapName = "oracle"
+    encoder: EncoderName = "hashed"
+    seed: int = 0
+    all_storeys: bool = False
+    """Merge the storeys into one map instead of telling the target's storey."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroundJob:
+    """One scene's episodes for one worker."""
+
+    dataset_root: Path
+    scene: str
+    keys: tuple[EpisodeKey, ...]
+    settings: GroundSettings
+
+
+class SceneGrounder:
+    """A scene's maps, phrases and grounder; answers its episodes. Views use it to show one episode's layers."""
+
+    def __init__(self, dataset: PersonalDataset, scene: str, settings: GroundSettings) -> None:
+        """Reads the scene's episode files.
+
+        Raises:
+            DatasetError: The scene is unknown or a file is damaged.
+            SceneError: The home does not fit a map.
+        """
+        self._settings = settings
+        self._home = oracle_home(dataset, scene)
+        self._encoder = make_encoder(settings.encoder)
+        self._grounder = make_grounder(settings.method, self._encoder, seed=settings.seed)
+        self._phrases = DatasetPhrases(dataset.episodes(scenes=(scene,)))
+        self._storeys = scene_storeys(dataset.goals(scene).values())
+        self._maps: dict[str | None, FeatureMap] = {}
+
+    def memory(self, episode: Episode) -> FeatureMap:
+        """The map that the grounder gets for this episode; built once per storey."""
+        floor_id = None if self._settings.all_storeys else episode.record.floor_id
+        if floor_id not in self._maps:
+            self._maps[floor_id] = objects_map(self._home, self._encoder, floor_id=floor_id)
+        return self._maps[floor_id]
+
+    def ground(self, episode: Episode) -> Grounding:
+        """The grounder's answer and layers; it sees the map, the task and the phrases only."""
+        task = episode.task("pog")
+        return self._grounder.ground(self.memory(episode), task, self._phrases.phrases(task))
+
+    def answer(self, episode: Episode) -> Answer:
+        """The scored answer as run files hold it."""
+        candidates = self.ground(episode).candidates
+        points = tuple(candidate.position for candidate in candidates)
+        return Answer(
+            split=episode.key.split,
+            scene=episode.key.scene,
+            episode_id=episode.key.episode_id,
+            candidates=points,
+            scores=tuple(round(candidate.score, _SCORE_DECIMALS) for candidate in candidates),
+            storey_given=not self._settings.all_storeys,
+            reason="click" if points else "giveup",
+            measures=score_answer(episode, points, storeys=self._storeys),
+        )
+
+
+def select_jobs(
+    dataset: PersonalDataset,
+    settings: GroundSettings,
+    *,
+    splits: tuple[Split, ...] = SPLITS,
+    scenes: tuple[str, ...] | None = None,
+    limit: int | None = None,
+) -> list[GroundJob]:
+    """One job per scene, in order of scene names.
+
+    Args:
+        dataset: Where the episodes are.
+        settings: What to evaluate.
+        splits: Which splits.
+        scenes: Which scenes; None = all.
+        limit: The first so many episodes of each split in the dataset's order, after choosing scenes; None = all.
+
+    Raises:
+        DatasetError: A named scene is unknown, or a file is damaged.
+    """
+    keys = [
+        episode.key for split in splits for episode in islice(dataset.episodes(splits=(split,), scenes=scenes), limit)
+    ]
+    names = sorted({key.scene for key in keys})
+    return [GroundJob(dataset.root, name, tuple(key for key in keys if key.scene == name), settings) for name in names]
+
+
+def evaluate(
+    jobs: Sequence[GroundJob], writer: RunWriter, *, processes: int, on_scene: Callable[[int], None] = lambda _: None
+) -> None:
+    """Answers every job's episodes and appends them to `writer` in order; those that it holds are skipped.
+
+    Args:
+        jobs: One per scene.
+        writer: Where answers go.
+        processes: Worker processes; 1 runs here. Answers do not depend on it.
+        on_scene: Called with the number of new answers of each finished scene.
+    """
+    waiting = [replace(job, keys=tuple(key for key in job.keys if key not in writer.done)) for job in jobs]
+    for answers in _results([job for job in waiting if job.keys], processes):
+        for answer in answers:
+            writer.add_answer(answer)
+        on_scene(len(answers))
+
+
+def ground_scene(job: GroundJob) -> list[Answer]:
+    """The job's answers, in order of its keys."""
+    dataset = PersonalDataset(job.dataset_root)
+    grounder = SceneGrounder(dataset, job.scene, job.settings)
+    by_key = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
+    return [grounder.answer(by_key[key]) for key in job.keys]
+
+
+def _results(jobs: Sequence[GroundJob], processes: int) -> Iterator[list[Answer]]:
+    if processes <= 1:
+        yield from map(ground_scene, jobs)
+        return
+    # spawn: forked children of a process that has loaded torch can deadlock in its thread pools
+    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
+        yield from pool.map(ground_scene, jobs)

@@ -1,0 +1,175 @@
+"""Log one run: its camera, what it saw, its path, its actions and distances; or the points of a POG answer."""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+from PIL import Image
+
+from sim.episodes.schema import Goal
+from sim.frames import T_world_camera
+from sim.tasks.run_files import Answer, EpisodeRun, RunInfo
+from sim.types import Camera, Pose
+from sim.world.renderer import Renderer
+
+from . import paths
+
+JPEG_QUALITY = 80
+LIFT = 0.06
+"""Paths are drawn this far above the floor (metres), so that the floor does not cover them."""
+ANSWER_STEP = 1
+"""Step at which a POG answer appears."""
+Rgb = tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """One run of one person or agent as the recording shows it."""
+
+    label: str
+    """Unique in the recording; names the run's entities."""
+    title: str
+    """What views and tables call it."""
+    rgb: Rgb
+    info: RunInfo
+    run: EpisodeRun | Answer
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """World points: (T + 1, 3) feet of a PAN run, (K, 3) candidates of a POG answer."""
+        points = [pose.position for pose in self.run.poses] if isinstance(self.run, EpisodeRun) else self.run.candidates
+        return np.array(points, float).reshape(-1, 3)
+
+
+def path_lengths(run: EpisodeRun) -> NDArray[np.float64]:
+    """Metres walked at the start and after each step; (T + 1,)."""
+    positions = np.array([pose.position for pose in run.poses])
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
+
+
+def times(run: EpisodeRun) -> NDArray[np.float64] | None:
+    """Seconds at the start and after each step, (T + 1,); None when the run measured no time."""
+    seconds = np.array([0.0, *(step.t_s for step in run.steps)])
+    return seconds if seconds.any() else None
+
+
+def indexes(run: EpisodeRun, *, first: int = 0) -> list[rr.TimeColumn]:
+    """The timelines of rows `first` to T of a run (row 0 = its start)."""
+    columns = [
+        rr.TimeColumn(paths.STEP, sequence=np.arange(first, len(run.steps) + 1)),
+        rr.TimeColumn(paths.PATH_M, duration=path_lengths(run)[first:]),
+    ]
+    seconds = times(run)
+    return columns if seconds is None else [*columns, rr.TimeColumn(paths.TIME_S, duration=seconds[first:])]
+
+
+def log_run(
+    stream: rr.RecordingStream,
+    trace: Trace,
+    *,
+    targets: Sequence[Goal],
+    renderer: Renderer | None,
+    camera: Camera,
+) -> None:
+    """Logs a PAN run below `/runs/<label>`; pictures only with a renderer."""
+    assert isinstance(trace.run, EpisodeRun)
+    _log_camera(stream, trace, camera)
+    if renderer is not None and trace.run.steps:
+        _log_pictures(stream, trace, renderer, camera)
+    _log_path(stream, trace)
+    _log_actions(stream, trace)
+    centres = np.array([target.position for target in targets])[:, [0, 2]]
+    apart = np.linalg.norm(trace.positions[:, None, [0, 2]] - centres, axis=-1).min(axis=1)
+    entity = paths.run_path(trace.label, "centre_distance")
+    stream.log(entity, rr.SeriesLines(names=trace.title, colors=[trace.rgb], widths=2.0), static=True)
+    stream.send_columns(entity, indexes(trace.run), rr.Scalars.columns(scalars=apart))
+
+
+def log_answer(stream: rr.RecordingStream, trace: Trace) -> None:
+    """Logs a POG answer below `/runs/<label>`: ranked points, and how a person pointed."""
+    answer = trace.run
+    assert isinstance(answer, Answer)
+    stream.reset_time()
+    stream.set_time(paths.STEP, sequence=ANSWER_STEP)
+    if answer.t_s is not None:
+        stream.set_time(paths.TIME_S, duration=answer.t_s)
+    if answer.candidates:
+        ranks = [f"{trace.title} {rank}" for rank in range(1, len(answer.candidates) + 1)]
+        points = rr.Points3D(trace.positions, colors=[trace.rgb], radii=0.08, labels=ranks)
+        stream.log(paths.run_path(trace.label, "candidates"), points)
+    if answer.ray is not None and answer.candidates:
+        ray = rr.LineStrips3D([[answer.ray.camera_position, answer.candidates[0]]], colors=[trace.rgb], radii=0.015)
+        stream.log(paths.run_path(trace.label, "click_ray"), ray)
+    text = f"{answer.reason}: {len(answer.candidates)} points" if answer.candidates else f"{answer.reason}: no answer"
+    stream.log(paths.run_path(trace.label, "actions"), rr.TextLog(f"{trace.title}: {text}", color=trace.rgb))
+
+
+def _log_camera(stream: rr.RecordingStream, trace: Trace, camera: Camera) -> None:
+    assert isinstance(trace.run, EpisodeRun)
+    entity = paths.run_path(trace.label, "camera")
+    pinhole = rr.Pinhole(
+        focal_length=camera.focal,
+        width=camera.width,
+        height=camera.height,
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=0.5,
+        color=trace.rgb,
+    )
+    stream.log(entity, pinhole, static=True)
+    Ts = np.array([T_world_camera(pose, camera) for pose in trace.run.poses])
+    columns = rr.Transform3D.columns(translation=Ts[:, :3, 3], mat3x3=Ts[:, :3, :3])
+    stream.send_columns(entity, indexes(trace.run), columns)
+
+
+def _log_pictures(stream: rr.RecordingStream, trace: Trace, renderer: Renderer, camera: Camera) -> None:
+    """What the robot saw, rendered again from its poses; equal poses (a blocked step, STOP) are rendered once."""
+    assert isinstance(trace.run, EpisodeRun)
+    jpegs: list[bytes] = []
+    previous: Pose | None = None
+    for pose in trace.run.poses:
+        jpegs.append(jpegs[-1] if pose == previous else _jpeg(renderer.render(T_world_camera(pose, camera), camera).rgb))
+        previous = pose
+    entity = paths.run_path(trace.label, "camera")
+    columns = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
+    stream.send_columns(entity, indexes(trace.run), columns)
+
+
+def _log_path(stream: rr.RecordingStream, trace: Trace) -> None:
+    """The whole way as a faint static line, and one piece per step: the view shows all pieces up to its time."""
+    assert isinstance(trace.run, EpisodeRun)
+    lifted = trace.positions + [0.0, LIFT, 0.0]
+    whole = rr.LineStrips3D([lifted], colors=[(*trace.rgb, 70)], radii=0.008)
+    stream.log(paths.run_path(trace.label, "path"), whole, static=True)
+    if not trace.run.steps:
+        return
+    entity = paths.run_path(trace.label, "trail")
+    stream.log(entity, rr.LineStrips3D.from_fields(colors=[trace.rgb], radii=[0.03]), static=True)
+    pieces = np.stack([lifted[:-1], lifted[1:]], axis=1)  # (T, 2, 3)
+    stream.send_columns(entity, indexes(trace.run, first=1), rr.LineStrips3D.columns(strips=list(pieces)))
+
+
+def _log_actions(stream: rr.RecordingStream, trace: Trace) -> None:
+    assert isinstance(trace.run, EpisodeRun)
+    if not trace.run.steps:
+        return
+    texts = [
+        f"{trace.title}: {step.action.value}{' (blocked)' if step.collided else ''}" for step in trace.run.steps
+    ]
+    texts[-1] += "" if trace.run.end.reason == "stop" else f" - ended: {trace.run.end.reason}"
+    colors = [rgba_u32(trace.rgb)] * len(texts)
+    columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
+    stream.send_columns(paths.run_path(trace.label, "actions"), indexes(trace.run, first=1), columns)
+
+
+def rgba_u32(rgb: Rgb) -> int:
+    """Rerun's packed opaque colour."""
+    return (rgb[0] << 24) | (rgb[1] << 16) | (rgb[2] << 8) | 255
+
+
+def _jpeg(rgb: NDArray[np.uint8]) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(rgb).save(buffer, "JPEG", quality=JPEG_QUALITY)
+    return buffer.getvalue()

@@ -1,0 +1,314 @@
+"""A schematic home from the episode files alone: where the robot stood is floor, where it looked is open, the rest wall.
+
+Episode files -> HomePlan. Standing points are the original view points and the starts of all splits.
+"""
+
+import math
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.sparse import coo_matrix
+from scipy.spatial import cKDTree
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Goal
+from sim.errors import SceneError
+from sim.frames import yaw_towards
+from sim.types import AGENT_RADIUS, CAMERA_HEIGHT, STOREY_GAP
+
+from .cell_mesh import floor_layers, grown
+from .pieces import COLOURS, look_of, rgb_from_text
+from .plan import CELL, CellGrid, Cells, Furniture, HomePlan, Rect, Room, Storey, cells_from_runs, runs_from_cells
+
+MARGIN = 2.0
+"""Empty border around the standing points (metres)."""
+LINK = 2 * AGENT_RADIUS
+"""Standing points this close are joined without a guess (metres; the view points' lattice is 0.25)."""
+_MAX_LINK_DY = 0.25
+_MAX_SLOPE = math.radians(40)
+_STOREY_PENALTY = 1000.0  # bridges between storeys come last, and one is enough
+_LAYER_GAP = 0.3  # heights of one column closer than this are one floor
+PLINTH = 0.25
+_LOW_PLINTH = 0.02
+_FLOOR_LABELS = {"0": "ground floor", "1": "first floor", "2": "second floor", "-1": "basement"}
+
+
+class Recorded(NamedTuple):
+    """What the episode files say about one scene."""
+
+    standing: NDArray[np.float64]
+    """(N, 3) places where the robot stood."""
+    goals: dict[str, Goal]
+    captions: dict[str, str]
+    """First caption of each object that some episode asks for."""
+
+
+def recover_plan(dataset: PersonalDataset, scene: str) -> HomePlan:
+    """The schematic home of a scene, from its episodes in all splits.
+
+    Raises:
+        DatasetError: The scene is unknown or its files are damaged.
+        SceneError: The files hold no place to stand, or its parts cannot be joined.
+    """
+    recorded = recorded_facts(dataset, scene)
+    if not len(recorded.standing):
+        raise SceneError(
+            f"{dataset.root}: scene {scene!r} has no original view point and no episode; expected places to stand. "
+            "Give --scenes-dir the folder of its scan."
+        )
+    storeys = _storeys(recorded)
+    grid = _empty_grid(recorded.standing)
+    walkable = walkable_cells(recorded.standing, storeys, grid=grid, scene=scene)
+    grid = grid.model_copy(update={"walkable": runs_from_cells(walkable)})
+    furniture = tuple(_furniture(goal, recorded, storeys) for _, goal in sorted(recorded.goals.items()))
+    grid = grid.model_copy(update={"plinth": runs_from_cells(_plinth_cells(recorded, furniture, grid, storeys))})
+    rooms = tuple(
+        Room(name=storey.label, storey=k, floor_rgb=_FLOOR_RGB[k % 3], wall_rgb=_WALL_RGB[k % 3])
+        for k, storey in enumerate(storeys)
+    )
+    return HomePlan(name=scene, kind="schematic", storeys=storeys, rooms=rooms, furniture=furniture, cells=grid)
+
+
+_FLOOR_RGB = ((176, 148, 116), (150, 156, 164), (160, 140, 130))
+_WALL_RGB = ((218, 212, 200), (202, 214, 220), (220, 206, 210))
+
+
+def recorded_facts(dataset: PersonalDataset, scene: str) -> Recorded:
+    """Standing points (deduplicated), goals and captions of a scene.
+
+    Raises:
+        DatasetError: The scene is unknown or its files are damaged.
+    """
+    goals = dataset.goals(scene)
+    standing = {point.agent_state.position for goal in goals.values() for point in goal.original_view_points}
+    captions: dict[str, str] = {}
+    for episode in dataset.episodes(scenes=(scene,)):
+        standing.add(episode.record.start_position)
+        for name, texts in zip(episode.record.object_names, episode.record.captions_per_object, strict=True):
+            if texts:
+                captions.setdefault(name, texts[0])
+    points = np.array(sorted({tuple(round(value, 4) for value in point) for point in standing}), float)
+    return Recorded(points.reshape(-1, 3), goals, captions)
+
+
+def _storeys(recorded: Recorded) -> tuple[Storey, ...]:
+    """Floors at the heights where most points are, at least STOREY_GAP apart."""
+    left = np.sort(recorded.standing[:, 1])
+    found: list[float] = []
+    while len(left):
+        inside = np.searchsorted(left, left + 0.15, side="right") - np.arange(len(left))
+        first = int(inside.argmax())
+        height = float(np.median(left[first : first + inside[first]]))
+        if not found or inside[first] >= 10:
+            found.append(height)
+        left = left[np.abs(left - height) >= STOREY_GAP]
+    found.sort()
+    return tuple(
+        Storey(label=_label(recorded, height, index), floor_y=round(height, 2)) for index, height in enumerate(found)
+    )
+
+
+def _label(recorded: Recorded, height: float, index: int) -> str:
+    labels = Counter(g.floor_id for g in recorded.goals.values() if abs(g.floor_y - height) < STOREY_GAP / 2)
+    label = labels.most_common(1)[0][0] if labels else str(index)
+    return _FLOOR_LABELS.get(label, f"floor {label}")
+
+
+def _empty_grid(standing: NDArray[np.float64]) -> CellGrid:
+    low = np.floor((standing[:, [0, 2]].min(axis=0) - MARGIN) / CELL) * CELL
+    cols, rows = np.ceil((standing[:, [0, 2]].max(axis=0) + MARGIN - low) / CELL).astype(int)
+    origin = (round(float(low[0]), 4), round(float(low[1]), 4))
+    return CellGrid(origin_xz=origin, shape=(int(rows), int(cols)), walkable=())
+
+
+def walkable_cells(
+    standing: NDArray[np.float64], storeys: tuple[Storey, ...], *, grid: CellGrid, scene: str
+) -> Cells:
+    """Cells within AGENT_RADIUS of a standing point (N, 3), and guessed bridges that join them all.
+
+    Raises:
+        SceneError: Two parts of the home are too steep to join; names `scene`.
+    """
+    known, guessed = [standing], []
+    pairs = cKDTree(standing[:, [0, 2]]).query_pairs(LINK + 1e-6, output_type="ndarray")
+    pairs = pairs[np.abs(np.diff(standing[pairs, 1], axis=1)[:, 0]) <= _MAX_LINK_DY]
+    known.append(standing[pairs].mean(axis=1))
+    for a, b in _bridges(standing, pairs, storeys, scene):
+        num = max(2, math.ceil(math.dist(standing[a], standing[b]) / (CELL / 2)))
+        share = np.linspace(0, 1, num)[:, None]
+        guessed.append(standing[a] * (1 - share) + standing[b] * share)
+    discs = np.concatenate([*known, *guessed])
+    is_known = np.arange(len(discs)) < sum(len(part) for part in known)
+    return _cells_of_discs(discs, is_known, grid)
+
+
+def _bridges(
+    standing: NDArray[np.float64], pairs: NDArray[np.int64], storeys: tuple[Storey, ...], scene: str
+) -> list[tuple[int, int]]:
+    """Pairs of standing points whose straight strips join all islands: a minimum spanning tree over the islands."""
+    num = len(standing)
+    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num, num))
+    num_islands, island = connected_components(links, directed=False)
+    order = np.argsort(island, kind="stable")
+    firsts = np.searchsorted(island[order], np.arange(num_islands))
+    cost = _bridge_costs(standing[order], storeys)
+    between = np.minimum.reduceat(np.minimum.reduceat(cost, firsts, axis=0), firsts, axis=1)
+    np.fill_diagonal(between, 0)
+    tree = minimum_spanning_tree(np.where(np.isfinite(between), between, 0)).tocoo()
+    if tree.nnz != num_islands - 1:
+        raise SceneError(
+            f"scene {scene!r}: {num_islands - 1 - tree.nnz} parts of the home cannot be joined by a ramp of at most "
+            "40 degrees; expected standing points of connected storeys. Check the heights in its episode files."
+        )
+    ends = np.append(firsts, num)
+    bridges = []
+    for a, b in zip(tree.row, tree.col, strict=True):
+        block = cost[ends[a] : ends[a + 1], ends[b] : ends[b + 1]]
+        row, col = np.unravel_index(int(block.argmin()), block.shape)
+        bridges.append((int(order[firsts[a] + row]), int(order[firsts[b] + col])))
+    return bridges
+
+
+def _bridge_costs(points: NDArray[np.float64], storeys: tuple[Storey, ...]) -> NDArray[np.float64]:
+    """(N, N) length of a straight strip between two points, inf where it is too steep; storeys cost extra."""
+    planar = np.hypot(points[:, None, 0] - points[None, :, 0], points[:, None, 2] - points[None, :, 2])
+    rise = np.abs(points[:, None, 1] - points[None, :, 1])
+    storey = np.abs(points[:, 1, None] - [storey.floor_y for storey in storeys]).argmin(axis=1)
+    apart = np.abs(storey[:, None] - storey[None, :])
+    cost = np.maximum(planar, 1e-3) + 2 * rise + _STOREY_PENALTY * apart**2
+    return np.where(rise <= planar * math.tan(_MAX_SLOPE) + 0.02, cost, np.inf)
+
+
+def _cells_of_discs(discs: NDArray[np.float64], is_known: NDArray[np.bool_], grid: CellGrid) -> Cells:
+    """Cells whose centre is within AGENT_RADIUS of a disc's centre (N, 3); one cell per column and floor."""
+    reach = math.ceil(AGENT_RADIUS / CELL)
+    side = np.arange(-reach, reach + 1)
+    offsets = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
+    spec = grid.grid
+    rc = spec.rc_from_xz(discs[:, [0, 2]])[:, None] + offsets  # (N, O, 2)
+    distance = np.linalg.norm(spec.xz_from_rc(rc) - discs[:, None, [0, 2]], axis=-1)
+    disc, offset = np.nonzero(distance <= AGENT_RADIUS)
+    rc, distance, y, known = rc[disc, offset], distance[disc, offset], discs[disc, 1], is_known[disc]
+    order = np.lexsort((y, rc[:, 1], rc[:, 0]))
+    rc, distance, y, known = rc[order], distance[order], y[order], known[order]
+    new = np.ones(len(rc), bool)
+    new[1:] = (np.diff(rc, axis=0) != 0).any(axis=1) | (np.diff(y) > _LAYER_GAP)
+    group = np.cumsum(new) - 1
+    weight = np.where(known, 1.0, 0.01) / (distance**2 + 0.01**2)  # a cell at a standing point has that point's height
+    mean = np.bincount(group, weight * y) / np.bincount(group, weight)
+    guessed = np.bincount(group, known) == 0
+    return Cells(rc[new], mean, guessed)
+
+
+def _furniture(goal: Goal, recorded: Recorded, storeys: tuple[Storey, ...]) -> Furniture:
+    """A piece at the goal's recorded centre, with a size typical of its category that leaves standing points free."""
+    family, (width, height, depth) = look_of(goal.object_category)
+    x, y, z = goal.position
+    seen_from = np.array([p.agent_state.position for p in goal.original_view_points or goal.view_points]).reshape(-1, 3)
+    middle = seen_from.mean(axis=0) if len(seen_from) else np.array(goal.position)
+    # fronts look along +z at yaw 0, while a robot looks along -z: facing the viewers is facing away from them, turned
+    yaw = round((yaw_towards((x, z), (middle[0], middle[2])) + math.pi) / (math.pi / 2)) * (math.pi / 2)
+    above_floor = y - goal.floor_y
+    if family not in ("flat", "panel", "cloth", "box") and 0.3 * height < above_floor < 0.8 * height:
+        height = 2 * above_floor  # it stands on the floor: the recorded centre tells its height
+    sideways = round(yaw / (math.pi / 2)) % 2 == 1
+    half = np.array([depth, width] if sideways else [width, depth]) / 2
+    if family != "flat":
+        half = _clipped(half, goal, recorded.standing, bottom=y - height / 2, top=y + height / 2)
+    width, depth = (2 * half[::-1] if sideways else 2 * half).tolist()
+    caption = recorded.captions.get(goal.object_name, "")
+    storey = min(storeys, key=lambda storey: abs(storey.floor_y - goal.floor_y))
+    if family == "flat":
+        y = storey.floor_y + 0.012
+    return Furniture(
+        name=goal.object_name,
+        category=goal.object_category,
+        centre=(x, y, z),
+        size=(width, height, depth),
+        yaw=(yaw + math.pi) % (2 * math.pi) - math.pi,
+        rgb=rgb_from_text(caption) or rgb_from_text(goal.object_category) or _usual_rgb(goal),
+        caption=caption,
+        room=storey.label,
+    )
+
+
+def _usual_rgb(goal: Goal) -> tuple[int, int, int]:
+    """A colour for an object whose caption names none; differs between neighbours of one category."""
+    words = ("oak", "grey", "beige", "teal", "brown", "cream", "blue", "walnut")
+    return COLOURS[words[goal.object_id % len(words)]]
+
+
+def _clipped(
+    half: NDArray[np.float64], goal: Goal, standing: NDArray[np.float64], *, bottom: float, top: float
+) -> NDArray[np.float64]:
+    """Half extents (2,) along x and z, shrunk until every standing point is AGENT_RADIUS away from the box."""
+    in_the_way = (standing[:, 1] < top - 0.1) & (standing[:, 1] + CAMERA_HEIGHT > bottom)
+    away = np.abs(standing[in_the_way][:, [0, 2]] - np.array([goal.position[0], goal.position[2]]))
+    away = away[(away < half + AGENT_RADIUS).all(axis=1)]
+    half = half.copy()
+    for point in away[np.argsort(away.max(axis=1), kind="stable")]:
+        if (point < half + AGENT_RADIUS).all():
+            choices = [half.copy(), half.copy()]
+            for axis, choice in enumerate(choices):
+                choice[axis] = max(0.04, point[axis] - AGENT_RADIUS)
+            half = max(choices, key=lambda choice: float(min(choice) + 0.1 * choice.sum()))
+    return half
+
+
+def _plinth_cells(
+    recorded: Recorded, furniture: tuple[Furniture, ...], grid: CellGrid, storeys: tuple[Storey, ...]
+) -> Cells:
+    """Open space along every original view ray and under objects, where no floor is: tops of low blocks."""
+    spec = grid.grid
+    floor_y = np.array([storey.floor_y for storey in storeys])
+    is_open = np.zeros((len(storeys), *grid.shape), bool)
+    is_low = np.zeros_like(is_open)
+    for piece in furniture:
+        goal = recorded.goals[piece.name]
+        eyes = np.array([p.agent_state.position for p in goal.original_view_points]).reshape(-1, 3)
+        k = int(np.abs(floor_y - goal.floor_y).argmin())
+        if len(eyes):
+            num = math.ceil(np.linalg.norm(eyes - goal.position, axis=1).max() / (CELL / 2)) + 1
+            share = np.linspace(0, 1, num)[:, None, None]
+            points = eyes * (1 - share) + np.array(goal.position) * share  # (S, V, 3)
+            rc = spec.rc_from_xz(points[..., [0, 2]])
+            sight = (eyes[:, 1] + CAMERA_HEIGHT) * (1 - share[..., 0]) + goal.position[1] * share[..., 0]
+            low = sight - floor_y[k] < PLINTH + 0.15
+            is_open[k, rc[..., 0], rc[..., 1]] = True
+            is_low[k, rc[low][:, 0], rc[low][:, 1]] = True
+        rows, cols = _footprint(piece, grid)
+        is_open[k, rows, cols] = is_low[k, rows, cols] = True
+    floors = floor_layers(grid, storeys)[::2]
+    parts = []
+    for k in range(len(storeys)):
+        opened, low = (_dilated(mask[k]) for mask in (is_open, is_low))
+        base = grown(floors[k], math.inf)
+        rows, cols = np.nonzero(opened & np.isnan(floors[k]))
+        # storeys whose floor is far (a void, a stair well) take their own floor, not a neighbour on the stairs
+        y = np.where(np.abs(base[rows, cols] - floor_y[k]) < 0.6, base[rows, cols], floor_y[k])
+        y = np.round(y / 0.05) * 0.05 + np.where(low[rows, cols], _LOW_PLINTH, PLINTH)
+        parts.append((np.stack([rows, cols], axis=1), y))
+    rc = np.concatenate([part[0] for part in parts])
+    return Cells(rc, np.concatenate([part[1] for part in parts]), np.zeros(len(rc), bool))
+
+
+def _dilated(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask and its four neighbours."""
+    padded = np.pad(mask, 1)
+    return mask | padded[2:, 1:-1] | padded[:-2, 1:-1] | padded[1:-1, 2:] | padded[1:-1, :-2]
+
+
+def _footprint(piece: Furniture, grid: CellGrid) -> tuple[slice, slice]:
+    """Rows and columns under a piece."""
+    rect: Rect = piece.rect
+    corners = np.array([[rect.x0, rect.z0], [rect.x1, rect.z1]])
+    (row0, col0), (row1, col1) = np.clip(grid.grid.rc_from_xz(corners), 0, np.array(grid.shape) - 1)
+    return slice(int(row0), int(row1) + 1), slice(int(col0), int(col1) + 1)
+
+
+def guessed_share(plan: HomePlan) -> float:
+    """Share of the walkable cells that are guessed bridges; 0 for homes without cells."""
+    return float(cells_from_runs(plan.cells.walkable).guessed.mean()) if plan.cells and plan.cells.walkable else 0.0

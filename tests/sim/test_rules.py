@@ -1,0 +1,126 @@
+"""Success rules and measures, on worlds whose figures are computed by hand."""
+
+import math
+
+import pytest
+
+from sim.tasks.rules import scene_storeys, score_answer, score_run, storey_of
+from sim.types import Pose
+
+from .worlds import episode, goal, open_room, view_point
+
+ROOM = open_room()
+NEAR = goal((1.0, 0.5, 4.0), (view_point((1.0, 0.0, 3.5)),))
+
+
+def run(target_episode, *positions, stopped=True):
+    """Measures of a run through these positions."""
+    poses = [Pose(position, 0.0) for position in positions]
+    return score_run(target_episode, poses, stopped=stopped, navigation=ROOM, collisions=0, scene_digest="x")
+
+
+def test_stop_on_the_radius_counts_as_success() -> None:
+    measures = run(episode(NEAR), (1.0, 0.0, 1.0), (1.0, 0.0, 3.0)).rules["paper"]
+    assert measures is not None
+    assert measures.success
+    assert measures.dtg == 0
+
+
+def test_just_outside_the_radius_fails_and_the_distance_left_is_shown() -> None:
+    measures = run(episode(NEAR), (1.0, 0.0, 1.0), (1.0, 0.0, 2.9)).rules["paper"]
+    assert measures is not None
+    assert not measures.success
+    assert measures.dtg == pytest.approx(0.1, abs=0.04)
+
+
+def test_without_stop_there_is_no_success_however_close() -> None:
+    measures = run(episode(NEAR), (1.0, 0.0, 1.0), (1.0, 0.0, 3.5), stopped=False)
+    assert not measures.rules["paper"].success
+    assert not measures.rules["habitat"].success
+    assert measures.rules["authors"].success  # the authors' reader does not ask for STOP
+
+
+def test_spl_is_shortest_over_walked_length() -> None:
+    # 2 m straight to the edge of the region; walked 2 m sideways and back on top: 6 m
+    detour = run(episode(NEAR), (1.0, 0.0, 1.0), (3.0, 0.0, 1.0), (1.0, 0.0, 1.0), (1.0, 0.0, 3.0))
+    paper = detour.rules["paper"]
+    assert detour.path_m == pytest.approx(6.0)
+    assert paper.start_distance == pytest.approx(2.0, abs=0.04)
+    assert paper.spl == pytest.approx(paper.start_distance / 6.0)
+
+
+def test_habitat_counts_the_distance_to_a_view_point_and_is_strict() -> None:
+    inside = run(episode(NEAR), (1.0, 0.0, 1.0), (1.0, 0.0, 3.45)).rules["habitat"]
+    outside = run(episode(NEAR), (1.0, 0.0, 1.0), (1.0, 0.0, 3.3)).rules["habitat"]
+    assert inside.success
+    assert inside.start_distance == pytest.approx(2.5, abs=0.02)
+    assert not outside.success
+
+
+def test_a_start_inside_the_region_gives_spl_equal_to_success() -> None:
+    measures = run(episode(NEAR, start=(1.0, 0.0, 3.5)), (1.0, 0.0, 3.5)).rules["paper"]
+    assert measures.start_distance == 0
+    assert measures.spl == 1.0
+
+
+def test_the_radius_is_relaxed_where_no_view_point_is_within_one_metre() -> None:
+    far = goal((1.0, 0.5, 4.0), (view_point((1.0, 0.0, 2.7)),))
+    assert run(episode(far), (1.0, 0.0, 1.0), (1.0, 0.0, 2.5)).rules["paper"].success
+    assert not run(episode(far), (1.0, 0.0, 1.0), (1.0, 0.0, 2.4)).rules["paper"].success
+
+
+def test_an_extra_view_point_is_no_view_point_for_paper_and_habitat() -> None:
+    extra_only = goal((1.0, 0.5, 4.0), (view_point((1.0, 0.0, 3.5), iou=None),))
+    rules = run(episode(extra_only), (1.0, 0.0, 1.0), (1.0, 0.0, 3.5)).rules
+    assert rules["habitat"] is None
+    assert rules["authors"].success
+    assert run(episode(extra_only), (1.0, 0.0, 1.0), (1.0, 0.0, 2.5)).rules["paper"].success  # 1.5 m
+
+
+def test_another_storey_under_the_target_is_no_success_under_paper() -> None:
+    upstairs = goal((1.0, 3.5, 4.0), (view_point((1.0, 3.0, 3.5)),))
+    measures = run(episode(upstairs), (1.0, 0.0, 1.0), (1.0, 0.0, 3.5))
+    assert not measures.rules["paper"].success
+    assert measures.rules["paper"].dtg is None  # nothing to walk on up there
+    assert measures.rules["authors"].success  # on any storey: kept as they wrote it
+
+
+def test_any_of_several_targets_counts() -> None:
+    other = goal((5.0, 0.5, 1.0), (view_point((4.5, 0.0, 1.0)),), name="chair_2")
+    assert run(episode(NEAR, other), (1.0, 0.0, 1.0), (4.5, 0.0, 1.0)).rules["paper"].success
+
+
+def test_spl_never_exceeds_success_and_soft_spl_never_one() -> None:
+    for end in ((1.0, 0.0, 2.0), (1.0, 0.0, 3.5), (5.0, 0.0, 5.0)):
+        for measures in run(episode(NEAR), (1.0, 0.0, 1.0), end).rules.values():
+            assert measures.spl <= measures.success
+            assert 0 <= measures.soft_spl <= 1
+
+
+def test_an_answer_within_one_metre_on_the_storey_is_right_and_above_it_wrong() -> None:
+    storeys = [(0.0, 0.2), (3.0, 3.0)]
+    assert score_answer(episode(NEAR), [(1.0, 0.0, 3.0)], storeys=storeys).success
+    assert not score_answer(episode(NEAR), [(1.0, 0.0, 2.99)], storeys=storeys).success
+    upstairs = score_answer(episode(NEAR), [(1.0, 3.0, 4.0)], storeys=storeys)
+    assert not upstairs.success
+    assert upstairs.planar_distance is None
+    assert upstairs.distance_3d == pytest.approx(2.5)
+
+
+def test_the_third_candidate_counts_for_top3_only() -> None:
+    scored = score_answer(episode(NEAR), [(5.0, 0, 5.0), (4.0, 0, 4.0), (1.0, 0, 4.0)], storeys=[(0, 0)])
+    assert not scored.success
+    assert scored.top3_success
+    assert scored.planar_distance == pytest.approx(math.hypot(4, 1))
+
+
+def test_no_answer_is_a_failure() -> None:
+    scored = score_answer(episode(NEAR), [], storeys=[(0, 0)])
+    assert (scored.success, scored.top3_success, scored.planar_distance) == (False, False, None)
+
+
+def test_storeys_follow_from_heights_not_from_labels() -> None:
+    upstairs = goal((1.0, 3.5, 4.0), (view_point((1.0, 3.0, 3.5)), view_point((1.2, 3.2, 3.5))))
+    storeys = scene_storeys([NEAR, upstairs])
+    assert storeys == [(0.0, 0.0), (3.0, 3.2)]
+    assert [storey_of(y, storeys) for y in (-1.0, 1.8, 2.65, 2.75, 5.0)] == [0, 0, 0, 1, 1]

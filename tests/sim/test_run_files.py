@@ -1,0 +1,167 @@
+"""Run files: round trip, resume after a kill, an old version, damage."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from sim.errors import RunFileError
+from sim.tasks.metrics import metric_rows
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import (
+    Answer,
+    EpisodeEnd,
+    EpisodeRun,
+    EpisodeStart,
+    Measures,
+    RuleMeasures,
+    RunInfo,
+    RunWriter,
+    Step,
+    read_run,
+)
+from sim.types import Action
+
+
+def info(**changes) -> RunInfo:
+    """A run's description."""
+    return make_run_info("r1", who="random", who_kind="agent", scene_kind="invented", dataset_digest="d").model_copy(
+        update=changes
+    )
+
+
+def finished(episode_id: str = "1", *, success: bool = True) -> EpisodeRun:
+    """A run of two steps."""
+    rule = RuleMeasures(success=success, spl=0.5 * success, soft_spl=0.5, dtg=0.0 if success else 2.0, start_distance=2)
+    measures = Measures(
+        rules={"paper": rule, "habitat": None, "authors": rule},
+        centre_distance=0.5,
+        path_m=4.0,
+        num_steps=2,
+        collisions=0,
+        stored_geodesic=2.0,
+        scene_digest="s",
+    )
+    steps = (
+        Step(action=Action.FORWARD, position=(0.1, 0.0, -0.25), yaw=0.1),
+        Step(action=Action.STOP, position=(0.1, 0.0, -0.25), yaw=0.1, t_s=3.5),
+    )
+    start = EpisodeStart(split="easy", scene="Demo", episode_id=episode_id, position=(0.1, 0.0, 0.0), yaw=0.1)
+    return EpisodeRun(start=start, steps=steps, end=EpisodeEnd(reason="stop", measures=measures))
+
+
+def test_a_run_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "r1", info())
+    answer = Answer(split="hard", scene="Demo", episode_id="9", candidates=((1.0, 0.0, 2.0),), scores=(0.5,))
+    writer.add_episode(finished())
+    writer.add_answer(answer)
+    run = read_run(tmp_path / "r1")
+    assert run.episodes == (finished(),)
+    assert run.answers == (answer,)
+    assert run.info == info(created_utc=run.info.created_utc)
+
+
+def test_a_killed_run_goes_on_after_its_last_whole_block(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "r1", info())
+    writer.add_episode(finished("1"))
+    steps = tmp_path / "r1" / "steps.jsonl"
+    whole = steps.read_text()
+    block = "".join(line.model_dump_json() + "\n" for line in (finished("2").start, *finished("2").steps))
+    steps.write_text(whole + block + '{"kind":"st')
+    again = RunWriter(tmp_path / "r1", info())
+    assert steps.read_text() == whole
+    assert {key.episode_id for key in again.done} == {"1"}
+    again.add_episode(finished("2"))
+    assert [run.key.episode_id for run in read_run(tmp_path / "r1").episodes] == ["1", "2"]
+
+
+def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
+    RunWriter(tmp_path / "r1", info())
+    with pytest.raises(RunFileError, match=r"run\.json: seed is None, this run has 3; expected the same to resume"):
+        RunWriter(tmp_path / "r1", info(seed=3))
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("{broken", r"steps\.jsonl:2: found text that is not JSON"),
+        ('{"kind":"jump"}', r"steps\.jsonl:2: kind is 'jump'; expected one of"),
+        ('{"kind":"step","action":"fly","position":[0,0,0],"yaw":0}', r"steps\.jsonl:2: action is 'fly'; expected"),
+        ('{"kind":"step","action":"stop","position":[0,NaN,0],"yaw":0}', r"steps\.jsonl:2: position\.1 is nan"),
+        ('{"kind":"step","action":"stop","yaw":0}', r"steps\.jsonl:2: position is nothing; expected"),
+        (
+            '{"kind":"episode","split":"easy","scene":"D","episode_id":"1","position":[0,0,0],"yaw":0}',
+            "expected 'step'",
+        ),
+    ],
+)
+def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> None:
+    RunWriter(tmp_path / "r1", info())
+    start = finished().start.model_dump_json()
+    (tmp_path / "r1" / "steps.jsonl").write_text(start + "\n" + line + "\n" + finished().end.model_dump_json() + "\n")
+    with pytest.raises(RunFileError, match=message) as caught:
+        read_run(tmp_path / "r1")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_of_a_newer_version_is_refused_by_name(tmp_path: Path) -> None:
+    RunWriter(tmp_path / "r1", info())
+    path = tmp_path / "r1" / "run.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 2}))
+    with pytest.raises(RunFileError, match=r"run\.json: schema_version is 2; expected"):
+        read_run(tmp_path / "r1")
+
+
+def test_a_version_1_file_as_first_written_still_reads(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text(
+        '{"schema_version":1,"run_id":"old","who":"a","who_kind":"agent","scene_kind":"scan","dataset_digest":"d",'
+        '"created_utc":"2026-11-20T00:00:00+00:00"}'
+    )
+    (tmp_path / "steps.jsonl").write_text(
+        '{"kind":"episode","split":"easy","scene":"Demo","episode_id":"1","position":[0,0,0],"yaw":0}\n'
+        '{"kind":"step","action":"stop","position":[0,0,0],"yaw":0}\n'
+        '{"kind":"end","reason":"stop"}\n'
+    )
+    run = read_run(tmp_path)
+    assert run.episodes[0].steps[0].action is Action.STOP
+    assert run.info.condition == "none"
+
+
+def test_metrics_count_successes_and_average_distances_by_hand(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "r1", info())
+    for number, success in enumerate((True, True, False)):
+        writer.add_episode(finished(str(number), success=success))
+    rows = metric_rows([read_run(tmp_path / "r1")])
+    easy, total = rows
+    assert (easy.split, easy.n, easy.k) == ("easy", 3, 2)
+    assert easy.sr == pytest.approx(200 / 3)
+    assert easy.spl == pytest.approx(100 / 3)
+    assert easy.dtg == pytest.approx(2 / 3)
+    assert (total.split, total.sr) == ("total", easy.sr)
+
+
+def test_undefined_episodes_are_counted_apart(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "r1", info())
+    writer.add_episode(finished())
+    row = metric_rows([read_run(tmp_path / "r1")], rule="habitat")[0]
+    assert (row.n, row.undefined, row.sr) == (0, 1, None)
+
+
+def test_unreachable_goals_are_counted_and_left_out_of_the_mean_distance(tmp_path: Path) -> None:
+    lost = RuleMeasures(success=False, spl=0, soft_spl=0, dtg=None, start_distance=None)
+    run = finished("2")
+    assert run.end.measures is not None
+    measures = run.end.measures.model_copy(update={"rules": {"paper": lost, "habitat": None, "authors": lost}})
+    writer = RunWriter(tmp_path / "r1", info())
+    writer.add_episode(finished("1", success=False))
+    writer.add_episode(run.model_copy(update={"end": EpisodeEnd(reason="stop", measures=measures)}))
+    row = metric_rows([read_run(tmp_path / "r1")])[0]
+    assert (row.n, row.unreachable) == (2, 1)
+    assert row.dtg == pytest.approx(2.0)
+
+
+def test_metrics_refuse_runs_without_distances(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "r1", info())
+    writer.add_episode(finished().model_copy(update={"end": EpisodeEnd(reason="stop")}))
+    with pytest.raises(RunFileError, match=r'holds no measures for easy/Demo/1.*"personal-viz import" first'):
+        metric_rows([read_run(tmp_path / "r1")])

@@ -1,0 +1,63 @@
+"""Small worlds and episodes with known answers, for tests of the tasks."""
+
+import numpy as np
+
+from sim.episodes.schema import AgentState, Episode, EpisodeInfo, EpisodeRecord, Goal, ViewPoint
+from sim.frames import quat_xyzw_from_yaw
+from sim.types import EpisodeKey, GridSpec
+from sim.world.floor_grid import FloorGrid
+
+CELL = 0.05
+
+
+def open_room(*, width: float = 6.0, depth: float = 6.0, floor_y: float = 0.0) -> FloorGrid:
+    """Free floor for x in [0, width), z in [0, depth), without obstacles."""
+    return room_with(lambda xz: np.ones(len(xz), bool), width=width, depth=depth, floor_y=floor_y)
+
+
+def room_with(free, *, width: float = 6.0, depth: float = 6.0, floor_y: float = 0.0) -> FloorGrid:
+    """The part of a rectangle where `free(xz (N, 2)) -> (N,) bool`."""
+    grid = GridSpec((0.0, 0.0), CELL, (round(depth / CELL), round(width / CELL)))
+    rc = np.argwhere(np.ones(grid.shape, bool))
+    rc = rc[free(grid.xz_from_rc(rc))]
+    return FloorGrid.from_cells(rc, np.full(len(rc), floor_y), grid=grid)
+
+
+def view_point(position: tuple[float, float, float], *, iou: float | None = 0.5) -> ViewPoint:
+    """A view point that looks along -z."""
+    return ViewPoint(agent_state=AgentState(position=position, rotation=quat_xyzw_from_yaw(0.0)), iou=iou)
+
+
+def goal(position: tuple[float, float, float], view_points: tuple[ViewPoint, ...], *, name: str = "chair_1") -> Goal:
+    """A goal object."""
+    return Goal(
+        position=position,
+        object_id=int(name.rsplit("_", 1)[1]),
+        object_name=name,
+        object_category=name.rsplit("_", 1)[0],
+        floor_id="0",
+        view_points=view_points,
+    )
+
+
+def episode(
+    *targets: Goal, start: tuple[float, float, float] = (1.0, 0.0, 1.0), yaw: float = 0.0, geodesic: float = 3.0
+) -> Episode:
+    """An episode of scene Demo whose right objects are `targets`."""
+    record = EpisodeRecord(
+        episode_id="1",
+        scene_id="invented/Demo/Demo.basis.glb",
+        scene_dataset_config="none",
+        object_category=targets[0].object_category,
+        object_id=tuple(target.object_name for target in targets) if len(targets) > 1 else targets[0].object_name,
+        captions=tuple(("CAPTION-CANARY", "", "") for _ in targets) if len(targets) > 1 else ("CAPTION-CANARY", "", ""),
+        owner="Ada",
+        floor_id="0",
+        summary="Ada owns the green chair.",
+        extracted_summary=("Ada owns EXTRACTED-CANARY in the hall",),
+        query=("Find Ada's chair",),
+        start_position=start,
+        start_rotation=quat_xyzw_from_yaw(yaw),
+        info=EpisodeInfo(geodesic_distance=geodesic, euclidean_distance=2.0, closest_goal_object_id=1),
+    )
+    return Episode(EpisodeKey("easy", "Demo", "1"), record, tuple(targets))
