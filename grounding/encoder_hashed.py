@@ -1,11 +1,12 @@
 """Hashed words: texts to 768-d vectors without any weights, the offline default.
 
 Words of two or more letters and pairs of neighbours, English function words left out, each added with a sign to the
-place that its MurmurHash3 names (the scheme of scikit-learn's HashingVectorizer with alternate signs), then unit length.
+place that its MurmurHash3 names (the scheme of scikit-learn's HashingVectorizer), then unit length.
 """
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,23 +16,27 @@ DIM = 768
 _WORD = re.compile(r"\b\w\w+\b")
 _MASK = 0xFFFFFFFF
 STOP_WORDS = frozenset(
-    # determiners, pronouns
-    """the an this that these those each every either neither both all any some no none other another such same own
-    he she it we you they him her us them me my mine your yours his hers its our ours their theirs myself yourself
-    himself herself itself ourselves yourselves themselves who whom whose which what someone something anyone anything
-    everyone everything nobody nothing one"""
-    # prepositions, conjunctions
-    """ about above across after against along among around as at before behind below beneath beside besides between
-    beyond by down during for from in inside into near of off on onto out over per since through throughout to toward
-    towards under until up upon via with within without and or nor but if than though although because while where
-    when why how whether unless"""
-    # auxiliaries, adverbs
-    """ am is are was were be been being do does did done doing has have had having can could may might must shall should
-    will would cannot not also almost already always again ever never often once only just even still yet then thus so
-    too very rather quite perhaps else however together here there now more most less least much many few several enough
-    last latter further etc"""
-    # verbs of requests
-    """ find get give go put see seem seems show take please""".split()
+    word
+    for line in (
+        # determiners, pronouns, small numbers
+        "the an this that these those each every either neither both all any some no none other another such same own",
+        "he she it we you they him her us them me my mine your yours his hers its our ours their theirs myself",
+        "yourself himself herself itself ourselves yourselves themselves who whom whose which what someone something",
+        "anyone anything everyone everything nobody nothing one two three four five six seven eight nine ten",
+        # prepositions, the nouns of compound ones (on top of, next to), conjunctions
+        "about above across after against along among around as at before behind below beneath beside besides between",
+        "beyond by down during for from in inside into near of off on onto out over per since through throughout to",
+        "toward towards under until up upon via with within without next top bottom front back side",
+        "and or nor but if than though although because while where when why how whether unless",
+        # auxiliaries, adverbs
+        "am is are was were be been being do does did done doing has have had having can could may might must shall",
+        "should will would cannot not also almost already always again ever never often once only just even still yet",
+        "then thus so too very rather quite perhaps else however together here there now more most less least much",
+        "many few several enough last latter further etc",
+        # verbs of requests
+        "find get give go put see seem seems show take please",
+    )
+    for word in line.split()
 )
 
 
@@ -71,7 +76,7 @@ class HashedWords:
 def terms(text: str) -> list[str]:
     """The words that count, lower case, then the pairs of neighbours among them."""
     words = [word for word in _WORD.findall(text.lower()) if word not in STOP_WORDS]
-    return words + [f"{first} {second}" for first, second in zip(words, words[1:], strict=False)]
+    return words + [f"{first} {second}" for first, second in pairwise(words)]
 
 
 def murmur3(data: bytes, *, seed: int = 0) -> int:

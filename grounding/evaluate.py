@@ -1,4 +1,4 @@
-"""Grounders over episodes: maps, answers and their measures, one worker process per scene. Written as `Answer` lines."""
+"""Grounders over episodes: maps, answers and their measures, one worker process per scene, as `Answer` lines."""
 
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence

@@ -92,7 +92,7 @@ def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
 
 
 def objects_map(home: OracleHome, encoder: TextEncoder, *, floor_id: str | None) -> FeatureMap:
-    """The map `objects`: a cell's vector is the unit sum of the unit text vectors of its objects; other cells are empty.
+    """The map `objects`: a cell holds the unit sum of its objects' unit text vectors, or nothing.
 
     Args:
         home: From `oracle_home`.

@@ -46,6 +46,6 @@ class DatasetPhrases:
             return self._phrases[(task.description, task.queries[0])]
         except KeyError:
             raise AgentError(
-                f"phrases: found no episode with query {task.queries[0]!r} and this description; expected a task of the "
-                "episodes given. Build DatasetPhrases from the task's own scene."
+                f"phrases: found no episode with query {task.queries[0]!r} and this description; expected a task of "
+                "the episodes given. Build DatasetPhrases from the task's own scene."
             ) from None

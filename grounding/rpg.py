@@ -165,7 +165,10 @@ def grown(peaks: Tensor, rc: Tensor, *, nhood: int) -> Tensor:
 
 
 def first_best(scores: Tensor) -> tuple[Tensor, Tensor]:
-    """Position (L,) and value (L,) of each row's (L, N) maximum; ties (closer than TIE) go to the first, -1 if all -inf."""
+    """Position (L,) and value (L,) of each row's (L, N) maximum; -1 if all are -inf.
+
+    Ties (closer than TIE) go to the first.
+    """
     if not scores.shape[1]:
         return torch.full((len(scores),), -1), torch.full((len(scores),), -torch.inf)
     top = scores.amax(dim=1, keepdim=True)

@@ -1,4 +1,4 @@
-"""Values that maps and grounders pass on: `FeatureMap` in, `Grounding` out. numpy only; recordings and apps read them."""
+"""What grounders take and give: `FeatureMap` in, `Grounding` out. numpy only; recordings and apps read them."""
 
 from dataclasses import dataclass, field
 
@@ -27,7 +27,7 @@ class FeatureMap:
     floor_y: float
     """Height of the storey's floor, world metres."""
     cell_y: NDArray[np.float32]
-    """(N,) height of the floor under what each cell holds; differs from `floor_y` on split levels and merged storeys."""
+    """(N,) height of the floor under what each cell holds; differs from `floor_y` on split levels, merged storeys."""
     encoder: str
     """Name of the encoder whose space the rows are in."""
     weights: NDArray[np.float32]
@@ -37,7 +37,8 @@ class FeatureMap:
 
     def __post_init__(self) -> None:
         count = len(self.rows)
-        assert self.rc.shape == (count, 2) and self.cell_y.shape == self.weights.shape == (count,), self.rc.shape
+        assert self.rc.shape == (count, 2), self.rc.shape
+        assert self.cell_y.shape == self.weights.shape == (count,), self.cell_y.shape
         assert bool(self.grid.contains(self.rc).all()), "cells outside the grid"
         assert bool((np.diff(self.flat_index) > 0).all()), "cells are not in row-major order, each once"
         assert np.allclose(np.linalg.norm(self.rows, axis=1), 1, atol=_UNIT_TOLERANCE), "rows are not unit vectors"
@@ -65,7 +66,7 @@ class FeatureMap:
         if (name, dim) != (self.encoder, self.dim):
             raise AgentError(
                 f"map: holds {self.dim}-d vectors of encoder {self.encoder!r}, the query is {dim}-d from {name!r}; "
-                f"expected one encoder for both. Encode the query with {self.encoder!r}, or build the map with {name!r}."
+                f"expected one encoder. Encode the query with {self.encoder!r}, or build the map with {name!r}."
             )
 
     def dense(self) -> NDArray[np.float32]:

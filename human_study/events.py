@@ -56,8 +56,8 @@ class Shown(_Event):
 
     kind: Literal["shown"] = "shown"
     step: int
-    frame_hash: str
-    """sha256 of the (H, W, 3) bytes."""
+    frame_hash: str | None
+    """sha256 of the (H, W, 3) bytes; None when the environment does not render."""
 
 
 class Key(_Event):

@@ -199,10 +199,10 @@ class PanSession:
         )
 
     def _shown(self, t_s: float) -> tuple[Shown, ...]:
-        """The picture's event; none without rendering or after the last step, when nothing new is shown."""
-        if self._rgb is None or self.is_over:
+        """The picture's event; none after the last step, when nothing new is shown."""
+        if self.is_over:
             return ()
-        digest = hashlib.sha256(np.ascontiguousarray(self._rgb).data).hexdigest()
+        digest = None if self._rgb is None else hashlib.sha256(np.ascontiguousarray(self._rgb).data).hexdigest()
         return (Shown(t_s=t_s, step=len(self._env.steps), frame_hash=digest),)
 
     def _rebuild(self, events: Sequence[Event]) -> None:
@@ -275,7 +275,9 @@ class PogSession:
             case Start():
                 return (_open_event(self._key, self._task, self._scene_digest).model_copy(update={"t_s": t_s}),)
             case Resume(away_s=away_s):
-                return self._end("abandoned", Abandoned(t_s=t_s, away_s=away_s)) if self._is_late(away_s) else ()
+                if away_s > self._resume_within_s:
+                    return self._end("abandoned", Abandoned(t_s=t_s, away_s=away_s))
+                return self._show(self._storey, t_s)
             case ShowStorey(storey=storey):
                 return self._show(storey, t_s)
             case LookFrom():
@@ -294,9 +296,6 @@ class PogSession:
     def _end(self, reason: EndReason, event: Event) -> tuple[Event, ...]:
         self._ended = reason
         return (event,)
-
-    def _is_late(self, away_s: float) -> bool:
-        return away_s > self._resume_within_s
 
     def _show(self, storey: int, t_s: float) -> tuple[Event, ...]:
         if not 0 <= storey < len(self._storeys):

@@ -4,51 +4,33 @@ One process holds `study.lock`; one thread owns the only write connection and co
 method may be called from any thread and blocks until its write is on disk.
 """
 
-import fcntl
-import os
-import platform
 import sqlite3
 import time
 import uuid
-from collections import deque
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from collections.abc import Sequence
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
-from importlib.metadata import version as package_version
 from pathlib import Path
-from typing import IO, Generic, TypeVar
+from typing import IO
 
 from sim.errors import StudyError
 from sim.types import EpisodeKey, TaskKind
 
+from .database import audit, open_database, take_lock
 from .events import Event, Reconnect, event_to_json
-from .migrations import APPLICATION_ID, MIGRATIONS
 from .outcome import Outcome
 from .plan import PlannedTrial
 from .records import (
     DATABASE_FILE,
     StoredEvent,
-    StudyReader,
     TrialStatus,
     event_hash,
     first_hash,
     read_study,
-    require_known_version,
-    store_error,
 )
 from .study import StudyConfig
 from .tickets import new_id
-
-LOCK_FILE = "study.lock"
-BACKUP_FOLDER = "backups"
-_LARGEST_BATCH = 256
-"""Writes in one commit (HUMAN_STUDY.md, section 5)."""
-T = TypeVar("T")
-
-
-class StoreFullError(StudyError):
-    """The disk is full or broken: nothing of this write was stored; the same write works once there is space."""
+from .writer import GroupWriter
 
 
 class SupersededError(StudyError):
@@ -75,15 +57,6 @@ class Trial:
     """Seconds since the trial's last event; 0 without events."""
 
 
-class _Write(Generic[T]):
-    """One waiting write and, later, its answer."""
-
-    def __init__(self, job: Callable[[sqlite3.Connection], T]) -> None:
-        self.job = job
-        self.answer: list[T] = []
-        self.error: StudyError | None = None
-
-
 class StudyStore:
     """The open store of one study; made by `open_store`, a context manager."""
 
@@ -95,9 +68,7 @@ class StudyStore:
         self._database = database
         self._lock = lock
         self._boot_id = _boot_id()
-        self._waiting: deque[_Write] = deque()
-        self._writer = ThreadPoolExecutor(1, thread_name_prefix="study-store")
-        self._is_open = True
+        self._writer = GroupWriter(database, self._path)
 
     def __enter__(self) -> "StudyStore":
         """The store itself."""
@@ -109,11 +80,9 @@ class StudyStore:
 
     def close(self) -> None:
         """Finish waiting writes, close the database and let go of the lock; twice is once."""
-        if self._is_open:
-            self._is_open = False
-            self._writer.shutdown(wait=True)
-            self._database.close()
-            self._lock.close()
+        self._writer.close()
+        self._database.close()
+        self._lock.close()
 
     def add_participant(self, code: str, token_hash: str, trials: Sequence[PlannedTrial]) -> None:
         """Register a participant with the planned trials.
@@ -137,9 +106,9 @@ class StudyStore:
                 "INSERT INTO slot VALUES (?, ?, ?, ?, ?, ?, ?)",
                 [(new_id(), code, trial.order_no, trial.task, *trial.key) for trial in trials],
             )
-            _audit(database, "add participant", code)
+            audit(database, "add participant", code)
 
-        self._write(job)
+        self._writer.write(job)
 
     def open_trial(self, code: str, order_no: int) -> Trial:
         """Begin a planned trial, or take it over: the newest opening writes, older ones are refused from now on.
@@ -165,7 +134,9 @@ class StudyStore:
             slot_id, task, *key = slot
             trial_id = self._latest_attempt(database, slot_id, now.wall_ns)
             self._require_running(database, trial_id)
-            last_epoch = database.execute("SELECT max(epoch) FROM sitting WHERE trial_id = ?", (trial_id,)).fetchone()[0]
+            last_epoch = database.execute("SELECT max(epoch) FROM sitting WHERE trial_id = ?", (trial_id,)).fetchone()[
+                0
+            ]
             epoch = (last_epoch or 0) + 1
             database.execute("INSERT INTO sitting VALUES (?, ?, ?)", (trial_id, epoch, now.wall_ns))
             away_s = _seconds_since_last_event(database, trial_id, now)
@@ -173,7 +144,7 @@ class StudyStore:
                 self._insert(database, trial_id, epoch, [Reconnect(epoch=epoch, away_s=away_s)], now)
             return Trial(trial_id, code, order_no, task, EpisodeKey(*key), epoch, away_s or 0.0)
 
-        return self._write(job)
+        return self._writer.write(job)
 
     def append(self, trial_id: str, epoch: int, event: Event) -> int:
         """Store one event; returns its number in the trial. Raises as `append_many`."""
@@ -201,7 +172,7 @@ class StudyStore:
             self._require_running(database, trial_id)
             return self._insert(database, trial_id, epoch, events, now)
 
-        return self._write(job) if events else ()
+        return self._writer.write(job) if events else ()
 
     def finish_trial(self, trial_id: str, outcome: Outcome) -> Outcome:
         """Store how a trial ended and close it for good; returns what is stored, which is the first answer ever given.
@@ -228,7 +199,7 @@ class StudyStore:
                 (trial_id, reason, outcome.model_dump_json(), head, now_ns),
             )
 
-        self._write(job)
+        self._writer.write(job)
         with read_study(self.folder) as reader:
             stored = reader.outcome(trial_id)
         assert stored is not None
@@ -253,51 +224,6 @@ class StudyStore:
         """Check the database and all hash chains; returns the number of events. Raises StudyError on damage."""
         with read_study(self.folder) as reader:
             return reader.check()
-
-    def _write(self, job: Callable[[sqlite3.Connection], T]) -> T:
-        """Run a write in the writer's thread, together with others that wait; returns when it is on disk."""
-        if not self._is_open:
-            raise StudyError(f"{self._path}: found a store that is closed; expected an open one. Open it again.")
-        write = _Write(job)
-        self._waiting.append(write)
-        # One writer thread: when this call of _commit_waiting is done, this write was in it or in one before.
-        self._writer.submit(self._commit_waiting).result()
-        if write.error is not None:
-            raise write.error
-        return write.answer[0]
-
-    def _commit_waiting(self) -> None:
-        while self._waiting:
-            batch = [self._waiting.popleft() for _ in range(min(len(self._waiting), _LARGEST_BATCH))]
-            try:
-                self._database.execute("BEGIN IMMEDIATE")
-                for write in batch:
-                    self._run(write)
-                self._database.execute("COMMIT")
-            except sqlite3.Error as error:
-                # SQLite may have rolled back by itself; a second ROLLBACK would raise.
-                if self._database.in_transaction:
-                    self._database.execute("ROLLBACK")
-                for write in batch:
-                    write.error = self._stopped(error)
-
-    def _run(self, write: _Write) -> None:
-        """One write inside the transaction; a refused one leaves no trace and does not stop the others."""
-        self._database.execute("SAVEPOINT one_write")
-        try:
-            write.answer.append(write.job(self._database))
-        except StudyError as error:
-            self._database.execute("ROLLBACK TO one_write")
-            write.error = error
-        self._database.execute("RELEASE one_write")
-
-    def _stopped(self, error: sqlite3.Error) -> StudyError:
-        if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
-            return StoreFullError(
-                f"{self._path}: cannot be written now ({error}); expected free space on the disk. "
-                "Nothing was lost: free some space and go on."
-            )
-        return store_error(self._path, error)
 
     def _now(self) -> "_Now":
         return _Now(time.time_ns(), time.monotonic_ns(), self._boot_id)
@@ -339,3 +265,51 @@ class _Now:
     wall_ns: int
     mono_ns: int
     boot_id: str
+
+
+def open_store(folder: Path, config: StudyConfig) -> StudyStore:
+    """Open a study's store for writing; makes it when the folder has none.
+
+    Raises:
+        StudyError: The folder cannot be written, another process has the store open, the file is damaged, of another
+            program, of a newer version or of another study, or stored events were changed.
+    """
+    with ExitStack() as opened:
+        lock = opened.enter_context(take_lock(folder))
+        database = opened.enter_context(closing(open_database(folder / DATABASE_FILE, config)))
+        with read_study(folder) as reader:
+            reader.check()
+        opened.pop_all()
+    return StudyStore(folder, config, database, lock)
+
+
+def _last_event(database: sqlite3.Connection, trial_id: str) -> tuple[int, str | None]:
+    """(seq, hash) of a trial's last event; (0, None) without events."""
+    row = database.execute(
+        "SELECT seq, hash FROM event WHERE trial_id = ? ORDER BY seq DESC LIMIT 1", (trial_id,)
+    ).fetchone()
+    return row or (0, None)
+
+
+def _seconds_since_last_event(database: sqlite3.Connection, trial_id: str, now: _Now) -> float | None:
+    """Seconds since the participant's last event; None without events. Reloading alone does not restart the count.
+
+    Within one boot the monotonic clock counts; across boots only the wall clock is left.
+    """
+    row = database.execute(
+        "SELECT t_srv_ns, t_srv_mono_ns, boot_id FROM event WHERE trial_id = ? AND kind <> 'reconnect'"
+        " ORDER BY seq DESC LIMIT 1",
+        (trial_id,),
+    ).fetchone()
+    if row is None:
+        return None
+    wall_ns, mono_ns, boot_id = row
+    passed_ns = now.mono_ns - mono_ns if boot_id == now.boot_id else now.wall_ns - wall_ns
+    return max(0, passed_ns) / 1e9
+
+
+def _boot_id() -> str:
+    """Names this machine's boot; where the system has no such name, this process."""
+    with suppress(OSError):
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    return str(uuid.uuid4())

@@ -162,8 +162,8 @@ class Demo:
 
     out: Path = Path("runs/demo")
     seed: int = 7
-    port: Annotated[int, arg(help="Also from the environment variable PORT; 0 takes a free one.")] = field(
-        default_factory=lambda: int(os.environ.get("PORT", "8080"))
+    port: Annotated[str, arg(help="Also from the environment variable PORT; 0 takes a free one.")] = field(
+        default_factory=lambda: os.environ.get("PORT", "8080")
     )
 
     def work(self) -> int:

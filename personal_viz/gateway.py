@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 import msgspec
 import viser
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
 from starlette.requests import Request
@@ -84,16 +85,20 @@ class SecureHeaders(BaseHTTPMiddleware):
 
 
 def make_gateway(
-    code_of_token: Callable[[str], str | None], worker_port: Callable[[str], int], *, hosts: frozenset[str]
-) -> tuple[Starlette, Tickets]:
-    """The ASGI application and its tickets (the worker asks whose connection it has got).
+    code_of_token: Callable[[str], str | None],
+    worker_port: Callable[[str], int],
+    *,
+    tickets: Tickets,
+    hosts: frozenset[str],
+) -> Starlette:
+    """The ASGI application.
 
     Args:
         code_of_token: Participant code of a personal token, None if unknown.
         worker_port: Loopback port of the viser worker that serves a participant.
+        tickets: Filled here; the worker asks whose connection it has got.
         hosts: Host names (without port) under which browsers may reach us.
     """
-    tickets = Tickets()
 
     async def enter_page(_: Request) -> Response:
         return FileResponse(STATIC / "enter.html")
@@ -101,7 +106,7 @@ def make_gateway(
     async def enter(request: Request) -> Response:
         if not _is_same_origin(request.headers.get("origin"), request.headers.get("host", "")):
             return Response("foreign origin", status_code=403)
-        code = code_of_token(await _token_in(request))
+        code = await run_in_threadpool(code_of_token, await _token_in(request))
         if code is None:
             return Response("unknown token", status_code=401)
         session_id, ticket_id = tickets.issue(code)
@@ -138,7 +143,7 @@ def make_gateway(
         middleware=[Middleware(SecureHeaders)],
     )
     app.state.hosts = hosts
-    return app, tickets
+    return app
 
 
 async def _token_in(request: Request) -> str:

@@ -130,7 +130,9 @@ def _log_pictures(stream: rr.RecordingStream, trace: Trace, renderer: Renderer, 
     jpegs: list[bytes] = []
     previous: Pose | None = None
     for pose in trace.run.poses:
-        jpegs.append(jpegs[-1] if pose == previous else _jpeg(renderer.render(T_world_camera(pose, camera), camera).rgb))
+        jpegs.append(
+            jpegs[-1] if pose == previous else _jpeg(renderer.render(T_world_camera(pose, camera), camera).rgb)
+        )
         previous = pose
     entity = paths.run_path(trace.label, "camera")
     columns = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
@@ -140,8 +142,8 @@ def _log_pictures(stream: rr.RecordingStream, trace: Trace, renderer: Renderer, 
 def _log_path(stream: rr.RecordingStream, trace: Trace) -> None:
     """The whole way as a faint static line, and one piece per step: the view shows all pieces up to its time."""
     assert isinstance(trace.run, EpisodeRun)
-    lifted = trace.positions + [0.0, LIFT, 0.0]
-    whole = rr.LineStrips3D([lifted], colors=[(*trace.rgb, 70)], radii=0.008)
+    lifted = trace.positions + np.array([0.0, LIFT, 0.0])
+    whole = rr.LineStrips3D([lifted], colors=[dimmed(trace.rgb)], radii=0.012)
     stream.log(paths.run_path(trace.label, "path"), whole, static=True)
     if not trace.run.steps:
         return
@@ -155,13 +157,16 @@ def _log_actions(stream: rr.RecordingStream, trace: Trace) -> None:
     assert isinstance(trace.run, EpisodeRun)
     if not trace.run.steps:
         return
-    texts = [
-        f"{trace.title}: {step.action.value}{' (blocked)' if step.collided else ''}" for step in trace.run.steps
-    ]
+    texts = [f"{trace.title}: {step.action.value}{' (blocked)' if step.collided else ''}" for step in trace.run.steps]
     texts[-1] += "" if trace.run.end.reason == "stop" else f" - ended: {trace.run.end.reason}"
     colors = [rgba_u32(trace.rgb)] * len(texts)
     columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
     stream.send_columns(paths.run_path(trace.label, "actions"), indexes(trace.run, first=1), columns)
+
+
+def dimmed(rgb: Rgb) -> Rgb:
+    """The colour of a run's whole way, darker than that of the part walked so far."""
+    return (rgb[0] // 2, rgb[1] // 2, rgb[2] // 2)
 
 
 def rgba_u32(rgb: Rgb) -> int:

@@ -167,22 +167,20 @@ def _document(settings: GroundSettings, grounder: Grounder, counts: dict[str, _C
 def _print_table(settings: GroundSettings, grounder: Grounder, counts: dict[str, _Count], folder: Path) -> None:
     storey = "all storeys merged" if settings.all_storeys else "storey given"
     table = Table(
-        title=f"POG on {settings.map} maps ({storey}), encoder {settings.encoder}, "
-        f"phrases {_phrase_source(grounder)}; percent within 1 m of the target",
-        caption=f"Chooses among: {grounder.frame}. Total = {_TOTAL_IS}; mean of the splits: "
-        f"SR {_mean_of_splits([counts[split].sr for split in SPLITS])}, "
+        title=f"POG, {settings.map} map ({storey}), {settings.encoder} encoder, phrases {_phrase_source(grounder)}",
+        caption=f"Percent within 1 m of the target. {settings.method} chooses among: {grounder.frame}. "
+        f"Total = {_TOTAL_IS}; mean of the splits: SR {_mean_of_splits([counts[split].sr for split in SPLITS])}, "
         f"top-3 {_mean_of_splits([counts[split].sr3 for split in SPLITS])}.",
     )
     table.add_column("Method")
-    cells = [settings.method]
-    for name, count in counts.items():
-        for head in ("SR", "top-3"):
-            table.add_column(f"{name.capitalize()}\n{head}", justify="right", no_wrap=True)
-        cells += [_cell(count.sr, count.top1, count.n), _cell(count.sr3, count.top3, count.n)]
-    table.add_row(*cells)
+    table.add_column("")
+    for name in counts:
+        table.add_column(name.capitalize(), justify="right")
+    table.add_row(settings.method, "SR", *(_cell(count.sr, count.top1, count.n) for count in counts.values()))
+    table.add_row("", "top-3", *(_cell(count.sr3, count.top3, count.n) for count in counts.values()))
     Console(file=sys.stdout).print(table)
     print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
 
 
 def _cell(percent: float | None, successes: int, n: int) -> str:
-    return "-" if percent is None else f"{percent:.1f}\n{successes}/{n}"
+    return "-" if percent is None else f"{percent:.1f} ({successes}/{n})"

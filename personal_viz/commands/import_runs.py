@@ -45,7 +45,9 @@ def import_files(
         unreachable = sum(_is_unreachable(episode.end.measures) for episode in run.episodes)
         print(f"{folder}: {len(run.episodes)} episodes of {who!r} on {run.info.scene_kind} homes, every step checked.")
         if unreachable:
-            print(f"{unreachable} of them have a target that cannot be reached from the start on the scene as built here.")
+            print(
+                f"{unreachable} of them have a target that cannot be reached from the start on the scene as built here."
+            )
     return 0
 
 

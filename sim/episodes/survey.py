@@ -1,4 +1,4 @@
-"""What could be read of a dataset, and what a check is; the checks (checks_*.py) look at a `Survey`, `validate` runs them."""
+"""What could be read of a dataset, and what a check is: `validate` runs the rules of checks_*.py on a `Survey`."""
 
 import json
 import math
@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from sim.errors import DatasetError
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .dataset import PersonalDataset, read_bytes,
+from .dataset import PersonalDataset, read_bytes
 from .ownership import parse_ownership
 from .schema import Episode, Goal, SceneFile, resolve_episode, scene_name_from_id
 
@@ -21,7 +21,7 @@ Level = Literal["error", "defect", "note"]
 """`error` = unusable, `defect` = wrong but can be worked round, `note` = normal for the format."""
 Unit = Literal[
     "episodes", "sentences", "goal entries", "view points", "extra view points", "original view points", "objects",
-    "categories", "files", "problems", "fields", "starts",
+    "categories", "files", "problems", "numbers", "fields", "pairs of starts", "episode ids",
 ]  # fmt: skip
 
 
@@ -78,8 +78,8 @@ class Survey:
     """Files that fit the schema, in order of split (easy, medium, hard) and scene."""
     records: tuple[Episode, ...]
     """All episodes of `contents`; those whose targets do not resolve have `targets == ()`."""
-    unresolved: tuple[Hit, ...]
-    """Episodes whose targets do not resolve, with the reason."""
+    unresolved: tuple[tuple[Hit, str], ...]
+    """Episodes whose targets do not resolve, with one line each."""
     problems: tuple[tuple[Hit, str], ...]
     """Problems of files: the file and one line each."""
     non_finite: tuple[Hit, ...]
@@ -133,6 +133,12 @@ class Survey:
         return counts
 
 
+def splits_in_order(splits: Iterable[Split]) -> tuple[Split, ...]:
+    """The splits once each, from easy to hard."""
+    found = set(splits)
+    return tuple(split for split in SPLITS if split in found)
+
+
 def survey_dataset(root: Path) -> Survey:
     """Read everything that can be read below `root`.
 
@@ -142,7 +148,7 @@ def survey_dataset(root: Path) -> Survey:
     dataset = PersonalDataset(root)
     contents: dict[tuple[Split, str], SceneFile] = {}
     records: list[Episode] = []
-    unresolved: list[Hit] = []
+    unresolved: list[tuple[Hit, str]] = []
     problems: list[tuple[Hit, str]] = []
     non_finite: list[Hit] = []
     for split, scene in sorted(dataset.files, key=lambda key: (SPLITS.index(key[0]), key[1])):
@@ -157,13 +163,13 @@ def survey_dataset(root: Path) -> Survey:
             continue
         contents[(split, scene)] = content
         problems += [(Hit((split,), name), f"{path}: {line}") for line in _problems_of_content(scene, content)]
-        for record in content.episodes:
+        for index, record in enumerate(content.episodes):
             try:
                 records.append(resolve_episode(split, scene, record, content))
             except KeyError as error:
                 key = EpisodeKey(split, scene, record.episode_id)
                 records.append(Episode(key, record, ()))
-                unresolved.append(Hit((split,), f"{key}: {error.args[0]}"))
+                unresolved.append((Hit((split,), str(key)), f"{path}: episodes.{index}: {error.args[0]}."))
     problems += _problems_of_indexes(dataset.root)
     return Survey(dataset, contents, tuple(records), tuple(unresolved), tuple(problems), tuple(non_finite))
 
@@ -172,8 +178,7 @@ def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
     """The line of the error, then one line for every further field that does not fit."""
     yield str(error)
     try:
-        read_scene_file_strictly = SceneFile.model_validate_json(read_bytes(path), strict=True)
-        assert read_scene_file_strictly, "the file changed while it was read"
+        SceneFile.model_validate_json(read_bytes(path), strict=True)
     except DatasetError:
         return
     except ValidationError as invalid:
@@ -197,7 +202,8 @@ def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
             try:
                 parse_ownership(sentence)
             except DatasetError:
-                yield f"{where}.extracted_summary.{number} is {sentence!r}; expected: '<Name> owns <object> in the <room>'."
+                field = f"{where}.extracted_summary.{number}"
+                yield f"{field} is {sentence!r}; expected: '<Name> owns <object> in the <room>'."
 
 
 def _problems_of_indexes(root: Path) -> Iterator[tuple[Hit, str]]:
@@ -211,7 +217,7 @@ def _problems_of_indexes(root: Path) -> Iterator[tuple[Hit, str]]:
             index = json.loads(read_bytes(path))
         except DatasetError as error:
             yield hit, str(error)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             yield hit, f"{path}: found text that is not JSON ({error}); expected an index. Copy the file again."
         else:
             if not isinstance(index, dict) or index.get("episodes") != []:
@@ -222,7 +228,7 @@ def _num_non_finite(path: Path) -> int:
     """How many numbers of a file are NaN or infinite; 0 where the file cannot be read at all."""
     try:
         return _num_non_finite_in(json.loads(read_bytes(path)))
-    except (DatasetError, ValueError):
+    except (DatasetError, ValueError, RecursionError):
         return 0
 
 

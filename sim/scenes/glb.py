@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from PIL import Image
+from trimesh.visual import TextureVisuals
 
 from sim.errors import SceneError
 from sim.frames import world_from_glb_zup
@@ -36,7 +37,7 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
     Raises:
         SceneError: The file is missing, damaged, without faces, or uses textures or compression we cannot read.
     """
-    _check_container(path)
+    header = _read_header(path)
     try:
         with path.open("rb") as file:
             loaded = trimesh.load_scene(file, file_type="glb", process=False)
@@ -48,7 +49,7 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
         ) from None
     if not parts:
         raise SceneError(f"{path}: found no faces; expected a mesh of triangles. Export the scene with its geometry.")
-    mesh = _joined(path, parts)
+    mesh = _joined(path, parts, num_images=_num_base_images(header))
     if not np.isfinite(mesh.vertices).all():
         bad = int(np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))[0])
         raise SceneError(
@@ -62,8 +63,8 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
     )
 
 
-def _check_container(path: Path) -> None:
-    """Raises SceneError unless the file is a whole GLB whose extensions we can read."""
+def _read_header(path: Path) -> dict[str, Any]:
+    """The JSON part of a GLB; raises SceneError unless the file is whole and its extensions are ones we can read."""
     try:
         with path.open("rb") as file:
             head = file.read(20)
@@ -79,7 +80,8 @@ def _check_container(path: Path) -> None:
     if size < length or len(text) < json_length:
         raise SceneError(f"{path}: found {size} bytes of a GLB of {length}; expected the whole file. {_COPY}")
     try:
-        used = json.loads(text).get("extensionsUsed", [])
+        header = json.loads(text)
+        used = header.get("extensionsUsed", [])
     except (ValueError, AttributeError):
         raise SceneError(f"{path}: found a JSON part that cannot be read; expected glTF 2.0 JSON. {_COPY}") from None
     for name in used:
@@ -92,9 +94,24 @@ def _check_container(path: Path) -> None:
             raise SceneError(
                 f"{path}: found {name}; expected uncompressed meshes. Export the scene without mesh compression."
             )
+    return header
 
 
-def _joined(path: Path, parts: list[trimesh.Trimesh]) -> TriangleMesh:
+def _num_base_images(header: dict[str, Any]) -> int:
+    """How many different images the meshes that the scene shows use as base colour."""
+    shown = {node["mesh"] for node in header.get("nodes", []) if "mesh" in node}
+    found = set()
+    for mesh in shown:
+        for primitive in header["meshes"][mesh]["primitives"]:
+            if "material" in primitive and "TEXCOORD_0" in primitive["attributes"]:
+                material = header["materials"][primitive["material"]]
+                texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
+                if texture is not None:
+                    found.add(header["textures"][texture["index"]].get("source", -1 - texture["index"]))
+    return len(found)
+
+
+def _joined(path: Path, parts: list[trimesh.Trimesh], *, num_images: int) -> TriangleMesh:
     """One mesh of all parts; images that several parts share are kept once."""
     vertices, faces, rgbs, indices, uvs = [], [], [], [], []
     textures: list[NDArray[np.uint8]] = []
@@ -122,6 +139,12 @@ def _joined(path: Path, parts: list[trimesh.Trimesh]) -> TriangleMesh:
         indices.append(np.full(len(part.faces), texture, np.int16))
         uvs.append(corner_uv)
         count += len(part.vertices)
+    num_found = len({id(image) for image in images})
+    if num_found < num_images:
+        raise SceneError(
+            f"{path}: found {num_found} readable of {num_images} textures; expected PNG or JPEG images "
+            f"inside the file. {_COPY}"
+        )
     face_instance = np.zeros(sum(map(len, faces)), np.int32)
     return TriangleMesh(
         np.concatenate(vertices),
@@ -147,11 +170,11 @@ def _image_and_factor(part: trimesh.Trimesh) -> tuple[Image.Image | None, NDArra
 
 def _face_colours(part: trimesh.Trimesh, factor: NDArray[np.float64]) -> NDArray[np.uint8]:
     """(F, 3) flat colours: vertex colours averaged per face, or the material's base colour, or grey."""
-    colours = None
-    if isinstance(part.visual, trimesh.visual.ColorVisuals):
-        colours = part.visual.vertex_colors if part.visual.kind == "vertex" else None
+    visual: Any = part.visual
+    if isinstance(visual, TextureVisuals):
+        colours = visual.vertex_attributes.get("color")
     else:
-        colours = part.visual.vertex_attributes.get("color")
+        colours = visual.vertex_colors if visual.kind == "vertex" else None
     if colours is not None and len(colours) == len(part.vertices):
         colours = np.asarray(colours)
         scale = 1.0 if colours.dtype.kind in "ui" else 255.0
@@ -167,7 +190,9 @@ def _texels(path: Path, image: Image.Image, factor: NDArray[np.float64]) -> NDAr
     try:
         texels = np.asarray(image.convert("RGB"))
     except (OSError, ValueError) as error:
-        raise SceneError(f"{path}: a texture cannot be read ({_one_line(error)}); expected PNG or JPEG. {_COPY}") from None
+        raise SceneError(
+            f"{path}: a texture cannot be read ({_one_line(error)}); expected PNG or JPEG. {_COPY}"
+        ) from None
     if np.allclose(factor, 1.0):
         return texels
     return np.clip(texels * factor + 0.5, 0, 255).astype(np.uint8)

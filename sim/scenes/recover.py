@@ -9,9 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
-from scipy.sparse import coo_matrix
-from scipy.spatial import cKDTree
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Goal
@@ -22,15 +19,10 @@ from sim.types import AGENT_RADIUS, CAMERA_HEIGHT, STOREY_GAP
 from .cell_mesh import floor_layers, grown
 from .pieces import COLOURS, look_of, rgb_from_text
 from .plan import CELL, CellGrid, Cells, Furniture, HomePlan, Rect, Room, Storey, cells_from_runs, runs_from_cells
+from .walkable import walkable_cells
 
 MARGIN = 2.0
 """Empty border around the standing points (metres)."""
-LINK = 2 * AGENT_RADIUS
-"""Standing points this close are joined without a guess (metres; the view points' lattice is 0.25)."""
-_MAX_LINK_DY = 0.25
-_MAX_SLOPE = math.radians(40)
-_STOREY_PENALTY = 1000.0  # bridges between storeys come last, and one is enough
-_LAYER_GAP = 0.3  # heights of one column closer than this are one floor
 PLINTH = 0.25
 _LOW_PLINTH = 0.02
 _FLOOR_LABELS = {"0": "ground floor", "1": "first floor", "2": "second floor", "-1": "basement"}
@@ -122,85 +114,6 @@ def _empty_grid(standing: NDArray[np.float64]) -> CellGrid:
     cols, rows = np.ceil((standing[:, [0, 2]].max(axis=0) + MARGIN - low) / CELL).astype(int)
     origin = (round(float(low[0]), 4), round(float(low[1]), 4))
     return CellGrid(origin_xz=origin, shape=(int(rows), int(cols)), walkable=())
-
-
-def walkable_cells(
-    standing: NDArray[np.float64], storeys: tuple[Storey, ...], *, grid: CellGrid, scene: str
-) -> Cells:
-    """Cells within AGENT_RADIUS of a standing point (N, 3), and guessed bridges that join them all.
-
-    Raises:
-        SceneError: Two parts of the home are too steep to join; names `scene`.
-    """
-    known, guessed = [standing], []
-    pairs = cKDTree(standing[:, [0, 2]]).query_pairs(LINK + 1e-6, output_type="ndarray")
-    pairs = pairs[np.abs(np.diff(standing[pairs, 1], axis=1)[:, 0]) <= _MAX_LINK_DY]
-    known.append(standing[pairs].mean(axis=1))
-    for a, b in _bridges(standing, pairs, storeys, scene):
-        num = max(2, math.ceil(math.dist(standing[a], standing[b]) / (CELL / 2)))
-        share = np.linspace(0, 1, num)[:, None]
-        guessed.append(standing[a] * (1 - share) + standing[b] * share)
-    discs = np.concatenate([*known, *guessed])
-    is_known = np.arange(len(discs)) < sum(len(part) for part in known)
-    return _cells_of_discs(discs, is_known, grid)
-
-
-def _bridges(
-    standing: NDArray[np.float64], pairs: NDArray[np.int64], storeys: tuple[Storey, ...], scene: str
-) -> list[tuple[int, int]]:
-    """Pairs of standing points whose straight strips join all islands: a minimum spanning tree over the islands."""
-    num = len(standing)
-    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num, num))
-    num_islands, island = connected_components(links, directed=False)
-    order = np.argsort(island, kind="stable")
-    firsts = np.searchsorted(island[order], np.arange(num_islands))
-    cost = _bridge_costs(standing[order], storeys)
-    between = np.minimum.reduceat(np.minimum.reduceat(cost, firsts, axis=0), firsts, axis=1)
-    np.fill_diagonal(between, 0)
-    tree = minimum_spanning_tree(np.where(np.isfinite(between), between, 0)).tocoo()
-    if tree.nnz != num_islands - 1:
-        raise SceneError(
-            f"scene {scene!r}: {num_islands - 1 - tree.nnz} parts of the home cannot be joined by a ramp of at most "
-            "40 degrees; expected standing points of connected storeys. Check the heights in its episode files."
-        )
-    ends = np.append(firsts, num)
-    bridges = []
-    for a, b in zip(tree.row, tree.col, strict=True):
-        block = cost[ends[a] : ends[a + 1], ends[b] : ends[b + 1]]
-        row, col = np.unravel_index(int(block.argmin()), block.shape)
-        bridges.append((int(order[firsts[a] + row]), int(order[firsts[b] + col])))
-    return bridges
-
-
-def _bridge_costs(points: NDArray[np.float64], storeys: tuple[Storey, ...]) -> NDArray[np.float64]:
-    """(N, N) length of a straight strip between two points, inf where it is too steep; storeys cost extra."""
-    planar = np.hypot(points[:, None, 0] - points[None, :, 0], points[:, None, 2] - points[None, :, 2])
-    rise = np.abs(points[:, None, 1] - points[None, :, 1])
-    storey = np.abs(points[:, 1, None] - [storey.floor_y for storey in storeys]).argmin(axis=1)
-    apart = np.abs(storey[:, None] - storey[None, :])
-    cost = np.maximum(planar, 1e-3) + 2 * rise + _STOREY_PENALTY * apart**2
-    return np.where(rise <= planar * math.tan(_MAX_SLOPE) + 0.02, cost, np.inf)
-
-
-def _cells_of_discs(discs: NDArray[np.float64], is_known: NDArray[np.bool_], grid: CellGrid) -> Cells:
-    """Cells whose centre is within AGENT_RADIUS of a disc's centre (N, 3); one cell per column and floor."""
-    reach = math.ceil(AGENT_RADIUS / CELL)
-    side = np.arange(-reach, reach + 1)
-    offsets = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
-    spec = grid.grid
-    rc = spec.rc_from_xz(discs[:, [0, 2]])[:, None] + offsets  # (N, O, 2)
-    distance = np.linalg.norm(spec.xz_from_rc(rc) - discs[:, None, [0, 2]], axis=-1)
-    disc, offset = np.nonzero(distance <= AGENT_RADIUS)
-    rc, distance, y, known = rc[disc, offset], distance[disc, offset], discs[disc, 1], is_known[disc]
-    order = np.lexsort((y, rc[:, 1], rc[:, 0]))
-    rc, distance, y, known = rc[order], distance[order], y[order], known[order]
-    new = np.ones(len(rc), bool)
-    new[1:] = (np.diff(rc, axis=0) != 0).any(axis=1) | (np.diff(y) > _LAYER_GAP)
-    group = np.cumsum(new) - 1
-    weight = np.where(known, 1.0, 0.01) / (distance**2 + 0.01**2)  # a cell at a standing point has that point's height
-    mean = np.bincount(group, weight * y) / np.bincount(group, weight)
-    guessed = np.bincount(group, known) == 0
-    return Cells(rc[new], mean, guessed)
 
 
 def _furniture(goal: Goal, recorded: Recorded, storeys: tuple[Storey, ...]) -> Furniture:

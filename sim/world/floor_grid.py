@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from sim.errors import SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, STOREY_GAP, GridSpec
@@ -28,6 +26,7 @@ from .grid_kernels import (
 from .height_field import standing_places
 from .navigation_map import Points, StepResult, TopDown
 from .steps import STOP_MARGIN, end_of_walk, has_collided
+from .storeys import connected_parts, storey_levels
 
 if TYPE_CHECKING:
     from sim.scenes.scene import TriangleMesh
@@ -40,10 +39,6 @@ SNAP_CLIMB = 0.2
 """Over a cell, this much height difference counts as none; the nearest storey wins (Detour, walkableClimb)."""
 MAX_CLIMB = 0.2
 """Highest step between neighbouring cells, metres (Habitat's agentMaxClimb)."""
-_MIN_SHARE = 0.1
-"""Islands and levels smaller than this share of the largest are no storeys (table tops, landings)."""
-_MIN_COVERED = 0.1
-"""An island with less than this share of ceiling over it, while others have one, is a roof and no storey."""
 _KEPT_FIELDS = 8
 """How many distance fields are remembered: an episode asks again and again for the same goals."""
 
@@ -82,9 +77,9 @@ class FloorGrid:
         self.cells = cells
         self.grid = grid
         self.digest = digest
-        self.islands = _islands(cells.links)
+        self.islands = connected_parts(cells.links)
         """(N,) number of the connected part each node is on."""
-        self.storey_heights: tuple[float, ...] = _storey_heights(self.node_y, self.islands, covered)
+        self.storey_heights: tuple[float, ...] = storey_levels(self.node_y, self.islands, covered)
         self._fields: tuple[tuple[bytes, Field], ...] = ()
 
     @classmethod
@@ -153,7 +148,9 @@ class FloorGrid:
         ends = self._ends(np.stack([start, end]))
         wanted = end - start
         if min(ends.nodes) < 0 or self.islands[ends.nodes[0]] != self.islands[ends.nodes[1]]:
-            return StepResult((float(start[0]), float(start[1]), float(start[2])), has_collided(start, start, wanted=end))
+            return StepResult(
+                (float(start[0]), float(start[1]), float(start[2])), has_collided(start, start, wanted=end)
+            )
         end_u, _, end_v = self._grid_units(end[None])
         u, v, node = end_of_walk(
             self.cells,
@@ -206,11 +203,12 @@ class FloorGrid:
             nodes = np.flatnonzero(touches & (np.abs(self.node_y - y) <= max_dy))
             mid_u, mid_v = col[nodes] + 0.5, row[nodes] + 0.5
             away = np.hypot(mid_u - u, mid_v - v)
-            share = np.minimum(1.0, reach * (1 - 1e-9) / np.maximum(away, 1e-12))
+            is_inside = away <= reach * (1 + 1e-9)
+            share = np.where(is_inside, 1.0, reach * (1 - 1e-9) / np.maximum(away, 1e-12))
             rim_u, rim_v = u + share * (mid_u - u), v + share * (mid_v - v)
-            inside = (np.floor(rim_u) == col[nodes]) & (np.floor(rim_v) == row[nodes])
-            rim_u, rim_v = np.where(inside, rim_u, near_u[nodes]), np.where(inside, rim_v, near_v[nodes])
-            for node, at_u, at_v, whole in zip(nodes, rim_u, rim_v, share == 1.0, strict=True):
+            on_cell = (np.floor(rim_u) == col[nodes]) & (np.floor(rim_v) == row[nodes])
+            rim_u, rim_v = np.where(on_cell, rim_u, near_u[nodes]), np.where(on_cell, rim_v, near_v[nodes])
+            for node, at_u, at_v, whole in zip(nodes, rim_u, rim_v, is_inside, strict=True):
                 if whole or int(node) not in found:
                     found[int(node)] = (float(at_u), float(at_v))
         at = np.array(list(found.values())).reshape(-1, 2)
@@ -293,7 +291,7 @@ def floor_grid_from_mesh(
         height: Clearance the robot needs, rounded up to whole 0.2 m (0.88 -> 1.0).
 
     Raises:
-        SceneError: Nowhere on the mesh can the robot stand.
+        SceneError: Nowhere on the mesh can the robot stand, or it is larger than any home.
     """
     places = standing_places(mesh.vertices, mesh.faces, radius=radius, height=height)
     if not len(places.row):
@@ -343,41 +341,3 @@ def _digest(cells: Cells, grid: GridSpec) -> str:
     for array in (cells.row, cells.col, cells.h, cells.links):
         total.update(array.tobytes())
     return total.hexdigest()
-
-
-def _islands(links: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(N,) connected part of each node."""
-    count = len(links)
-    node, side = np.nonzero(links[:, :4] >= 0)
-    pairs = coo_matrix((np.ones(len(node), bool), (node, links[node, side])), shape=(count, count))
-    return connected_components(pairs, directed=False)[1]
-
-
-def _storey_heights(
-    y: NDArray[np.float64], islands: NDArray[np.int32], covered: NDArray[np.bool_] | None
-) -> tuple[float, ...]:
-    """Typical height of each storey, ascending and at least STOREY_GAP apart.
-
-    Levels are peaks of the height histogram, so a stair does not merge two storeys; what lies within STOREY_GAP of a
-    larger level belongs to it.
-    """
-    sizes = np.bincount(islands)
-    matters = sizes >= _MIN_SHARE * sizes.max()
-    if covered is not None:
-        under_roof = np.bincount(islands, weights=covered) / sizes
-        if under_roof[matters].max() > 0.5:
-            matters &= under_roof >= _MIN_COVERED
-    left = y[matters[islands]]
-    levels: list[float] = []
-    largest = 0
-    while len(left):
-        bins = np.round(left / 0.1).astype(np.int64)
-        low = bins.min()
-        counts = np.convolve(np.bincount(bins - low), [1, 1, 1], mode="same")
-        near = left[np.abs(left - 0.1 * (counts.argmax() + low)) <= 0.25]
-        if levels and len(near) < _MIN_SHARE * largest:
-            break
-        largest = largest or len(near)
-        levels.append(float(np.median(near)))
-        left = left[np.abs(left - levels[-1]) >= STOREY_GAP]
-    return tuple(sorted(levels))

@@ -290,9 +290,7 @@ def spread(cells, field):
             via = parent[node]
             if walk(cells, from_u, from_v, from_node, u, v)[0] != other:
                 via = node
-                total = distance[node] + _length(
-                    cells, cells.col[node] + 0.5, cells.row[node] + 0.5, node, u, v, other
-                )
+                total = distance[node] + _length(cells, cells.col[node] + 0.5, cells.row[node] + 0.5, node, u, v, other)
                 if total >= distance[other]:
                     continue
             distance[other], parent[other] = total, via

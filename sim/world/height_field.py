@@ -1,6 +1,6 @@
 """From triangles to places where a robot fits: Recast's voxel rules with Habitat's settings, compiled.
 
-A column of the height field holds *spans* (solid from `lo` to `hi`, in voxels of 0.2 m); the robot stands on their tops.
+A column of the height field holds *spans*, solid from `lo` to `hi` in voxels of 0.2 m; the robot stands on their tops.
 Lengths inside the kernels are voxels; u, v and directions are those of grid_kernels.
 """
 
@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sim.errors import SceneError
 from sim.types import GridSpec
 
 CELL = 0.05
@@ -21,6 +22,8 @@ MAX_SLOPE = math.radians(45)
 """Steeper faces are walls (Habitat's agentMaxSlope)."""
 MIN_ISLAND_CELLS = 400
 """Smaller islands are dropped (Habitat's regionMinSize, 20 cells squared = 1 m2)."""
+_MAX_COLUMNS = 25_000_000
+"""About a square of 250 m; more is a mesh in other units and would not fit in memory."""
 _CLIMB = 1
 _OPEN = 1 << 20
 """Ceiling height in voxels where nothing is above."""
@@ -50,6 +53,11 @@ def standing_places(
     low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
     cols, rows = (int((high[axis] - low[axis]) / CELL + 0.5) for axis in (0, 2))
     rows, cols = max(rows, 1), max(cols, 1)
+    if rows * cols > _MAX_COLUMNS:
+        raise SceneError(
+            f"navigation: found a mesh of {cols * CELL:.0f} x {rows * CELL:.0f} m; expected a home, at most "
+            f"{_MAX_COLUMNS * CELL**2:.0f} m2. Check that the file's unit is metres."
+        )
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     is_floor = normals[:, 1] > math.cos(MAX_SLOPE) * lengths

@@ -33,10 +33,7 @@ class Raycaster:
         if not len(mesh.faces):
             raise SceneError("renderer: found a mesh without faces; expected at least one. Check the scene's file.")
         self._scene = o3d.t.geometry.RaycastingScene()
-        vertices = np.ascontiguousarray(mesh.vertices, np.float32)
-        self._scene.add_triangles(
-            o3d.core.Tensor(vertices), o3d.core.Tensor(np.ascontiguousarray(mesh.faces, np.uint32))
-        )
+        self._scene.add_triangles(_tensor(mesh.vertices, np.float32), _tensor(mesh.faces, np.uint32))
         self._faces = (
             np.ascontiguousarray(mesh.face_rgb),
             np.ascontiguousarray(mesh.face_instance),
@@ -48,7 +45,7 @@ class Raycaster:
         self._layout = np.column_stack([starts, sizes]).astype(np.int64)  # (textures, 3): first texel, height, width
         self._texels = np.concatenate([np.empty((0, 3), np.uint8), *(t.reshape(-1, 3) for t in mesh.textures)])
         # The first cast commits the tree, which is not safe from two threads.
-        self._scene.cast_rays(o3d.core.Tensor(np.array([[0, 0, 0, 0, 1, 0]], np.float32)))
+        self._scene.cast_rays(_tensor(np.array([[0, 0, 0, 0, 1, 0]]), np.float32))
 
     def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
         """RGB, planar depth and instance ids seen by a camera at (4, 4); OpenCV axes.
@@ -58,7 +55,7 @@ class Raycaster:
         rays = np.empty((camera.height, camera.width, 6), np.float32)
         rays[..., :3] = T_world_camera[:3, 3]
         np.matmul(_pixel_directions(camera), T_world_camera[:3, :3].T.astype(np.float32), out=rays[..., 3:])
-        found = self._scene.cast_rays(o3d.core.Tensor(rays))
+        found = self._scene.cast_rays(_tensor(rays, np.float32))
         depth_m = np.ascontiguousarray(found["t_hit"].numpy())
         rgb, instance_ids = _shade(
             found["primitive_ids"].numpy().reshape(-1),
@@ -77,12 +74,17 @@ class Raycaster:
         directions = np.asarray(directions, float).reshape(-1, 3)
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         unit = directions / np.where(lengths > 0, lengths, 1.0)
-        found = self._scene.cast_rays(o3d.core.Tensor(np.concatenate([origins, unit], axis=1).astype(np.float32)))
+        found = self._scene.cast_rays(_tensor(np.concatenate([origins, unit], axis=1), np.float32))
         range_m = found["t_hit"].numpy().astype(np.float64)
         face_ids = found["primitive_ids"].numpy().astype(np.int64)
         hit = np.isfinite(range_m) & (lengths[:, 0] > 0)
         positions = origins + np.where(hit, range_m, np.nan)[:, None] * unit
         return Hits(np.where(hit, range_m, np.inf), positions, np.where(hit, face_ids, -1))
+
+
+def _tensor(array: NDArray, dtype: type) -> o3d.core.Tensor:
+    """Open3D's view of an array; its stubs do not know that it takes numpy arrays."""
+    return o3d.core.Tensor(np.ascontiguousarray(array, dtype))  # pyright: ignore[reportCallIssue]
 
 
 @lru_cache(maxsize=8)

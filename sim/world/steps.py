@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .grid_kernels import Cells, clamp, slide_end, walk
 
@@ -15,8 +16,9 @@ def end_of_walk(
 ) -> tuple[float, float, int]:
     """Where a straight walk ends, in grid units (see grid_kernels).
 
-    Without sliding the walk stops `margin` before the first side of a cell that it cannot cross. With sliding it ends at
-    the reachable point nearest to the wanted end, which may be a little further than the step is long (as in Detour).
+    Without sliding the walk stops `margin` before the first side of a cell that it cannot cross. With sliding it ends
+    at the reachable point nearest to the wanted end, which may lie a little further off than the step is long (as in
+    Detour).
 
     Args:
         cells: The grid.
@@ -44,7 +46,7 @@ def end_of_walk(
     return u, v, last
 
 
-def has_collided(start: np.ndarray, end: np.ndarray, *, wanted: np.ndarray) -> bool:
+def has_collided(start: NDArray[np.float64], end: NDArray[np.float64], *, wanted: NDArray[np.float64]) -> bool:
     """Habitat's rule |moved|^2 + 1e-5 < |wanted|^2 for a walk from `start` that ended at `end`; all (3,) metres."""
     moved, asked = end - start, wanted - start
     return bool(moved @ moved + 1e-5 < asked @ asked)

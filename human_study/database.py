@@ -1,0 +1,157 @@
+"""Open a study's database file for writing: the lock, SQLite's settings, numbered migrations, the study's own row."""
+
+import fcntl
+import os
+import platform
+import sqlite3
+import time
+from collections.abc import Sequence
+from importlib.metadata import version as package_version
+from pathlib import Path
+from typing import IO
+
+from sim.errors import StudyError
+
+from .migrations import APPLICATION_ID, MIGRATIONS
+from .records import require_known_version, store_error
+from .study import StudyConfig
+
+LOCK_FILE = "study.lock"
+BACKUP_FOLDER = "backups"
+
+
+def open_database(path: Path, config: StudyConfig) -> sqlite3.Connection:
+    """The database, up to date and in autocommit mode, for use by one thread at a time; makes it when there is none.
+
+    Raises:
+        StudyError: It cannot be written, is damaged, of another program, of a newer version or of another study.
+    """
+    try:
+        database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+        try:
+            require_known_version(database, path)
+            _apply_settings(database, path)
+            for version in migrate(database, path):
+                audit(database, "migrate", f"schema version {version}")
+            _require_same_study(database, path, config)
+        except BaseException:
+            database.close()
+            raise
+    except sqlite3.Error as error:
+        raise store_error(path, error) from None
+    return database
+
+
+def take_lock(folder: Path) -> IO[str]:
+    """The open lock file; closing it, or dying, lets go. Raises StudyError when another process holds it."""
+    path = folder / LOCK_FILE
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = path.open("a+", encoding="utf-8")
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be written ({error.strerror}); expected a folder that you can write. Give another folder."
+        ) from None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.seek(0)
+        holder = lock.read().strip() or "unknown"
+        lock.close()
+        raise StudyError(
+            f"{folder}: is in use by process {holder}; expected a study that no other process serves. "
+            "Stop that process first."
+        ) from None
+    lock.truncate(0)
+    lock.write(str(os.getpid()))
+    lock.flush()
+    return lock
+
+
+def _apply_settings(database: sqlite3.Connection, path: Path) -> None:
+    """SQLite's settings of HUMAN_STUDY.md, section 5; raises StudyError where WAL is not possible."""
+    mode = database.execute("PRAGMA journal_mode = WAL").fetchone()[0]
+    if mode != "wal":
+        raise StudyError(
+            f"{path}: journal_mode is {mode!r}; expected 'wal'. Put the study on a local disk, not a network drive."
+        )
+    for setting in (
+        "synchronous = FULL",
+        "foreign_keys = ON",
+        "busy_timeout = 5000",
+        "trusted_schema = OFF",
+        "cell_size_check = ON",
+        "wal_autocheckpoint = 1000",
+        f"journal_size_limit = {64 * 2**20}",
+        f"fullfsync = {int(platform.system() == 'Darwin')}",
+    ):
+        database.execute(f"PRAGMA {setting}")
+
+
+def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyConfig) -> None:
+    """Write the study's row into a new database; raises StudyError when it holds another study's."""
+    row = database.execute("SELECT study_version FROM study").fetchone()
+    if row is None:
+        database.execute(
+            "INSERT INTO study VALUES (?, ?, ?, ?)",
+            (config.study_version, config.canonical_json(), package_version("personal-viz"), time.time_ns()),
+        )
+    elif row[0] != config.study_version:
+        raise StudyError(
+            f"{path}: holds study_version {row[0][:12]}; expected {config.study_version[:12]}. "
+            "study.json was changed after the start: restore it, or begin a new study in another folder."
+        )
+
+
+def migrate(database: sqlite3.Connection, path: Path, *, steps: Sequence[str] = MIGRATIONS) -> list[int]:
+    """Bring a database up to date, each step whole or not at all; returns the versions that were passed through.
+
+    A database that holds something is copied to `backups/` beside it first.
+
+    Args:
+        database: Connection without an open transaction, of a known version.
+        path: Of the database.
+        steps: The numbered SQL.
+
+    Raises:
+        StudyError: A step failed; the database is as it was before that step.
+    """
+    version = database.execute("PRAGMA user_version").fetchone()[0]
+    if 0 < version < len(steps):
+        backup(database, path.parent / BACKUP_FOLDER / f"{path.stem}-v{version}-{time.time_ns()}.db")
+    done = []
+    for number, sql in enumerate(steps[version:], start=version + 1):
+        try:
+            database.executescript(
+                f"BEGIN IMMEDIATE; {sql}; PRAGMA application_id = {APPLICATION_ID};"
+                f" PRAGMA user_version = {number}; COMMIT;"
+            )
+        except sqlite3.Error as error:
+            if database.in_transaction:
+                database.execute("ROLLBACK")
+            raise StudyError(
+                f"{path}: cannot go from schema version {number - 1} to {number} ({error}); expected a database as "
+                "personal-viz wrote it. It is unchanged; use the version that wrote it."
+            ) from None
+        done.append(number)
+    return done
+
+
+def backup(database: sqlite3.Connection, path: Path) -> None:
+    """Copy the whole database to a new file, also while it is used.
+
+    Raises:
+        OSError: The folder cannot be made.
+        sqlite3.Error: The copy cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    copy = sqlite3.connect(path)
+    try:
+        database.backup(copy)
+    finally:
+        copy.close()
+
+
+def audit(database: sqlite3.Connection, action: str, target: str) -> None:
+    """Note that somebody did something to the study as a whole."""
+    database.execute("INSERT INTO audit(at_ns, action, target) VALUES (?, ?, ?)", (time.time_ns(), action, target))

@@ -1,0 +1,101 @@
+"""The one thread that writes to a study's database; it commits writes that wait at the same time together."""
+
+import sqlite3
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from sim.errors import StudyError
+
+from .records import store_error
+
+_LARGEST_BATCH = 256
+"""Writes in one commit (HUMAN_STUDY.md, section 5)."""
+T = TypeVar("T")
+
+
+class StoreFullError(StudyError):
+    """The disk is full or broken: nothing of this write was stored; the same write works once there is space."""
+
+
+class _Write(Generic[T]):
+    """One waiting write and, later, its answer."""
+
+    def __init__(self, job: Callable[[sqlite3.Connection], T]) -> None:
+        self.job = job
+        self.answer: list[T] = []
+        self.error: StudyError | None = None
+        self.is_stored = False
+
+
+class GroupWriter:
+    """Runs writes of any thread, one after the other, in transactions that may hold several."""
+
+    def __init__(self, database: sqlite3.Connection, path: Path) -> None:
+        """Starts the thread.
+
+        Args:
+            database: Connection in autocommit mode that any thread may use; only this writer does from now on.
+            path: Of the database, for messages.
+        """
+        self._database, self._path = database, path
+        self._waiting: deque[_Write] = deque()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="study-writer")
+        self._is_open = True
+
+    def close(self) -> None:
+        """Finish waiting writes and end the thread; twice is once."""
+        self._is_open = False
+        self._thread.shutdown(wait=True)
+
+    def write(self, job: Callable[[sqlite3.Connection], T]) -> T:
+        """Run a write in the writer's thread, together with others that wait; returns when it is on disk."""
+        if not self._is_open:
+            raise StudyError(f"{self._path}: found a store that is closed; expected an open one. Open it again.")
+        write = _Write(job)
+        self._waiting.append(write)
+        # One writer thread: when this call of _commit_waiting is done, this write was in it or in one before.
+        self._thread.submit(self._commit_waiting).result()
+        if write.error is not None:
+            raise write.error
+        if not write.is_stored:
+            raise StudyError(f"{self._path}: the write beside this one broke off; nothing was stored. Try again.")
+        return write.answer[0]
+
+    def _commit_waiting(self) -> None:
+        while self._waiting:
+            batch = [self._waiting.popleft() for _ in range(min(len(self._waiting), _LARGEST_BATCH))]
+            try:
+                self._database.execute("BEGIN IMMEDIATE")
+                for write in batch:
+                    self._run(write)
+                self._database.execute("COMMIT")
+                for write in batch:
+                    write.is_stored = True
+            except sqlite3.Error as error:
+                for write in batch:
+                    write.error = self._stopped(error)
+            finally:
+                # SQLite may have rolled back by itself; a second ROLLBACK would raise.
+                if self._database.in_transaction:
+                    self._database.execute("ROLLBACK")
+
+    def _run(self, write: _Write) -> None:
+        """One write inside the transaction; a refused one leaves no trace and does not stop the others."""
+        self._database.execute("SAVEPOINT one_write")
+        try:
+            write.answer.append(write.job(self._database))
+        except StudyError as error:
+            self._database.execute("ROLLBACK TO one_write")
+            write.error = error
+        self._database.execute("RELEASE one_write")
+
+    def _stopped(self, error: sqlite3.Error) -> StudyError:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
+            return StoreFullError(
+                f"{self._path}: cannot be written now ({error}); expected free space on the disk. "
+                "Nothing was lost: free some space and go on."
+            )
+        return store_error(self._path, error)

@@ -1,0 +1,230 @@
+"""Verbs `demo` and `study serve|export|check-db`: the gateway process, its store and its viser worker."""
+
+import contextlib
+import json
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from pathlib import Path
+
+import uvicorn
+
+from human_study.plan import PLAN_FILE, StudyPlan, load_plan, make_plan, save_plan
+from human_study.store import StudyStore, open_store
+from human_study.study import StudyConfig, StudyScene, save_study
+from human_study.tickets import new_token, token_hash
+from personal_viz.gateway import Tickets, make_gateway
+from personal_viz.store_link import StoreService
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import StudyError
+from sim.tasks.runner import scene_kind
+from sim.types import SPLITS, Split
+
+SECRETS_FILE = "secrets.json"
+"""Personal tokens in clear, readable by the owner only; never exported."""
+DEMO_HOME = "DemoHome"
+WORKER_START_S = 120.0
+HOSTS = frozenset({"127.0.0.1", "localhost"})
+
+
+def demo(*, out: Path, seed: int, port: str) -> int:
+    """Invents a home with episodes and serves a study on it."""
+    from sim.episodes.generation import invent_dataset
+
+    dataset = out / "dataset"
+    if not (dataset / "scenes" / f"{DEMO_HOME}.plan.json").is_file():
+        _require_writable(out)
+        print(f"Inventing a home with episodes in {dataset} ...", flush=True)
+        invent_dataset(dataset, name=DEMO_HOME, seed=seed)
+    return serve(
+        dataset=dataset,
+        scene=DEMO_HOME,
+        scenes_dir=None,
+        out=out / "study",
+        split=(),
+        limit=None,
+        seed=seed,
+        actions="paper4",
+        port=_port_from(port),
+    )
+
+
+def serve(
+    *,
+    dataset: Path,
+    scene: str,
+    scenes_dir: Path | None,
+    out: Path | None,
+    split: tuple[Split, ...],
+    limit: int | None,
+    seed: int,
+    actions: str,
+    port: int,
+) -> int:
+    """Serves the study until Ctrl-C; a study folder that exists goes on where it was."""
+    episodes = PersonalDataset(dataset)
+    episodes.require_scene(scene)
+    folder = out or Path("runs") / f"study-{scene}"
+    listener = _listen(port)
+    with contextlib.closing(listener):
+        _require_writable(folder)
+        config = StudyConfig(
+            study=f"{scene}-{seed}"[:32],
+            dataset_digest=episodes.digest(),
+            scenes=(StudyScene(name=scene, kind=scene_kind(episodes, scenes_dir)),),
+            actions=actions,  # type: ignore[arg-type]
+            seed=seed,
+        )
+        save_study(folder, config)
+        plan = _plan(folder, config, episodes, scene=scene, split=split, limit=limit)
+        with open_store(folder, config) as store:
+            tokens = _tokens(folder, store, plan)
+            _run(store, dataset, scenes_dir, listener, plan, tokens)
+    print(f"Stopped. Everything is in {folder}; see it with: personal-viz study export {folder}")
+    return 0
+
+
+def export(*, study: Path, out: Path) -> int:
+    """Writes finished trials as run folders."""
+    from human_study.export import export_study
+
+    for folder in export_study(study, out):
+        print(f"Written to {folder}")
+    return 0
+
+
+def check_db(*, study: Path) -> int:
+    """Checks the database file and its hash chains."""
+    from human_study.records import read_study
+
+    with read_study(study) as reader:
+        num_events = reader.check()
+    print(f"{study}: {num_events} events, database and hash chains are whole")
+    return 0
+
+
+def _plan(
+    folder: Path,
+    config: StudyConfig,
+    dataset: PersonalDataset,
+    *,
+    scene: str,
+    split: tuple[Split, ...],
+    limit: int | None,
+) -> StudyPlan:
+    """The folder's plan, made once: one POG and one PAN participant over the scene's episodes."""
+    if (folder / PLAN_FILE).is_file():
+        return load_plan(folder, config)
+    keys = [episode.key for episode in dataset.episodes(splits=split or SPLITS, scenes=(scene,))]
+    plan = make_plan(config, keys, ("pog", "pan"), limit=min(limit, len(keys)) if limit else None)
+    save_plan(folder, plan)
+    return plan
+
+
+def _tokens(folder: Path, store: StudyStore, plan: StudyPlan) -> dict[str, str]:
+    """Personal token of each participant; new ones are registered and written for the next start."""
+    path = folder / SECRETS_FILE
+    tokens: dict[str, str] = json.loads(path.read_text()) if path.is_file() else {}
+    for participant in plan.participants:
+        if participant.code not in tokens:
+            token = new_token()
+            store.add_participant(participant.code, token_hash(token), participant.trials)
+            tokens[participant.code] = token
+    beside = path.with_name(path.name + ".part")
+    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+        json.dump(tokens, file, indent=2)
+    os.replace(beside, path)
+    return tokens
+
+
+def _run(
+    store: StudyStore,
+    dataset: Path,
+    scenes_dir: Path | None,
+    listener: socket.socket,
+    plan: StudyPlan,
+    tokens: dict[str, str],
+) -> None:
+    """Starts the worker, prints the links, serves until Ctrl-C, ends the worker."""
+    tickets = Tickets()
+
+    def code_of_ticket(ticket_id: str) -> str | None:
+        ticket = tickets.find(ticket_id)
+        return ticket.code if ticket else None
+
+    with _worker(store, dataset, scenes_dir, code_of_ticket) as worker_port:
+        app = make_gateway(store.code_of_token, lambda _: worker_port, tickets=tickets, hosts=HOSTS)
+        server = uvicorn.Server(
+            uvicorn.Config(app, log_level="warning", access_log=False, ws_max_size=64 * 1024, server_header=False)
+        )
+        address = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        for participant in plan.participants:
+            task = participant.trials[0].task
+            print(f"  {task.upper()}  {participant.code}  {address}/#{tokens[participant.code]}")
+        print(f"Everything is written to {store.folder}. Ctrl-C ends the study.", flush=True)
+        with contextlib.suppress(KeyboardInterrupt):
+            server.run(sockets=[listener])
+
+
+@contextlib.contextmanager
+def _worker(store: StudyStore, dataset: Path, scenes_dir: Path | None, code_of_ticket) -> Iterator[int]:
+    """The viser worker's port; the worker ends with the block."""
+    ours, theirs = socket.socketpair()
+    command = [sys.executable, "-m", "personal_viz.server", "--fd", str(theirs.fileno())]
+    command += ["--study", str(store.folder), "--dataset", str(dataset)]
+    command += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
+    # a session of its own: Ctrl-C reaches the gateway alone, which then closes the socket
+    process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True)
+    theirs.close()
+    service = StoreService(ours, store, code_of_ticket=code_of_ticket)
+    try:
+        yield service.started.result(timeout=WORKER_START_S)
+    except FutureTimeoutError:
+        raise StudyError(
+            f"the viser worker was not ready within {WORKER_START_S:.0f} s; expected a scene that loads faster. "
+            "Use a smaller scene or a faster machine."
+        ) from None
+    finally:
+        service.close()
+        try:
+            process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _listen(port: int) -> socket.socket:
+    """A listening socket on loopback; raises StudyError when the port is taken."""
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+    except OSError as error:
+        listener.close()
+        raise StudyError(
+            f"port {port}: cannot be used ({error.strerror}); expected a free one. Take another: make demo PORT=8090, "
+            "or --port 8090."
+        ) from None
+    return listener
+
+
+def _require_writable(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise StudyError(
+            f"{folder}: cannot be written ({error.strerror}); expected a folder that you can write. "
+            "Give another with --out."
+        ) from None
+
+
+def _port_from(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65535:
+        raise StudyError(f"PORT is {text!r}; expected a number from 0 to 65535. Start again: make demo PORT=8090")
+    return int(text)

@@ -1,0 +1,88 @@
+"""A home in a participant's 3-D view: one cut storey at a time, labels on plain homes, the participant's mark."""
+
+import math
+
+import numpy as np
+import viser
+from sim.scenes.browser_glb import browser_glb
+
+from sim.scenes.scene import CUT_BELOW, CUT_HEIGHT, Scene
+from sim.tasks.run_files import Vector3
+
+MARK_COLOR = (214, 0, 110)
+VIEW_ANGLE = math.radians(55)
+"""Elevation from which a storey is first shown."""
+
+
+class StoreyCopies:
+    """The browser copies of one scene's storeys, made once and shared by all participants of a worker."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Makes every copy."""
+        self.scene = scene
+        self.storeys = scene.navigation.storey_heights
+        self.glbs = tuple(browser_glb(scene, floor_y) for floor_y in self.storeys)
+
+
+class SceneView:
+    """What one browser shows of the scene."""
+
+    def __init__(self, client: viser.ClientHandle, copies: StoreyCopies) -> None:
+        """Shows nothing yet; light is off because the copies carry theirs."""
+        self._client = client
+        self._copies = copies
+        self._nodes: list = []
+        self._mark: list = []
+        client.scene.set_up_direction("+y")
+        client.scene.configure_default_lights(True, cast_shadow=False)
+
+    def show_storey(self, index: int, *, move_camera: bool = True) -> None:
+        """Shows one storey and, unless told otherwise, looks at all of it from above."""
+        self.remove()
+        scene = self._copies.scene
+        self._nodes.append(self._client.scene.add_glb("/home", self._copies.glbs[index]))
+        floor_y = self._copies.storeys[index]
+        if scene.kind != "scan":
+            self._label_objects(floor_y)
+        if move_camera:
+            self._look_at_storey(floor_y)
+        self._client.flush()
+
+    def show_mark(self, position: Vector3) -> None:
+        """Puts the participant's mark where the click met the home."""
+        for node in self._mark:
+            node.remove()
+        self._mark = [
+            self._client.scene.add_icosphere("/mark", radius=0.12, color=MARK_COLOR, position=position),
+            self._client.scene.add_label("/mark/label", "your mark", position=(0.0, 0.3, 0.0)),
+        ]
+        self._client.flush()
+
+    def remove(self) -> None:
+        """Removes home, labels and mark."""
+        for node in (*self._nodes, *self._mark):
+            node.remove()
+        self._nodes, self._mark = [], []
+
+    def _label_objects(self, floor_y: float) -> None:
+        """Category names over the objects of a storey: homes made of boxes cannot be read without."""
+        for item in self._copies.scene.objects:
+            x, y, z = item.centre
+            if floor_y - CUT_BELOW <= y <= floor_y + CUT_HEIGHT:
+                label = self._client.scene.add_label(
+                    f"/labels/{item.instance_id}", item.category, position=(x, y + item.size[1] / 2 + 0.1, z)
+                )
+                self._nodes.append(label)
+
+    def _look_at_storey(self, floor_y: float) -> None:
+        top_down = self._copies.scene.navigation.top_down(floor_y)
+        xz = top_down.grid.xz_from_rc(np.argwhere(top_down.free))
+        low, high = xz.min(axis=0), xz.max(axis=0)
+        centre = np.array([*(low + high) / 2, floor_y])[[0, 2, 1]]
+        distance = 0.75 * float(np.linalg.norm(high - low)) + 4.0
+        offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
+        camera = self._client.camera
+        with self._client.atomic():
+            camera.up_direction = (0.0, 1.0, 0.0)
+            camera.position = centre + offset
+            camera.look_at = centre

@@ -1,0 +1,134 @@
+"""Take a picture of a recording as Rerun's web viewer shows it, without a display: for the README, for developers."""
+
+import contextlib
+import io
+import socket
+import subprocess
+import time
+import urllib.parse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun_cli
+from PIL import Image
+
+from sim.errors import MissingDependencyError, RecordingError
+
+CHROMIUM = Path("/usr/bin/chromium")
+"""Debian's browser; where it is missing, the one that Playwright installed is used."""
+_FLAGS = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    # the web viewer sends usage data on its first visit: let it reach nothing but this machine
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)
+_POLL = 1.0
+"""Seconds between two looks at the page."""
+
+
+def screenshot_rrd(
+    rrd: Path, png: Path, *, step: int | None = None, size: tuple[int, int] = (1600, 900), timeout: float = 180.0
+) -> Path:
+    """Opens a recording in the web viewer and writes a picture of it once it no longer changes.
+
+    Args:
+        rrd: The recording; its own blueprint is used.
+        png: The picture to write.
+        step: Where the time cursor stands; None = at the start.
+        size: (width, height) of the window in pixels.
+        timeout: Seconds after which a viewer that shows nothing, or never comes to rest, is an error.
+
+    Returns:
+        `png`.
+
+    Raises:
+        RecordingError: The recording is missing, or the viewer showed no finished picture in time.
+        MissingDependencyError: Playwright is not installed.
+    """
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise MissingDependencyError(
+            "screenshots need the package playwright; install it with: pip install personal-viz[test]"
+        ) from None
+    if not rrd.is_file():
+        raise RecordingError(f"{rrd}: found no file; expected a recording. Write one with personal-viz replay.")
+    with _web_viewer(rrd, step, timeout) as url, sync_playwright() as playwright:
+        path = str(CHROMIUM) if CHROMIUM.exists() else None
+        browser = playwright.chromium.launch(executable_path=path, args=list(_FLAGS))
+        try:
+            page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+            page.goto(url)
+            picture = _picture_at_rest(page, timeout)
+        finally:
+            browser.close()
+    if picture is None:
+        raise RecordingError(
+            f"{rrd}: the viewer showed no finished picture in {timeout:.0f} s; expected one. "
+            "Give more time, or open the file with: rerun FILE"
+        )
+    png.write_bytes(picture)
+    return png
+
+
+@contextlib.contextmanager
+def _web_viewer(rrd: Path, step: int | None, timeout: float) -> Iterator[str]:
+    """Address of a web viewer that shows the file, on loopback; the viewer ends with the block.
+
+    The program is started directly: `rerun` on the path is a wrapper, and stopping it leaves the program running.
+    """
+    web, data = _free_port(), _free_port()
+    program = Path(rerun_cli.__file__).with_name("rerun")
+    ports = ["--bind", "127.0.0.1", "--web-viewer-port", str(web), "--port", str(data)]
+    command = [str(program), "--serve-web", *ports, str(rrd)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        _wait_for_port(web, process, timeout)
+        when = "" if step is None else f"#when=step@{step}"
+        source = urllib.parse.quote(f"rerun+http://127.0.0.1:{data}/proxy{when}", safe="")
+        yield f"http://127.0.0.1:{web}/?url={source}&renderer=webgl&hide_welcome_screen=1"
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def _picture_at_rest(page: Any, timeout: float) -> bytes | None:
+    """The first screenshot that shows something and equals the one before it; None when there is none in time."""
+    last: bytes | None = None
+    until = time.monotonic() + timeout
+    while time.monotonic() < until:
+        page.wait_for_timeout(_POLL * 1000)
+        picture = page.screenshot()
+        if picture == last and _shows_something(picture):
+            return picture
+        last = picture
+    return None
+
+
+def _shows_something(png: bytes) -> bool:
+    """Whether a picture has more colours than a loading page (a spinner and a line of text)."""
+    rgb = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+    return len(np.unique(rgb[::4, ::4].reshape(-1, 3), axis=0)) > 100
+
+
+def _wait_for_port(port: int, process: subprocess.Popen[bytes], timeout: float) -> None:
+    until = time.monotonic() + timeout
+    while time.monotonic() < until and process.poll() is None:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=_POLL):
+            return
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(0.1)
+    raise RecordingError(
+        f"rerun --serve-web: found no server on port {port} (exit code {process.poll()}); expected the web viewer. "
+        "Try again; another program may have taken the port."
+    )
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]

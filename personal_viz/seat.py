@@ -1,0 +1,247 @@
+"""One participant at one browser connection: commands in, stored events, then the view. The session's own thread.
+
+viser's callbacks only put commands on the queue; simulator, rendering and disk are never on viser's event loop.
+"""
+
+import enum
+import queue
+import sys
+import threading
+import time
+import traceback
+from dataclasses import dataclass
+
+import viser
+
+from human_study.commands import PanCommand, PogCommand, Resume, Start
+from human_study.outcome import Outcome, pan_outcome, pog_outcome
+from human_study.session import (
+    STOP_WITHIN_S,
+    PanSession,
+    PogSession,
+    pan_session_from_events,
+    pog_session_from_events,
+)
+from human_study.store import SupersededError, Trial, TrialEndedError
+from human_study.study import StudyConfig
+from human_study.views import PanView, PogView, SessionUpdate
+from human_study.writer import StoreFullError
+from sim.episodes.schema import Episode
+from sim.scenes.scene import Scene
+from sim.tasks.pan import PanEnv
+from sim.tasks.pog import PogScene
+from sim.types import EpisodeKey
+from sim.world.renderer import Renderer
+
+from .pan_app import PanApp
+from .panels import Page
+from .pog_app import PogApp
+from .scene_view import StoreyCopies
+from .store_link import StoreLink, TrialPlace
+
+WELCOME = {
+    "pan": (
+        "You steer a small robot through a home that you do not know. A text says who owns what; above it stands "
+        "what to find.\nWalk to that object and press STOP when you stand within one metre of it. You have {max_steps} "
+        "steps. Keys: W or Up walks 25 cm, A and D (or Left and Right) turn 30 degrees, Enter twice stops."
+    ),
+    "pog": (
+        "You see a home from outside, without its ceiling. A text says who owns what; the line above it says what to "
+        "find.\nTurn and zoom the home, click the object, and confirm your mark. You can move the mark as often as you "
+        "like before you confirm."
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """What all seats of a worker share."""
+
+    scene: Scene
+    renderer: Renderer
+    pog_scene: PogScene
+    copies: StoreyCopies
+    episodes: dict[EpisodeKey, Episode]
+    storeys: list[tuple[float, float]]
+    """(lowest, highest) floor of each storey, from the episodes."""
+    config: StudyConfig
+
+
+class _Signal(enum.Enum):
+    """What a seat is told besides the participant's commands."""
+
+    NEXT = enum.auto()
+    """The participant pressed the button of a notice."""
+    GONE = enum.auto()
+    """The browser closed the connection."""
+    SUPERSEDED = enum.auto()
+    """The participant opened the study in another tab."""
+
+
+class _GoneError(Exception):
+    """The browser closed the connection."""
+
+
+class Seat:
+    """Runs one participant's trials on one page until the connection closes or a newer one takes over."""
+
+    def __init__(self, client: viser.ClientHandle, code: str, link: StoreLink, home: Home) -> None:
+        """Starts the seat's thread."""
+        self.code = code
+        self._link, self._home = link, home
+        self._queue: queue.Queue[tuple[PanCommand | PogCommand | _Signal, bool]] = queue.Queue()
+        self._is_busy = False
+        self._page = Page(client)
+        threading.Thread(target=self._run, daemon=True, name=f"seat-{code}").start()
+
+    def leave(self) -> None:
+        """The browser is gone: the thread ends after what it is doing."""
+        self._queue.put((_Signal.GONE, False))
+
+    def supersede(self) -> None:
+        """A newer tab drives: this page says so and ends."""
+        self._queue.put((_Signal.SUPERSEDED, False))
+
+    async def _press(self, command: PanCommand | PogCommand) -> None:
+        """From viser's callbacks: one typed command, marked when the frame of an earlier one is under way."""
+        self._queue.put((command, self._is_busy))
+        self._is_busy = True
+
+    async def _next(self) -> None:
+        self._queue.put((_Signal.NEXT, False))
+
+    def _run(self) -> None:
+        try:
+            self._welcome()
+            while (place := self._next_place()) is not None:
+                self._play_until_stored(place)
+            self._page.notice("Thank you!", "All your answers are stored. You can close this page.")
+        except SupersededError:
+            self._page.notice("This page is no longer used", "You opened the study in another tab. Continue there.")
+        except _GoneError:
+            pass
+        except Exception:  # the live session's door: the participant is told, the operator sees everything
+            traceback.print_exc()
+            self._page.notice("Something went wrong", "Nothing that you did is lost. Please reload this page.")
+
+    def _welcome(self) -> None:
+        """Instructions before a participant's first trial; whoever comes back goes on at once."""
+        places = self._link.trials(self.code)
+        if places and not any(place.is_over or place.is_begun for place in places):
+            text = WELCOME[places[0].task].format(max_steps=self._home.config.max_steps)
+            self._ask("Welcome", f"{text}\nThis home: {self._home.scene.label}.", "Start")
+
+    def _next_place(self) -> TrialPlace | None:
+        return next((place for place in self._link.trials(self.code) if not place.is_over), None)
+
+    def _play_until_stored(self, place: TrialPlace) -> None:
+        """One trial; when the store cannot write, the page waits and the trial is rebuilt from what is stored."""
+        while True:
+            try:
+                self._play(place)
+            except TrialEndedError:
+                return  # finished in another tab a moment ago
+            except StoreFullError as error:
+                print(f"personal-viz: {error}", file=sys.stderr)
+                self._ask(
+                    "The study is paused", "Nothing that you did is lost. Please try again in a minute.", "Try again"
+                )
+            else:
+                return
+
+    def _play(self, place: TrialPlace) -> None:
+        trial = self._link.open_trial(self.code, place.order_no)
+        episode = self._home.episodes[trial.key]
+        progress = f"Trial {place.order_no} of {len(self._link.trials(self.code))}"
+        play = self._play_pan if trial.task == "pan" else self._play_pog
+        play(trial, episode, progress)
+        self._link.finish_trial(trial.trial_id, self._outcome(trial, episode))
+        if self._next_place() is not None:
+            self._ask("Saved", f"{progress} is stored.", "Next trial")
+
+    def _play_pan(self, trial: Trial, episode: Episode, progress: str) -> None:
+        session, update = self._begin_pan(trial, episode)
+        app = PanApp(self._page, update.view, self._press, scene_label=self._home.scene.label, progress=progress)
+        self._is_busy = False
+        while not session.is_over:
+            try:
+                command, is_busy = self._wait(timeout_s=STOP_WITHIN_S if update.view.is_armed else None)
+            except queue.Empty:
+                update = SessionUpdate((), session.view(time.monotonic()))
+            else:
+                update = session.handle(command, time.monotonic(), busy=is_busy)  # type: ignore[arg-type]
+                self._link.append_many(trial.trial_id, trial.epoch, update.events)
+                self._is_busy = self._is_busy and is_busy
+            app.show(update.view)
+
+    def _play_pog(self, trial: Trial, episode: Episode, progress: str) -> None:
+        session, update = self._begin_pog(trial, episode)
+        home = self._home
+        app = PogApp(
+            self._page, update.view, self._press, copies=home.copies, pog_scene=home.pog_scene, progress=progress
+        )
+        while not session.is_over:
+            command, _ = self._wait()
+            update = session.handle(command, time.monotonic())  # type: ignore[arg-type]
+            self._link.append_many(trial.trial_id, trial.epoch, update.events)
+            app.show(update.view)
+        app.close()
+
+    def _begin_pan(self, trial: Trial, episode: Episode) -> tuple[PanSession, SessionUpdate[PanView]]:
+        """A new session, or the stored one at the same step and pose; its first events are stored."""
+        config, scene = self._home.config, self._home.scene
+        env = PanEnv(
+            episode.start,
+            scene.navigation,
+            renderer=self._home.renderer,
+            camera=config.robot_camera,
+            max_steps=config.max_steps,
+        )
+        options = {"key": trial.key, "task": config.task_for(episode, "pan"), "scene_digest": scene.digest}
+        stored = self._link.events(trial.trial_id)
+        if stored:
+            session = pan_session_from_events(stored, env, **options, resume_within_s=config.resume_within_s)
+        else:
+            session = PanSession(env, **options, resume_within_s=config.resume_within_s)
+        update = session.handle(Resume(trial.away_s) if stored else Start(), time.monotonic())
+        self._link.append_many(trial.trial_id, trial.epoch, update.events)
+        return session, update
+
+    def _begin_pog(self, trial: Trial, episode: Episode) -> tuple[PogSession, SessionUpdate[PogView]]:
+        """A new session, or the stored one with the same storey and mark; its first events are stored."""
+        config, scene = self._home.config, self._home.scene
+        options = {
+            "key": trial.key,
+            "task": config.task_for(episode, "pog"),
+            "storeys": scene.navigation.storey_heights,
+            "scene_digest": scene.digest,
+            "resume_within_s": config.resume_within_s,
+        }
+        stored = self._link.events(trial.trial_id)
+        session = pog_session_from_events(stored, **options) if stored else PogSession(**options)
+        update = session.handle(Resume(trial.away_s) if stored else Start(), time.monotonic())
+        self._link.append_many(trial.trial_id, trial.epoch, update.events)
+        return session, update
+
+    def _outcome(self, trial: Trial, episode: Episode) -> Outcome:
+        """The result of a finished trial from its stored events; stays on the server."""
+        events = self._link.events(trial.trial_id)
+        if trial.task == "pan":
+            navigation = self._home.scene.navigation
+            return pan_outcome(events, episode, navigation=navigation, participant=self.code).end
+        return pog_outcome(events, episode, storeys=self._home.storeys, participant=self.code)
+
+    def _ask(self, title: str, text: str, button: str) -> None:
+        """Shows a notice until its button is pressed; commands of the screen before are forgotten."""
+        self._page.notice(title, text, button=(button, self._next))
+        while self._wait()[0] is not _Signal.NEXT:
+            pass
+
+    def _wait(self, *, timeout_s: float | None = None) -> tuple[PanCommand | PogCommand | _Signal, bool]:
+        """The next thing that happens; raises queue.Empty after `timeout_s`."""
+        command, is_busy = self._queue.get(timeout=timeout_s)
+        if command is _Signal.GONE:
+            raise _GoneError
+        if command is _Signal.SUPERSEDED:
+            raise SupersededError(f"{self.code} opened the study in another tab.")
+        return command, is_busy

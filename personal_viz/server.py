@@ -1,0 +1,115 @@
+"""The viser worker: a child process of the gateway that serves a few participants of one scene on loopback.
+
+It owns scene, simulator and viser; the store stays with the gateway, at the other end of a local socket.
+"""
+
+import argparse
+import asyncio
+import socket
+import sys
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import viser
+from viser import _messages
+
+from human_study.study import StudyConfig, load_study
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import MissingDependencyError, PersonalVizError
+from sim.scenes.sources import open_scene
+from sim.tasks.pog import PogScene
+from sim.tasks.rules import scene_storeys
+
+from .scene_view import StoreyCopies
+from .seat import Home, Seat
+from .store_link import StoreLink
+
+
+def main() -> None:
+    """Serves until the gateway closes the socket."""
+    parser = argparse.ArgumentParser(prog="personal_viz.server", description="started by personal-viz study serve")
+    parser.add_argument("--fd", type=int, required=True, help="our end of the socket to the gateway")
+    parser.add_argument("--study", type=Path, required=True)
+    parser.add_argument("--dataset", type=Path, required=True)
+    parser.add_argument("--scenes-dir", type=Path)
+    options = parser.parse_args()
+    link = StoreLink(socket.socket(fileno=options.fd))
+    try:
+        home = open_home(load_study(options.study), PersonalDataset(options.dataset), options.scenes_dir)
+        server = serve(home, link)
+    except PersonalVizError as error:
+        link.tell_failed(str(error))
+        sys.exit(1)
+    link.tell_ready(server.get_port())
+    link.is_closed.wait()
+    server.stop()
+
+
+def open_home(config: StudyConfig, dataset: PersonalDataset, scenes_dir: Path | None) -> Home:
+    """The study's one scene with all that participants need of it.
+
+    Raises:
+        PersonalVizError: Scene or episodes cannot be read, or a system library is missing.
+    """
+    try:
+        from sim.world.raycast import Raycaster
+    except (ImportError, OSError) as error:
+        raise MissingDependencyError(
+            f"open3d: cannot be loaded ({error}); expected its system libraries. "
+            "Install them: apt-get install -y libgl1 libegl1 libx11-6 libusb-1.0-0 libudev1 libgomp1"
+        ) from None
+    name = config.scenes[0].name
+    scene = open_scene(dataset, name, scenes_dir=scenes_dir)
+    return Home(
+        scene=scene,
+        renderer=Raycaster(scene.mesh),
+        pog_scene=PogScene(scene, make_renderer=Raycaster),
+        copies=StoreyCopies(scene),
+        episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
+        storeys=scene_storeys(dataset.goals(name).values()),
+        config=config,
+    )
+
+
+def serve(home: Home, link: StoreLink) -> viser.ViserServer:
+    """A viser server on a free loopback port that gives every admitted connection a seat."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    refuse_tunnels(server)
+    seats: dict[int, Seat] = {}
+
+    @server.on_client_connect
+    async def _(client: viser.ClientHandle) -> None:
+        ticket = ticket_of(server, client.client_id)
+        code = await asyncio.get_running_loop().run_in_executor(None, link.code_of_ticket, ticket)
+        if code is None:
+            return
+        for seat in seats.values():
+            if seat.code == code:
+                seat.supersede()
+        seats[client.client_id] = Seat(client, code, link, home)
+
+    @server.on_client_disconnect
+    async def _(client: viser.ClientHandle) -> None:
+        seat = seats.pop(client.client_id, None)
+        if seat is not None:
+            seat.leave()
+
+    return server
+
+
+def refuse_tunnels(server: viser.ViserServer) -> None:
+    """No visitor may open viser's public tunnel (private API of the pinned viser; a test watches it)."""
+    server._websock_server.unregister_handler(_messages.ShareUrlRequest)
+
+
+def ticket_of(server: viser.ViserServer, client_id: int) -> str:
+    """The ticket in a connection's URL (private API of the pinned viser; a test watches it); empty when it has none."""
+    connection = server._websock_server._live_connections.get(client_id)
+    request = connection.request if connection is not None else None
+    if request is None:
+        return ""
+    return parse_qs(urlsplit(request.path).query).get("ticket", [""])[0]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,253 @@
+"""The local socket between a viser worker and the gateway's store: typed requests, answered after commit.
+
+One JSON object per line. Requests carry a number, so that several threads of a worker can wait at once.
+"""
+
+import itertools
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import msgspec
+from pydantic import TypeAdapter
+
+from human_study.events import Event, event_from_json, event_to_json
+from human_study.outcome import Outcome
+from human_study.store import StudyStore, SupersededError, Trial, TrialEndedError
+from human_study.writer import StoreFullError
+from sim.errors import StudyError
+from sim.types import EpisodeKey, TaskKind
+
+_ERRORS: dict[str, type[StudyError]] = {
+    kind.__name__: kind for kind in (StudyError, StoreFullError, SupersededError, TrialEndedError)
+}
+_OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
+
+
+class Ready(msgspec.Struct, tag=True, frozen=True):
+    """The worker listens on this loopback port."""
+
+    port: int
+
+
+class Failed(msgspec.Struct, tag=True, frozen=True):
+    """The worker cannot start; the message is for the person at the terminal."""
+
+    message: str
+
+
+class WhoHolds(msgspec.Struct, tag=True, frozen=True):
+    """Whose ticket is it?"""
+
+    ticket: str
+
+
+class ListTrials(msgspec.Struct, tag=True, frozen=True):
+    """The participant's trials and which are over."""
+
+    code: str
+
+
+class OpenTrial(msgspec.Struct, tag=True, frozen=True):
+    """Begin or take over a trial."""
+
+    code: str
+    order_no: int
+
+
+class ListEvents(msgspec.Struct, tag=True, frozen=True):
+    """All stored events of a trial."""
+
+    trial_id: str
+
+
+class AppendEvents(msgspec.Struct, tag=True, frozen=True):
+    """Store events together."""
+
+    trial_id: str
+    epoch: int
+    events: list[str]
+
+
+class FinishTrial(msgspec.Struct, tag=True, frozen=True):
+    """Close a trial with its outcome."""
+
+    trial_id: str
+    outcome: str
+
+
+Request = Ready | Failed | WhoHolds | ListTrials | OpenTrial | ListEvents | AppendEvents | FinishTrial
+
+
+class Letter(msgspec.Struct, frozen=True):
+    """One request on the wire."""
+
+    number: int
+    request: Request
+
+
+class Reply(msgspec.Struct, frozen=True):
+    """Its answer: a value as JSON, or an error."""
+
+    number: int
+    value: msgspec.Raw = msgspec.Raw(b"null")
+    error: str | None = None
+    """Class name of a StudyError."""
+    message: str = ""
+
+
+class TrialPlace(msgspec.Struct, frozen=True):
+    """One planned trial of a participant."""
+
+    order_no: int
+    task: TaskKind
+    key: EpisodeKey
+    is_begun: bool
+    is_over: bool
+
+
+class StoreLink:
+    """The worker's end: the store's methods, each blocking until the gateway has committed."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        """Starts listening for answers; `is_closed` is set when the gateway is gone."""
+        self._connection = connection
+        self._waiting: dict[int, Future[Reply]] = {}
+        self._numbers = itertools.count(1)
+        self._lock = threading.Lock()
+        self.is_closed = threading.Event()
+        threading.Thread(target=self._listen, daemon=True, name="store-link").start()
+
+    def tell_ready(self, port: int) -> None:
+        """Tell the gateway where the worker listens."""
+        self._ask(Ready(port))
+
+    def tell_failed(self, message: str) -> None:
+        """Tell the gateway why the worker cannot start."""
+        self._ask(Failed(message))
+
+    def code_of_ticket(self, ticket: str) -> str | None:
+        """Participant who holds a ticket, None if nobody does."""
+        return msgspec.json.decode(self._ask(WhoHolds(ticket)), type=str | None)
+
+    def trials(self, code: str) -> list[TrialPlace]:
+        """The participant's trials in order."""
+        return msgspec.json.decode(self._ask(ListTrials(code)), type=list[TrialPlace])
+
+    def open_trial(self, code: str, order_no: int) -> Trial:
+        """`StudyStore.open_trial`."""
+        return msgspec.json.decode(self._ask(OpenTrial(code, order_no)), type=Trial)
+
+    def events(self, trial_id: str) -> list[Event]:
+        """All stored events of a trial, in order."""
+        lines = msgspec.json.decode(self._ask(ListEvents(trial_id)), type=list[str])
+        return [event_from_json(line) for line in lines]
+
+    def append_many(self, trial_id: str, epoch: int, events: Sequence[Event]) -> None:
+        """`StudyStore.append_many`; the events are on disk when this returns."""
+        self._ask(AppendEvents(trial_id, epoch, [event_to_json(event) for event in events]))
+
+    def finish_trial(self, trial_id: str, outcome: Outcome) -> None:
+        """`StudyStore.finish_trial`; the outcome is on disk when this returns."""
+        self._ask(FinishTrial(trial_id, outcome.model_dump_json()))
+
+    def _ask(self, request: Request) -> bytes:
+        number = next(self._numbers)
+        answer: Future[Reply] = Future()
+        self._waiting[number] = answer
+        try:
+            with self._lock:
+                self._connection.sendall(msgspec.json.encode(Letter(number, request)) + b"\n")
+        except OSError:
+            raise self._gone() from None
+        if self.is_closed.is_set() and not answer.done():
+            raise self._gone()
+        reply = answer.result()
+        if reply.error is not None:
+            raise _ERRORS.get(reply.error, StudyError)(reply.message)
+        return bytes(reply.value)
+
+    def _listen(self) -> None:
+        try:
+            for line in self._connection.makefile("rb"):
+                reply = msgspec.json.decode(line, type=Reply)
+                self._waiting.pop(reply.number).set_result(reply)
+        except OSError:
+            pass  # the same as the end of the stream: the gateway is gone
+        self.is_closed.set()
+        for answer in list(self._waiting.values()):
+            answer.set_exception(self._gone())
+
+    def _gone(self) -> StudyError:
+        return StudyError(
+            "the gateway has ended; expected it to run. Start the study again: nothing acknowledged is lost."
+        )
+
+
+class StoreService:
+    """The gateway's end: answers one worker's requests from the store."""
+
+    def __init__(
+        self, connection: socket.socket, store: StudyStore, *, code_of_ticket: Callable[[str], str | None]
+    ) -> None:
+        """Starts answering.
+
+        Args:
+            connection: Our end of the socket pair.
+            store: Owned by the gateway.
+            code_of_ticket: Participant who holds a ticket.
+        """
+        self._connection = connection
+        self._store = store
+        self._code_of_ticket = code_of_ticket
+        self._lock = threading.Lock()
+        self._pool = ThreadPoolExecutor(8, thread_name_prefix="store-service")
+        self.started: Future[int] = Future()
+        """The worker's port, or StudyError when it cannot start or ends before it is ready."""
+        threading.Thread(target=self._listen, daemon=True, name="store-service").start()
+
+    def close(self) -> None:
+        """Ends the connection; the worker ends by itself."""
+        self._connection.close()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def _listen(self) -> None:
+        try:
+            for line in self._connection.makefile("rb"):
+                self._pool.submit(self._answer, msgspec.json.decode(line, type=Letter))
+        except (OSError, ValueError, RuntimeError):
+            pass  # closed by us or by the worker
+        if not self.started.done():
+            self.started.set_exception(StudyError("the viser worker ended before it was ready; see its message above."))
+
+    def _answer(self, letter: Letter) -> None:
+        try:
+            reply = Reply(letter.number, msgspec.Raw(msgspec.json.encode(self._value(letter.request))))
+        except StudyError as error:
+            reply = Reply(letter.number, error=type(error).__name__, message=str(error))
+        with self._lock:
+            self._connection.sendall(msgspec.json.encode(reply) + b"\n")
+
+    def _value(self, request: Request) -> object:
+        match request:
+            case Ready(port=port):
+                self.started.set_result(port)
+            case Failed(message=message):
+                self.started.set_exception(StudyError(message))
+            case WhoHolds(ticket=ticket):
+                return self._code_of_ticket(ticket)
+            case ListTrials(code=code):
+                return [
+                    TrialPlace(item.order_no, item.task, item.key, item.trial_id is not None, item.outcome is not None)
+                    for item in self._store.trials(code)
+                ]
+            case OpenTrial(code=code, order_no=order_no):
+                return self._store.open_trial(code, order_no)
+            case ListEvents(trial_id=trial_id):
+                return [event_to_json(stored.event) for stored in self._store.events(trial_id)]
+            case AppendEvents(trial_id=trial_id, epoch=epoch, events=lines):
+                self._store.append_many(trial_id, epoch, [event_from_json(line) for line in lines])
+            case FinishTrial(trial_id=trial_id, outcome=outcome):
+                self._store.finish_trial(trial_id, _OUTCOME.validate_json(outcome))
+        return None

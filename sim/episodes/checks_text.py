@@ -1,0 +1,243 @@
+"""Checks of the words of a dataset: owners, ownership sentences, captions, queries (DATA_FORMAT.md section 8)."""
+
+import itertools
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator
+
+from .ownership import OwnershipEdge, anonymous_summary, graph_from_sentences, normalise_phrase
+from .schema import Episode, EpisodeRecord
+from .survey import Find, Hit, Rule, Survey, splits_in_order
+
+_PLACEHOLDER = re.compile(r"<\s*person\w*\s*>|\bperson_?\d+\b", re.IGNORECASE)
+_NOTE = re.compile(r"\b(?:nota|note|n\.?b|todo)\s*:", re.IGNORECASE)
+_ROOM_TAIL = re.compile(r" in (?:the )?[^.,]+\.?$")
+# Words after which a phrase speaks of other things ("a sofa near the lamp").
+_AFTER_HEAD = re.compile(r"\b(?:near|next|located|on)\b")
+_QUERIES = tuple(
+    re.compile(template.replace("{}", r"(?P<asked>.+)"))
+    for template in (
+        r"Find {}",
+        r"Where is {}\?",
+        r"Locate {}",
+        r"Retrieve {} position",
+        r"Identify the position of {}",
+        r"Give me the coordinates of {}",
+    )
+)
+_SHORT_CAPTION = 5
+_PRIVATE_SPLITS = ("easy", "medium")
+"""Splits in which every object has one owner (paper: c_j = 1)."""
+
+
+def is_annotator_note(caption: str) -> bool:
+    """Whether a caption holds a remark of its annotator ("NOTA: ...") instead of, or after, a description."""
+    return _NOTE.search(caption) is not None
+
+
+def episodes_where(is_hit: Callable[[Episode], bool]) -> Find:
+    """A finder of the episodes for which `is_hit` holds."""
+    return lambda survey: (Hit((e.key.split,), str(e.key)) for e in survey.records if is_hit(e))
+
+
+def _of_record(is_hit: Callable[[EpisodeRecord], bool]) -> Find:
+    return episodes_where(lambda episode: is_hit(episode.record))
+
+
+def sentences_where(is_hit: Callable[[str], bool]) -> Find:
+    """A finder of ownership sentences; one hit per episode, counting its sentences."""
+
+    def find(survey: Survey) -> Iterator[Hit]:
+        for episode in survey.records:
+            count = sum(map(is_hit, episode.record.extracted_summary))
+            if count:
+                yield Hit((episode.key.split,), str(episode.key), count)
+
+    return find
+
+
+def _edges(record: EpisodeRecord) -> tuple[OwnershipEdge, ...]:
+    """Edges of the sentences that have an owner; the others are problems of the file (row 2)."""
+    return graph_from_sentences(text for text in record.extracted_summary if " owns " in text).edges
+
+
+def _owner_sentences(record: EpisodeRecord) -> list[str]:
+    """What the asked person owns, lower case, without the name."""
+    start = f"{record.owner} owns "
+    return [text.removeprefix(start).lower() for text in record.extracted_summary if text.startswith(start)]
+
+
+def _has_word(text: str, word: str) -> bool:
+    return re.search(rf"\b{re.escape(word)}\b", text) is not None
+
+
+def _raw_names(record: EpisodeRecord) -> set[str]:
+    return {name.rpartition("_")[0] for name in record.object_names}
+
+
+def _first_slots(record: EpisodeRecord) -> list[str]:
+    """The first caption slot of each object, "" where it is empty."""
+    slots_per_object = (record.captions,) if isinstance(record.object_id, str) else record.captions
+    return [str(slots[0]).strip() if slots else "" for slots in slots_per_object]
+
+
+def _objects_with_short_caption(survey: Survey) -> Iterator[Hit]:
+    splits_of: dict[str, list] = defaultdict(list)
+    for episode in survey.records:
+        for name, caption in zip(episode.record.object_names, _first_slots(episode.record), strict=True):
+            if len(caption.split()) < _SHORT_CAPTION:
+                splits_of[f"{episode.key.scene}/{name}"].append(episode.key.split)
+    return (Hit(splits_in_order(splits), name) for name, splits in splits_of.items())
+
+
+def _names_without_edge(survey: Survey) -> Iterator[Hit]:
+    """Episodes whose summary mentions a person known from elsewhere in the dataset, who owns nothing here."""
+    everybody = {edge.owner for episode in survey.records for edge in _edges(episode.record)}
+    for episode in survey.records:
+        owners = {edge.owner for edge in _edges(episode.record)}
+        mentioned = set(re.findall(r"\b\w+\b", episode.record.summary)) & everybody
+        if mentioned - owners:
+            yield Hit((episode.key.split,), str(episode.key))
+
+
+def _lacks_category_word(record: EpisodeRecord) -> bool:
+    """Whether no long word of the category (singular; all words if none is long) is part of what the owner owns."""
+    words = [word for word in record.object_category.lower().split() if len(word) > 3]
+    words = words or record.object_category.lower().split()
+    text = " ".join(_owner_sentences(record))
+    return not any(word.rstrip("s") in text for word in words)
+
+
+def _owner_lacks_target(record: EpisodeRecord) -> bool:
+    """Whether the text gives the target to others only.
+
+    Holds when the owner's sentences do not name the category and somebody else's sentence fits a caption of the
+    target better than all of the owner's (shared words over all words).
+    """
+    if not _lacks_category_word(record):
+        return False
+    captions = [set(normalise_phrase(text).split()) for texts in record.captions_per_object for text in texts]
+    mine: list[float] = [0.0]
+    others: list[float] = [0.0]
+    edges = _edges(record)
+    my_nodes = {edge.node for edge in edges if edge.owner == record.owner}
+    for edge in edges:
+        words = set(normalise_phrase(edge.phrase).split())
+        fit = max((len(words & caption) / len(words | caption) for caption in captions if caption), default=0.0)
+        (mine if edge.node in my_nodes else others).append(fit)
+    return max(others) > max(mine)
+
+
+def _has_private_sentence_twice(episode: Episode) -> bool:
+    """Whether two people own the same sentence in a split without shared objects: two objects, one text."""
+    if episode.key.split not in _PRIVATE_SPLITS:
+        return False
+    return any(count > 1 for count in Counter(edge.node for edge in _edges(episode.record)).values())
+
+
+def _has_rival_sentence(record: EpisodeRecord) -> bool:
+    """Whether one target is asked for, but two of the owner's sentences are headed by the category's word."""
+    if len(record.object_names) > 1:
+        return False
+    category = re.compile(rf"\b{re.escape(record.object_category.lower())}s?\b")
+    heads = (_AFTER_HEAD.split(text, maxsplit=1)[0] for text in _owner_sentences(record))
+    return sum(category.search(head) is not None for head in heads) > 1
+
+
+def _is_query_unknown(record: EpisodeRecord) -> bool:
+    """Whether the queries are not the six known sentences over "<owner>'s <category>"."""
+    one_of = len(record.object_names) > 1
+    asked = (
+        f"one of {record.owner}'s {record.object_category}s" if one_of else f"{record.owner}'s {record.object_category}"
+    )
+    matches = [template.fullmatch(text) for template, text in zip(_QUERIES, record.query, strict=False)]
+    return len(record.query) != len(_QUERIES) or any(match is None or match["asked"] != asked for match in matches)
+
+
+def _has_prefix_names(record: EpisodeRecord) -> bool:
+    owners = sorted({edge.owner for edge in _edges(record)})
+    return any(longer.startswith(shorter) for shorter, longer in itertools.pairwise(owners))
+
+
+def _repeated_ids(survey: Survey) -> Iterator[Hit]:
+    uses = Counter((episode.key.split, episode.key.episode_id) for episode in survey.records)
+    for episode in survey.records:
+        if uses[(episode.key.split, episode.key.episode_id)] > 1:
+            yield Hit((episode.key.split,), str(episode.key))
+
+
+def _ids_in_several_splits(survey: Survey) -> Iterator[Hit]:
+    splits_of: dict[str, set] = defaultdict(set)
+    for episode in survey.records:
+        splits_of[episode.key.episode_id].add(episode.key.split)
+    return (Hit(splits_in_order(splits), name) for name, splits in splits_of.items() if len(splits) > 1)
+
+
+def _sampled_twice(survey: Survey) -> Iterable[Hit]:
+    """Episodes that ask the same person of the same story for the same object as an earlier one."""
+    seen: set[tuple] = set()
+    for episode in survey.records:
+        edges = _edges(episode.record)
+        if not edges:
+            continue
+        text, slots = anonymous_summary(episode.record)
+        asked = (
+            episode.key.split,
+            episode.key.scene,
+            text,
+            slots.get(episode.record.owner),
+            episode.record.object_names,
+        )
+        if asked in seen:
+            yield Hit((episode.key.split,), str(episode.key))
+        seen.add(asked)
+
+
+TEXT_RULES = (
+    Rule(9, "several-right-objects", "note", "episodes", "the query asks for one of several right objects",
+         _of_record(lambda record: len(record.object_names) > 1)),
+    Rule(10, "raw-name-differs-from-category", "note", "episodes", "an object's raw name is not its category",
+         _of_record(lambda record: _raw_names(record) != {record.object_category})),
+    Rule(11, "caption-missing", "defect", "episodes", "an object's first caption slot is empty",
+         _of_record(lambda record: not all(_first_slots(record)))),
+    Rule(12, "caption-is-annotator-note", "defect", "episodes", "a caption holds an annotator's note",
+         _of_record(lambda record: any(map(is_annotator_note, _first_slots(record))))),
+    Rule(13, "caption-short", "note", "objects", f"a caption has fewer than {_SHORT_CAPTION} words",
+         _objects_with_short_caption),
+    Rule(14, "owner-absent", "error", "episodes", "the asked person is not in the summary or owns nothing",
+         _of_record(lambda record: not _has_word(record.summary, record.owner) or not _owner_sentences(record))),
+    Rule(15, "placeholder-left", "defect", "episodes", "a <person1> was not replaced by a name",
+         _of_record(lambda record: any(map(_PLACEHOLDER.search, (record.summary, *record.extracted_summary))))),
+    Rule(16, "name-without-sentence", "defect", "episodes", "the summary names a person without ownership sentence",
+         _names_without_edge),
+    Rule(17, "owner-lacks-target", "defect", "episodes", "the text gives the target to other people only (heuristic)",
+         _of_record(_owner_lacks_target)),
+    Rule(18, "sentence-repeated", "defect", "episodes", "an ownership sentence stands twice",
+         _of_record(lambda record: len(set(record.extracted_summary)) < len(record.extracted_summary))),
+    Rule(19, "two-objects-one-sentence", "defect", "episodes", "two people's own objects have the same sentence",
+         episodes_where(_has_private_sentence_twice)),
+    Rule(20, "category-word-missing", "note", "episodes", "the owner's sentences never use the category's word",
+         _of_record(_lacks_category_word)),
+    Rule(21, "rival-sentence", "defect", "episodes", "two of the owner's sentences fit the query (heuristic)",
+         _of_record(_has_rival_sentence)),
+    Rule(22, "sentence-period-at-end", "note", "sentences", "an ownership sentence ends with a period",
+         sentences_where(lambda text: text.rstrip().endswith(".")),
+         also=(("sentence-period-inside", "sentences", sentences_where(lambda text: "." in text.rstrip(" ."))),)),
+    Rule(23, "sentence-without-room-tail", "note", "sentences", 'a sentence does not end with "in [the] <room>"',
+         sentences_where(lambda text: _ROOM_TAIL.search(text) is None),
+         also=(("sentence-without-room", "sentences", sentences_where(lambda text: " in " not in text)),)),
+    Rule(24, "sentence-says-floor", "note", "sentences", 'a sentence holds the word "floor"',
+         sentences_where(lambda text: "floor" in text.lower())),
+    Rule(25, "query-unknown", "defect", "episodes", "a query is none of the six known sentences",
+         _of_record(_is_query_unknown),
+         also=(("query-naive-plural", "episodes", _of_record(lambda record: len(record.object_names) > 1)),)),
+    Rule(26, "episode-id-repeated", "defect", "episodes", "an episode_id is used twice in one split",
+         _repeated_ids,
+         also=(("episode-id-in-several-splits", "episode ids", _ids_in_several_splits),)),
+    Rule(27, "name-prefix-of-name", "note", "episodes", "a person's name begins another person's name",
+         _of_record(_has_prefix_names)),
+    Rule(28, "summary-not-ascii", "note", "episodes", "the summary has typographic characters",
+         _of_record(lambda record: not record.summary.isascii())),
+    Rule(44, "sampled-twice", "defect", "episodes", "the same person and object of one story are asked for twice",
+         _sampled_twice),
+)  # fmt: skip

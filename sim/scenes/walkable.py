@@ -1,0 +1,166 @@
+"""Where the robot can walk in a schematic home: cells around the places where it stood, and guessed strips between them."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
+from scipy.spatial import cKDTree
+
+from sim.errors import SceneError
+from sim.types import AGENT_RADIUS
+
+from .plan import CELL, CellGrid, Cells, Storey
+
+LINK = 2 * AGENT_RADIUS
+"""Standing points this close are joined without a guess (metres; the view points' lattice is 0.25)."""
+SHORTCUTS = (0.5, 0.75, 1.0)
+"""Longest guessed shortcuts of three rounds (metres); without them a home is a tree of islands and paths are detours."""
+LAYER_GAP = 0.33
+"""Heights of one column closer than this are one floor (metres); more than the climb of the navigation map."""
+_DETOUR = 1.5  # a shortcut is worth a guess where the way round is this many times longer
+_MAX_LINK_DY = 0.25
+_MAX_SLOPE = math.radians(40)
+_STOREY_PENALTY = 1000.0  # bridges between storeys come last, and one is enough
+_KNOWN_WEIGHT = 100.0
+_JUMP = 0.6  # neighbouring cells of one strip differ by less (metres)
+_ROUNDS = 30  # of smoothing
+
+Points = NDArray[np.float64]
+Pairs = NDArray[np.int64]
+
+
+def walkable_cells(standing: Points, storeys: tuple[Storey, ...], *, grid: CellGrid, scene: str) -> Cells:
+    """Cells within AGENT_RADIUS of a standing point (N, 3), and of guessed strips that join them all.
+
+    Raises:
+        SceneError: Two parts of the home are too steep to join; names `scene`.
+    """
+    links = cKDTree(standing[:, [0, 2]]).query_pairs(LINK + 1e-6, output_type="ndarray")
+    links = links[_rise(standing, links) <= _MAX_LINK_DY]
+    bridges = _bridges(standing, links, storeys, scene)
+    strips = np.concatenate([bridges, _shortcuts(standing, np.concatenate([links, bridges]))])
+    guessed = [_along(standing[a], standing[b]) for a, b in strips]
+    known = [standing, standing[links].mean(axis=1)]
+    discs = np.concatenate([*known, *guessed])
+    is_known = np.arange(len(discs)) < sum(len(part) for part in known)
+    return _cells_of_discs(discs, is_known, grid)
+
+
+def _rise(standing: Points, pairs: Pairs) -> Points:
+    return np.abs(standing[pairs[:, 0], 1] - standing[pairs[:, 1], 1])
+
+
+def _along(start: Points, end: Points) -> Points:
+    """Points (K, 3) of a straight strip, half a cell apart."""
+    share = np.linspace(0, 1, max(2, math.ceil(math.dist(start, end) / (CELL / 2))))[:, None]
+    return start * (1 - share) + end * share
+
+
+def _graph(standing: Points, pairs: Pairs) -> csr_matrix:
+    lengths = np.linalg.norm(standing[pairs[:, 0]] - standing[pairs[:, 1]], axis=1)
+    num = len(standing)
+    return coo_matrix((lengths, (pairs[:, 0], pairs[:, 1])), shape=(num, num)).tocsr()
+
+
+def _bridges(standing: Points, links: Pairs, storeys: tuple[Storey, ...], scene: str) -> Pairs:
+    """Pairs of standing points whose straight strips join all islands: a minimum spanning tree over the islands."""
+    num_islands, island = connected_components(_graph(standing, links), directed=False)
+    order = np.argsort(island, kind="stable")
+    firsts = np.searchsorted(island[order], np.arange(num_islands))
+    cost = _bridge_costs(standing[order], storeys)
+    between = np.minimum.reduceat(np.minimum.reduceat(cost, firsts, axis=0), firsts, axis=1)
+    np.fill_diagonal(between, 0)
+    tree = minimum_spanning_tree(np.where(np.isfinite(between), between, 0)).tocoo()
+    if tree.nnz != num_islands - 1:
+        raise SceneError(
+            f"scene {scene!r}: {num_islands - 1 - tree.nnz} parts of the home cannot be joined by a ramp of at most "
+            "40 degrees; expected standing points of connected storeys. Check the heights in its episode files."
+        )
+    ends = np.append(firsts, len(standing))
+    bridges = []
+    for a, b in zip(tree.row, tree.col, strict=True):
+        block = cost[ends[a] : ends[a + 1], ends[b] : ends[b + 1]]
+        row, col = np.unravel_index(int(block.argmin()), block.shape)
+        bridges.append((order[firsts[a] + row], order[firsts[b] + col]))
+    return np.array(bridges, np.int64).reshape(-1, 2)
+
+
+def _bridge_costs(points: Points, storeys: tuple[Storey, ...]) -> NDArray[np.float64]:
+    """(N, N) length of a straight strip between two points, inf where it is too steep; storeys cost extra."""
+    planar = np.hypot(points[:, None, 0] - points[None, :, 0], points[:, None, 2] - points[None, :, 2])
+    rise = np.abs(points[:, None, 1] - points[None, :, 1])
+    storey = np.abs(points[:, 1, None] - [storey.floor_y for storey in storeys]).argmin(axis=1)
+    apart = np.abs(storey[:, None] - storey[None, :])
+    cost = np.maximum(planar, 1e-3) + 2 * rise + _STOREY_PENALTY * apart**2
+    return np.where(rise <= planar * math.tan(_MAX_SLOPE) + 0.02, cost, np.inf)
+
+
+def _shortcuts(standing: Points, joined: Pairs) -> Pairs:
+    """Short level strips where the way along `joined` is a long detour; at most one per point and round."""
+    near = cKDTree(standing[:, [0, 2]]).query_pairs(SHORTCUTS[-1], output_type="ndarray")
+    near = near[_rise(standing, near) <= _MAX_LINK_DY]
+    lengths = np.linalg.norm(standing[near[:, 0]] - standing[near[:, 1]], axis=1)
+    order = np.lexsort((near[:, 1], near[:, 0], lengths))
+    near, lengths = near[order], lengths[order]
+    found: list[tuple[int, int]] = []
+    for longest in SHORTCUTS:
+        pairs = np.concatenate([joined, np.array(found, np.int64).reshape(-1, 2)])
+        walked = dijkstra(_graph(standing, pairs), directed=False, limit=2 * _DETOUR * SHORTCUTS[-1])
+        is_detour = walked[near[:, 0], near[:, 1]] > _DETOUR * lengths + CELL
+        used: set[int] = set()
+        for a, b in near[is_detour & (lengths <= longest)].tolist():
+            if a not in used and b not in used:
+                used |= {a, b}
+                found.append((a, b))
+    return np.array(found, np.int64).reshape(-1, 2)
+
+
+def _cells_of_discs(discs: Points, is_known: NDArray[np.bool_], grid: CellGrid) -> Cells:
+    """Cells whose centre is within AGENT_RADIUS of a disc's centre (N, 3); one cell per column and floor."""
+    reach = math.ceil(AGENT_RADIUS / CELL)
+    side = np.arange(-reach, reach + 1)
+    offsets = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
+    spec = grid.grid
+    rc = spec.rc_from_xz(discs[:, [0, 2]])[:, None] + offsets  # (N, O, 2)
+    distance = np.linalg.norm(spec.xz_from_rc(rc) - discs[:, None, [0, 2]], axis=-1)
+    disc, offset = np.nonzero(distance <= AGENT_RADIUS)
+    rc, distance, y, known = rc[disc, offset], distance[disc, offset], discs[disc, 1], is_known[disc]
+    order = np.lexsort((y, rc[:, 1], rc[:, 0]))
+    rc, distance, y, known = rc[order], distance[order], y[order], known[order]
+    new = np.ones(len(rc), bool)
+    new[1:] = (np.diff(rc, axis=0) != 0).any(axis=1) | (np.diff(y) > LAYER_GAP)
+    group = np.cumsum(new) - 1
+    # a cell at a standing point gets that point's height, one between two points something between
+    weight = np.where(known, _KNOWN_WEIGHT, 1.0) / (distance**2 + 0.01**2)
+    mean = np.bincount(group, weight * y) / np.bincount(group, weight)
+    return _smoothed(Cells(rc[new], mean, np.bincount(group, known) == 0))
+
+
+def _smoothed(cells: Cells) -> Cells:
+    """Heights of guessed cells relaxed towards their neighbours', so that a strip meets the known floors without a jump."""
+    place = np.column_stack([cells.rc, cells.y / _JUMP])
+    pairs = cKDTree(place).query_pairs(1.0 + 1e-9, p=np.inf, output_type="ndarray")
+    num = len(place)
+    beside = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num, num)).tocsr()
+    beside = beside + beside.T
+    count = np.maximum(np.asarray(beside.sum(axis=1)).ravel(), 1)
+    y = cells.y
+    for _ in range(_ROUNDS):
+        y = np.where(cells.guessed, beside @ y / count, y)
+    return _one_per_floor(Cells(cells.rc, y, cells.guessed))
+
+
+def _one_per_floor(cells: Cells) -> Cells:
+    """Drops guessed cells that came too close to another cell of their column."""
+    order = np.lexsort((cells.y, cells.rc[:, 1], cells.rc[:, 0]))
+    rc, y, guessed = cells.rc[order], cells.y[order], cells.guessed[order]
+    keep = np.ones(len(rc), bool)
+    last = 0
+    close = np.append(False, (np.diff(rc, axis=0) == 0).all(axis=1))
+    for k in np.flatnonzero(close):
+        last = k - 1 if keep[k - 1] else last
+        if y[k] - y[last] <= LAYER_GAP and (rc[k] == rc[last]).all():
+            keep[k if guessed[k] else last] = False
+    return Cells(rc[keep], y[keep], guessed[keep])

@@ -1,0 +1,99 @@
+"""Hashed words and the cache by text."""
+
+import numpy as np
+import pytest
+
+from grounding.checks import check_encoder
+from grounding.encoder_hashed import STOP_WORDS, HashedWords, murmur3, terms
+from grounding.encoders import CachedTextEncoder, make_encoder
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", 0),
+        ("foo", 0xF6A5C420),
+        ("hello", 0x248BFA47),
+        ("hello, world", 0x149BBB7F),
+        ("The quick brown fox jumps over the lazy dog", 0x2E4FF723),
+    ],
+)
+def test_murmur3_gives_the_published_hashes(text: str, expected: int) -> None:
+    assert murmur3(text.encode()) == expected
+
+
+def test_terms_are_words_without_stop_words_and_pairs_of_neighbours() -> None:
+    assert terms("Find Ada's RED chair, on the left.") == [
+        "ada",
+        "red",
+        "chair",
+        "left",
+        "ada red",
+        "red chair",
+        "chair left",
+    ]
+
+
+def test_a_single_word_is_one_signed_place() -> None:
+    # murmur3("foo") = 0xF6A5C420 is -156908512 as a signed number, and 156908512 % 768 = 544
+    vector = HashedWords().encode_texts(["foo"])[0]
+    assert vector[544] == -1
+    assert np.count_nonzero(vector) == 1
+
+
+def test_shared_words_give_the_cosine_counted_by_hand() -> None:
+    # red, chair, "red chair" against red, sofa, "red sofa": one common term of three each
+    first, second = HashedWords().encode_texts(["a red chair", "the red sofa"])
+    assert float(first @ second) == pytest.approx(1 / 3)
+
+
+def test_case_and_punctuation_do_not_matter_and_order_does() -> None:
+    upper, lower, turned = HashedWords().encode_texts(["Oak TABLE!", "oak table", "table oak"])
+    assert np.array_equal(upper, lower)
+    assert float(lower @ turned) == pytest.approx(2 / 3)
+
+
+def test_a_text_of_stop_words_is_a_zero_row() -> None:
+    assert not HashedWords().encode_texts(["where is the", ""]).any()
+
+
+def test_stop_words_are_lower_case_words_of_two_letters_or_more() -> None:
+    assert all(word.isalpha() and word.islower() and len(word) > 1 for word in STOP_WORDS)
+
+
+def test_hashed_words_keep_the_encoders_contract() -> None:
+    check_encoder(HashedWords())
+    check_encoder(make_encoder("hashed"))
+
+
+class CountingEncoder(HashedWords):
+    """Remembers what it was asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked: list[list[str]] = []
+
+    def encode_texts(self, texts):
+        self.asked.append(list(texts))
+        return super().encode_texts(texts)
+
+
+def test_the_cache_encodes_each_text_once_and_keeps_the_order() -> None:
+    inner = CountingEncoder()
+    cached = CachedTextEncoder(inner)
+    first = cached.encode_texts(["red chair", "oak table", "red chair"])
+    second = cached.encode_texts(["oak table", "grey sofa"])
+    assert inner.asked == [["red chair", "oak table"], ["grey sofa"]]
+    assert np.array_equal(first, HashedWords().encode_texts(["red chair", "oak table", "red chair"]))
+    assert np.array_equal(second, HashedWords().encode_texts(["oak table", "grey sofa"]))
+
+
+def test_a_full_cache_forgets_and_still_answers_right() -> None:
+    cached = CachedTextEncoder(HashedWords(), max_texts=2)
+    cached.encode_texts(["red chair", "oak table"])
+    again = cached.encode_texts(["oak table", "grey sofa", "red chair"])
+    assert np.array_equal(again, HashedWords().encode_texts(["oak table", "grey sofa", "red chair"]))
+
+
+def test_no_texts_give_an_empty_matrix() -> None:
+    assert make_encoder("hashed").encode_texts([]).shape == (0, 768)

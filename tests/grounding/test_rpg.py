@@ -1,0 +1,389 @@
+"""Algorithm 1: laws that every right implementation keeps, and equality with loops over Python floats."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from grounding.rpg import PRESETS, RpgOptions, RpgResult, nms_peaks, rpg_dense, rpg_packed
+from grounding.types import TIE, map_from_cells
+from sim.types import GridSpec
+
+LAWS = settings(max_examples=60, deadline=None)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One map (H, W, E) with zero vectors in empty cells, phrases (K, E) and a query (E,)."""
+
+    features: np.ndarray
+    phrases: np.ndarray
+    query: np.ndarray
+
+
+@st.composite
+def rough_problems(draw: st.DrawFn) -> Problem:
+    """Small integers: many empty cells and many exact ties, no near ties."""
+    shape = draw(st.tuples(st.integers(1, 5), st.integers(1, 5)))
+    values = st.integers(-2, 2)
+    features = draw(hnp.arrays(np.int8, (*shape, 3), elements=values)) * draw(
+        hnp.arrays(np.int8, (*shape, 1), elements=st.integers(0, 1))
+    )
+    phrases = draw(hnp.arrays(np.int8, (draw(st.integers(0, 3)), 3), elements=values))
+    query = draw(hnp.arrays(np.int8, (3,), elements=values))
+    return Problem(features.astype(float), phrases.astype(float), query.astype(float))
+
+
+@st.composite
+def smooth_problems(draw: st.DrawFn, *, most: int = 4) -> Problem:
+    """Random directions without near ties, about half of the cells empty, never all."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    height, width = draw(st.integers(1, 6)), draw(st.integers(1, 6))
+    features = rng.normal(size=(height, width, 5)) * (rng.random((height, width, 1)) < 0.6)
+    features[rng.integers(height), rng.integers(width)] = rng.normal(size=5)
+    phrases = rng.normal(size=(draw(st.integers(1, most)), 5))
+    query = rng.normal(size=5)
+    filled = features[np.any(features != 0, axis=2)]
+    filled /= np.linalg.norm(filled, axis=1, keepdims=True)
+    for text in (*phrases, query):
+        cosines = np.sort(filled @ text / np.linalg.norm(text))
+        assume(np.all(np.diff(cosines) > 20 * TIE))
+    return Problem(features, phrases, query)
+
+
+def any_options(*, literal: bool = False) -> st.SearchStrategy[RpgOptions]:
+    return st.builds(RpgOptions, st.integers(1, 4), st.integers(0, 2), st.integers(0, 2), literal=st.just(literal))
+
+
+def solve(problem: Problem, options: RpgOptions, *, mask: np.ndarray | None = None) -> RpgResult:
+    """The dense form on a batch of one, float32."""
+    return rpg_dense(
+        torch.tensor(problem.features[None], dtype=torch.float32),
+        torch.tensor(problem.phrases[None], dtype=torch.float32),
+        torch.tensor(problem.query[None], dtype=torch.float32),
+        phrase_mask=None if mask is None else torch.tensor(mask[None]),
+        options=options,
+    )
+
+
+def solve_packed(problem: Problem, options: RpgOptions) -> RpgResult:
+    """The packed form of the same problem, float32."""
+    height, width, _ = problem.features.shape
+    rc = np.argwhere(np.ones((height, width), bool))
+    memory = map_from_cells(
+        problem.features.reshape(-1, problem.features.shape[2]),
+        rc,
+        grid=GridSpec((0.0, 0.0), 1.0, (height, width)),
+        floor_y=0.0,
+        encoder="test",
+    )
+    return rpg_packed(
+        torch.tensor(memory.rows),
+        torch.tensor(memory.rc.astype(int)),
+        torch.tensor(problem.phrases, dtype=torch.float32),
+        torch.tensor(problem.query[None], dtype=torch.float32),
+        width=width,
+        options=options,
+    )
+
+
+def answer(result: RpgResult) -> int:
+    return int(result.index[0])
+
+
+def gate(result: RpgResult) -> np.ndarray:
+    return result.gate[0].numpy()
+
+
+def plain_query_scoring(problem: Problem) -> RpgResult:
+    return solve(Problem(problem.features, np.empty((0, problem.query.size)), problem.query), PRESETS["paper"])
+
+
+def cosine(a: np.ndarray, b: np.ndarray) -> float:
+    length = math.sqrt(sum(float(x) ** 2 for x in a)) * math.sqrt(sum(float(x) ** 2 for x in b))
+    return sum(float(x) * float(y) for x, y in zip(a, b, strict=True)) / length if length else 0.0
+
+
+def first_maximum(scores: dict[tuple[int, int], float]) -> tuple[int, int] | None:
+    best = max(scores.values(), default=-math.inf)
+    return next((cell for cell, score in sorted(scores.items()) if score >= best - TIE), None)
+
+
+def loops(problem: Problem, options: RpgOptions) -> tuple[int, float]:
+    """Algorithm 1 cell by cell in Python floats: flat index (-1 = none) and value."""
+    height, width, _ = problem.features.shape
+    cells = [(row, col) for row in range(height) for col in range(width)]
+    filled = [cell for cell in cells if np.any(problem.features[cell] != 0)]
+    if not filled:
+        return -1, -math.inf
+    searched = cells if options.literal else filled
+    opened = set(cells) if len(problem.phrases) == 0 else set()
+    for phrase in problem.phrases:
+        scores = {cell: cosine(problem.features[cell], phrase) for cell in searched}
+        for _ in range(options.top_k):
+            peak = first_maximum(scores)
+            if peak is None:
+                break
+            scores = {cell: score for cell, score in scores.items() if far(cell, peak) > options.nms_r}
+            opened |= {cell for cell in cells if far(cell, peak) <= options.nhood}
+    final = {cell: cosine(problem.features[cell], problem.query) for cell in searched if cell in opened}
+    if options.literal:
+        final |= {cell: 0.0 for cell in cells if cell not in opened}
+    best = first_maximum(final)
+    assert best is not None
+    return best[0] * width + best[1], final[best]
+
+
+def far(a: tuple[int, int], b: tuple[int, int]) -> int:
+    return max(abs(a[0] - b[0]), abs(a[1] - b[1]))
+
+
+@settings(max_examples=150, deadline=None)
+@given(rough_problems(), any_options())
+def test_dense_and_packed_equal_loops_over_floats_ties_included(problem: Problem, options: RpgOptions) -> None:
+    index, value = loops(problem, options)
+    dense, packed = solve(problem, options), solve_packed(problem, options)
+    assert answer(dense) == answer(packed) == index
+    assert float(dense.value[0]) == pytest.approx(value, abs=1e-5)
+    assert float(packed.value[0]) == pytest.approx(value, abs=1e-5)
+
+
+@LAWS
+@given(rough_problems(), any_options(literal=True))
+def test_the_literal_form_equals_loops_over_floats(problem: Problem, options: RpgOptions) -> None:
+    index, value = loops(problem, options)
+    result = solve(problem, options)
+    assert answer(result) == index
+    assert float(result.value[0]) == pytest.approx(value, abs=1e-5)
+
+
+def test_the_literal_form_leaves_a_gate_of_negative_cosines_and_ours_does_not() -> None:
+    features = np.zeros((2, 2, 2))
+    features[1, 1] = [-1.0, 0.5]
+    problem = Problem(features, np.array([[0.0, 1.0]]), np.array([1.0, 0.0]))
+    assert answer(solve(problem, RpgOptions(top_k=1, nhood=0))) == 3
+    assert answer(solve(problem, RpgOptions(top_k=1, nhood=0, literal=True))) == 0
+
+
+def test_a_gate_by_hand() -> None:
+    # one row of five cells: the phrase's only peak is cell 3, the query likes cell 0 best, then 2
+    features = np.array([[[9.0, 0.0], [0.0, 0.0], [3.0, 4.0], [0.0, 1.0], [-1.0, 1.0]]])
+    problem = Problem(features, np.array([[0.0, 2.0]]), np.array([5.0, 0.0]))
+    result = solve(problem, RpgOptions(top_k=1, nhood=1))
+    assert gate(result).tolist() == [False, False, True, True, True]
+    assert answer(result) == 2
+    assert float(result.value[0]) == pytest.approx(0.6)
+    assert result.peaks.tolist() == [[[3]]]
+
+
+@LAWS
+@given(smooth_problems(), any_options(), st.randoms(use_true_random=False))
+def test_order_and_copies_of_phrases_do_not_matter(problem: Problem, options: RpgOptions, random) -> None:
+    order = [*range(len(problem.phrases)), random.randrange(len(problem.phrases))]
+    random.shuffle(order)
+    shuffled = Problem(problem.features, problem.phrases[order], problem.query)
+    assert answer(solve(shuffled, options)) == answer(solve(problem, options))
+    assert np.array_equal(gate(solve(shuffled, options)), gate(solve(problem, options)))
+
+
+@LAWS
+@given(smooth_problems(), any_options(), st.integers(1, 3))
+def test_padded_phrases_make_no_peaks(problem: Problem, options: RpgOptions, padding: int) -> None:
+    padded = np.concatenate([problem.phrases, np.full((padding, problem.query.size), np.nan)])
+    mask = np.arange(len(padded)) < len(problem.phrases)
+    result = solve(Problem(problem.features, padded, problem.query), options, mask=mask)
+    assert answer(result) == answer(solve(problem, options))
+    assert (result.peaks[0, len(problem.phrases) :] == -1).all()
+
+
+@LAWS
+@given(smooth_problems(), any_options(), st.integers(0, 2**32 - 1))
+def test_lengths_of_cells_phrases_and_query_do_not_matter(problem: Problem, options: RpgOptions, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = np.exp(rng.normal(size=(*problem.features.shape[:2], 1)))
+    texts = np.exp(rng.normal(size=(len(problem.phrases), 1)))
+    scaled = Problem(problem.features * cells, problem.phrases * texts, problem.query * 7.5)
+    first, second = solve(problem, options), solve(scaled, options)
+    assert answer(first) == answer(second)
+    assert float(first.value[0]) == pytest.approx(float(second.value[0]), abs=1e-5)
+
+
+@LAWS
+@given(smooth_problems(), any_options(), st.integers(0, 2**32 - 1))
+def test_a_rotation_of_the_embedding_space_does_not_matter(problem: Problem, options: RpgOptions, seed: int) -> None:
+    rotation, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(5, 5)))
+    turned = Problem(problem.features @ rotation, problem.phrases @ rotation, problem.query @ rotation)
+    assert answer(solve(turned, options)) == answer(solve(problem, options))
+
+
+@LAWS
+@given(smooth_problems(), any_options())
+def test_flipping_and_transposing_the_map_moves_the_answer_along(problem: Problem, options: RpgOptions) -> None:
+    height, width, _ = problem.features.shape
+    row, col = divmod(answer(solve(problem, options)), width)
+    flipped = Problem(np.flip(problem.features, (0, 1)).copy(), problem.phrases, problem.query)
+    assert answer(solve(flipped, options)) == (height - 1 - row) * width + (width - 1 - col)
+    transposed = Problem(problem.features.transpose(1, 0, 2), problem.phrases, problem.query)
+    assert answer(solve(transposed, options)) == col * height + row
+
+
+@LAWS
+@given(smooth_problems(), any_options(), st.tuples(*[st.integers(0, 3)] * 4))
+def test_empty_cells_around_the_map_do_not_matter(
+    problem: Problem, options: RpgOptions, margins: tuple[int, int, int, int]
+) -> None:
+    top, bottom, left, right = margins
+    width = problem.features.shape[1]
+    row, col = divmod(answer(solve(problem, options)), width)
+    larger = np.pad(problem.features, ((top, bottom), (left, right), (0, 0)))
+    result = solve(Problem(larger, problem.phrases, problem.query), options)
+    assert divmod(answer(result), width + left + right) == (row + top, col + left)
+
+
+@LAWS
+@given(st.lists(smooth_problems(most=3), min_size=2, max_size=4), any_options())
+def test_a_batch_equals_its_members_one_by_one(problems: list[Problem], options: RpgOptions) -> None:
+    height = max(problem.features.shape[0] for problem in problems)
+    width = max(problem.features.shape[1] for problem in problems)
+    most = max(len(problem.phrases) for problem in problems)
+    features = np.zeros((len(problems), height, width, 5), np.float32)
+    phrases = np.zeros((len(problems), most, 5), np.float32)
+    mask = np.zeros((len(problems), most), bool)
+    for at, problem in enumerate(problems):
+        features[at, : problem.features.shape[0], : problem.features.shape[1]] = problem.features
+        phrases[at, : len(problem.phrases)] = problem.phrases
+        mask[at, : len(problem.phrases)] = True
+    queries = torch.tensor(np.array([problem.query for problem in problems]), dtype=torch.float32)
+    result = rpg_dense(
+        torch.tensor(features), torch.tensor(phrases), queries, phrase_mask=torch.tensor(mask), options=options
+    )
+    for at, problem in enumerate(problems):
+        alone = Problem(features[at], problem.phrases, problem.query)
+        assert int(result.index[at]) == answer(solve(alone, options))
+
+
+@LAWS
+@given(smooth_problems(), any_options(), st.integers(0, 2**32 - 1))
+def test_many_episodes_on_one_packed_map_equal_each_alone(problem: Problem, options: RpgOptions, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    uses = rng.random((4, len(problem.phrases))) < 0.5
+    queries = rng.normal(size=(4, 5))
+    rc = np.argwhere(np.any(problem.features != 0, axis=2))
+    rows = problem.features[tuple(rc.T)]
+    rows = torch.tensor(rows / np.linalg.norm(rows, axis=1, keepdims=True), dtype=torch.float32)
+    together = rpg_packed(
+        rows,
+        torch.tensor(rc),
+        torch.tensor(problem.phrases, dtype=torch.float32),
+        torch.tensor(queries, dtype=torch.float32),
+        width=problem.features.shape[1],
+        uses=torch.tensor(uses),
+        options=options,
+    )
+    for episode in range(4):
+        alone = Problem(problem.features, problem.phrases[uses[episode]], queries[episode])
+        assert int(together.index[episode]) == answer(solve(alone, options))
+
+
+@LAWS
+@given(smooth_problems(), any_options())
+def test_the_answer_is_a_filled_cell_in_the_gate_and_no_better_than_query_scoring(
+    problem: Problem, options: RpgOptions
+) -> None:
+    result = solve(problem, options)
+    cell = answer(result)
+    assert gate(result)[cell]
+    assert np.any(problem.features.reshape(-1, 5)[cell] != 0)
+    assert float(result.value[0]) <= float(plain_query_scoring(problem).value[0]) + TIE
+
+
+@LAWS
+@given(smooth_problems(), st.integers(1, 4), st.integers(0, 2), st.integers(0, 2))
+def test_more_peaks_open_more_cells_and_never_lower_the_value(
+    problem: Problem, top_k: int, nhood: int, nms_r: int
+) -> None:
+    fewer = solve(problem, RpgOptions(top_k, nhood, nms_r))
+    more = solve(problem, RpgOptions(top_k + 1, nhood, nms_r))
+    assert np.all(gate(more) | ~gate(fewer))
+    assert float(more.value[0]) >= float(fewer.value[0]) - TIE
+
+
+@LAWS
+@given(smooth_problems(), any_options())
+def test_peaks_of_a_phrase_are_farther_apart_than_the_suppression_radius(problem: Problem, options: RpgOptions) -> None:
+    width = problem.features.shape[1]
+    for peaks in solve(problem, options).peaks[0].tolist():
+        cells = [divmod(peak, width) for peak in peaks if peak >= 0]
+        assert len(cells) >= 1
+        assert all(far(a, b) > options.nms_r for at, a in enumerate(cells) for b in cells[:at])
+
+
+@LAWS
+@given(smooth_problems(), any_options())
+def test_an_open_gate_is_query_scoring(problem: Problem, options: RpgOptions) -> None:
+    height, width, _ = problem.features.shape
+    expected = answer(plain_query_scoring(problem))
+    assert answer(solve(problem, RpgOptions(height * width, options.nhood, 0))) == expected
+    assert answer(solve(problem, RpgOptions(options.top_k, max(height, width), options.nms_r))) == expected
+    itself = Problem(problem.features, problem.query[None], problem.query)
+    assert answer(solve(itself, options)) == expected
+
+
+@LAWS
+@given(smooth_problems(most=1), st.integers(0, 2**32 - 1))
+def test_a_gate_of_one_cell_answers_the_phrase_whatever_the_query_is(problem: Problem, seed: int) -> None:
+    one_cell = RpgOptions(top_k=1, nhood=0)
+    other = np.random.default_rng(seed).normal(size=5)
+    best = answer(plain_query_scoring(Problem(problem.features, problem.phrases, problem.phrases[0])))
+    assert answer(solve(problem, one_cell)) == best
+    assert answer(solve(Problem(problem.features, problem.phrases, other), one_cell)) == best
+
+
+def test_ties_go_to_the_first_cell_in_row_major_order() -> None:
+    rng = np.random.default_rng(0)
+    direction = rng.normal(size=768)
+    features = np.zeros((50, 50, 768))
+    # the same direction at many lengths: float32 products of these cells differ in their last bits
+    for row, col in rng.integers(4, 50, size=(40, 2)):
+        features[row, col] = direction * rng.uniform(0.1, 9)
+    features[3, 49] = direction * 0.3
+    features[4, 0] = direction
+    problem = Problem(features, direction[None], direction + rng.normal(size=768) * 0.1)
+    assert answer(solve(problem, PRESETS["paper"])) == 3 * 50 + 49
+    assert answer(solve_packed(problem, PRESETS["paper"])) == 3 * 50 + 49
+
+
+def test_an_empty_map_has_no_answer() -> None:
+    problem = Problem(np.zeros((3, 4, 2)), np.ones((1, 2)), np.ones(2))
+    for options in (PRESETS["paper"], RpgOptions(literal=True)):
+        result = solve(problem, options)
+        assert answer(result) == -1
+        assert float(result.value[0]) == -math.inf
+    assert answer(solve_packed(problem, PRESETS["paper"])) == -1
+
+
+def test_presets_are_those_of_the_paper_and_of_the_authors_code() -> None:
+    assert PRESETS["paper"] == RpgOptions(top_k=3, nhood=1, nms_r=1)
+    assert PRESETS["authors"] == RpgOptions(top_k=4, nhood=0, nms_r=0)
+
+
+def test_impossible_options_are_refused() -> None:
+    with pytest.raises(ValueError, match="expected top_k >= 1"):
+        RpgOptions(top_k=0)
+
+
+def test_the_packed_form_refuses_the_literal_option() -> None:
+    with pytest.raises(ValueError, match="call rpg_dense"):
+        solve_packed(Problem(np.ones((1, 1, 2)), np.ones((1, 2)), np.ones(2)), RpgOptions(literal=True))
+
+
+def test_peaks_by_hand() -> None:
+    scores = torch.tensor([[0.1, 0.9, 0.8, 0.2, 0.7]])
+    line = torch.tensor([[0, col] for col in range(5)])
+    assert nms_peaks(scores, line, top_k=4, nms_r=1).tolist() == [[1, 4, -1, -1]]
+    assert nms_peaks(scores, line, top_k=4, nms_r=0).tolist() == [[1, 2, 4, 3]]

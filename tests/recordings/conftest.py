@@ -1,0 +1,194 @@
+"""A two-room house of boxes, an episode in it and two runs; Rerun's strict mode for every test here."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from sim.episodes.schema import Episode, EpisodeRecord, Goal
+from sim.scenes.scene import Scene, TriangleMesh
+from sim.tasks.pan import PanEnv
+from sim.tasks.rules import score_run
+from sim.tasks.run_files import Answer, AnswerMeasures, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo
+from sim.types import Action, EpisodeKey
+from sim.world.floor_grid import floor_grid_from_mesh
+from sim.world.raycast import Raycaster
+
+KEY = EpisodeKey("easy", "BoxHouse", "7")
+BOXES = [  # low corner, high corner, colour
+    ((-4.1, -0.1, -2.6), (4.1, 0.0, 2.6), (170, 140, 110)),
+    ((-4.1, 0.0, -2.6), (4.1, 2.5, -2.5), (230, 226, 214)),
+    ((-4.1, 0.0, 2.5), (4.1, 2.5, 2.6), (230, 226, 214)),
+    ((-4.1, 0.0, -2.5), (-4.0, 2.5, 2.5), (214, 226, 230)),
+    ((4.0, 0.0, -2.5), (4.1, 2.5, 2.5), (214, 226, 230)),
+    ((-0.1, 0.0, -2.5), (0.1, 2.5, 0.6), (222, 214, 230)),
+    ((-0.1, 0.0, 1.6), (0.1, 2.5, 2.5), (222, 214, 230)),
+    ((2.6, 0.0, -2.3), (3.6, 0.75, -1.5), (150, 60, 40)),
+    ((-3.6, 0.0, -2.3), (-2.2, 0.45, -1.5), (60, 90, 160)),
+    ((-4.1, 2.5, -2.6), (4.1, 2.6, 2.6), (250, 250, 250)),
+]
+CHECKS = np.kron([[0, 1], [1, 0]], np.ones((8, 8)))[..., None] * np.array([60, 60, 40]) + np.array([120, 100, 80])
+
+
+@pytest.fixture(autouse=True)
+def strict_rerun() -> Iterator[None]:
+    """Rerun only warns about data that it drops, unless told otherwise."""
+    was = rr.strict_mode()
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(was)
+
+
+def box_mesh(boxes: Sequence[tuple]) -> TriangleMesh:
+    """Boxes as triangles; the first one (the floor) has a texture of squares of 1 m."""
+    corner = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))])
+    vertices = np.concatenate([np.array(low) + corner * np.subtract(high, low) for low, high, _ in boxes])
+    all_faces = np.concatenate([faces + 8 * index for index in range(len(boxes))])
+    texture = np.where(np.arange(len(all_faces)) < len(faces), 0, -1)
+    return TriangleMesh(
+        vertices=vertices.astype(np.float32),
+        faces=all_faces.astype(np.int32),
+        face_rgb=np.repeat(np.array([rgb for *_, rgb in boxes], np.uint8), len(faces), axis=0),
+        face_instance=np.zeros(len(all_faces), np.int32),
+        face_texture=texture.astype(np.int16),
+        face_uv=(vertices[all_faces][..., [0, 2]] / 2).astype(np.float32),
+        textures=(CHECKS.astype(np.uint8),),
+    )
+
+
+@pytest.fixture(scope="session")
+def home() -> Scene:
+    """Two rooms of 4 x 5 m joined by a door 1 m wide; a red table in the right one, a blue bed in the left one."""
+    mesh = box_mesh(BOXES)
+    return Scene("BoxHouse", "invented", mesh, (), floor_grid_from_mesh(mesh), mesh.digest())
+
+
+@pytest.fixture(scope="session")
+def renderer(home: Scene) -> Raycaster:
+    """Renders the house."""
+    return Raycaster(home.mesh)
+
+
+@pytest.fixture(scope="session")
+def episode() -> Episode:
+    """Find the table, from the room with the bed."""
+    target = Goal.model_validate(
+        {
+            "position": (3.1, 0.4, -1.9),
+            "object_id": 3,
+            "object_name": "table_3",
+            "object_category": "table",
+            "floor_id": "0",
+            "view_points": [
+                {"agent_state": {"position": (3.1, 0.0, -1.0), "rotation": (0.0, 0.0, 0.0, 1.0)}, "iou": 0.5}
+            ],
+        }
+    )
+    record = EpisodeRecord.model_validate(
+        {
+            "episode_id": "7",
+            "scene_id": "made/BoxHouse.basis.glb",
+            "scene_dataset_config": "",
+            "object_category": "table",
+            "object_id": "table_3",
+            "description": ("a red table", "", ""),
+            "owner": "Nell",
+            "floor_id": "0",
+            "summary": "Nell keeps the red table | Ivo sleeps in the blue bed.",
+            "extracted_summary": ("The red table belongs to Nell.",),
+            "query": ("Find Nell's table.",),
+            "start_position": (-3.0, 0.0, 1.1),
+            "start_rotation": (0.0, 0.0, 0.0, 1.0),
+            "info": {"geodesic_distance": 7.0, "euclidean_distance": 7.0, "closest_goal_object_id": 3},
+        }
+    )
+    return Episode(KEY, record, (target,))
+
+
+def walk(home: Scene, episode: Episode, actions: Sequence[Action], *, participant: str | None = None) -> EpisodeRun:
+    """The run of these actions, half a second each when a person walks."""
+    env = PanEnv(episode.start, home.navigation, renderer=None)
+    for number, action in enumerate(actions, start=1):
+        env.step(action, t_s=0.5 * number if participant else 0.0)
+    stopped = actions[-1] is Action.STOP
+    measures = score_run(
+        episode,
+        env.poses,
+        stopped=stopped,
+        navigation=home.navigation,
+        collisions=sum(step.collided for step in env.steps),
+        scene_digest=home.digest,
+    )
+    start = EpisodeStart(
+        split=KEY.split,
+        scene=KEY.scene,
+        episode_id=KEY.episode_id,
+        position=episode.start.position,
+        yaw=episode.start.yaw,
+        participant=participant,
+    )
+    return EpisodeRun(
+        start=start, steps=env.steps, end=EpisodeEnd(reason="stop" if stopped else "giveup", measures=measures)
+    )
+
+
+def info(run_id: str, **changes: object) -> RunInfo:
+    """`run.json` of a run on the house."""
+    values = {
+        "run_id": run_id,
+        "who": run_id,
+        "who_kind": "agent",
+        "scene_kind": "invented",
+        "dataset_digest": "d",
+        "created_utc": "2026-01-01T00:00:00+00:00",
+    }
+    return RunInfo.model_validate(values | changes)
+
+
+def to_the_table() -> list[Action]:
+    """6 m to the right through the door, then 2.25 m to the table: 40 actions, the last is STOP."""
+    turn_right, ahead = [Action.RIGHT] * 3, [Action.FORWARD]
+    return [*turn_right, *ahead * 24, *[Action.LEFT] * 3, *ahead * 9, Action.STOP]
+
+
+@pytest.fixture(scope="session")
+def agent_run(home: Scene, episode: Episode) -> Run:
+    """An agent that reaches the table."""
+    return Run(info=info("straight.agent"), episodes=(walk(home, episode, to_the_table()),))
+
+
+@pytest.fixture(scope="session")
+def human_run(home: Scene, episode: Episode) -> Run:
+    """A person who looks at the bed, bumps into the wall and gives up."""
+    actions = [Action.LOOK_DOWN, *[Action.FORWARD] * 9, Action.RIGHT, Action.RIGHT, Action.LOOK_UP, Action.FORWARD]
+    run = walk(home, episode, actions, participant="P07")
+    return Run(info=info("study", who="human", who_kind="human"), episodes=(run,))
+
+
+@pytest.fixture(scope="session")
+def answer_run() -> Run:
+    """A grounder's two candidates on an oracle map."""
+    measures = AnswerMeasures(success=False, top3_success=True, planar_distance=6.0, distance_3d=6.0)
+    answer = Answer(
+        split=KEY.split,
+        scene=KEY.scene,
+        episode_id=KEY.episode_id,
+        candidates=((-2.9, 0.3, -1.9), (3.0, 0.7, -1.8)),
+        scores=(0.9, 0.8),
+        measures=measures,
+    )
+    return Run(info=info("grounder", scene_kind="oracle-map"), answers=(answer,))
+
+
+def written(run: Run, folder: Path) -> Path:
+    """The run as a run folder."""
+    folder.mkdir(parents=True)
+    (folder / "run.json").write_text(run.info.model_dump_json())
+    lines = [line for item in run.episodes for line in (item.start, *item.steps, item.end)]
+    (folder / "steps.jsonl").write_text("".join(line.model_dump_json() + "\n" for line in lines))
+    (folder / "answers.jsonl").write_text("".join(answer.model_dump_json() + "\n" for answer in run.answers))
+    return folder

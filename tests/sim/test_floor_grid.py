@@ -1,0 +1,258 @@
+"""The floor grid as a navigation map: worlds of a few cells whose answers are known by hand."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim.errors import SceneError
+from sim.types import GridSpec
+from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
+from tests.sim.meshes import box, floor, mesh_of, ramp
+
+CELL = 0.05
+
+
+def at(x: float, z: float, y: float = 0.0) -> np.ndarray:
+    return np.array([x, y, z])
+
+
+def grid_of(free, *, size: float = 4.0) -> FloorGrid:
+    """A square of 4 m from (0, 0); `free(x, z)` says which cell centres are free."""
+    spec = GridSpec((0.0, 0.0), CELL, (round(size / CELL),) * 2)
+    rc = np.argwhere(np.ones(spec.shape, bool))
+    rc = rc[free(*spec.xz_from_rc(rc).T)]
+    return FloorGrid.from_cells(rc, np.zeros(len(rc)), grid=spec)
+
+
+@pytest.fixture(scope="module")
+def open_floor() -> FloorGrid:
+    return grid_of(lambda x, z: x < 99)
+
+
+@pytest.fixture(scope="module")
+def walled() -> FloorGrid:
+    """A wall 10 cm thick at z = 1.95..2.05 that leaves free x > 3."""
+    return grid_of(lambda x, z: (x > 3) | (np.abs(z - 2) > 0.05))
+
+
+@pytest.fixture(scope="module")
+def two_storeys() -> FloorGrid:
+    """Floors of 6 x 2 m at y = 0 and y = 2.8 over each other, joined at x = 6 by a stair of 14 risers that leads away."""
+    spec = GridSpec((0.0, 0.0), CELL, (40, 280))
+    lower = np.argwhere(np.ones((40, 120), bool))
+    stair = np.argwhere(np.ones((20, 140), bool)) + [0, 120]
+    heights = np.minimum(2.8, 0.2 * (1 + (stair[:, 1] - 120) // 5))
+    bridge = np.argwhere(np.ones((20, 140), bool)) + [20, 120]  # from the stair's head back over open air
+    upper = lower
+    rc = np.concatenate([lower, stair, bridge[bridge[:, 1] >= 240], bridge[bridge[:, 1] < 240], upper])
+    y = np.concatenate([np.zeros(len(lower)), heights, np.full(len(bridge) + len(upper), 2.8)])
+    return FloorGrid.from_cells(rc, y, grid=spec)
+
+
+def test_on_open_floor_the_distance_is_the_straight_line_between_the_exact_points(open_floor):
+    starts = np.array([at(0.513, 0.527), at(3.9, 0.11), at(1.0, 1.0)])
+    found = open_floor.distances(starts, np.array([at(3.513, 3.527)]))
+    np.testing.assert_allclose(found, [4.2426407, 3.4388, 3.5623], atol=2e-3)
+
+
+def test_a_start_on_the_goal_is_at_distance_zero(open_floor):
+    goals = np.array([at(1.01, 1.02), at(1.04, 1.04)])
+    np.testing.assert_allclose(open_floor.distances(goals, goals), 0.0, atol=1e-12)
+
+
+def test_the_way_round_a_wall_is_at_most_one_percent_longer_than_the_shortest(walled):
+    exact = 2 * np.hypot(2.0, 0.95) + 0.1
+    found = walled.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0]
+    assert exact <= found <= 1.01 * exact
+
+
+def test_the_path_round_a_wall_touches_only_free_floor_and_is_as_long_as_the_distance(walled):
+    path = walled.shortest_path(at(1, 1), np.array([at(1, 3)]))
+    assert path is not None
+    np.testing.assert_allclose(path[[0, -1]], [at(1, 1), at(1, 3)])
+    assert len(path) == 4
+    assert all(walled.is_navigable(point) for point in path)
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    assert length == pytest.approx(walled.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0])
+
+
+def test_the_nearest_of_several_goals_counts(walled):
+    goals = np.array([at(1, 3), at(0.5, 1), at(3.5, 3.5)])
+    assert walled.distances(np.array([at(1, 1)]), goals)[0] == pytest.approx(0.5)
+
+
+def test_another_island_is_unreachable_and_has_no_path():
+    split = grid_of(lambda x, z: np.abs(z - 2) > 0.05)
+    assert split.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0] == np.inf
+    assert split.shortest_path(at(1, 1), np.array([at(1, 3)])) is None
+    assert split.island(at(1, 1)) != split.island(at(1, 3))
+
+
+def test_without_goals_or_far_from_the_map_the_distance_is_infinite(open_floor):
+    assert open_floor.distances(np.array([at(1, 1)]), np.empty((0, 3)))[0] == np.inf
+    assert open_floor.distances(np.array([at(-2.1, 1)]), np.array([at(1, 1)]))[0] == np.inf
+    assert open_floor.distances(np.array([at(1, 1)]), np.array([at(1, 1, 4.3)]))[0] == np.inf
+
+
+def test_a_goal_off_the_map_counts_from_its_snapped_point(open_floor):
+    assert open_floor.distances(np.array([at(1, 1)]), np.array([at(-0.8, 1.0, 0.7)]))[0] == pytest.approx(1, abs=1e-3)
+
+
+def test_cells_that_touch_only_at_a_corner_are_not_joined():
+    spec = GridSpec((0.0, 0.0), CELL, (2, 2))
+    diagonal = FloorGrid.from_cells(np.array([[0, 0], [1, 1]]), np.zeros(2), grid=spec)
+    assert diagonal.distances(np.array([at(0.02, 0.02)]), np.array([at(0.07, 0.07)]))[0] == np.inf
+
+
+def test_snap_keeps_points_on_the_map_and_moves_others_to_the_nearest_border(open_floor):
+    np.testing.assert_allclose(open_floor.snap(at(1.23, 2.34, 0.2)), at(1.23, 2.34))
+    np.testing.assert_allclose(open_floor.snap(at(-1.0, 2.34, 0.2)), at(0, 2.34), atol=2e-4)
+    assert open_floor.snap(at(-2.01, 2.0)) is None
+    assert open_floor.snap(at(1, 1, 4.01)) is None
+
+
+def test_a_point_a_little_above_a_floor_belongs_to_that_storey(two_storeys):
+    assert two_storeys.snap(at(1, 1, 0.5))[1] == 0.0
+    assert two_storeys.snap(at(1, 1, 2.95))[1] == pytest.approx(2.8)
+    assert two_storeys.is_navigable(at(1, 1, 3.2))
+    assert not two_storeys.is_navigable(at(1, 1, 1.4))
+    assert not two_storeys.is_navigable(at(1, 1, 0.2), max_dy=0.1)
+
+
+def test_two_storeys_over_each_other_are_joined_by_the_stair_only(two_storeys):
+    # 5 m to the stair, 6.5 m and 2.6 m up along it, some 0.5 m round its head, and 12 m back.
+    distance = two_storeys.distances(np.array([at(1, 0.5)]), np.array([at(1, 0.5, 2.8)]))[0]
+    assert 23.0 < distance < 26.5
+
+
+def test_a_stair_does_not_merge_its_storeys(two_storeys):
+    assert two_storeys.storey_heights == pytest.approx((0.0, 2.8))
+
+
+def test_storey_queries_keep_to_their_storey(two_storeys):
+    rng = np.random.default_rng(0)
+    assert {two_storeys.random_point(rng, storey_y=2.8)[1] > 1.3 for _ in range(50)} == {True}
+    assert two_storeys.top_down(0.0).free.sum() == 120 * 40 + 7 * 5 * 20
+    with pytest.raises(SceneError, match=r"no free cell at storey_y 9\.0; expected a height near one of \[0\.00, 2\.80\]"):
+        two_storeys.random_point(rng, storey_y=9.0)
+
+
+def test_random_points_fill_the_free_area_evenly(walled):
+    rng = np.random.default_rng(1)
+    points = np.array([walled.random_point(rng) for _ in range(2000)])
+    assert all(walled.is_navigable(point) for point in points)
+    assert np.mean(points[:, 2] < 2) == pytest.approx(0.5, abs=0.04)
+
+
+def test_points_within_reach_the_rim_and_never_leave_it(open_floor):
+    centre = at(2, 2)
+    points = open_floor.points_within(centre[None], 1.0, max_dy=0.5)
+    away = np.hypot(*(points - centre)[:, [0, 2]].T)
+    assert away.max() <= 1.0
+    assert len(points) == pytest.approx(np.pi / CELL**2, rel=0.1)
+    angles = np.arctan2(points[:, 2] - 2, points[:, 0] - 2)
+    on_rim = np.sort(angles[away > 0.995])
+    assert np.diff(on_rim).max() < 0.1
+    assert open_floor.points_within(at(2, 2, 0.6)[None], 1.0, max_dy=0.5).shape == (0, 3)
+
+
+def test_points_within_of_several_centres_are_not_repeated(open_floor):
+    points = open_floor.points_within(np.array([at(1, 1), at(1.2, 1), at(1, 1)]), 0.5, max_dy=0.5)
+    cells = np.floor(points[:, [0, 2]] / CELL).astype(int)
+    assert len(np.unique(cells, axis=0)) == len(points)
+
+
+def test_links_respect_the_largest_climb():
+    spec = GridSpec((0.0, 0.0), CELL, (1, 3))
+    rc = np.array([[0, 0], [0, 1], [0, 2]])
+    steps = FloorGrid.from_cells(rc, np.array([0.0, 0.2, 0.41]), grid=spec)
+    assert np.isfinite(steps.distances(np.array([at(0.02, 0.02)]), np.array([at(0.07, 0.02, 0.2)]))[0])
+    assert steps.island(at(0.07, 0.02, 0.2)) != steps.island(at(0.12, 0.02, 0.41))
+
+
+@pytest.mark.parametrize(
+    ("rc", "y", "text"),
+    [
+        ([], [], "no free cell"),
+        ([[0, 0]], [0.0, 1.0], "1 cells but 2 heights"),
+        ([[0, 9]], [0.0], r"cell \[0, 9\] outside the grid"),
+        ([[0, 0]], [np.nan], "height .*nan.* at cell"),
+        ([[0, 0], [0, 0]], [0.0, 0.1], r"cell \[0, 0\] given twice"),
+    ],
+)
+def test_cells_that_make_no_grid_are_refused_with_the_reason(rc, y, text):
+    with pytest.raises(SceneError, match=text):
+        FloorGrid.from_cells(np.array(rc, np.int64), np.array(y), grid=GridSpec((0.0, 0.0), CELL, (4, 4)))
+
+
+def test_a_grid_survives_pickling_and_its_digest_tells_grids_apart(open_floor, walled):
+    copy = pickle.loads(pickle.dumps(walled))
+    assert copy.digest == walled.digest != open_floor.digest
+    assert copy.storey_heights == walled.storey_heights == (0.0,)
+
+
+places = st.tuples(st.floats(0.01, 3.99), st.floats(0.01, 3.99)).map(lambda xz: at(*xz))
+
+
+@given(places, places)
+@settings(deadline=None, max_examples=60)
+def test_distances_are_never_below_the_straight_line_and_nearly_symmetric(walled, a, b):
+    a, b = walled.snap(a), walled.snap(b)
+    there = walled.distances(a[None], b[None])[0]
+    back = walled.distances(b[None], a[None])[0]
+    assert there >= np.linalg.norm(b - a) - 1e-9
+    assert back == pytest.approx(there, rel=0.02, abs=0.02)
+
+
+def test_a_bare_floor_loses_the_robots_radius_and_its_ledge_at_each_side():
+    # 80 cells, less 1 (ledge) and 4 (0.18 m rounded up) at each side: 70 x 70 cells.
+    found = floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4)))
+    assert found.area == pytest.approx(12.25)
+    assert found.storey_heights == (0.0,)
+
+
+def test_heights_are_those_of_the_real_floor_not_of_the_voxels():
+    found = floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4, y=0.13), floor(0, 0, 4, 4, y=-0.2)))
+    assert found.snap(at(2, 2))[1] == pytest.approx(0.13)
+
+
+def test_a_step_of_15_cm_is_climbed_and_one_of_45_cm_is_not():
+    for rise, joined in ((0.15, True), (0.45, False)):
+        home = mesh_of(floor(0, 0, 3, 3), *box((3, 0, 0), (6, rise, 3)))
+        found = floor_grid_from_mesh(home)
+        distance = found.distances(np.array([at(1, 1)]), np.array([at(5, 1, rise)]))[0]
+        assert np.isfinite(distance) == joined
+
+
+def test_a_ramp_of_30_degrees_is_walked_and_one_of_50_degrees_is_not():
+    for slope_deg, joined in ((30, True), (50, False)):
+        top = 3 * np.tan(np.radians(slope_deg))
+        home = mesh_of(floor(0, 0, 3, 3), ramp(3, 0, 6, 3, y0=0, y1=top), floor(6, 0, 9, 3, y=top))
+        found = floor_grid_from_mesh(home)
+        distance = found.distances(np.array([at(1, 1.5)]), np.array([at(8, 1.5, top)]))[0]
+        assert np.isfinite(distance) == joined
+
+
+def test_a_low_table_blocks_and_its_top_is_an_island_of_its_own():
+    found = floor_grid_from_mesh(mesh_of(floor(0, 0, 6, 6), *box((2, 0.7, 2), (4, 0.75, 4))))
+    assert not found.is_navigable(at(3, 3))
+    assert found.snap(at(3, 3, 0.9))[1] == pytest.approx(0.75)
+    assert found.island(at(3, 3, 0.75)) != found.island(at(1, 1))
+    assert found.storey_heights == (0.0,)
+
+
+def test_a_roof_is_walkable_but_no_storey():
+    home = mesh_of(floor(0, 0, 6, 6), *box((0, 2.6, 0), (6, 2.8, 6)))
+    found = floor_grid_from_mesh(home)
+    assert found.is_navigable(at(3, 3, 2.8))
+    assert found.storey_heights == (0.0,)
+
+
+def test_a_mesh_without_floor_or_in_millimetres_is_refused_with_advice():
+    with pytest.raises(SceneError, match="found no floor of 1 m2 or more on 12 faces"):
+        floor_grid_from_mesh(mesh_of(*box((0, 0, 0), (0.5, 0.5, 0.5))))
+    with pytest.raises(SceneError, match="found a mesh of 8000 x 9000 m"):
+        floor_grid_from_mesh(mesh_of(floor(0, 0, 8000, 9000)))
