@@ -5,7 +5,8 @@ Steps: cosine of every phrase with every cell; each phrase's `top_k` peaks with 
 `nhood` cells open a gate; inside it the cell most like the query is the answer.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -197,6 +198,10 @@ class RegionGated:
             AgentError: The map is of another encoder.
         """
         memory.require_encoder(self._encoder.name, self._encoder.dim)
+        with _one_thread():
+            return self._ground(memory, task, phrases)
+
+    def _ground(self, memory: FeatureMap, task: Task, phrases: Sequence[str]) -> Grounding:
         texts = torch.from_numpy(self._encoder.encode_texts([*phrases, task.queries[0]]))
         if self._options.literal:
             dense = torch.from_numpy(memory.dense())[None]
@@ -222,6 +227,17 @@ class RegionGated:
             gate=result.gate[0].numpy(),
         )
         return Grounding(candidates_at(memory, rc[best], final[best]), layers)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Keeps torch to one thread: products this small wait for each other's threads, 4 times slower on busy cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _unit(vectors: Tensor) -> Tensor:

@@ -79,8 +79,13 @@ class StudyConfig(BaseModel):
         return Camera(self.camera.width, self.camera.height, self.camera.hfov_deg, self.camera.mount_height)
 
     def canonical_json(self) -> str:
-        """The same text for the same choices: sorted keys, no spaces."""
-        return json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        """The same text for the same choices: sorted keys, no spaces, only what differs from the defaults.
+
+        So a field that a later version adds leaves the hash of a running study alone; a default that a later version
+        changes does not.
+        """
+        choices = self.model_dump(mode="json", exclude_defaults=True)
+        return json.dumps(choices, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
     def scene_kind(self, scene: str) -> SceneKind:
         """Kind of one of the study's scenes.

@@ -209,7 +209,7 @@ class StudyExport:
 
 @dataclass
 class StudyCheckDb:
-    """Check the study's database: integrity, hash chains, and every stored PAN trial by re-simulation."""
+    """Check the study's database: integrity and hash chains."""
 
     study: Positional[Path]
 
@@ -220,12 +220,27 @@ class StudyCheckDb:
 
 
 @dataclass
+class StudyVerify:
+    """Do every finished trial again, step by step, and compare with what is stored."""
+
+    study: Positional[Path]
+    dataset: Dataset
+    scenes_dir: ScenesDir = None
+
+    def work(self) -> int:
+        from .commands.study import verify
+
+        return verify(study=self.study, dataset=self.dataset, scenes_dir=self.scenes_dir)
+
+
+@dataclass
 class Study:
     """Studies with people."""
 
     verb: (
         Annotated[StudyServe, subcommand("serve")]
         | Annotated[StudyExport, subcommand("export")]
+        | Annotated[StudyVerify, subcommand("verify")]
         | Annotated[StudyCheckDb, subcommand("check-db")]
     )
 

@@ -5,7 +5,6 @@ import io
 import socket
 import subprocess
 import time
-import urllib.parse
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -31,14 +30,14 @@ _POLL = 1.0
 
 
 def screenshot_rrd(
-    rrd: Path, png: Path, *, step: int | None = None, size: tuple[int, int] = (1600, 900), timeout: float = 180.0
+    rrd: Path, png: Path, *, at_end: bool = False, size: tuple[int, int] = (1600, 900), timeout: float = 180.0
 ) -> Path:
     """Opens a recording in the web viewer and writes a picture of it once it no longer changes.
 
     Args:
         rrd: The recording; its own blueprint is used.
         png: The picture to write.
-        step: Where the time cursor stands; None = at the start.
+        at_end: Whether the time cursor stands at the end (whole trails, the goal) or at the start.
         size: (width, height) of the window in pixels.
         timeout: Seconds after which a viewer that shows nothing, or never comes to rest, is an error.
 
@@ -57,13 +56,16 @@ def screenshot_rrd(
         ) from None
     if not rrd.is_file():
         raise RecordingError(f"{rrd}: found no file; expected a recording. Write one with personal-viz replay.")
-    with _web_viewer(rrd, step, timeout) as url, sync_playwright() as playwright:
+    with _web_viewer(rrd, timeout) as url, sync_playwright() as playwright:
         path = str(CHROMIUM) if CHROMIUM.exists() else None
         browser = playwright.chromium.launch(executable_path=path, args=list(_FLAGS))
         try:
             page = browser.new_page(viewport={"width": size[0], "height": size[1]})
             page.goto(url)
             picture = _picture_at_rest(page, timeout)
+            if at_end and picture is not None:
+                page.keyboard.press("Control+Shift+ArrowRight")  # the viewer's key for the end of the timeline
+                picture = _picture_at_rest(page, timeout, other_than=picture)
         finally:
             browser.close()
     if picture is None:
@@ -76,7 +78,7 @@ def screenshot_rrd(
 
 
 @contextlib.contextmanager
-def _web_viewer(rrd: Path, step: int | None, timeout: float) -> Iterator[str]:
+def _web_viewer(rrd: Path, timeout: float) -> Iterator[str]:
     """Address of a web viewer that shows the file, on loopback; the viewer ends with the block.
 
     The program is started directly: `rerun` on the path is a wrapper, and stopping it leaves the program running.
@@ -88,22 +90,24 @@ def _web_viewer(rrd: Path, step: int | None, timeout: float) -> Iterator[str]:
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         _wait_for_port(web, process, timeout)
-        when = "" if step is None else f"#when=step@{step}"
-        source = urllib.parse.quote(f"rerun+http://127.0.0.1:{data}/proxy{when}", safe="")
+        source = f"rerun%2Bhttp://127.0.0.1:{data}/proxy"
         yield f"http://127.0.0.1:{web}/?url={source}&renderer=webgl&hide_welcome_screen=1"
     finally:
         process.terminate()
         process.wait()
 
 
-def _picture_at_rest(page: Any, timeout: float) -> bytes | None:
-    """The first screenshot that shows something and equals the one before it; None when there is none in time."""
+def _picture_at_rest(page: Any, timeout: float, *, other_than: bytes | None = None) -> bytes | None:
+    """The first screenshot that shows something and equals the one before it, None when there is none in time.
+
+    `other_than` is what the page showed before the last key press.
+    """
     last: bytes | None = None
     until = time.monotonic() + timeout
     while time.monotonic() < until:
         page.wait_for_timeout(_POLL * 1000)
         picture = page.screenshot()
-        if picture == last and _shows_something(picture):
+        if picture == last and picture != other_than and _shows_something(picture):
             return picture
         last = picture
     return None

@@ -16,6 +16,8 @@ from .log_maps import StoreyMap
 from .log_run import Trace
 
 BACKGROUND = (24, 26, 30)
+EYE = np.array([0.0, 1.25, 0.45])
+"""Where the home is looked at from, from its middle, in units of its extent: steep, so that walls hide little."""
 
 
 def comparison_blueprint(
@@ -31,7 +33,7 @@ def comparison_blueprint(
         traces: The runs, in the recording's order.
         maps: The storeys shown.
         look_at: World point (3,) in the middle of the storeys.
-        extent: How wide the storeys are, metres; the home's view begins far enough away to see all of it.
+        extent: How deep the storeys are, or half as wide, metres: the view is twice as wide as high.
     """
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun)]
     shown = walks[:1] + walks[1:][-1:]
@@ -79,7 +81,7 @@ def _home(traces: Sequence[Trace], look_at: NDArray[np.float64], extent: float) 
     for trace in traces:
         names = ("camera", "path", "trail") if isinstance(trace.run, EpisodeRun) else ("candidates", "click_ray")
         contents += [paths.run_path(trace.label, name) for name in names]
-    eye = (float(look_at[0]), float(look_at[1] + 0.72 * extent), float(look_at[2] + 0.5 * extent))
+    eye = look_at + extent * EYE
     return rrb.Spatial3DView(
         origin="/",
         contents=contents,

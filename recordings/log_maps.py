@@ -88,7 +88,7 @@ def log_run_on_map(
     cells_per_m = 1 / storey.grid.cell
     spots = storey.pixels(trace.positions)
     pieces = np.stack([spots[:-1], spots[1:]], axis=1)[on_storey[:-1] & on_storey[1:]]  # (S, 2, 2)
-    whole = rr.LineStrips2D(list(pieces), colors=[dimmed(trace.rgb)], radii=0.03 * cells_per_m)
+    whole = rr.LineStrips2D(list(pieces), colors=[dimmed(trace.rgb)], radii=0.03 * cells_per_m, draw_order=20.0)
     stream.log(paths.run_path(trace.label, "map", storey.part, "path"), whole, static=True)
     robot = paths.run_path(trace.label, "map", storey.part, "robot")
     style = rr.Arrows2D.from_fields(colors=[trace.rgb], radii=[0.07 * cells_per_m], draw_order=40.0)
@@ -99,7 +99,9 @@ def log_run_on_map(
     if not trace.run.steps:
         return
     trail = paths.run_path(trace.label, "map", storey.part, "trail")
-    stream.log(trail, rr.LineStrips2D.from_fields(colors=[trace.rgb], radii=[0.06 * cells_per_m]), static=True)
+    stream.log(
+        trail, rr.LineStrips2D.from_fields(colors=[trace.rgb], radii=[0.06 * cells_per_m], draw_order=30.0), static=True
+    )
     both = on_storey[:-1] & on_storey[1:]
     rows = rr.LineStrips2D.columns(strips=list(pieces)).partition(both.astype(int))
     stream.send_columns(trail, indexes(trace.run, first=1), rows)

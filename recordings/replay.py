@@ -220,11 +220,13 @@ def _log_goal(
 
 
 def _middle(maps: Sequence[StoreyMap]) -> tuple[NDArray[np.float64], float]:
-    """Middle of the storeys (3,) and how wide they are, metres."""
+    """Middle of the storeys (3,) and their extent for the first view, metres."""
     corners = np.array([storey.grid.origin_xz for storey in maps])
     far = corners + [
         [storey.grid.shape[1] * storey.grid.cell, storey.grid.shape[0] * storey.grid.cell] for storey in maps
     ]
     low, high = corners.min(axis=0), far.max(axis=0)
     middle = (low + high) / 2
-    return np.array([middle[0], float(np.mean([storey.floor_y for storey in maps])), middle[1]]), float(max(high - low))
+    return np.array([middle[0], float(np.mean([storey.floor_y for storey in maps])), middle[1]]), float(
+        max((high - low) * [0.5, 1.0])
+    )

@@ -75,8 +75,9 @@ def ground(
         raise PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
     grounder = make_grounder(method, make_encoder(encoder), seed=seed)
     storey = "all-storeys" if all_storeys else "storey-given"
-    folder = out / (run_id or f"ground-{method}-{map}-{encoder}-{storey}-seed{seed}")
-    writer = RunWriter(folder, _info(folder.name, episodes, settings, grounder))
+    run_id = run_id or f"ground-{method}-{map}-{encoder}-{storey}-seed{seed}"
+    folder = out / run_id
+    writer = RunWriter(folder, _info(run_id, episodes, settings, grounder))
     _evaluate_with_progress(work, writer, processes=jobs)
     chosen = {key for job in work for key in job.keys}
     answers = [answer for answer in read_run(folder).answers if answer.key in chosen]

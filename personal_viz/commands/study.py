@@ -96,6 +96,39 @@ def export(*, study: Path, out: Path) -> int:
     return 0
 
 
+def verify(*, study: Path, dataset: Path, scenes_dir: Path | None) -> int:
+    """Re-simulates every finished trial; exit code 1 when one differs from its record."""
+    from human_study.records import read_study
+    from human_study.verify import verify_trial
+    from sim.scenes.sources import open_scene
+    from sim.tasks.rules import scene_storeys
+
+    episodes = PersonalDataset(dataset)
+    found: dict[str, int] = {}
+    with read_study(study) as reader:
+        scene = open_scene(episodes, reader.config.scenes[0].name, scenes_dir=scenes_dir)
+        storeys = scene_storeys(episodes.goals(scene.name).values())
+        for status in (status for code in reader.codes() for status in reader.trials(code)):
+            if status.outcome is None or status.trial_id is None:
+                continue
+            done = verify_trial(
+                [stored.event for stored in reader.events(status.trial_id)],
+                status.outcome,
+                episodes.episode(status.key),
+                navigation=scene.navigation,
+                scene_digest=scene.digest,
+                storeys=storeys,
+                participant=status.code,
+            )
+            found[done.status] = found.get(done.status, 0) + 1
+            if done.status != "verified":
+                print(
+                    f"{status.code}, trial {status.order_no} ({status.task} {status.key}): {done.status}: {done.detail}"
+                )
+    print(f"{study}: " + (", ".join(f"{count} {name}" for name, count in sorted(found.items())) or "no finished trial"))
+    return 0 if set(found) <= {"verified"} else 1
+
+
 def check_db(*, study: Path) -> int:
     """Checks the database file and its hash chains."""
     from human_study.records import read_study

@@ -35,16 +35,16 @@ def is_annotator_note(caption: str) -> bool:
     return _NOTE.search(caption) is not None
 
 
-def episodes_where(is_hit: Callable[[Episode], bool]) -> Find:
+def _episodes_where(is_hit: Callable[[Episode], bool]) -> Find:
     """A finder of the episodes for which `is_hit` holds."""
     return lambda survey: (Hit((e.key.split,), str(e.key)) for e in survey.records if is_hit(e))
 
 
-def _of_record(is_hit: Callable[[EpisodeRecord], bool]) -> Find:
-    return episodes_where(lambda episode: is_hit(episode.record))
+def _records_where(is_hit: Callable[[EpisodeRecord], bool]) -> Find:
+    return _episodes_where(lambda episode: is_hit(episode.record))
 
 
-def sentences_where(is_hit: Callable[[str], bool]) -> Find:
+def _sentences_where(is_hit: Callable[[str], bool]) -> Find:
     """A finder of ownership sentences; one hit per episode, counting its sentences."""
 
     def find(survey: Survey) -> Iterator[Hit]:
@@ -195,49 +195,49 @@ def _sampled_twice(survey: Survey) -> Iterable[Hit]:
 
 TEXT_RULES = (
     Rule(9, "several-right-objects", "note", "episodes", "the query asks for one of several right objects",
-         _of_record(lambda record: len(record.object_names) > 1)),
+         _records_where(lambda record: len(record.object_names) > 1)),
     Rule(10, "raw-name-differs-from-category", "note", "episodes", "an object's raw name is not its category",
-         _of_record(lambda record: _raw_names(record) != {record.object_category})),
+         _records_where(lambda record: _raw_names(record) != {record.object_category})),
     Rule(11, "caption-missing", "defect", "episodes", "an object's first caption slot is empty",
-         _of_record(lambda record: not all(_first_slots(record)))),
+         _records_where(lambda record: not all(_first_slots(record)))),
     Rule(12, "caption-is-annotator-note", "defect", "episodes", "a caption holds an annotator's note",
-         _of_record(lambda record: any(map(is_annotator_note, _first_slots(record))))),
+         _records_where(lambda record: any(map(is_annotator_note, _first_slots(record))))),
     Rule(13, "caption-short", "note", "objects", f"a caption has fewer than {_SHORT_CAPTION} words",
          _objects_with_short_caption),
     Rule(14, "owner-absent", "error", "episodes", "the asked person is not in the summary or owns nothing",
-         _of_record(lambda record: not _has_word(record.summary, record.owner) or not _owner_sentences(record))),
+         _records_where(lambda record: not _has_word(record.summary, record.owner) or not _owner_sentences(record))),
     Rule(15, "placeholder-left", "defect", "episodes", "a <person1> was not replaced by a name",
-         _of_record(lambda record: any(map(_PLACEHOLDER.search, (record.summary, *record.extracted_summary))))),
+         _records_where(lambda record: any(map(_PLACEHOLDER.search, (record.summary, *record.extracted_summary))))),
     Rule(16, "name-without-sentence", "defect", "episodes", "the summary names a person without ownership sentence",
          _names_without_edge),
     Rule(17, "owner-lacks-target", "defect", "episodes", "the text gives the target to other people only (heuristic)",
-         _of_record(_owner_lacks_target)),
+         _records_where(_owner_lacks_target)),
     Rule(18, "sentence-repeated", "defect", "episodes", "an ownership sentence stands twice",
-         _of_record(lambda record: len(set(record.extracted_summary)) < len(record.extracted_summary))),
+         _records_where(lambda record: len(set(record.extracted_summary)) < len(record.extracted_summary))),
     Rule(19, "two-objects-one-sentence", "defect", "episodes", "two people's own objects have the same sentence",
-         episodes_where(_has_private_sentence_twice)),
+         _episodes_where(_has_private_sentence_twice)),
     Rule(20, "category-word-missing", "note", "episodes", "the owner's sentences never use the category's word",
-         _of_record(_lacks_category_word)),
+         _records_where(_lacks_category_word)),
     Rule(21, "rival-sentence", "defect", "episodes", "two of the owner's sentences fit the query (heuristic)",
-         _of_record(_has_rival_sentence)),
+         _records_where(_has_rival_sentence)),
     Rule(22, "sentence-period-at-end", "note", "sentences", "an ownership sentence ends with a period",
-         sentences_where(lambda text: text.rstrip().endswith(".")),
-         also=(("sentence-period-inside", "sentences", sentences_where(lambda text: "." in text.rstrip(" ."))),)),
+         _sentences_where(lambda text: text.rstrip().endswith(".")),
+         also=(("sentence-period-inside", "sentences", _sentences_where(lambda text: "." in text.rstrip(" ."))),)),
     Rule(23, "sentence-without-room-tail", "note", "sentences", 'a sentence does not end with "in [the] <room>"',
-         sentences_where(lambda text: _ROOM_TAIL.search(text) is None),
-         also=(("sentence-without-room", "sentences", sentences_where(lambda text: " in " not in text)),)),
+         _sentences_where(lambda text: _ROOM_TAIL.search(text) is None),
+         also=(("sentence-without-room", "sentences", _sentences_where(lambda text: " in " not in text)),)),
     Rule(24, "sentence-says-floor", "note", "sentences", 'a sentence holds the word "floor"',
-         sentences_where(lambda text: "floor" in text.lower())),
+         _sentences_where(lambda text: "floor" in text.lower())),
     Rule(25, "query-unknown", "defect", "episodes", "a query is none of the six known sentences",
-         _of_record(_is_query_unknown),
-         also=(("query-naive-plural", "episodes", _of_record(lambda record: len(record.object_names) > 1)),)),
+         _records_where(_is_query_unknown),
+         also=(("query-naive-plural", "episodes", _records_where(lambda record: len(record.object_names) > 1)),)),
     Rule(26, "episode-id-repeated", "defect", "episodes", "an episode_id is used twice in one split",
          _repeated_ids,
          also=(("episode-id-in-several-splits", "episode ids", _ids_in_several_splits),)),
     Rule(27, "name-prefix-of-name", "note", "episodes", "a person's name begins another person's name",
-         _of_record(_has_prefix_names)),
+         _records_where(_has_prefix_names)),
     Rule(28, "summary-not-ascii", "note", "episodes", "the summary has typographic characters",
-         _of_record(lambda record: not record.summary.isascii())),
+         _records_where(lambda record: not record.summary.isascii())),
     Rule(44, "sampled-twice", "defect", "episodes", "the same person and object of one story are asked for twice",
          _sampled_twice),
 )  # fmt: skip

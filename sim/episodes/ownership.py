@@ -97,7 +97,7 @@ def parse_ownership(sentence: str) -> OwnershipEdge:
         DatasetError: The sentence has no owner or no object.
     """
     owner, verb, rest = " ".join(sentence.split()).partition(" owns ")
-    phrase, preposition, room = rest.rstrip(" .").rpartition(" in ")
+    phrase, preposition, room = f" {rest}".rstrip(" .").rpartition(" in ")
     if not preposition:
         phrase, room = room, ""
     phrase = phrase.strip(" .,")

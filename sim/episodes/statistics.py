@@ -1,4 +1,4 @@
-"""The paper's dataset tables rebuilt from episode files: "network-metrics" (ownership), "goat_comparison" (captions)."""
+"""The paper's dataset tables rebuilt from files: "network-metrics" (ownership) and "goat_comparison" (captions)."""
 
 import math
 import re

@@ -176,9 +176,7 @@ def _add_opening(builder: QuadBuilder, plan: HomePlan, wall: Wall, opening: Open
     for side in (-1, 1):
         post = middle + along * side * (opening.width / 2 - 0.02)
         low = min(height, CUT_HEIGHT)
-        builder.add_box(
-            post + [0, floor_y + low / 2, 0], (0.04, low, wall.thickness + 0.03), rgb=_FRAME_RGB, yaw=yaw
-        )
+        builder.add_box(post + [0, floor_y + low / 2, 0], (0.04, low, wall.thickness + 0.03), rgb=_FRAME_RGB, yaw=yaw)
 
 
 def _add_stair(builder: QuadBuilder, plan: HomePlan, stair: Stair) -> None:

@@ -3,7 +3,7 @@
 import json
 import struct
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import trimesh
@@ -24,6 +24,16 @@ _PLAIN_RGB = (200, 200, 200)
 _COPY = "Copy the file again from its source."
 
 
+class _Part(NamedTuple):
+    """One mesh of the file at one node."""
+
+    mesh: trimesh.Trimesh
+    vertices: NDArray[np.float32]
+    """(V, 3) in the file's axes."""
+    corners: list[int]
+    """Order in which a face's corners are taken."""
+
+
 def load_glb(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
     """The triangles of a GLB file, with node transforms applied, in the world frame.
 
@@ -41,7 +51,7 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
     try:
         with path.open("rb") as file:
             loaded = trimesh.load_scene(file, file_type="glb", process=False)
-        parts = [part for part in loaded.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)]
+        parts = _placed_parts(loaded)
     except (ValueError, KeyError, IndexError, TypeError, OSError, AttributeError, struct.error) as error:
         raise SceneError(
             f"{path}: found GLB content that cannot be read ({type(error).__name__}: {_one_line(error)}); "
@@ -111,14 +121,27 @@ def _num_base_images(header: dict[str, Any]) -> int:
     return len(found)
 
 
-def _joined(path: Path, parts: list[trimesh.Trimesh], *, num_images: int) -> TriangleMesh:
+def _placed_parts(loaded: trimesh.Scene) -> list[_Part]:
+    """Every mesh of the scene where its nodes put it; a mirroring node turns the faces, so that they keep their side."""
+    parts = []
+    for node in sorted(loaded.graph.nodes_geometry):
+        T_glb_mesh, name = loaded.graph[node]
+        geometry = loaded.geometry[name]
+        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
+            vertices = geometry.vertices @ T_glb_mesh[:3, :3].T + T_glb_mesh[:3, 3]
+            mirrored = np.linalg.det(T_glb_mesh[:3, :3]) < 0
+            parts.append(_Part(geometry, np.asarray(vertices, np.float32), [0, 2, 1] if mirrored else [0, 1, 2]))
+    return parts
+
+
+def _joined(path: Path, parts: list[_Part], *, num_images: int) -> TriangleMesh:
     """One mesh of all parts; images that several parts share are kept once."""
     vertices, faces, rgbs, indices, uvs = [], [], [], [], []
     textures: list[NDArray[np.uint8]] = []
     known: dict[tuple[int, tuple[float, ...]], int] = {}
     images: list[Any] = []  # keeps the images alive, so that id() stays theirs
     count = 0
-    for part in parts:
+    for part, placed, corners in parts:
         image, factor = _image_and_factor(part)
         rgb, texture = _face_colours(part, factor), -1
         uv = getattr(part.visual, "uv", None)
@@ -129,16 +152,16 @@ def _joined(path: Path, parts: list[trimesh.Trimesh], *, num_images: int) -> Tri
                 images.append(image)
                 textures.append(_texels(path, image, factor))
             texture = known[key]
-            corner_uv = np.asarray(uv, np.float32)[part.faces]
+            corner_uv = np.asarray(uv, np.float32)[part.faces[:, corners]]
             corner_uv[..., 1] = 1 - corner_uv[..., 1]  # trimesh counts v from the bottom
         else:
             corner_uv = np.zeros((len(part.faces), 3, 2), np.float32)
-        vertices.append(np.asarray(part.vertices, np.float32))
-        faces.append(np.asarray(part.faces, np.int32) + count)
+        vertices.append(placed)
+        faces.append(np.asarray(part.faces, np.int32)[:, corners] + count)
         rgbs.append(rgb)
         indices.append(np.full(len(part.faces), texture, np.int16))
         uvs.append(corner_uv)
-        count += len(part.vertices)
+        count += len(placed)
     num_found = len({id(image) for image in images})
     if num_found < num_images:
         raise SceneError(

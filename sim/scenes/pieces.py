@@ -5,7 +5,20 @@ from typing import Literal, NamedTuple
 from .plan import Rgb
 
 Family = Literal[
-    "table", "seat", "sofa", "bed", "cabinet", "shelf", "lamp", "panel", "plant", "flat", "toilet", "tub", "cloth", "box"
+    "table",
+    "seat",
+    "sofa",
+    "bed",
+    "cabinet",
+    "shelf",
+    "lamp",
+    "panel",
+    "plant",
+    "flat",
+    "toilet",
+    "tub",
+    "cloth",
+    "box",
 ]
 Vec = tuple[float, float, float]
 

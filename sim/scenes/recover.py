@@ -98,8 +98,10 @@ def _storeys(recorded: Recorded) -> tuple[Storey, ...]:
             found.append(height)
         left = left[np.abs(left - height) >= STOREY_GAP]
     found.sort()
+    labels = [_label(recorded, height, index) for index, height in enumerate(found)]
     return tuple(
-        Storey(label=_label(recorded, height, index), floor_y=round(height, 2)) for index, height in enumerate(found)
+        Storey(label=label if labels.count(label) == 1 else f"{label} at {height:.1f} m", floor_y=round(height, 2))
+        for label, height in zip(labels, found, strict=True)
     )
 
 
@@ -125,7 +127,7 @@ def _furniture(goal: Goal, recorded: Recorded, storeys: tuple[Storey, ...]) -> F
     # fronts look along +z at yaw 0, while a robot looks along -z: facing the viewers is facing away from them, turned
     yaw = round((yaw_towards((x, z), (middle[0], middle[2])) + math.pi) / (math.pi / 2)) * (math.pi / 2)
     above_floor = y - goal.floor_y
-    if family not in ("flat", "panel", "cloth", "box") and 0.3 * height < above_floor < 0.8 * height:
+    if family not in ("flat", "panel", "cloth", "box") and 0.3 * height < above_floor < 1.1 * height:
         height = 2 * above_floor  # it stands on the floor: the recorded centre tells its height
     sideways = round(yaw / (math.pi / 2)) % 2 == 1
     half = np.array([depth, width] if sideways else [width, depth]) / 2

@@ -12,9 +12,7 @@ from .glb import load_glb
 from .plan import HomePlan, cells_from_runs, load_plan
 from .recover import recover_plan
 from .scene import Scene
-
-PLAN_CLIMB = 0.3
-"""Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
+from .walkable import PLAN_CLIMB
 
 
 def open_scene(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None) -> Scene:

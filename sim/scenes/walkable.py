@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from sim.errors import SceneError
 from sim.types import AGENT_RADIUS
+from sim.world.floor_grid import FloorGrid
 
 from .plan import CELL, CellGrid, Cells, Storey
 
@@ -17,15 +18,15 @@ LINK = 2 * AGENT_RADIUS
 """Standing points this close are joined without a guess (metres; the view points' lattice is 0.25)."""
 SHORTCUTS = (0.5, 0.75, 1.0)
 """Longest guessed shortcuts of three rounds (metres); without them a home is a tree of islands and paths are detours."""
-LAYER_GAP = 0.33
-"""Heights of one column closer than this are one floor (metres); more than the climb of the navigation map."""
+PLAN_CLIMB = 0.3
+"""Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
+LAYER_GAP = PLAN_CLIMB + 0.03
+"""Heights of one column closer than this are one floor (metres)."""
 _DETOUR = 1.5  # a shortcut is worth a guess where the way round is this many times longer
 _MAX_LINK_DY = 0.25
 _MAX_SLOPE = math.radians(40)
 _STOREY_PENALTY = 1000.0  # bridges between storeys come last, and one is enough
-_KNOWN_WEIGHT = 100.0
-_JUMP = 0.6  # neighbouring cells of one strip differ by less (metres)
-_ROUNDS = 30  # of smoothing
+_LEVEL, _KNOWN, _RAMP = 0, 1, 2  # ranks of what says how high a cell is
 
 Points = NDArray[np.float64]
 Pairs = NDArray[np.int64]
@@ -41,11 +42,21 @@ def walkable_cells(standing: Points, storeys: tuple[Storey, ...], *, grid: CellG
     links = links[_rise(standing, links) <= _MAX_LINK_DY]
     bridges = _bridges(standing, links, storeys, scene)
     strips = np.concatenate([bridges, _shortcuts(standing, np.concatenate([links, bridges]))])
-    guessed = [_along(standing[a], standing[b]) for a, b in strips]
-    known = [standing, standing[links].mean(axis=1)]
-    discs = np.concatenate([*known, *guessed])
-    is_known = np.arange(len(discs)) < sum(len(part) for part in known)
-    return _cells_of_discs(discs, is_known, grid)
+    discs = [standing, standing[links].mean(axis=1)]
+    ranks = [np.full(len(part), _KNOWN) for part in discs]
+    for (a, b), rise in zip(strips, _rise(standing, strips), strict=True):
+        discs.append(_along(standing[a], standing[b]))
+        ranks.append(np.full(len(discs[-1]), _RAMP if rise > _MAX_LINK_DY else _LEVEL))
+    return _main_part(_cells_of_discs(np.concatenate(discs), np.concatenate(ranks), grid), grid)
+
+
+def _main_part(cells: Cells, grid: CellGrid) -> Cells:
+    """The cells that hang together: single cells at the rim of a ramp are cut off from it."""
+    order = np.lexsort((cells.y, cells.rc[:, 1], cells.rc[:, 0]))
+    rc, y, guessed = cells.rc[order], cells.y[order], cells.guessed[order]
+    islands = FloorGrid.from_cells(rc, y, grid=grid.grid, max_climb=PLAN_CLIMB).islands
+    main = islands == np.bincount(islands).argmax()
+    return Cells(rc[main], y[main], guessed[main])
 
 
 def _rise(standing: Points, pairs: Pairs) -> Points:
@@ -117,8 +128,11 @@ def _shortcuts(standing: Points, joined: Pairs) -> Pairs:
     return np.array(found, np.int64).reshape(-1, 2)
 
 
-def _cells_of_discs(discs: Points, is_known: NDArray[np.bool_], grid: CellGrid) -> Cells:
-    """Cells whose centre is within AGENT_RADIUS of a disc's centre (N, 3); one cell per column and floor."""
+def _cells_of_discs(discs: Points, rank: NDArray[np.int64], grid: CellGrid) -> Cells:
+    """Cells whose centre is within AGENT_RADIUS of a disc's centre (N, 3); one cell per column and floor.
+
+    The discs of the highest rank (N,) in a cell give its height: a ramp that leaves a known floor stays a ramp.
+    """
     reach = math.ceil(AGENT_RADIUS / CELL)
     side = np.arange(-reach, reach + 1)
     offsets = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -126,41 +140,14 @@ def _cells_of_discs(discs: Points, is_known: NDArray[np.bool_], grid: CellGrid) 
     rc = spec.rc_from_xz(discs[:, [0, 2]])[:, None] + offsets  # (N, O, 2)
     distance = np.linalg.norm(spec.xz_from_rc(rc) - discs[:, None, [0, 2]], axis=-1)
     disc, offset = np.nonzero(distance <= AGENT_RADIUS)
-    rc, distance, y, known = rc[disc, offset], distance[disc, offset], discs[disc, 1], is_known[disc]
+    rc, distance, y, rank = rc[disc, offset], distance[disc, offset], discs[disc, 1], rank[disc]
     order = np.lexsort((y, rc[:, 1], rc[:, 0]))
-    rc, distance, y, known = rc[order], distance[order], y[order], known[order]
+    rc, distance, y, rank = rc[order], distance[order], y[order], rank[order]
     new = np.ones(len(rc), bool)
     new[1:] = (np.diff(rc, axis=0) != 0).any(axis=1) | (np.diff(y) > LAYER_GAP)
     group = np.cumsum(new) - 1
+    highest = np.maximum.reduceat(rank, np.flatnonzero(new))
     # a cell at a standing point gets that point's height, one between two points something between
-    weight = np.where(known, _KNOWN_WEIGHT, 1.0) / (distance**2 + 0.01**2)
+    weight = (rank == highest[group]) / (distance**2 + 0.01**2)
     mean = np.bincount(group, weight * y) / np.bincount(group, weight)
-    return _smoothed(Cells(rc[new], mean, np.bincount(group, known) == 0))
-
-
-def _smoothed(cells: Cells) -> Cells:
-    """Heights of guessed cells relaxed towards their neighbours', so that a strip meets the known floors without a jump."""
-    place = np.column_stack([cells.rc, cells.y / _JUMP])
-    pairs = cKDTree(place).query_pairs(1.0 + 1e-9, p=np.inf, output_type="ndarray")
-    num = len(place)
-    beside = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num, num)).tocsr()
-    beside = beside + beside.T
-    count = np.maximum(np.asarray(beside.sum(axis=1)).ravel(), 1)
-    y = cells.y
-    for _ in range(_ROUNDS):
-        y = np.where(cells.guessed, beside @ y / count, y)
-    return _one_per_floor(Cells(cells.rc, y, cells.guessed))
-
-
-def _one_per_floor(cells: Cells) -> Cells:
-    """Drops guessed cells that came too close to another cell of their column."""
-    order = np.lexsort((cells.y, cells.rc[:, 1], cells.rc[:, 0]))
-    rc, y, guessed = cells.rc[order], cells.y[order], cells.guessed[order]
-    keep = np.ones(len(rc), bool)
-    last = 0
-    close = np.append(False, (np.diff(rc, axis=0) == 0).all(axis=1))
-    for k in np.flatnonzero(close):
-        last = k - 1 if keep[k - 1] else last
-        if y[k] - y[last] <= LAYER_GAP and (rc[k] == rc[last]).all():
-            keep[k if guessed[k] else last] = False
-    return Cells(rc[keep], y[keep], guessed[keep])
+    return Cells(rc[new], mean, np.bincount(group, rank == _KNOWN) == 0)

@@ -169,7 +169,8 @@ class FloorGrid:
         """Geodesic metres from each start (M, 3) to its nearest goal (N, 3), each counted from its snapped point.
 
         The length of `shortest_path`: an any-angle path over the grid, so a little longer than the exact one (mean
-        below 1 %). inf where unreachable, or where a point has no place near.
+        below 1 %). Its straight pieces are 3-D chords, also over stairs, as in Detour. inf where unreachable, or where
+        a point has no place near.
         """
         field = self._field(goals)
         ends = self._ends(np.asarray(starts, float).reshape(-1, 3))
@@ -197,14 +198,14 @@ class FloorGrid:
         found: dict[int, tuple[float, float]] = {}
         for x, y, z in np.asarray(centres, float).reshape(-1, 3):
             (u,), _, (v,) = self._grid_units(np.array([[x, y, z]]))
-            reach = radius / cell
+            reach = radius / cell * (1 - 1e-9)  # so that rounding never puts a place outside
             near_u, near_v = np.clip(u, col, col + 1 - 1e-9), np.clip(v, row, row + 1 - 1e-9)
             touches = np.hypot(near_u - u, near_v - v) <= reach
             nodes = np.flatnonzero(touches & (np.abs(self.node_y - y) <= max_dy))
             mid_u, mid_v = col[nodes] + 0.5, row[nodes] + 0.5
             away = np.hypot(mid_u - u, mid_v - v)
-            is_inside = away <= reach * (1 + 1e-9)
-            share = np.where(is_inside, 1.0, reach * (1 - 1e-9) / np.maximum(away, 1e-12))
+            is_inside = away <= reach
+            share = np.where(is_inside, 1.0, reach / np.maximum(away, 1e-12))
             rim_u, rim_v = u + share * (mid_u - u), v + share * (mid_v - v)
             on_cell = (np.floor(rim_u) == col[nodes]) & (np.floor(rim_v) == row[nodes])
             rim_u, rim_v = np.where(on_cell, rim_u, near_u[nodes]), np.where(on_cell, rim_v, near_v[nodes])

@@ -15,6 +15,8 @@ _TIE = 1e-9
 """Two crossings closer than this (share of the segment) count as passing through the cell's corner."""
 _MARGIN = 2e-3
 """How far inside its cell a clamped point lies, in cells (0.1 mm at 5 cm)."""
+_INSET = 1e-6
+"""How far inside its cell a path's corner lies, in cells."""
 
 
 class Cells(NamedTuple):
@@ -321,6 +323,40 @@ def _first_anchor(cells, field, u, v, node):
 
 
 @njit(cache=True, nogil=True)
+def _pull(cells, at_u, at_v, at_node):
+    """Leave out corners of a polyline whose neighbours see each other, in place."""
+    i = 1
+    while i < len(at_u) - 1:
+        if walk(cells, at_u[i - 1], at_v[i - 1], at_node[i - 1], at_u[i + 1], at_v[i + 1])[0] == at_node[i + 1]:
+            at_u.pop(i)
+            at_v.pop(i)
+            at_node.pop(i)
+            i = max(i - 1, 1)
+        else:
+            i += 1
+
+
+@njit(cache=True, nogil=True)
+def _into_corners(cells, at_u, at_v, at_node):
+    """Move corners of a polyline from cell centres to the corner of their cell that is shortest, in place."""
+    moved = False
+    for i in range(1, len(at_u) - 1):
+        before, here, after = at_node[i - 1], at_node[i], at_node[i + 1]
+        best = _length(cells, at_u[i - 1], at_v[i - 1], before, at_u[i], at_v[i], here)
+        best += _length(cells, at_u[i], at_v[i], here, at_u[i + 1], at_v[i + 1], after)
+        for k in range(4):
+            u = cells.col[here] + (_INSET if k % 2 else 1 - _INSET)
+            v = cells.row[here] + (_INSET if k // 2 else 1 - _INSET)
+            total = _length(cells, at_u[i - 1], at_v[i - 1], before, u, v, here)
+            total += _length(cells, u, v, here, at_u[i + 1], at_v[i + 1], after)
+            if total >= best or walk(cells, at_u[i - 1], at_v[i - 1], before, u, v)[0] != here:
+                continue
+            if walk(cells, u, v, here, at_u[i + 1], at_v[i + 1])[0] == after:
+                best, at_u[i], at_v[i], moved = total, u, v, True
+    return moved
+
+
+@njit(cache=True, nogil=True)
 def trace(cells, field, u, v, node):
     """Taut polyline (K, 2) of u, v and nodes (K,) from a point to its nearest goal; K = 0 if unreachable."""
     at_u, at_v, at_node = [u], [v], [node]
@@ -335,15 +371,9 @@ def trace(cells, field, u, v, node):
         if anchor >= len(cells.row):
             break
         anchor = field.parent[anchor]
-    i = 1
-    while i < len(at_u) - 1:
-        if walk(cells, at_u[i - 1], at_v[i - 1], at_node[i - 1], at_u[i + 1], at_v[i + 1])[0] == at_node[i + 1]:
-            at_u.pop(i)
-            at_v.pop(i)
-            at_node.pop(i)
-            i = max(i - 1, 1)
-        else:
-            i += 1
+    _pull(cells, at_u, at_v, at_node)
+    if _into_corners(cells, at_u, at_v, at_node):
+        _pull(cells, at_u, at_v, at_node)
     points = np.empty((len(at_u), 2))
     nodes = np.empty(len(at_u), np.int32)
     for i in range(len(at_u)):

@@ -42,9 +42,9 @@ HOMES = {
         Thing("lamp_6", (6.5, 4.2, 2.5), "1", 3.0, "tall copper lamp", "Ada"),
     ),
     "HomeTwo": (
-        Thing("chair_1", (-3.5, 0.4, -1.5), "0", 0.0, "white plastic chair", "Cy"),
-        Thing("chair_2", (1.5, 0.4, -1.5), "0", 0.0, "carved wooden chair with armrests", "Di"),
-        Thing("mirror_3", (0.5, 1.5, 4.5), "0", 0.0, "oval mirror with a golden frame", "Cy"),
+        Thing("chair_1", (-3.5, 0.4, -1.5), "0", 0.0, "white plastic chair", "Carl"),
+        Thing("chair_2", (1.5, 0.4, -1.5), "0", 0.0, "carved wooden chair with armrests", "Dee"),
+        Thing("mirror_3", (0.5, 1.5, 4.5), "0", 0.0, "oval mirror with a golden frame", "Carl"),
     ),
 }
 

@@ -74,7 +74,7 @@ def test_an_unknown_storey_is_refused_with_the_known_ones(small_root: Path) -> N
 def test_a_home_larger_than_the_grid_is_refused(tmp_path: Path) -> None:
     far = Thing("barn_9", (60.0, 1.0, 2.0), "0", 0.0, "red barn", "Ada")
     write_scene(tmp_path, "easy", "HomeOne", (*HOMES["HomeOne"], far))
-    with pytest.raises(SceneError, match=r"scene 'HomeOne' is 58\.2 x 6\.0 m; expected at most 49 x 49 m"):
+    with pytest.raises(SceneError, match=r"scene 'HomeOne' is 58\.2 x 6\.5 m; expected at most 49 x 49 m"):
         oracle_home(PersonalDataset(tmp_path), "HomeOne")
 
 

@@ -1,6 +1,7 @@
 """PAN and POG sessions as state machines."""
 
 import math
+from collections.abc import Sequence
 
 import pytest
 from hypothesis import given
@@ -49,7 +50,7 @@ def pog_session(*, storeys: tuple[float, ...] = (0.0, 3.0)) -> PogSession:
     return PogSession(key=episode().key, task=task, storeys=storeys, scene_digest=SCENE_DIGEST)
 
 
-def drive(session: PanSession, commands: list[PanCommand], *, every_s: float = 0.5) -> list[Event]:
+def drive(session: PanSession, commands: Sequence[PanCommand], *, every_s: float = 0.5) -> list[Event]:
     """Starts the session and gives it one command every `every_s`; returns all events."""
     events = list(session.handle(Start(), 100.0).events)
     for number, command in enumerate(commands, start=1):

@@ -18,7 +18,9 @@ def ramp(x0: float, z0: float, x1: float, z1: float, *, y0: float, y1: float) ->
     return np.array([[x0, y0, z0], [x0, y0, z1], [x1, y1, z1], [x1, y1, z0]]), (90, 90, 90), 0
 
 
-def box(low: tuple[float, float, float], high: tuple[float, float, float], *, rgb=(200, 30, 30), instance=0) -> list[Quad]:
+def box(
+    low: tuple[float, float, float], high: tuple[float, float, float], *, rgb=(200, 30, 30), instance=0
+) -> list[Quad]:
     """Six rectangles that face outwards."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     corners = [

@@ -63,17 +63,16 @@ def test_a_start_on_the_goal_is_at_distance_zero(open_floor):
     np.testing.assert_allclose(open_floor.distances(goals, goals), 0.0, atol=1e-12)
 
 
-def test_the_way_round_a_wall_is_at_most_one_percent_longer_than_the_shortest(walled):
+def test_the_way_round_a_wall_is_at_most_a_hair_longer_than_the_shortest(walled):
     exact = 2 * np.hypot(2.0, 0.95) + 0.1
     found = walled.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0]
-    assert exact <= found <= 1.01 * exact
+    assert exact <= found <= 1.002 * exact
 
 
 def test_the_path_round_a_wall_touches_only_free_floor_and_is_as_long_as_the_distance(walled):
     path = walled.shortest_path(at(1, 1), np.array([at(1, 3)]))
     assert path is not None
     np.testing.assert_allclose(path[[0, -1]], [at(1, 1), at(1, 3)])
-    assert len(path) == 4
     assert all(walled.is_navigable(point) for point in path)
     length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
     assert length == pytest.approx(walled.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0])
@@ -123,9 +122,9 @@ def test_a_point_a_little_above_a_floor_belongs_to_that_storey(two_storeys):
 
 
 def test_two_storeys_over_each_other_are_joined_by_the_stair_only(two_storeys):
-    # 5 m to the stair, 6.5 m and 2.6 m up along it, some 0.5 m round its head, and 12 m back.
+    # 8.05 m along the lower floor and up the stair (2.6 m), one riser sideways onto the bridge, 8 m back above.
     distance = two_storeys.distances(np.array([at(1, 0.5)]), np.array([at(1, 0.5, 2.8)]))[0]
-    assert 23.0 < distance < 26.5
+    assert distance == pytest.approx(np.hypot(8.05, 2.6) + 8.05, rel=0.02)
 
 
 def test_a_stair_does_not_merge_its_storeys(two_storeys):
@@ -136,7 +135,9 @@ def test_storey_queries_keep_to_their_storey(two_storeys):
     rng = np.random.default_rng(0)
     assert {two_storeys.random_point(rng, storey_y=2.8)[1] > 1.3 for _ in range(50)} == {True}
     assert two_storeys.top_down(0.0).free.sum() == 120 * 40 + 7 * 5 * 20
-    with pytest.raises(SceneError, match=r"no free cell at storey_y 9\.0; expected a height near one of \[0\.00, 2\.80\]"):
+    with pytest.raises(
+        SceneError, match=r"no free cell at storey_y 9\.0; expected a height near one of \[0\.00, 2\.80\]"
+    ):
         two_storeys.random_point(rng, storey_y=9.0)
 
 
@@ -153,9 +154,10 @@ def test_points_within_reach_the_rim_and_never_leave_it(open_floor):
     away = np.hypot(*(points - centre)[:, [0, 2]].T)
     assert away.max() <= 1.0
     assert len(points) == pytest.approx(np.pi / CELL**2, rel=0.1)
-    angles = np.arctan2(points[:, 2] - 2, points[:, 0] - 2)
-    on_rim = np.sort(angles[away > 0.995])
-    assert np.diff(on_rim).max() < 0.1
+    angles = np.linspace(0, 2 * np.pi, 360)
+    rim = 2 + np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    gaps = np.hypot(*(rim[:, None] - points[None][..., [0, 2]]).transpose(2, 0, 1)).min(axis=1)
+    assert gaps.max() < 0.036  # half a cell's diagonal
     assert open_floor.points_within(at(2, 2, 0.6)[None], 1.0, max_dy=0.5).shape == (0, 3)
 
 

@@ -1,0 +1,68 @@
+"""Worker of `personal-viz replay`: run folders become one Rerun recording of one episode."""
+
+from pathlib import Path
+from typing import cast
+
+from recordings.replay import common_episode, log_comparison
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import RecordingError
+from sim.scenes.sources import open_scene
+from sim.tasks.run_files import read_run
+from sim.types import SPLITS, EpisodeKey, Split
+from sim.world.raycast import Raycaster
+
+
+def replay(
+    *,
+    runs: tuple[Path, ...],
+    out: Path,
+    dataset: Path,
+    scenes_dir: Path | None,
+    episode: str | None = None,
+    with_pixels: bool = False,
+) -> int:
+    """Writes the runs of one episode side by side, prints where.
+
+    Args:
+        runs: Run folders of people, agents, grounders and imports.
+        out: The .rrd file.
+        dataset: Folder of the episodes.
+        scenes_dir: Folder of the scans; None = invented or schematic homes.
+        episode: `SPLIT/SCENE/ID`; None = the only episode that all runs hold.
+        with_pixels: Write geometry and pictures of scans too (their terms of use hold for the file).
+
+    Returns:
+        0; problems are raised as one-line errors.
+    """
+    read = [read_run(folder) for folder in runs]
+    key = common_episode(read) if episode is None else key_from_text(episode)
+    episodes = PersonalDataset(dataset)
+    found = episodes.episode(key)
+    scene = open_scene(episodes, key.scene, scenes_dir=scenes_dir)
+    has_pictures = scene.kind != "scan" or with_pixels
+    log_comparison(
+        read,
+        episode=found,
+        scene=scene,
+        out=out,
+        renderer=Raycaster(scene.mesh) if has_pictures else None,
+        with_pixels=with_pixels,
+    )
+    print(f"{out}: {key} in {scene.label}. Open it with: rerun {out}")
+    if not has_pictures:
+        print(
+            "Geometry and pictures of the scan are left out; --with-pixels writes them, under the scan's terms of use."
+        )
+    return 0
+
+
+def key_from_text(text: str) -> EpisodeKey:
+    """The key that `SPLIT/SCENE/ID` names.
+
+    Raises:
+        RecordingError: The text is something else.
+    """
+    parts = text.split("/")
+    if len(parts) != 3 or parts[0] not in SPLITS or not all(parts):
+        raise RecordingError(f"--episode: found {text!r}; expected SPLIT/SCENE/ID, SPLIT one of {', '.join(SPLITS)}.")
+    return EpisodeKey(cast(Split, parts[0]), parts[1], parts[2])

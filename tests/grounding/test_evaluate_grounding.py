@@ -1,0 +1,97 @@
+"""Grounders over episodes: which are chosen, what the answers hold, resuming, and worker processes."""
+
+from pathlib import Path
+
+import pytest
+
+from grounding.evaluate import GroundSettings, SceneGrounder, evaluate, ground_scene, select_jobs
+from sim.episodes.dataset import PersonalDataset
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import RunWriter, read_run
+
+RPG = GroundSettings("rpg")
+
+
+def writer_in(folder: Path) -> RunWriter:
+    return RunWriter(
+        folder, make_run_info("test", who="rpg", who_kind="agent", scene_kind="oracle-map", dataset_digest="d")
+    )
+
+
+def names(jobs) -> list[str]:
+    return [str(key) for job in jobs for key in job.keys]
+
+
+def test_the_limit_counts_per_split_in_the_datasets_order(small_root: Path) -> None:
+    dataset = PersonalDataset(small_root)
+    assert names(select_jobs(dataset, RPG, limit=1)) == ["easy/HomeOne/0", "hard/HomeTwo/0"]
+    assert names(select_jobs(dataset, RPG, limit=2, scenes=("HomeTwo",))) == [
+        "easy/HomeTwo/0",
+        "easy/HomeTwo/1",
+        "hard/HomeTwo/0",
+        "hard/HomeTwo/1",
+    ]
+    assert len(names(select_jobs(dataset, RPG))) == 11
+    assert names(select_jobs(dataset, RPG, splits=("medium",))) == []
+
+
+def test_query_scoring_answers_by_hand(small_root: Path) -> None:
+    dataset = PersonalDataset(small_root)
+    (job,) = select_jobs(dataset, GroundSettings("qs"), splits=("hard",))
+    answers = ground_scene(job)
+    assert [answer.episode_id for answer in answers] == ["0", "1", "2"]
+    # "Find Carl's mirror": the only text with "mirror" is at x 0.5, z 4.5, which is a cell's centre
+    assert answers[2].candidates[0] == (0.5, 0.0, 4.5)
+    assert answers[2].measures is not None
+    assert answers[2].measures.success
+    assert answers[2].measures.planar_distance == 0.0
+    assert answers[2].storey_given
+    # both chairs are "chair" once; the shorter caption is the closer one, and it is Carl's
+    assert [answer.measures.success for answer in answers if answer.measures] == [True, False, True]
+    assert [answer.measures.top3_success for answer in answers if answer.measures] == [True, True, True]
+
+
+def test_without_the_storey_the_merged_map_is_used_and_said(small_root: Path) -> None:
+    dataset = PersonalDataset(small_root)
+    given = SceneGrounder(dataset, "HomeOne", RPG)
+    merged = SceneGrounder(dataset, "HomeOne", GroundSettings("rpg", all_storeys=True))
+    (bed,) = [episode for episode in dataset.episodes(scenes=("HomeOne",)) if episode.record.object_category == "bed"]
+    assert len(given.memory(bed).rows) == 2
+    assert len(merged.memory(bed).rows) == 4
+    assert given.answer(bed).storey_given
+    assert not merged.answer(bed).storey_given
+    assert given.answer(bed).candidates[0] == (2.5, 3.0, 7.5)
+
+
+def test_answers_do_not_depend_on_what_else_is_run(small_root: Path, tmp_path: Path) -> None:
+    dataset = PersonalDataset(small_root)
+    settings = GroundSettings("random", seed=3)
+    whole, part = writer_in(tmp_path / "whole"), writer_in(tmp_path / "part")
+    evaluate(select_jobs(dataset, settings), whole, processes=1)
+    evaluate(select_jobs(dataset, settings, splits=("hard",), limit=2), part, processes=1)
+    of_whole = {answer.key: answer for answer in read_run(whole.folder).answers}
+    of_part = read_run(part.folder).answers
+    assert len(of_part) == 2
+    assert all(of_whole[answer.key] == answer for answer in of_part)
+
+
+def test_a_killed_run_goes_on_where_it_stopped(small_root: Path, tmp_path: Path) -> None:
+    jobs = select_jobs(PersonalDataset(small_root), RPG)
+    evaluate(jobs, writer_in(tmp_path / "run"), processes=1)
+    path = tmp_path / "run" / "answers.jsonl"
+    whole = path.read_text()
+    path.write_text(whole[: len(whole) // 2])
+    counts: list[int] = []
+    evaluate(jobs, writer_in(tmp_path / "run"), processes=1, on_scene=counts.append)
+    assert path.read_text() == whole
+    assert 0 < sum(counts) < 11
+    evaluate(jobs, writer_in(tmp_path / "run"), processes=1, on_scene=counts.append)
+    assert path.read_text() == whole
+
+
+@pytest.mark.slow
+def test_worker_processes_write_the_same_bytes(small_root: Path, tmp_path: Path) -> None:
+    jobs = select_jobs(PersonalDataset(small_root), RPG)
+    evaluate(jobs, writer_in(tmp_path / "one"), processes=1)
+    evaluate(jobs, writer_in(tmp_path / "two"), processes=2)
+    assert (tmp_path / "one" / "answers.jsonl").read_bytes() == (tmp_path / "two" / "answers.jsonl").read_bytes()

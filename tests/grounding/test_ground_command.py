@@ -1,0 +1,154 @@
+"""The verb `ground` on the small data set, and the reference figures on the release."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grounding.evaluate import GroundSettings, SceneGrounder
+from personal_viz.commands.ground import ground
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import DatasetError, PersonalVizError, RunFileError
+from sim.tasks.metrics import metric_rows
+from sim.tasks.rules import scene_storeys, score_answer
+from sim.tasks.run_files import read_run
+
+DEFAULTS = {
+    "map": "oracle",
+    "encoder": "hashed",
+    "run_id": None,
+    "scene": None,
+    "split": None,
+    "limit": None,
+    "seed": 0,
+    "jobs": 1,
+    "json": True,
+}
+
+
+def document(capsys: pytest.CaptureFixture[str], **options) -> dict:
+    """The one JSON document that the verb prints."""
+    assert ground(**{**DEFAULTS, **options}) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_query_scoring_prints_one_document(small_root: Path, tmp_path: Path, capsys) -> None:
+    found = document(capsys, dataset=small_root, method="qs", out=tmp_path, scene=("HomeTwo",))
+    assert found["method"] == "qs"
+    assert found["encoder"] == "hashed"
+    assert found["phrases"] == "none"
+    assert found["map"] == "oracle"
+    assert found["storey_given"] is True
+    assert found["n"] == 6
+    assert found["n_per_split"] == {"easy": 3, "medium": 0, "hard": 3}
+    # two of three right in each split (test_evaluate_grounding.py), none in medium
+    assert found["sr"] == {"easy": 66.67, "medium": None, "hard": 66.67, "total": 66.67}
+    assert found["top3"] == {"easy": 100.0, "medium": None, "hard": 100.0, "total": 100.0}
+
+
+def test_rpg_says_that_its_phrases_are_the_data_sets(small_root: Path, tmp_path: Path, capsys) -> None:
+    found = document(capsys, dataset=small_root, method="rpg", out=tmp_path, all_storeys=True)
+    assert found["phrases"] == "dataset"
+    assert found["storey_given"] is False
+    assert found["total_is"] == "all episodes together"
+    info = read_run(Path(found["run"])).info
+    assert info.scene_kind == "oracle-map"
+    assert info.condition == "oracle map, hashed encoder, phrases dataset, all storeys"
+    assert info.who == "rpg"
+
+
+def test_the_run_folder_can_be_tabled_by_metrics(small_root: Path, tmp_path: Path, capsys) -> None:
+    found = document(capsys, dataset=small_root, method="qs", out=tmp_path)
+    rows = {row.split: row for row in metric_rows([read_run(Path(found["run"]))])}
+    assert rows["easy"].sr == pytest.approx(found["sr"]["easy"], abs=0.01)
+    assert rows["hard"].top3 == pytest.approx(found["top3"]["hard"], abs=0.01)
+    assert rows["total"].n == 11
+
+
+def test_figures_are_of_the_chosen_episodes_when_the_folder_holds_more(
+    small_root: Path, tmp_path: Path, capsys
+) -> None:
+    document(capsys, dataset=small_root, method="qs", out=tmp_path)
+    found = document(capsys, dataset=small_root, method="qs", out=tmp_path, limit=1)
+    assert found["n"] == 2
+    assert len(read_run(Path(found["run"])).answers) == 11
+
+
+def test_the_table_shows_counts_and_where_it_was_written(small_root: Path, tmp_path: Path, capsys) -> None:
+    options = {**DEFAULTS, "dataset": small_root, "method": "qs", "out": tmp_path, "scene": ("HomeTwo",), "json": False}
+    assert ground(**{**options, "run_id": "my-run"}) == 0
+    printed = capsys.readouterr().out
+    for text in (
+        "Easy",
+        "Medium",
+        "Hard",
+        "Total",
+        "66.7 (2/3)",
+        "66.7 (4/6)",
+        "100.0 (6/6)",
+        "phrases none",
+        "my-run",
+    ):
+        assert text in printed
+
+
+def test_another_seed_in_the_same_folder_is_refused(small_root: Path, tmp_path: Path, capsys) -> None:
+    document(capsys, dataset=small_root, method="random", out=tmp_path, run_id="mine")
+    with pytest.raises(RunFileError, match=r"seed is 0, this run has 1; expected the same to resume"):
+        document(capsys, dataset=small_root, method="random", out=tmp_path, run_id="mine", seed=1)
+
+
+def test_bad_options_are_refused_before_anything_is_written(small_root: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "runs"
+    base = {**DEFAULTS, "dataset": small_root, "method": "qs", "out": out}
+    with pytest.raises(PersonalVizError, match=r"--limit is 0; expected a whole number from 1"):
+        ground(**{**base, "limit": 0})
+    with pytest.raises(PersonalVizError, match=r"--jobs is 0; expected a whole number from 1"):
+        ground(**{**base, "jobs": 0})
+    with pytest.raises(DatasetError, match=r"found no scene 'Nowhere'"):
+        ground(**{**base, "scene": ("Nowhere",)})
+    with pytest.raises(PersonalVizError, match=r"hold no episode; expected one"):
+        ground(**{**base, "split": ("medium",)})
+    with pytest.raises(RunFileError, match=r"--run-id 'a/b': run_id is 'a/b'"):
+        ground(**{**base, "run_id": "a/b"})
+    assert not out.exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("method", "reference"), [("qs", 55.7), ("rpg", 58.5)])
+def test_objects_only_maps_give_the_reference_figures(
+    method: str, reference: float, dataset_root: Path, tmp_path: Path, capsys
+) -> None:
+    # GROUNDING.md section 7.2, hashed words, storey given
+    found = document(capsys, dataset=dataset_root, method=method, out=tmp_path)
+    assert found["n"] == 2000
+    assert found["sr"]["total"] == pytest.approx(reference, abs=1.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("method", "reference", "tolerance"), [("random", 0.13, 0.25), ("center", 2.2, 0.1)])
+def test_blind_baselines_give_the_reference_figures(
+    method: str, reference: float, tolerance: float, dataset_root: Path, tmp_path: Path, capsys
+) -> None:
+    # GROUNDING.md section 1: whole grid of 2,500 cells; middle of the bounding box. Three standard deviations of 2,000
+    # draws at 0.13 % are 0.24.
+    found = document(capsys, dataset=dataset_root, method=method, out=tmp_path)
+    assert found["sr"]["total"] == pytest.approx(reference, abs=tolerance)
+
+
+@pytest.mark.slow
+def test_the_targets_own_cell_succeeds_in_every_released_episode(dataset_root: Path) -> None:
+    # GROUNDING.md section 1: a cell's centre is at most 0.707 m away, so a perfect map gives 100 %
+    dataset = PersonalDataset(dataset_root)
+    failures = []
+    for scene in dataset.scenes:
+        grounder = SceneGrounder(dataset, scene, GroundSettings("center"))
+        storeys = scene_storeys(dataset.goals(scene).values())
+        for episode in dataset.episodes(scenes=(scene,)):
+            memory = grounder.memory(episode)
+            x, _, z = episode.targets[0].position
+            (point,) = memory.points_from_rc(memory.grid.rc_from_xz(np.array([[x, z]]))).tolist()
+            if not score_answer(episode, [tuple(point)], storeys=storeys).success:
+                failures.append(str(episode.key))
+    assert failures == []

@@ -1,0 +1,140 @@
+"""Random cell, map centre, query scoring, the ranking of cells, and phrases of the data set."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grounding.baselines import MapCentre, QueryScoring, RandomCell, rank_cells
+from grounding.encoder_hashed import HashedWords
+from grounding.phrases import DatasetPhrases
+from grounding.rpg import RegionGated, RpgOptions
+from grounding.types import FeatureMap, map_from_cells
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import AgentError
+from sim.types import GridSpec, Task
+
+WORDS = HashedWords()
+TASK = Task("pog", "Ada owns the oak table. Bo owns the grey sofa.", ("Find Bo's sofa",))
+
+
+def small_map(*texts: str, encoder: str = WORDS.name) -> FeatureMap:
+    """A 4 x 6 grid of half metres whose cells (1, 0), (1, 2), (1, 4) hold the texts."""
+    return map_from_cells(
+        WORDS.encode_texts(texts),
+        np.array([[1, 2 * index] for index in range(len(texts))]),
+        grid=GridSpec((10.0, -2.0), 0.5, (4, 6)),
+        floor_y=3.0,
+        encoder=encoder,
+        centre_xz=(11.2, -0.9),
+    )
+
+
+def test_ranking_takes_the_best_first_and_drops_neighbours() -> None:
+    line = np.array([[0, col] for col in range(5)])
+    scores = np.array([0.1, 0.9, 0.8, -np.inf, 0.7])
+    assert rank_cells(scores, line) == [1, 4]
+    assert rank_cells(scores, line, nms_r=0) == [1, 2, 4]
+    assert rank_cells(scores, line, nms_r=0, count=1) == [1]
+
+
+def test_ranking_ties_go_to_the_first_cell() -> None:
+    line = np.array([[0, col] for col in range(4)])
+    assert rank_cells(np.array([0.2, 0.5, 0.1, 0.5 + 1e-8]), line, nms_r=0) == [1, 3, 0]
+
+
+def test_ranking_nothing_gives_nothing() -> None:
+    assert rank_cells(np.empty(0), np.empty((0, 2), int)) == []
+    assert rank_cells(np.full(3, -np.inf), np.array([[0, 0], [0, 1], [0, 2]])) == []
+
+
+def test_query_scoring_answers_the_cell_most_like_the_query() -> None:
+    grounding = QueryScoring(WORDS).ground(small_map("oak table", "grey sofa", "tall lamp"), TASK, ())
+    first = grounding.candidates[0]
+    # column 2 of half-metre cells from x = 10, row 1 from z = -2
+    assert first.position == (11.25, 3.0, -1.25)
+    assert (first.row, first.col, first.index) == (1, 2, 8)
+    # "bo", "sofa", "bo sofa" against "grey", "sofa", "grey sofa"
+    assert first.score == pytest.approx(1 / 3)
+    assert len(grounding.candidates) == 3
+
+
+def test_the_centre_is_the_middle_of_the_home_on_the_maps_floor() -> None:
+    (candidate,) = MapCentre().ground(small_map("oak table"), TASK, ()).candidates
+    assert candidate.position == (11.2, 3.0, -0.9)
+    assert (candidate.row, candidate.col, candidate.index) == (2, 2, 14)
+
+
+def test_random_cells_are_three_different_ones_and_stay_the_same_for_a_task() -> None:
+    memory = small_map("oak table")
+    first = RandomCell(seed=0).ground(memory, TASK, ()).candidates
+    assert len({candidate.index for candidate in first}) == 3
+    assert RandomCell(seed=0).ground(memory, TASK, ()).candidates == first
+    assert RandomCell(seed=1).ground(memory, TASK, ()).candidates != first
+
+
+def test_random_cells_cover_the_whole_grid_evenly() -> None:
+    memory = small_map("oak table")
+    grounder = RandomCell(seed=0)
+    tasks = [Task("pog", f"home {number}", ("Find it",)) for number in range(2400)]
+    first = [grounder.ground(memory, task, ()).candidates[0].index for task in tasks]
+    counts = np.bincount(first, minlength=24)
+    # 100 expected per cell, standard deviation 10
+    assert counts.min() > 60
+    assert counts.max() < 140
+
+
+def test_rpg_shows_its_layers_on_the_maps_cells() -> None:
+    phrases = ("Ada owns the oak table", "Bo owns the grey sofa")
+    grounder = RegionGated(WORDS, options=RpgOptions(top_k=1, nhood=0))
+    grounding = grounder.ground(small_map("oak table", "grey sofa", "tall lamp"), TASK, phrases)
+    layers = grounding.layers
+    assert layers is not None
+    assert layers.phrases == phrases
+    assert layers.peaks.tolist() == [[0], [1]]
+    assert layers.gate is not None
+    assert layers.gate.tolist() == [True, True, False]
+    assert layers.final[2] == -np.inf
+    picture = layers.on_grid(layers.similarity)
+    assert picture.shape == (2, 4, 6)
+    assert int(np.isfinite(picture[0]).sum()) == 3
+    assert picture[1, 1, 2] == layers.similarity[1, 1]
+    assert [candidate.col for candidate in grounding.candidates] == [2, 0]
+
+
+def test_the_literal_form_shows_its_layers_on_all_cells() -> None:
+    grounder = RegionGated(WORDS, options=RpgOptions(top_k=1, nhood=0, literal=True))
+    grounding = grounder.ground(small_map("oak table", "grey sofa"), TASK, ("Bo owns the grey sofa",))
+    assert grounding.layers is not None
+    assert grounding.layers.final.shape == (24,)
+    assert grounding.candidates[0].position == (11.25, 3.0, -1.25)
+
+
+def test_rpg_and_query_scoring_refuse_a_map_of_another_encoder() -> None:
+    other = small_map("oak table", encoder="blip2-hidden768")
+    for grounder in (QueryScoring(WORDS), RegionGated(WORDS)):
+        with pytest.raises(AgentError, match="holds 768-d vectors of encoder 'blip2-hidden768'"):
+            grounder.ground(other, TASK, ())
+
+
+def test_an_empty_map_has_no_answer() -> None:
+    for options in (RpgOptions(), RpgOptions(literal=True)):
+        assert RegionGated(WORDS, options=options).ground(small_map(), TASK, ("Bo owns the sofa",)).candidates == ()
+    assert QueryScoring(WORDS).ground(small_map(), TASK, ()).candidates == ()
+
+
+def test_phrases_of_the_data_set_are_found_by_task(small_root: Path) -> None:
+    episodes = list(PersonalDataset(small_root).episodes(scenes=("HomeTwo",)))
+    source = DatasetPhrases(episodes)
+    assert source.name == "dataset"
+    assert source.phrases(episodes[0].task("pog")) == (
+        "Carl owns a white plastic chair in the room",
+        "Dee owns a carved wooden chair with armrests in the room",
+        "Carl owns a oval mirror with a golden frame in the room",
+    )
+    assert source.phrases(episodes[0].task("pog", query_index=3)) == source.phrases(episodes[0].task("pog"))
+
+
+def test_a_task_of_other_episodes_has_no_phrases() -> None:
+    with pytest.raises(AgentError, match='found no episode with query "Find Bo\'s sofa"'):
+        DatasetPhrases([]).phrases(TASK)

@@ -1,0 +1,34 @@
+"""What the crash test runs in processes that it kills: a participant who walks on and on."""
+
+from itertools import cycle
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from human_study.commands import Move, Resume, Start
+from human_study.session import PanSession, pan_session_from_events
+from human_study.store import open_store
+from sim.types import Action
+
+from .small_world import SCENE_DIGEST, env, episode, study
+
+WALK = (Action.FORWARD, Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT, Action.RIGHT, Action.FORWARD)
+
+
+def walk_until_killed(folder: Path, acknowledged: Connection) -> None:
+    """Take p02's first trial where it stands and walk; send (seq, step, pose) after each acknowledged write."""
+    config = study()
+    store = open_store(folder, config)
+    trial = store.open_trial("p02", 1)
+    events = [stored.event for stored in store.events(trial.trial_id)]
+    world, task = env(with_pictures=True), config.task_for(episode(), "pan")
+    names = {"key": trial.key, "task": task, "scene_digest": SCENE_DIGEST}
+    session = pan_session_from_events(events, world, **names) if events else PanSession(world, **names)
+    command = Resume(trial.away_s) if events else Start()
+    actions = cycle(WALK[len(world.steps) % len(WALK) :] + WALK[: len(world.steps) % len(WALK)])
+    now_s = 0.0
+    while not session.is_over:
+        update = session.handle(command, now_s)
+        seq = store.append_many(trial.trial_id, trial.epoch, update.events)[-1]
+        acknowledged.send((seq, update.view.step, world.pose))
+        now_s += 0.5
+        command = Move(next(actions), "Key")

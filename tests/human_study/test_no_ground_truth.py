@@ -1,0 +1,111 @@
+"""Nothing that a participant's browser could get holds ground truth."""
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from human_study.commands import Click, Confirm, GiveUp, Move, PressStop, ShowStorey, Start
+from human_study.events import event_to_json
+from human_study.session import PanSession, PogSession
+from human_study.views import PanView, PogView
+from sim.episodes.schema import Episode, Goal
+from sim.tasks.run_files import Measures, RuleMeasures
+from sim.types import Action, Task
+
+from .small_world import CANARY, SCENE_DIGEST, env, episode, study
+from .test_session import RAY
+
+FORBIDDEN_NAMES = {"goal", "goals", "targets", "success", "captions", "extracted_summary", "owner", "measures", "dtg"}
+FORBIDDEN_TYPES = (Episode, Goal, Measures, RuleMeasures, PanSession, PogSession)
+
+
+def walk(value: object, path: str = "view") -> Iterator[tuple[str, object]]:
+    """Every value inside `value` with the names that lead to it, whatever it is made of."""
+    yield path, value
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        for field in dataclasses.fields(value):
+            yield from walk(getattr(value, field.name), f"{path}.{field.name}")
+    elif isinstance(value, BaseModel):
+        for name in type(value).model_fields:
+            yield from walk(getattr(value, name), f"{path}.{name}")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from walk(key, f"{path}.key")
+            yield from walk(item, f"{path}.{key}")
+    elif isinstance(value, tuple | list | set | frozenset):
+        for index, item in enumerate(value):
+            yield from walk(item, f"{path}.{index}")
+
+
+def assert_clean(value: object) -> None:
+    """No ground-truth text, name or type, and nothing opaque that could hide one, anywhere in `value`."""
+    for path, item in walk(value):
+        assert not FORBIDDEN_NAMES & set(path.split(".")), path
+        assert not isinstance(item, FORBIDDEN_TYPES), path
+        assert not (isinstance(item, str) and CANARY in item), path
+        is_known = isinstance(item, str | int | float | tuple | np.ndarray | Task | PanView | PogView | None)
+        assert is_known, f"{path} is a {type(item).__name__}"
+
+
+def pan_views() -> list[PanView]:
+    session = PanSession(
+        env(with_pictures=True),
+        key=episode().key,
+        task=study().task_for(episode(), "pan"),
+        scene_digest=SCENE_DIGEST,
+    )
+    commands = [Start(), *[Move(Action.LEFT, "KeyA")] * 3, *[Move(Action.FORWARD, "KeyW")] * 5, *[PressStop()] * 2]
+    return [session.handle(command, float(number)).view for number, command in enumerate(commands)]
+
+
+def pog_views() -> list[PogView]:
+    task = study().task_for(episode(), "pog")
+    session = PogSession(key=episode().key, task=task, storeys=(0.0,), scene_digest=SCENE_DIGEST)
+    commands = [Start(), ShowStorey(0), Click(RAY, (-2.0, 0.5, 0.0)), Confirm()]
+    return [session.handle(command, float(number)).view for number, command in enumerate(commands)]
+
+
+def test_the_walk_finds_ground_truth_wherever_it_hides() -> None:
+    assert any(isinstance(item, str) and CANARY in item for _, item in walk(("x", {"deep": [episode()]})))
+    with pytest.raises(AssertionError):
+        assert_clean(episode())
+
+
+def test_no_view_of_a_successful_pan_trial_holds_ground_truth() -> None:
+    views = pan_views()
+    assert [view.is_over for view in views] == [False] * 10 + [True]
+    for view in views:
+        assert_clean(view)
+
+
+def test_no_view_of_a_right_pog_answer_holds_ground_truth() -> None:
+    views = pog_views()
+    assert [view.is_over for view in views] == [False] * 3 + [True]
+    for view in views:
+        assert_clean(view)
+
+
+def test_a_right_and_a_wrong_answer_look_the_same_but_for_the_mark() -> None:
+    task = study().task_for(episode(), "pog")
+    ends = []
+    for hit in ((-2.0, 0.5, 0.0), (2.5, 0.0, 2.5)):
+        session = PogSession(key=episode().key, task=task, storeys=(0.0,), scene_digest=SCENE_DIGEST)
+        session.handle(Start(), 0.0)
+        session.handle(Click(RAY, hit), 1.0)
+        ends.append(dataclasses.replace(session.handle(Confirm(), 2.0).view, marker=None))
+    assert ends[0] == ends[1]
+
+
+def test_no_event_holds_ground_truth() -> None:
+    session = PanSession(
+        env(with_pictures=True),
+        key=episode().key,
+        task=study().task_for(episode(), "pan"),
+        scene_digest=SCENE_DIGEST,
+    )
+    for number, command in enumerate([Start(), Move(Action.LEFT, "KeyA"), GiveUp()]):
+        for event in session.handle(command, float(number)).events:
+            assert CANARY not in event_to_json(event)

@@ -1,0 +1,485 @@
+"""The study's store: what it promises, and what it says when it cannot keep a promise."""
+
+import multiprocessing
+import os
+import resource
+import shutil
+import sqlite3
+import threading
+from pathlib import Path
+
+import pytest
+
+from human_study import database as database_module
+from human_study.database import migrate
+from human_study.events import Act, Event, GaveUp, Key, Open, Reconnect, Shown
+from human_study.migrations import MIGRATIONS
+from human_study.plan import PlannedTrial
+from human_study.records import read_study
+from human_study.store import StudyStore, SupersededError, Trial, TrialEndedError, open_store
+from human_study.tickets import new_token, token_hash
+from human_study.writer import StoreFullError
+from sim.errors import StudyError
+from sim.tasks.run_files import EpisodeEnd
+from sim.types import Action
+
+from .small_world import SCENE_DIGEST, plan, study
+
+KEY = Key(code="KeyW", action=Action.FORWARD)
+OPEN = Open(
+    task="pan",
+    split="easy",
+    scene="room",
+    episode_id="0",
+    scene_digest=SCENE_DIGEST,
+    max_steps=500,
+    actions=(Action.STOP,),
+    position=(0.0, 0.0, 0.0),
+    yaw=0.0,
+)
+
+
+def filled(folder: Path) -> StudyStore:
+    """A store with the plan's two participants, whose tokens are `token-p01` and `token-p02`."""
+    store = open_store(folder, study())
+    for person in plan(study()).participants:
+        store.add_participant(person.code, token_hash(f"token-{person.code}"), person.trials)
+    return store
+
+
+def opened(folder: Path) -> tuple[StudyStore, Trial]:
+    """A store with one trial that has its first event."""
+    store = filled(folder)
+    trial = store.open_trial("p02", 1)
+    store.append(trial.trial_id, trial.epoch, OPEN)
+    return store, trial
+
+
+def edit(folder: Path, sql: str) -> None:
+    """Change the database behind the store's back, append-only triggers removed."""
+    database = sqlite3.connect(folder / "study.db")
+    for (name,) in database.execute("SELECT name FROM sqlite_schema WHERE type = 'trigger'").fetchall():
+        database.execute(f"DROP TRIGGER {name}")
+    database.executescript(sql)
+    database.close()
+
+
+def test_stored_events_come_back_as_they_were(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    act = Act(action=Action.FORWARD, position=(0.1, -1 / 3, 1e-17), yaw=0.1 + 0.2, collided=True, t_s=1.5)
+    with store:
+        assert store.append_many(trial.trial_id, trial.epoch, [KEY, act]) == (2, 3)
+        stored = store.events(trial.trial_id)
+    assert [event.event for event in stored] == [OPEN, KEY, act]
+    assert [event.seq for event in stored] == [1, 2, 3]
+    assert {event.epoch for event in stored} == {1}
+    assert stored[0].t_srv_ns <= stored[1].t_srv_ns == stored[2].t_srv_ns
+    assert stored[0].t_srv_mono_ns <= stored[1].t_srv_mono_ns
+
+
+def test_a_participants_trials_are_in_the_plans_order(tmp_path: Path) -> None:
+    with filled(tmp_path) as store:
+        trials = store.trials("p01")
+        assert [trial.key for trial in trials] == [trial.key for trial in plan(study()).participants[0].trials]
+        assert [trial.order_no for trial in trials] == [1, 2, 3]
+        assert {(trial.task, trial.trial_id, trial.outcome) for trial in trials} == {("pog", None, None)}
+
+
+def test_a_token_finds_its_owner_and_is_not_in_any_file(tmp_path: Path) -> None:
+    token = new_token()
+    with open_store(tmp_path, study()) as store:
+        store.add_participant("p01", token_hash(token), plan(study()).participants[0].trials)
+        assert store.code_of_token(token) == "p01"
+        assert store.code_of_token(token[:-1]) is None
+    for path in tmp_path.rglob("*"):
+        assert token.encode() not in path.read_bytes()
+
+
+def test_a_participant_is_registered_once(tmp_path: Path) -> None:
+    with filled(tmp_path) as store, pytest.raises(StudyError, match="'p01' is registered already"):
+        store.add_participant("p01", token_hash("other"), ())
+
+
+def test_opening_a_trial_again_hands_it_to_the_newest_tab(tmp_path: Path) -> None:
+    store, first = opened(tmp_path)
+    with store:
+        second = store.open_trial("p02", 1)
+        assert (second.trial_id, first.epoch, second.epoch) == (first.trial_id, 1, 2)
+        with pytest.raises(SupersededError, match="epoch is 1; expected 2, the newest tab"):
+            store.append(first.trial_id, first.epoch, KEY)
+        assert store.append(second.trial_id, second.epoch, KEY) == 3
+        kinds = [stored.event.kind for stored in store.events(first.trial_id)]
+    assert kinds == ["open", "reconnect", "key"]
+
+
+def test_a_trial_taken_over_before_its_first_event_still_begins_with_open(tmp_path: Path) -> None:
+    with filled(tmp_path) as store:
+        store.open_trial("p02", 1)
+        second = store.open_trial("p02", 1)
+        assert store.events(second.trial_id) == ()
+        assert second.away_s == 0
+
+
+def test_reloading_does_not_hide_how_long_the_participant_was_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, _ = opened(tmp_path)
+    with store:
+        start_ns = store.events(store.trials("p02")[0].trial_id or "")[0].t_srv_mono_ns
+        monkeypatch.setattr("time.monotonic_ns", lambda: start_ns + 700 * 10**9)
+        monkeypatch.setattr("time.time_ns", lambda: 0)
+        first = store.open_trial("p02", 1)
+        monkeypatch.setattr("time.monotonic_ns", lambda: start_ns + 701 * 10**9)
+        second = store.open_trial("p02", 1)
+        last = store.events(first.trial_id)[-1].event
+    assert (first.away_s, second.away_s) == (700.0, 701.0)
+    assert last == Reconnect(epoch=3, away_s=701.0)
+
+
+def test_the_first_outcome_stays_and_is_returned(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop")).reason == "stop"
+        assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup")).reason == "stop"
+        status = store.trials("p02")[0]
+    assert status.outcome == EpisodeEnd(reason="stop")
+
+
+def test_a_finished_trial_takes_no_more_events_and_is_not_opened_again(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+        with pytest.raises(TrialEndedError, match=r"has ended \(stop\)"):
+            store.append(trial.trial_id, trial.epoch, KEY)
+        with pytest.raises(TrialEndedError):
+            store.open_trial("p02", 1)
+
+
+def test_a_trial_without_events_has_no_outcome(tmp_path: Path) -> None:
+    with filled(tmp_path) as store:
+        trial = store.open_trial("p02", 1)
+        with pytest.raises(StudyError, match="has no events"):
+            store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+
+
+def test_unknown_trials_and_participants_are_named(tmp_path: Path) -> None:
+    with filled(tmp_path) as store:
+        with pytest.raises(StudyError, match="found no trial 'T1'"):
+            store.append("T1", 1, KEY)
+        with pytest.raises(StudyError, match="'p02' has no trial 9"):
+            store.open_trial("p02", 9)
+        with pytest.raises(StudyError, match="found no participant 'p77'"):
+            store.trials("p77")
+
+
+@pytest.mark.parametrize("table", ["study", "participant", "slot", "trial", "sitting", "event", "outcome", "audit"])
+def test_no_row_can_be_changed_or_deleted(tmp_path: Path, table: str) -> None:
+    store, trial = opened(tmp_path)
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+    store.close()
+    database = sqlite3.connect(tmp_path / "study.db")
+    column = database.execute(f"SELECT name FROM pragma_table_info('{table}') LIMIT 1").fetchone()[0]
+    for sql in (f"UPDATE {table} SET {column} = {column}", f"DELETE FROM {table}"):
+        with pytest.raises(sqlite3.IntegrityError, match=f"{table} is append-only"):
+            database.execute(sql)
+    database.close()
+
+
+def test_an_event_after_the_outcome_is_refused_by_the_database_itself(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+    store.close()
+    database = sqlite3.connect(tmp_path / "study.db")
+    with pytest.raises(sqlite3.IntegrityError, match="the trial has ended"):
+        database.execute(f"INSERT INTO event VALUES ('{trial.trial_id}', 2, 1, 'key', 0, 0, '', '{{}}', '', '')")
+    database.close()
+
+
+def test_writes_of_many_threads_get_numbers_without_gaps(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    numbers: list[int] = []
+
+    def write() -> None:
+        for _ in range(25):
+            numbers.append(store.append(trial.trial_id, trial.epoch, KEY))
+
+    threads = [threading.Thread(target=write) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    with store:
+        assert sorted(numbers) == list(range(2, 202))
+        assert store.check() == 201
+
+
+def test_one_refused_write_does_not_stop_the_others_of_its_commit(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    results: list[object] = []
+
+    def write(epoch: int) -> None:
+        try:
+            results.append(store.append(trial.trial_id, epoch, KEY))
+        except SupersededError:
+            results.append("refused")
+
+    threads = [threading.Thread(target=write, args=(epoch,)) for epoch in (1, 9) * 10]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    with store:
+        assert results.count("refused") == 10
+        assert sorted(number for number in results if number != "refused") == list(range(2, 12))  # type: ignore[type-var]
+        assert store.check() == 11
+
+
+def _hold(folder: Path, ready: object, release: object) -> None:
+    with open_store(folder, study()):
+        ready.set()  # type: ignore[attr-defined]
+        release.wait(20)  # type: ignore[attr-defined]
+
+
+def test_a_second_process_is_refused_and_told_who_holds_the_study(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    ready, release = context.Event(), context.Event()
+    holder = context.Process(target=_hold, args=(tmp_path, ready, release))
+    holder.start()
+    try:
+        assert ready.wait(20)
+        with pytest.raises(StudyError, match=f"is in use by process {holder.pid}; expected") as caught:
+            open_store(tmp_path, study())
+        assert "\n" not in str(caught.value)
+    finally:
+        release.set()
+        holder.join(60)
+    open_store(tmp_path, study()).close()
+
+
+def test_a_full_disk_refuses_the_write_keeps_the_rest_and_works_again_with_space(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    store._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    pages = store._database.execute("PRAGMA page_count").fetchone()[0]
+    store._database.execute(f"PRAGMA max_page_count = {pages}")
+    refused, acknowledged = None, 1
+    while refused is None and acknowledged < 2000:
+        try:
+            acknowledged = store.append_many(trial.trial_id, trial.epoch, [KEY] * 20)[-1]
+        except StoreFullError as error:
+            refused = str(error)
+    assert refused is not None
+    assert refused.endswith("expected free space on the disk. Nothing was lost: free some space and go on.")
+    assert [stored.seq for stored in store.events(trial.trial_id)] == list(range(1, acknowledged + 1))
+    store._database.execute("PRAGMA max_page_count = 100000")
+    assert store.append(trial.trial_id, trial.epoch, KEY) == acknowledged + 1
+    with store:
+        assert store.check() == acknowledged + 1
+
+
+def _fill_up(folder: Path, results: object) -> None:
+    """Write until the operating system refuses larger files, then allow them again and write once more."""
+    store, trial = opened(folder)
+    size = (folder / "study.db-wal").stat().st_size
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size + 30_000, resource.RLIM_INFINITY))
+    acknowledged = 1
+    try:
+        while acknowledged < 5000:
+            acknowledged = store.append_many(trial.trial_id, trial.epoch, [KEY] * 20)[-1]
+    except StoreFullError:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    after = store.append(trial.trial_id, trial.epoch, KEY)
+    store.close()
+    results.put((acknowledged, after))  # type: ignore[attr-defined]
+
+
+def test_a_file_that_the_system_lets_grow_no_further_loses_nothing_acknowledged(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    results = context.SimpleQueue()
+    writer = context.Process(target=_fill_up, args=(tmp_path, results))
+    writer.start()
+    writer.join(60)
+    assert writer.exitcode == 0
+    acknowledged, after = results.get()
+    assert acknowledged < 5000
+    assert after == acknowledged + 1
+    with read_study(tmp_path) as reader:
+        assert reader.check() == after
+
+
+def test_a_closed_store_says_so(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    store.close()
+    store.close()
+    with pytest.raises(StudyError, match="found a store that is closed"):
+        store.append(trial.trial_id, trial.epoch, KEY)
+
+
+@pytest.mark.parametrize(
+    "content", [b"this is not a database at all, only some text\n" * 50, b"SQLite format 3\0" * 64]
+)
+def test_a_file_that_is_not_a_database_is_one_line(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "study.db").write_bytes(content)
+    with pytest.raises(StudyError, match=r"study\.db: .*expected.*\. .*") as caught:
+        open_store(tmp_path, study())
+    assert "\n" not in str(caught.value)
+    assert (tmp_path / "study.db").read_bytes() == content
+
+
+def test_bytes_overwritten_inside_the_database_are_found_at_opening(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    store.append_many(trial.trial_id, trial.epoch, [Shown(step=0, frame_hash="a" * 64)] * 200)
+    store.close()
+    path = tmp_path / "study.db"
+    data = bytearray(path.read_bytes())
+    middle = len(data) * 3 // 4 // 4096 * 4096
+    data[middle : middle + 4096] = b"\x55" * 4096
+    path.write_bytes(bytes(data))
+    with pytest.raises(StudyError, match=r"(found a damaged file|SQLite found damage).*Restore the folder"):
+        open_store(tmp_path, study())
+
+
+def test_a_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
+    database = sqlite3.connect(tmp_path / "study.db")
+    database.execute("CREATE TABLE other(x)")
+    database.close()
+    before = (tmp_path / "study.db").read_bytes()
+    with pytest.raises(StudyError, match="database of another program"):
+        open_store(tmp_path, study())
+    assert (tmp_path / "study.db").read_bytes() == before
+
+
+def test_a_newer_version_is_refused(tmp_path: Path) -> None:
+    filled(tmp_path).close()
+    edit(tmp_path, "PRAGMA user_version = 99")
+    for use in (lambda: open_store(tmp_path, study()), lambda: read_study(tmp_path).__enter__()):
+        with pytest.raises(StudyError, match=r"has schema version 99; expected at most 1.*newer personal-viz"):
+            use()
+
+
+def test_another_studys_store_is_refused(tmp_path: Path) -> None:
+    filled(tmp_path).close()
+    with pytest.raises(StudyError, match=r"study\.json was changed after the start"):
+        open_store(tmp_path, study(seed=1))
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "UPDATE event SET payload = replace(payload, 'KeyW', 'KeyA') WHERE seq = 2",
+        "UPDATE event SET t_srv_ns = t_srv_ns + 1 WHERE seq = 2",
+        "UPDATE event SET epoch = 2 WHERE seq = 2",
+        "DELETE FROM event WHERE seq = 2",
+        "UPDATE event SET seq = seq + 10 WHERE seq = 3",
+    ],
+)
+def test_a_changed_chain_is_found_at_opening(tmp_path: Path, sql: str) -> None:
+    store, trial = opened(tmp_path)
+    store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
+    store.close()
+    edit(tmp_path, sql)
+    with pytest.raises(StudyError, match=rf"trial {trial.trial_id}, event \d+ does not continue the chain"):
+        open_store(tmp_path, study())
+
+
+def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    store.append(trial.trial_id, trial.epoch, GaveUp())
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
+    store.close()
+    edit(tmp_path, "DELETE FROM event WHERE seq = 2")
+    with pytest.raises(StudyError, match="ends with another event than when it was finished"):
+        open_store(tmp_path, study())
+
+
+def test_an_unwritable_place_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="expected a folder that you can write"):
+        open_store(tmp_path / "file" / "study", study())
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_folder_is_one_line(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(StudyError, match="expected a folder that you can write"):
+        open_store(tmp_path, study())
+
+
+def test_a_folder_without_a_study_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="personal-viz study init first"), read_study(tmp_path):
+        pass
+
+
+def test_the_settings_are_those_of_the_design(tmp_path: Path) -> None:
+    with filled(tmp_path) as store:
+        values = {
+            name: store._database.execute(f"PRAGMA {name}").fetchone()[0]
+            for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout", "cell_size_check")
+        }
+    assert values == {
+        "journal_mode": "wal",
+        "synchronous": 2,
+        "foreign_keys": 1,
+        "busy_timeout": 5000,
+        "cell_size_check": 1,
+    }
+
+
+def version_1(folder: Path) -> Path:
+    """A database as version 1 wrote it, by its own SQL."""
+    fixture = Path(__file__).parent / "study_v1.sql"
+    database = sqlite3.connect(folder / "study.db")
+    database.executescript(fixture.read_text())
+    database.close()
+    return folder / "study.db"
+
+
+def test_a_store_of_version_1_opens_and_goes_on(tmp_path: Path) -> None:
+    version_1(tmp_path)
+    with open_store(tmp_path, study()) as store:
+        status = store.trials("p02")
+        assert [trial.outcome for trial in status] == [EpisodeEnd(reason="giveup"), None]
+        assert [stored.event.kind for stored in store.events(status[0].trial_id or "")] == ["open", "key", "giveup"]
+        trial = store.open_trial("p02", 2)
+        assert store.append(trial.trial_id, trial.epoch, OPEN) == 1
+        assert store.check() == 4
+
+
+def test_a_migration_keeps_a_copy_of_what_was_and_moves_the_version(tmp_path: Path) -> None:
+    path = version_1(tmp_path)
+    database = sqlite3.connect(path, isolation_level=None)
+    assert migrate(database, path, steps=(*MIGRATIONS, "ALTER TABLE trial ADD COLUMN phase TEXT")) == [2]
+    assert database.execute("PRAGMA user_version").fetchone()[0] == 2
+    assert database.execute("SELECT phase FROM trial").fetchall() == [(None,)]
+    database.close()
+    (copy,) = (tmp_path / database_module.BACKUP_FOLDER).iterdir()
+    shutil.copy(copy, path)
+    with open_store(tmp_path, study()) as store:
+        assert store.check() == 3
+
+
+def test_a_migration_that_fails_leaves_the_database_as_it_was(tmp_path: Path) -> None:
+    path = version_1(tmp_path)
+    database = sqlite3.connect(path, isolation_level=None)
+    bad = "ALTER TABLE trial ADD COLUMN phase TEXT; INSERT INTO nowhere VALUES (1)"
+    with pytest.raises(StudyError, match="cannot go from schema version 1 to 2"):
+        migrate(database, path, steps=(*MIGRATIONS, bad))
+    database.close()
+    with open_store(tmp_path, study()) as store:
+        assert store.check() == 3
+
+
+def test_two_trials_in_one_place_of_the_order_are_refused(tmp_path: Path) -> None:
+    trial = PlannedTrial(order_no=1, task="pan", split="easy", scene="room", episode_id="0")
+    with open_store(tmp_path, study()) as store:
+        with pytest.raises(StudyError, match="an order without repeats"):
+            store.add_participant("p01", token_hash("t"), [trial, trial])
+        with read_study(tmp_path) as reader:
+            assert reader.codes() == ()
+
+
+def test_a_snapshot_does_not_change_while_the_study_goes_on(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    with store, read_study(tmp_path) as reader:
+        before: list[Event] = [stored.event for stored in reader.events(trial.trial_id)]
+        store.append(trial.trial_id, trial.epoch, KEY)
+        assert [stored.event for stored in reader.events(trial.trial_id)] == before == [OPEN]

@@ -1,0 +1,308 @@
+"""Importing runs of another simulator: possible steps only, all measures computed here."""
+
+import gzip
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from personal_viz.commands.import_runs import import_files
+from recordings.habitat_writer import RunWriter as HabitatWriter
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import PersonalVizError, RunFileError
+from sim.frames import glb_zup_from_world
+from sim.tasks.import_runs import check_file, import_runs
+from sim.tasks.run_files import EpisodeRun, Measures, read_run
+
+Rows = list[dict[str, Any]]
+START = (1.0, 0.2, -2.0)
+
+
+def quat(yaw_deg: float) -> list[float]:
+    half = math.radians(yaw_deg) / 2
+    return [0.0, math.sin(half), 0.0, math.cos(half)]
+
+
+def write_dataset(root: Path, scene: str, episodes: Rows, *, split: str = "easy") -> PersonalDataset:
+    """A dataset of one scene; each row has id, start, rotation, goals (name, position, view_points)."""
+    goals = {f"{scene}.basis.glb_thing": [goal for row in episodes for goal in row["goals"]]}
+    records = [
+        {
+            "episode_id": row["id"],
+            "scene_id": f"made/{scene}/{scene}.basis.glb",
+            "scene_dataset_config": "",
+            "object_category": "thing",
+            "object_id": [goal["object_name"] for goal in row["goals"]],
+            "description": [["a thing"] for _ in row["goals"]],
+            "owner": "Nell",
+            "floor_id": "0",
+            "summary": "Nell owns things.",
+            "extracted_summary": [],
+            "query": ["Find it."],
+            "start_position": row["start"],
+            "start_rotation": row["rotation"],
+            "info": {"geodesic_distance": 1.0, "euclidean_distance": 1.0, "closest_goal_object_id": 0},
+        }
+        for row in episodes
+    ]
+    content = {
+        "goals_by_category": goals,
+        "episodes": records,
+        "category_to_task_category_id": {},
+        "category_to_scene_annotation_category_id": {},
+    }
+    path = root / split / "content" / f"{scene}.json.gz"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(gzip.compress(json.dumps(content).encode()))
+    return PersonalDataset(root)
+
+
+def goal_row(name: str, position: list[float], view_points: list[list[float]]) -> dict[str, Any]:
+    points = [{"agent_state": {"position": point, "rotation": [0, 0, 0, 1]}, "iou": 0.5} for point in view_points]
+    return {
+        "position": position,
+        "object_id": 1,
+        "object_name": name,
+        "object_category": "thing",
+        "floor_id": "0",
+        "view_points": points,
+    }
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> PersonalDataset:
+    """Two episodes that start at START looking along -z and along -x; ids 40 and 41."""
+    goal = goal_row("thing_1", [1.0, 0.5, -6.0], [[1.0, 0.2, -5.0]])
+    other = goal_row("thing_2", [1.0, 0.5, -6.0], [[1.0, 0.2, -5.0]])
+    return write_dataset(
+        tmp_path / "data",
+        "Flat",
+        [
+            {"id": "40", "start": START, "rotation": quat(0), "goals": [goal]},
+            {"id": "41", "start": START, "rotation": quat(90), "goals": [other]},
+        ],
+    )
+
+
+def possible_run(writer: HabitatWriter, *, episode_id: str | int = "40", yaw_deg: float = 0.0) -> None:
+    """Forward, turn left, look up, a blocked forward, stop."""
+    x, y, z = START
+    writer.start_episode("easy", "Flat", episode_id, START, quat(yaw_deg))
+    if yaw_deg:
+        writer.step("stop", START, quat(yaw_deg))
+    else:
+        writer.step(1, (x, y, z - 0.25), quat(0))
+        writer.step(2, (x, y, z - 0.25), quat(30))
+        writer.step(4, (x, y, z - 0.25), quat(30))
+        writer.step(1, (x - 0.05, y, z - 0.25 - 0.05 * math.sqrt(3)), quat(30))
+        writer.step(0, (x - 0.05, y, z - 0.25 - 0.05 * math.sqrt(3)), quat(30))
+    writer.end_episode()
+
+
+@pytest.fixture
+def lines(tmp_path: Path) -> Rows:
+    """The lines of a possible run of episode 40: start, 5 steps, end."""
+    possible_run(HabitatWriter(tmp_path / "good.jsonl"))
+    return [json.loads(line) for line in (tmp_path / "good.jsonl").read_text().splitlines()]
+
+
+def checked(rows: Rows, dataset: PersonalDataset) -> EpisodeRun:
+    """The only run of a file with these lines."""
+    path = dataset.root.parent / "run.jsonl"
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    return next(check_file(path, dataset=dataset)).run
+
+
+def test_a_possible_run_is_taken_and_its_collision_found_from_the_positions(
+    dataset: PersonalDataset, lines: Rows
+) -> None:
+    run = checked(lines, dataset)
+    assert [step.collided for step in run.steps] == [False, False, False, True, False]
+    assert [step.action for step in run.steps] == ["forward", "left", "look_up", "forward", "stop"]
+    assert run.end.reason == "stop"
+
+
+def moved(index: int, by: tuple[float, float, float]) -> Callable[[Rows], None]:
+    """Moves every pose from line `index` on, so that only this step is odd."""
+
+    def change(rows: Rows) -> None:
+        for row in rows[index:-1]:
+            row["position"] = [old + add for old, add in zip(row["position"], by, strict=True)]
+
+    return change
+
+
+def put(index: int, **values: Any) -> Callable[[Rows], None]:
+    return lambda rows: rows[index].update(values)
+
+
+def yawed(index: int, by_deg: float) -> Callable[[Rows], None]:
+    def change(rows: Rows) -> None:
+        for row in rows[index:-1]:
+            row["yaw"] += math.radians(by_deg)
+
+    return change
+
+
+def tilted(index: int, by_deg: float) -> Callable[[Rows], None]:
+    def change(rows: Rows) -> None:
+        for row in rows[index:-1]:
+            row["tilt"] += math.radians(by_deg)
+
+    return change
+
+
+def repeat_turns(rows: Rows) -> None:
+    """501 turns and no STOP."""
+    turns = [{**rows[1], "action": "left", "position": START, "yaw": math.radians(30 * n)} for n in range(1, 502)]
+    rows[1:-1] = turns
+    rows[-1]["reason"] = "steps"
+
+
+IMPOSSIBLE: list[tuple[str, Callable[[Rows], None], str]] = [
+    (
+        "a forward that goes on too far",
+        moved(5, (-0.14, 0, -0.14 * math.sqrt(3))),
+        ":5: action 'forward' ended 0.380 m",
+    ),
+    ("a forward backwards", moved(5, (0.1, 0, 0.1 * math.sqrt(3))), ":5: action 'forward' ended -0.100 m ahead"),
+    ("a forward to the side", moved(5, (0.1, 0, -0.1 / math.sqrt(3))), ":5: action 'forward' ended"),
+    ("a forward up a wall", moved(5, (0, 0.6, 0)), "0.600 m up"),
+    ("a first forward far off its line", moved(2, (0.4, 0, 0)), ":2: action 'forward' ended 0.250 m ahead, 0.400 m"),
+    ("a first forward from another floor", moved(2, (0, 0.8, 0)), ":2: action 'forward' ended"),
+    ("a turn of 31 degrees", yawed(3, 1), ":3: action 'left' changed yaw by 31.0 degrees; expected 30"),
+    ("a turn to the other side", yawed(3, -60), ":3: action 'left' changed yaw by -30.0 degrees; expected 30"),
+    ("a turn that moves", moved(3, (0.01, 0, 0)), ":3: action 'left' moved the robot 0.010 m; expected no"),
+    ("a forward that turns", yawed(5, 30), ":5: action 'forward' changed yaw by 30.0 degrees; expected 0"),
+    ("a look of 20 degrees", tilted(4, -10), ":4: action 'look_up' changed tilt by 20.0 degrees; expected 30"),
+    ("a look that moves", moved(4, (0, 0, 0.02)), ":4: action 'look_up' moved the robot 0.020 m"),
+    ("a turn that tilts", tilted(3, 5), ":3: action 'left' changed tilt by 5.0 degrees; expected 0"),
+    ("a stop that moves", moved(6, (0, 0, 0.02)), ":6: action 'stop' moved the robot 0.020 m"),
+    ("an action after stop", put(5, action="stop"), ":5: action 'stop' moved the robot"),
+    ("two stops", lambda rows: rows.insert(6, dict(rows[6 - 1] | {"action": "stop"})), ":7: found action 'stop' after"),
+    ("501 steps", repeat_turns, ":502: found step 501; expected at most 500"),
+    ("a stop that did not happen", lambda rows: rows.pop(5), ":6: reason is 'stop' after 4 steps"),
+    ("a limit that was not reached", put(-1, reason="steps"), ":7: reason is 'steps' after 5 steps"),
+    ("a stop called giving up", put(-1, reason="giveup"), ":7: reason is 'giveup' after 5 steps"),
+    ("a start that is 2 cm off", put(0, position=[1.02, 0.2, -2.0]), ":1: episode easy/Flat/40 begins 0.020 m"),
+    ("a start that is 1 degree off", put(0, yaw=math.radians(1)), ":1: episode easy/Flat/40 begins 0.000 m and 1.0"),
+    ("an unknown episode", put(0, episode_id="99"), ":1: found no episode easy/Flat/99"),
+    ("an unknown scene", put(0, scene="Loft"), ":1: scene 'Loft' is not in split 'easy'"),
+    ("a split without the scene", put(0, split="hard"), ":1: scene 'Flat' is not in split 'hard'"),
+    ("a position that is no number", put(3, position=[math.nan, 0.2, -2.25]), ":4: position.0"),
+    ("a yaw that is infinite", put(3, yaw=math.inf), ":4: yaw"),
+    ("a step before its episode", lambda rows: rows.pop(0), ":1: found a line of kind 'step'"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), [row[1:] for row in IMPOSSIBLE], ids=[row[0] for row in IMPOSSIBLE])
+def test_an_impossible_run_is_refused_with_its_line(
+    dataset: PersonalDataset, lines: Rows, change: Callable[[Rows], None], message: str
+) -> None:
+    change(lines)
+    with pytest.raises(RunFileError) as error:
+        checked(lines, dataset)
+    assert f"run.jsonl{message}" in str(error.value) or (not message.startswith(":") and message in str(error.value))
+
+
+def test_claims_of_the_file_are_dropped(dataset: PersonalDataset, lines: Rows) -> None:
+    rule = {"success": True, "spl": 1.0, "soft_spl": 1.0, "dtg": 0.0, "start_distance": 1.0}
+    claim = {
+        "rules": {"paper": rule},
+        "centre_distance": 0.0,
+        "path_m": 1.0,
+        "num_steps": 1,
+        "collisions": 0,
+        "stored_geodesic": 1.0,
+        "scene_digest": "x",
+    }
+    lines[-1]["measures"] = claim
+    lines[2]["collided"] = True
+    run = checked(lines, dataset)
+    assert run.end.measures is None
+    assert run.steps[1].collided is False
+
+
+def test_a_start_off_the_other_simulators_mesh_may_snap_once(dataset: PersonalDataset, lines: Rows) -> None:
+    moved(2 - 1, (0.15, 0.4, 0.0))(lines)
+    assert checked(lines, dataset).steps[0].position == pytest.approx((1.15, 0.6, -2.25))
+
+
+def test_sliding_may_end_anywhere_within_one_step_of_the_wanted_end(dataset: PersonalDataset, lines: Rows) -> None:
+    moved(4, (-0.1 * math.sqrt(3) + 0.02, 0, 0.1))(lines)
+    with pytest.raises(RunFileError, match="allow_sliding=True"):
+        checked(lines, dataset)
+    lines[0]["allow_sliding"] = True
+    assert checked(lines, dataset).steps[3].collided
+    moved(4, (0.4, 0, 0))(lines)
+    with pytest.raises(RunFileError, match=r"0\.25 m from the wanted end"):
+        checked(lines, dataset)
+
+
+def test_habitat_labs_numbering_by_place_in_the_file_is_understood(dataset: PersonalDataset, tmp_path: Path) -> None:
+    path = tmp_path / "lab.jsonl"
+    writer = HabitatWriter(path)
+    possible_run(writer, episode_id=0)
+    possible_run(writer, episode_id=1, yaw_deg=90)
+    assert [run.run.key.episode_id for run in check_file(path, dataset=dataset)] == ["40", "41"]
+
+
+def test_nothing_is_written_when_one_of_several_files_is_impossible(
+    dataset: PersonalDataset, tmp_path: Path, lines: Rows
+) -> None:
+    bad = tmp_path / "bad.jsonl"
+    put(2, yaw=1.0)(lines)
+    lines[0].update(episode_id="41", yaw=math.radians(90))
+    bad.write_text("".join(json.dumps(row) + "\n" for row in lines))
+    with pytest.raises(RunFileError, match=r"bad\.jsonl:2: action 'forward'"):
+        import_runs(
+            [tmp_path / "good.jsonl", bad],
+            dataset=dataset,
+            scenes_dir=None,
+            out=tmp_path / "runs",
+            who="VLFM",
+            allow_schematic=True,
+        )
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_repeated_episode_is_refused(dataset: PersonalDataset, tmp_path: Path, lines: Rows) -> None:
+    good = tmp_path / "good.jsonl"
+    good.write_text(good.read_text() * 2)
+    with pytest.raises(
+        RunFileError, match=r"good\.jsonl:8: episode easy/Flat/40 comes a second time \(first at .*:1\)"
+    ):
+        import_runs([good], dataset=dataset, scenes_dir=None, out=tmp_path / "runs", who="a", allow_schematic=True)
+
+
+def test_homes_that_another_simulator_cannot_have_used_are_refused(
+    dataset: PersonalDataset, tmp_path: Path, lines: Rows
+) -> None:
+    with pytest.raises(RunFileError, match="only schematic homes.*Give --scenes-dir"):
+        import_runs([tmp_path / "good.jsonl"], dataset=dataset, scenes_dir=None, out=tmp_path / "runs", who="a")
+
+
+def test_a_run_id_that_cannot_name_a_folder_is_refused(dataset: PersonalDataset, tmp_path: Path, lines: Rows) -> None:
+    with pytest.raises(RunFileError, match="run_id is '../x'"):
+        import_runs(
+            [tmp_path / "good.jsonl"],
+            dataset=dataset,
+            scenes_dir=None,
+            out=tmp_path / "runs",
+            who="a",
+            run_id="../x",
+            allow_schematic=True,
+        )
+
+
+def test_an_empty_and_a_missing_file_are_refused(dataset: PersonalDataset, tmp_path: Path) -> None:
+    empty = tmp_path / "empty.jsonl"
+    empty.touch()
+    for path, message in ((empty, "found no finished episode"), (tmp_path / "none.jsonl", "cannot be read")):
+        with pytest.raises(PersonalVizError, match=message):
+            import_runs([path], dataset=dataset, scenes_dir=tmp_path, out=tmp_path / "runs", who="a")

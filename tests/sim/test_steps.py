@@ -1,0 +1,141 @@
+"""One forward on the floor grid: walls stop it, sliding follows them, and the collision flag is Habitat's."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim.frames import forward_from_yaw
+from sim.types import GridSpec
+from sim.world.floor_grid import FloorGrid
+from sim.world.steps import STOP_MARGIN, has_collided
+
+CELL = 0.05
+
+
+def at(x: float, z: float, y: float = 0.0) -> np.ndarray:
+    return np.array([x, y, z])
+
+
+def room(free=lambda x, z: x < 99) -> FloorGrid:
+    """Free floor for x, z in [0, 2) where `free(x, z)`."""
+    spec = GridSpec((0.0, 0.0), CELL, (40, 40))
+    rc = np.argwhere(np.ones(spec.shape, bool))
+    rc = rc[free(*spec.xz_from_rc(rc).T)]
+    return FloorGrid.from_cells(rc, np.zeros(len(rc)), grid=spec)
+
+
+@pytest.fixture(scope="module")
+def open_room() -> FloorGrid:
+    return room()
+
+
+@pytest.fixture(scope="module")
+def slanted() -> FloorGrid:
+    """Free below the diagonal x + z = 2 only: a wall like a staircase."""
+    return room(lambda x, z: x + z < 2)
+
+
+def test_a_free_step_ends_exactly_where_it_was_meant_to(open_room):
+    assert open_room.step(at(1, 1), at(1.2, 1.15)) == ((1.2, 0.0, 1.15), False)
+
+
+def test_a_wall_stops_the_step_a_tenth_of_a_millimetre_before_it(open_room):
+    position, collided = open_room.step(at(1.9, 1), at(2.15, 1))
+    assert position == pytest.approx((2 - STOP_MARGIN, 0, 1), abs=1e-9)
+    assert collided
+    assert open_room.is_navigable(np.array(position))
+
+
+def test_without_sliding_a_slanted_step_stops_where_it_meets_the_wall(open_room):
+    position, collided = open_room.step(at(1.9, 1), at(2.1, 1.2))
+    assert position == pytest.approx((2.0, 0, 1.1), abs=2 * STOP_MARGIN)
+    assert collided
+
+
+def test_with_sliding_the_rest_of_the_step_goes_along_the_wall(open_room):
+    position, collided = open_room.step(at(1.9, 1), at(2.1, 1.2), slide=True)
+    assert position == pytest.approx((2.0, 0, 1.2), abs=2 * STOP_MARGIN)
+    assert collided
+
+
+def test_sliding_follows_a_slanted_wall(slanted):
+    position, _ = slanted.step(at(0.95, 0.95), at(1.15, 0.95), slide=True)
+    assert position[0] - 0.95 > 0.05
+    assert position[2] < 0.95
+    assert slanted.is_navigable(np.array(position))
+
+
+def test_pressing_against_a_wall_again_does_not_move_or_pass_it(open_room):
+    position = at(1.9, 1)
+    for _ in range(3):
+        result = open_room.step(position, position + at(0.25, 0))
+        position = np.array(result.position)
+        assert result.collided
+    assert position[0] == pytest.approx(2 - STOP_MARGIN, abs=1e-9)
+
+
+def test_a_step_that_a_wall_shortens_by_less_than_the_rule_is_no_collision(open_room):
+    # 0.25^2 - 1e-5 = 0.06249: a walk of 0.24999 m is still a full step.
+    assert not open_room.step(at(1.74999 - STOP_MARGIN / 10, 1), at(1.99998, 1)).collided
+    assert not has_collided(at(0, 0), at(0.24999, 0), wanted=at(0.25, 0))
+    assert has_collided(at(0, 0), at(0.24990, 0), wanted=at(0.25, 0))
+
+
+def test_a_start_off_the_map_is_snapped_first_but_the_collision_counts_from_the_start(open_room):
+    position, collided = open_room.step(at(-0.1, 1), at(0.15, 1))
+    assert position == pytest.approx((0.15, 0, 1))
+    assert not collided
+    assert open_room.step(at(-0.1, 1), at(-0.05, 1)).position[0] == pytest.approx(0, abs=2 * STOP_MARGIN)
+
+
+def test_far_from_the_map_nothing_moves(open_room):
+    assert open_room.step(at(50, 50), at(50.25, 50)) == ((50.0, 0.0, 50.0), True)
+
+
+def test_a_start_above_the_floor_lands_on_it_and_a_blocked_walk_still_collides(open_room):
+    position, collided = open_room.step(at(1.8, 1, 0.19), at(2.05, 1, 0.19))
+    assert position == pytest.approx((2 - STOP_MARGIN, 0, 1), abs=1e-9)
+    assert collided
+
+
+def test_an_end_on_another_island_is_not_walked_to():
+    split = room(lambda x, z: np.abs(x - 1) > 0.05)
+    assert split.step(at(0.9, 1), at(1.15, 1)) == ((0.9, 0.0, 1.0), True)
+    assert split.step(at(0.9, 1), at(1.15, 1), slide=True) == ((0.9, 0.0, 1.0), True)
+
+
+def test_a_step_up_a_stair_takes_the_height_of_the_tread():
+    spec = GridSpec((0.0, 0.0), CELL, (10, 40))
+    rc = np.argwhere(np.ones(spec.shape, bool))
+    stair = FloorGrid.from_cells(rc, 0.18 * (rc[:, 1] // 10), grid=spec)
+    assert stair.step(at(0.4, 0.25), at(0.65, 0.25)).position == pytest.approx((0.65, 0.18, 0.25))
+    assert stair.step(at(0.65, 0.25, 0.18), at(0.4, 0.25, 0.18)).position == pytest.approx((0.4, 0.0, 0.25))
+
+
+def test_a_walk_under_a_gallery_stays_on_its_layer():
+    spec = GridSpec((0.0, 0.0), CELL, (10, 40))
+    rc = np.argwhere(np.ones(spec.shape, bool))
+    layers = FloorGrid.from_cells(np.concatenate([rc, rc]), np.repeat([0.0, 1.2], len(rc)), grid=spec)
+    assert layers.step(at(0.4, 0.25), at(0.65, 0.25)).position[1] == 0.0
+    assert layers.step(at(0.4, 0.25, 1.2), at(0.65, 0.25, 1.2)).position[1] == pytest.approx(1.2)
+
+
+places = st.tuples(st.floats(0.001, 1.999), st.floats(0.001, 1.999)).map(lambda xz: at(*xz))
+
+
+@given(places, st.floats(-math.pi, math.pi), st.booleans())
+@settings(deadline=None, max_examples=150)
+def test_every_step_ends_on_the_map_and_an_unslid_one_lies_on_the_wanted_line(slanted, start, yaw, slide):
+    start = slanted.snap(start)
+    forward = forward_from_yaw(yaw)
+    position, collided = slanted.step(start, start + 0.25 * forward, slide=slide)
+    moved = np.array(position) - start
+    assert slanted.is_navigable(np.array(position))
+    assert np.linalg.norm(moved) < 0.30
+    if not slide:
+        assert np.linalg.norm(moved) <= 0.25 + 1e-9
+        assert np.linalg.norm(moved - (moved @ forward) * forward) < 1e-6
+        assert collided or np.linalg.norm(moved) > 0.249
