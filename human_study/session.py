@@ -10,12 +10,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.errors import TaskStateError
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Vector3
 from sim.types import Action, EndReason, EpisodeKey, Task
 
+from .clock import TrialClock
 from .commands import (
     Click,
     Confirm,
@@ -53,35 +55,10 @@ from .views import PanView, PogView, SessionUpdate
 
 STOP_WITHIN_S = 2.0
 """The second press of STOP counts this long after the first (DESIGN.md, keys)."""
-SHORTEST_PRESS_S = 0.05
-"""Presses and clicks that follow an accepted one sooner than this are dropped (HUMAN_STUDY.md, section 4)."""
 CAMERA_EVERY_S = 0.5
 """Camera poses are kept at most twice a second (HUMAN_STUDY.md, section 2)."""
 RESUME_WITHIN_S = 600.0
 """Default of StudyConfig.resume_within_s."""
-
-
-class _Clock:
-    """Seconds since the trial's start, on whatever steady clock the caller uses; stands still while nobody is there."""
-
-    def __init__(self, *, already_s: float = 0.0) -> None:
-        self._offset_s = already_s
-        self._origin_s: float | None = None
-        self._accepted_s = -math.inf
-
-    def start(self, now_s: float) -> None:
-        self._origin_s = now_s
-
-    def read(self, now_s: float) -> float:
-        if self._origin_s is None:
-            raise TaskStateError("trial: found a command before Start or Resume; expected one of these first.")
-        return self._offset_s + max(0.0, now_s - self._origin_s)
-
-    def too_soon(self, t_s: float) -> bool:
-        return t_s - self._accepted_s < SHORTEST_PRESS_S
-
-    def accept(self, t_s: float) -> None:
-        self._accepted_s = t_s
 
 
 class PanSession:
@@ -96,7 +73,7 @@ class PanSession:
         scene_digest: str,
         resume_within_s: float = RESUME_WITHIN_S,
     ) -> None:
-        """Puts the robot at the start; nothing is shown before `Start`.
+        """Takes over the environment; nothing is rendered or shown before `Start`.
 
         Args:
             env: The episode's environment; the session owns it from now on. Its `max_steps` must be the task's.
@@ -108,10 +85,10 @@ class PanSession:
         assert env.max_steps == task.max_steps, (env.max_steps, task.max_steps)
         self._env, self._key, self._task, self._scene_digest = env, key, task, scene_digest
         self._resume_within_s = resume_within_s
-        self._clock = _Clock()
+        self._clock = TrialClock()
         self._armed_s = -math.inf
         self._ended: EndReason | None = None
-        self._rgb = env.reset().rgb
+        self._rgb: NDArray[np.uint8] | None = None
 
     @property
     def end_reason(self) -> EndReason | None:
@@ -137,10 +114,10 @@ class PanSession:
             busy: The picture of an earlier action is still under way: presses are dropped and logged.
 
         Raises:
-            TaskStateError: The first command is neither Start nor Resume.
+            TaskStateError: The first command is not Start (Resume for a rebuilt session), or Start comes again.
         """
         if isinstance(command, Start | Resume):
-            self._clock.start(now_s)
+            self._clock.begin(now_s, is_start=isinstance(command, Start))
         t_s = self._clock.read(now_s)
         events = () if self.is_over else self._events(command, t_s, busy)
         return SessionUpdate(events, self.view(now_s))
@@ -148,6 +125,7 @@ class PanSession:
     def _events(self, command: PanCommand, t_s: float, busy: bool) -> tuple[Event, ...]:
         match command:
             case Start():
+                self._rgb = self._env.reset().rgb
                 return (self._open(t_s), *self._shown(t_s))
             case Resume(away_s=away_s):
                 if away_s > self._resume_within_s:
@@ -207,7 +185,7 @@ class PanSession:
 
     def _rebuild(self, events: Sequence[Event]) -> None:
         self._rgb = self._env.restore([event.step for event in events if isinstance(event, Act)]).rgb
-        self._clock = _Clock(already_s=_last_time(events))
+        self._clock = TrialClock(already_s=_last_time(events))
         self._ended = end_reason(events)
 
 
@@ -234,7 +212,7 @@ class PogSession:
         """
         self._key, self._task, self._storeys, self._scene_digest = key, task, storeys, scene_digest
         self._resume_within_s = resume_within_s
-        self._clock = _Clock()
+        self._clock = TrialClock()
         self._storey = 0
         self._marker: Vector3 | None = None
         self._camera_s = -math.inf
@@ -262,10 +240,10 @@ class PogSession:
             now_s: Seconds on a steady clock, the same one for the whole life of this object.
 
         Raises:
-            TaskStateError: The first command is neither Start nor Resume.
+            TaskStateError: The first command is not Start (Resume for a rebuilt session), or Start comes again.
         """
         if isinstance(command, Start | Resume):
-            self._clock.start(now_s)
+            self._clock.begin(now_s, is_start=isinstance(command, Start))
         t_s = self._clock.read(now_s)
         events = () if self.is_over else self._events(command, t_s)
         return SessionUpdate(events, self.view())
@@ -322,7 +300,7 @@ class PogSession:
         self._storey = self._storeys.index(heights[-1]) if heights else 0
         marked = last_marked(events)
         self._marker = marked.hit if marked is not None else None
-        self._clock = _Clock(already_s=_last_time(events))
+        self._clock = TrialClock(already_s=_last_time(events))
         self._ended = end_reason(events)
 
 

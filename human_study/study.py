@@ -30,10 +30,10 @@ class StudyCamera(BaseModel):
     """What the robot's camera shows to people."""
 
     model_config = _MODEL
-    width: int = Field(640, ge=16, le=4096)
-    height: int = Field(480, ge=16, le=4096)
-    hfov_deg: float = Field(79.0, gt=0, lt=180)
-    mount_height: float = Field(CAMERA_HEIGHT, gt=0)
+    width: Annotated[int, Field(ge=16, le=4096)] = 640
+    height: Annotated[int, Field(ge=16, le=4096)] = 480
+    hfov_deg: Annotated[float, Field(gt=0, lt=180)] = 79.0
+    mount_height: Annotated[float, Field(gt=0)] = CAMERA_HEIGHT
 
 
 class StudyConfig(BaseModel):
@@ -45,16 +45,16 @@ class StudyConfig(BaseModel):
     """Public name, part of every run id."""
     dataset_digest: str = Field(min_length=1)
     scenes: tuple[StudyScene, ...] = Field(min_length=1)
-    tasks: tuple[TaskKind, ...] = Field(("pan", "pog"), min_length=1)
+    tasks: Annotated[tuple[TaskKind, ...], Field(min_length=1)] = ("pan", "pog")
     actions: Literal["paper4", "paper6"] = "paper4"
     """What people can do in PAN (HUMAN_STUDY.md, section 1, row 1)."""
-    max_steps: int = Field(MAX_STEPS, ge=1, le=MAX_STEPS)
-    query_index: int = Field(0, ge=0)
+    max_steps: Annotated[int, Field(ge=1, le=MAX_STEPS)] = MAX_STEPS
+    query_index: Annotated[int, Field(ge=0)] = 0
     """Which paraphrase of the query everybody reads."""
-    resume_within_s: float = Field(600.0, ge=0)
+    resume_within_s: Annotated[float, Field(ge=0)] = 600.0
     """Who comes back later than this finds the trial ended as `abandoned`."""
     seed: Annotated[int, Field(ge=0)] = 0
-    camera: StudyCamera = StudyCamera(width=640, height=480, hfov_deg=79.0, mount_height=CAMERA_HEIGHT)
+    camera: StudyCamera = StudyCamera()
 
     @model_validator(mode="after")
     def _names_once(self) -> "StudyConfig":

@@ -20,7 +20,7 @@ import json
 import math
 import os
 import re
-from typing import Any
+from typing import Any, SupportsIndex
 
 SCHEMA_VERSION = 1
 ACTIONS = ("stop", "forward", "left", "right", "look_up", "look_down")
@@ -71,7 +71,7 @@ class RunWriter:
         self,
         split: str,
         scene_id_or_name: str,
-        episode_id: str | int,
+        episode_id: SupportsIndex | str,
         position: Any,
         rotation_xyzw: Any,
         allow_sliding: bool = False,
@@ -116,7 +116,7 @@ class RunWriter:
 
     def step(
         self,
-        action: int | str,
+        action: SupportsIndex | str,
         position: Any,
         rotation_xyzw: Any,
         tilt: float | None = None,
@@ -186,7 +186,7 @@ class RunWriter:
         self._lines, self._open = [], False
 
 
-def _action(action: int | str) -> str:
+def _action(action: SupportsIndex | str) -> str:
     """Our name of an action given as a number (numpy's too) or a name."""
     if isinstance(action, str):
         name = _LAB_NAMES.get(action.lower(), action.lower())

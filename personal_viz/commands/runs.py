@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -17,6 +18,9 @@ from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import RunWriter
 from sim.tasks.runner import AgentJob, run_agent, scene_kind
 from sim.types import SPLITS, EpisodeKey, Split, SuccessRule
+
+MIN_TABLE_WIDTH = 150
+"""Columns that the paper's table needs; narrower terminals wrap it, files and pipes do not."""
 
 
 def run(
@@ -78,12 +82,13 @@ def select_episodes(
 def metrics(*, runs: tuple[Path, ...], rule: SuccessRule, json: bool) -> int:
     """Prints the paper's tables of people and agents from run folders."""
     found = read_runs(runs)
-    require_comparable(run.info for run in found)
+    require_comparable(run.info for run in found if run.episodes)
+    require_comparable(run.info for run in found if run.answers)
     rows = metric_rows(found, rule=rule)
     if json:
         print(json_module.dumps([row.model_dump() for row in rows], indent=2))
         return 0
-    console = Console(file=sys.stdout)
+    console = Console(file=sys.stdout, width=max(MIN_TABLE_WIDTH, Console().width))
     for task, title in (("pan", f"PAN, rule {rule}"), ("pog", "POG, planar distance <= 1 m on the target's storey")):
         of_task = [row for row in rows if row.task == task]
         if of_task:
@@ -99,13 +104,13 @@ def metrics(*, runs: tuple[Path, ...], rule: SuccessRule, json: bool) -> int:
 
 def _table(title: str, rows: Sequence[MetricRow]) -> Table:
     """The paper's layout: one line per row name, groups Easy, Medium, Hard, Total."""
-    table = Table(title=f"{title}; scenes: {rows[0].scene_kind}")
-    table.add_column("Method")
+    table = Table(title=f"{title}; scenes: {rows[0].scene_kind}", box=SIMPLE_HEAD, padding=(0, 1), title_justify="left")
+    table.add_column("\nMethod", overflow="fold", max_width=44)
     groups = [split for split in (*SPLITS, "total") if any(row.split == split for row in rows)]
     heads = ("SR", "k/n", "SPL", "DTG") if rows[0].task == "pan" else ("SR", "k/n", "top-3")
     for group in groups:
         for head in heads:
-            table.add_column(f"{group.capitalize()}\n{head}", justify="right")
+            table.add_column(f"{group.capitalize() if head == 'SR' else ''}\n{head}", justify="right", no_wrap=True)
     for name in dict.fromkeys((row.who, row.condition) for row in rows):
         cells = [name[0] if name[1] == "none" else f"{name[0]} ({name[1]})"]
         for group in groups:

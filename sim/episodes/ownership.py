@@ -112,8 +112,7 @@ def parse_ownership(sentence: str) -> OwnershipEdge:
 def normalise_phrase(text: str) -> str:
     """Lower case, without leading article, punctuation and extra spaces.
 
-    Articles inside stay: in the release "clothes in the closet of the master bedroom" and "clothes in the closet of
-    master bedroom" are two objects of one person (hard/GLAQ4DNUx5U/787).
+    Articles inside stay: in hard/GLAQ4DNUx5U/787 two objects of one person differ by nothing else.
     """
     return " ".join(_NO_WORD.sub("", _LEADING_ARTICLE.sub("", text.strip().lower())).split())
 

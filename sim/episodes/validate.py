@@ -145,7 +145,8 @@ def _several_types(survey: Survey) -> Iterator[Hit]:
 
 _PAPER_COUNTS = " / ".join(map(str, PAPER_EPISODES.values()))
 _FILE_RULES = (
-    Rule(1, "episodes-per-split", "note", "episodes", f"in readable files; the paper counts {_PAPER_COUNTS}", _all_episodes),
+    Rule(1, "episodes-per-split", "note", "episodes", f"in readable files; the paper has {_PAPER_COUNTS}",
+         _all_episodes),
     Rule(2, "file-not-in-format", "error", "problems", "a file is unreadable or a value has the wrong type",
          lambda survey: (hit for hit, _ in survey.problems)),
     Rule(3, "target-not-resolved", "error", "episodes", "an episode's object is not in the goal list exactly once",

@@ -15,7 +15,9 @@ _STAIR_GAP = 0.9
 _SAME_FLOOR = 0.4
 """No wall stands between neighbouring cells whose heights differ by less (metres)."""
 _PARAPET = 0.9
-_PLINTH_RGB = (214, 150, 70)
+_FLAT = 0.17
+"""Recorded heights this near a storey's floor are drawn as that floor (metres)."""
+_PLINTH_RGB = (204, 160, 104)
 _CAP_RGB = (70, 70, 76)
 _TILE = 10  # cells per floor tile, for a pattern that shows motion
 
@@ -64,7 +66,7 @@ def add_cells(builder: QuadBuilder, plan: HomePlan) -> None:
     for layer, surface in enumerate(heights):
         storey = plan.storeys[layer // 2]
         room = next(room for room in plan.rooms if room.storey == layer // 2)
-        level = np.where(np.abs(surface - storey.floor_y) < 0.1, storey.floor_y, np.round(surface / 0.05) * 0.05)
+        level = np.where(np.abs(surface - storey.floor_y) < _FLAT, storey.floor_y, np.round(surface / 0.05) * 0.05)
         _add_tops(builder, plan.cells, level, is_plinth[layer], room.floor_rgb)
         _add_risers(builder, plan.cells, level, is_plinth[layer], room.floor_rgb)
         _add_walls(builder, plan.cells, level, heights, storey, room.wall_rgb, is_stair=layer % 2 == 1)
@@ -147,7 +149,7 @@ def _add_risers(
             continue
         quads, first = _side_quads(grid, rows, cols, neighbour[rows, cols], level[rows, cols], (dr, dc))
         from_plinth = is_plinth[rows[first], cols[first], None]
-        builder.add_quads(quads, np.where(from_plinth, np.array(_PLINTH_RGB) * 0.8, np.array(floor_rgb) * 0.7))
+        builder.add_quads(quads, np.where(from_plinth, np.array(_PLINTH_RGB) * 0.8, np.array(floor_rgb) * 0.85))
 
 
 def _add_walls(
@@ -162,6 +164,7 @@ def _add_walls(
 ) -> None:
     """Walls where a cell has no neighbour at its height in any layer; parapets along stairs."""
     neighbours = [_edges(layer) for layer in heights]
+    inward = _inward_normals(level)
     for side, (dr, dc, beside) in enumerate(_edges(level)):
         near = np.zeros(level.shape, bool)
         ceiling = np.full(level.shape, np.inf)
@@ -175,21 +178,30 @@ def _add_walls(
         y = level[rows, cols]
         if is_stair:
             top = np.minimum(y + _PARAPET, ceiling[rows, cols] - 0.05)
-            rows, cols, y, top = (array[top > y] for array in (rows, cols, y, top))
-            spans = [(y, top)]
+            fits = top > y
+            rows, cols, y = rows[fits], cols[fits], y[fits]
+            spans = [(y, top[fits])]
         else:
-            cut, top = storey.floor_y + CUT_HEIGHT, storey.floor_y + storey.ceiling
+            cut = np.full(y.shape, storey.floor_y + CUT_HEIGHT)
             base = np.minimum(y + 0.08, cut)
-            spans = [(y, base), (base, np.full_like(y, cut)), (np.full_like(y, cut), np.full_like(y, top))]
+            spans = [(y, base), (base, cut), (cut, cut - CUT_HEIGHT + storey.ceiling)]
         for part, (low, high) in enumerate(spans):
             if not len(rows):
                 continue
             quads, first = _side_quads(grid, rows, cols, low, high, (dr, dc))
             quads = quads[:, [1, 0, 3, 2]]  # a wall looks towards the cell
             shade = _wall_tint(grid, rows[first], cols[first]) * (0.62 if part == 0 and not is_stair else 1.0)
-            builder.add_quads(quads, np.array(wall_rgb) * shade)
+            builder.add_quads(quads, np.array(wall_rgb) * shade, normals=inward[rows[first], cols[first]])
             if part == 1:
                 _add_caps(builder, grid, quads, (dr, dc))
+
+
+def _inward_normals(level: Heights) -> Heights:
+    """(rows, cols, 3) level directions from the nearest walls into the open, smooth over the steps of the cells."""
+    smooth = ndimage.gaussian_filter((~np.isnan(level)).astype(float), 4.0)
+    d_row, d_col = np.gradient(smooth)
+    normals = np.stack([d_col, np.zeros_like(d_row), d_row], axis=-1)
+    return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
 
 
 def _wall_tint(grid: CellGrid, rows: NDArray, cols: NDArray) -> Heights:

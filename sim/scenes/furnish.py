@@ -1,5 +1,7 @@
 """HomePlan -> triangles and semantics: rooms, walls, stairs (or cells), and every piece of furniture."""
 
+import itertools
+
 import numpy as np
 
 from .cell_mesh import add_cells
@@ -67,7 +69,7 @@ def _add_floor_and_ceiling(builder: QuadBuilder, plan: HomePlan, room: Room, rec
 def _tiles(rect: Rect, holes: list[Rect]) -> list[Rect]:
     """Planks of about _TILE metres along x that cover the rectangle but not the holes."""
     edges = np.linspace(rect.x0, rect.x1, max(2, round((rect.x1 - rect.x0) / _TILE) + 1))
-    planks = [Rect(float(a), rect.z0, float(b), rect.z1) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    planks = [Rect(float(a), rect.z0, float(b), rect.z1) for a, b in itertools.pairwise(edges)]
     return [part for plank in planks for part in _without(plank, holes)]
 
 
@@ -129,7 +131,7 @@ def _add_span(
     sides = [_side_rgb(plan, wall, start + along * (span[0] + span[1]) / 2 + left * s * 0.2) for s in (1, -1)]
     cuts = [heights[0], *(h for h in (_SKIRTING, CUT_HEIGHT) if heights[0] < h < heights[1]), heights[1]]
     up = np.array([0.0, 1.0, 0.0])
-    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+    for low, high in itertools.pairwise(cuts):
         is_skirting = high <= _SKIRTING
         for sign, rgb in zip((1, -1), sides, strict=True):
             a, b = (span[1], span[0]) if sign > 0 else (span[0], span[1])
@@ -166,17 +168,18 @@ def _add_opening(builder: QuadBuilder, plan: HomePlan, wall: Wall, opening: Open
     along, _ = _frame_of(wall)
     yaw = float(np.arctan2(-along[2], along[0]))
     floor_y = plan.storeys[wall.storey].floor_y
-    middle = np.array([wall.start[0], 0.0, wall.start[1]]) + along * opening.offset
-    y, height = floor_y + (opening.sill + opening.top) / 2, opening.top - opening.sill
+    height = opening.top - opening.sill
+    foot = np.array([wall.start[0], floor_y, wall.start[1]]) + along * opening.offset
+    middle = foot + np.array([0, (opening.sill + opening.top) / 2, 0])
     if opening.kind == "window":
-        builder.add_box(middle + [0, y, 0], (opening.width, height, 0.02), rgb=_PANE_RGB, yaw=yaw)
-        builder.add_box(middle + [0, y, 0], (0.05, height, 0.05), rgb=_FRAME_RGB, yaw=yaw)
-        builder.add_box(middle + [0, y, 0], (opening.width, 0.05, 0.05), rgb=_FRAME_RGB, yaw=yaw)
+        builder.add_box(middle, (opening.width, height, 0.02), rgb=_PANE_RGB, yaw=yaw)
+        builder.add_box(middle, (0.05, height, 0.05), rgb=_FRAME_RGB, yaw=yaw)
+        builder.add_box(middle, (opening.width, 0.05, 0.05), rgb=_FRAME_RGB, yaw=yaw)
         return
     for side in (-1, 1):
-        post = middle + along * side * (opening.width / 2 - 0.02)
         low = min(height, CUT_HEIGHT)
-        builder.add_box(post + [0, floor_y + low / 2, 0], (0.04, low, wall.thickness + 0.03), rgb=_FRAME_RGB, yaw=yaw)
+        post = foot + along * side * (opening.width / 2 - 0.02) + np.array([0, low / 2, 0])
+        builder.add_box(post, (0.04, low, wall.thickness + 0.03), rgb=_FRAME_RGB, yaw=yaw)
 
 
 def _add_stair(builder: QuadBuilder, plan: HomePlan, stair: Stair) -> None:

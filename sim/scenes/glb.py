@@ -122,7 +122,7 @@ def _num_base_images(header: dict[str, Any]) -> int:
 
 
 def _placed_parts(loaded: trimesh.Scene) -> list[_Part]:
-    """Every mesh of the scene where its nodes put it; a mirroring node turns the faces, so that they keep their side."""
+    """Every mesh of the scene where its nodes put it; a mirroring node turns faces, so that they keep their side."""
     parts = []
     for node in sorted(loaded.graph.nodes_geometry):
         T_glb_mesh, name = loaded.graph[node]

@@ -170,6 +170,7 @@ def _sofa(category: str, size: Vec, rgb: Rgb) -> list[Part]:
 def _bed(category: str, size: Vec, rgb: Rgb) -> list[Part]:
     w, h, d = size
     wood: Rgb = (126, 90, 60)
+    linen: Rgb = (250, 248, 240)
     mattress = h * 0.62
     pillows = 2 if w > 1.1 else 1
     return [
@@ -178,10 +179,10 @@ def _bed(category: str, size: Vec, rgb: Rgb) -> list[Part]:
         Part((0, mattress * 0.8, d * 0.14), (w * 0.985, mattress * 0.48, d * 0.7), rgb),
         Part((0, h / 2, -d / 2 + 0.03), (w, h, 0.06), tinted(wood, 0.85)),
         *(
-            Part(((k + 0.5 - pillows / 2) * w * 0.46, mattress * 1.04, -d * 0.36), (w * 0.38, 0.12, d * 0.16), (250, 248, 240))
+            Part(((k + 0.5 - pillows / 2) * w * 0.46, mattress * 1.04, -d * 0.36), (w * 0.38, 0.12, d * 0.16), linen)
             for k in range(pillows)
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _cabinet(category: str, size: Vec, rgb: Rgb) -> list[Part]:

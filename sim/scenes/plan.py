@@ -1,4 +1,4 @@
-"""`HomePlan`: a home as a small JSON file, before it has triangles. `invent` and `recover` write it, `furnish` reads it."""
+"""`HomePlan`: a home as a small JSON file, before it has triangles; from `invent` and `recover`, for `furnish`."""
 
 import os
 from pathlib import Path

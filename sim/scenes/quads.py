@@ -1,7 +1,7 @@
 """Collects coloured rectangles and boxes, and makes a TriangleMesh of them with soft light baked into the colours."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .scene import TriangleMesh
 
@@ -18,6 +18,7 @@ _UNIT_BOX = np.array(
     float,
 )  # (6, 4, 3), counter-clockwise from outside
 _DRUM_SIDES = 10
+_UP = np.array([0.0, 1.0, 0.0])
 
 
 class QuadBuilder:
@@ -28,15 +29,31 @@ class QuadBuilder:
         self._rgb: list[NDArray[np.float64]] = []
         self._instance: list[NDArray[np.int32]] = []
 
-    def add_quads(self, corners: NDArray[np.floating], rgb: object, *, instance: int = 0) -> None:
-        """Quads (N, 4, 3), counter-clockwise from their front, in one colour (3,) or one each (N, 3)."""
-        corners = np.asarray(corners, float).reshape(-1, 4, 3)
-        self._corners.append(corners)
-        self._rgb.append(np.broadcast_to(np.asarray(rgb, float), (len(corners), 3)))
-        self._instance.append(np.full(len(corners), instance, np.int32))
+    def add_quads(
+        self, corners: ArrayLike, rgb: ArrayLike, *, normals: ArrayLike | None = None, instance: int = 0
+    ) -> None:
+        """Quads (N, 4, 3), counter-clockwise from their front, in one colour (3,) or one each (N, 3).
+
+        `normals` (N, 3) light the quads instead of their own unit normals.
+        """
+        quads = np.asarray(corners, np.float64).reshape(-1, 4, 3)
+        if normals is None:
+            crossed = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+            normals = crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), 1e-12)
+        shade = 0.82 + 0.22 * np.asarray(normals, float) @ _LIGHT
+        self._corners.append(quads)
+        self._rgb.append(np.asarray(rgb, float) * shade[:, None])
+        self._instance.append(np.full(len(quads), instance, np.int32))
 
     def add_box(
-        self, centre: object, size: object, *, rgb: object, yaw: float = 0.0, is_round: bool = False, instance: int = 0
+        self,
+        centre: ArrayLike,
+        size: ArrayLike,
+        *,
+        rgb: ArrayLike,
+        yaw: float = 0.0,
+        is_round: bool = False,
+        instance: int = 0,
     ) -> None:
         """A box (or an upright drum) with its centre and its extents (3,) along its own axes, turned by `yaw`."""
         corners = _drum() if is_round else _UNIT_BOX
@@ -49,12 +66,11 @@ class QuadBuilder:
         """Everything added so far; two triangles per quad, colours shaded by direction."""
         corners = np.concatenate(self._corners)
         num = len(corners)
-        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        shade = 0.82 + 0.22 * normals @ _LIGHT
-        rgb = np.clip(np.concatenate(self._rgb) * shade[:, None], 0, 255).round().astype(np.uint8)
+        rgb = np.clip(np.concatenate(self._rgb), 0, 255).round().astype(np.uint8)
         first = np.arange(num, dtype=np.int32)[:, None] * 4
-        faces = np.stack([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3).astype(np.int32)
+        faces = (
+            np.stack([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])], axis=1).reshape(-1, 3).astype(np.int32)
+        )
         return TriangleMesh(
             corners.reshape(-1, 3).astype(np.float32),
             faces,
@@ -69,7 +85,7 @@ def _drum() -> NDArray[np.float64]:
     """Sides and lids of an upright drum in the box [-1, 1]^3; (S + 2 * (S / 2 - 1), 4, 3)."""
     angle = -np.arange(_DRUM_SIDES + 1) * 2 * np.pi / _DRUM_SIDES
     ring = np.stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)], axis=1)
-    top, bottom = ring + [0, 1, 0], ring - [0, 1, 0]
+    top, bottom = ring + _UP, ring - _UP
     sides = np.stack([bottom[:-1], bottom[1:], top[1:], top[:-1]], axis=1)
     fan = [[0, k, k + 1, k + 2] for k in range(1, _DRUM_SIDES - 2, 2)]
     return np.concatenate([sides, top[fan], bottom[fan][:, ::-1]])

@@ -1,4 +1,4 @@
-"""A schematic home from the episode files alone: where the robot stood is floor, where it looked is open, the rest wall.
+"""A schematic home from the episode files alone: where the robot stood is floor, where it looked is open, else wall.
 
 Episode files -> HomePlan. Standing points are the original view points and the starts of all splits.
 """

@@ -1,12 +1,12 @@
-"""Where the robot can walk in a schematic home: cells around the places where it stood, and guessed strips between them."""
+"""Where the robot can walk in a schematic home: cells around the places where it stood, and guessed strips between."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from sim.errors import SceneError
 from sim.types import AGENT_RADIUS
@@ -17,7 +17,7 @@ from .plan import CELL, CellGrid, Cells, Storey
 LINK = 2 * AGENT_RADIUS
 """Standing points this close are joined without a guess (metres; the view points' lattice is 0.25)."""
 SHORTCUTS = (0.5, 0.75, 1.0)
-"""Longest guessed shortcuts of three rounds (metres); without them a home is a tree of islands and paths are detours."""
+"""Longest guessed shortcuts of three rounds (metres); without them a home is a tree of islands, all paths detours."""
 PLAN_CLIMB = 0.3
 """Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
 LAYER_GAP = PLAN_CLIMB + 0.03
@@ -38,7 +38,7 @@ def walkable_cells(standing: Points, storeys: tuple[Storey, ...], *, grid: CellG
     Raises:
         SceneError: Two parts of the home are too steep to join; names `scene`.
     """
-    links = cKDTree(standing[:, [0, 2]]).query_pairs(LINK + 1e-6, output_type="ndarray")
+    links = KDTree(standing[:, [0, 2]]).query_pairs(LINK + 1e-6, output_type="ndarray")
     links = links[_rise(standing, links) <= _MAX_LINK_DY]
     bridges = _bridges(standing, links, storeys, scene)
     strips = np.concatenate([bridges, _shortcuts(standing, np.concatenate([links, bridges]))])
@@ -69,10 +69,10 @@ def _along(start: Points, end: Points) -> Points:
     return start * (1 - share) + end * share
 
 
-def _graph(standing: Points, pairs: Pairs) -> csr_matrix:
+def _graph(standing: Points, pairs: Pairs) -> csr_array:
     lengths = np.linalg.norm(standing[pairs[:, 0]] - standing[pairs[:, 1]], axis=1)
     num = len(standing)
-    return coo_matrix((lengths, (pairs[:, 0], pairs[:, 1])), shape=(num, num)).tocsr()
+    return coo_array((lengths, (pairs[:, 0], pairs[:, 1])), shape=(num, num)).tocsr()
 
 
 def _bridges(standing: Points, links: Pairs, storeys: tuple[Storey, ...], scene: str) -> Pairs:
@@ -110,7 +110,7 @@ def _bridge_costs(points: Points, storeys: tuple[Storey, ...]) -> NDArray[np.flo
 
 def _shortcuts(standing: Points, joined: Pairs) -> Pairs:
     """Short level strips where the way along `joined` is a long detour; at most one per point and round."""
-    near = cKDTree(standing[:, [0, 2]]).query_pairs(SHORTCUTS[-1], output_type="ndarray")
+    near = KDTree(standing[:, [0, 2]]).query_pairs(SHORTCUTS[-1], output_type="ndarray")
     near = near[_rise(standing, near) <= _MAX_LINK_DY]
     lengths = np.linalg.norm(standing[near[:, 0]] - standing[near[:, 1]], axis=1)
     order = np.lexsort((near[:, 1], near[:, 0], lengths))

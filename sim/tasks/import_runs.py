@@ -201,7 +201,7 @@ def _forward_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap:
     limit = "0.25 m from the wanted end" if allow_sliding else "0 to 0.25 m straight ahead"
     advice = "" if allow_sliding else " If the simulator slides along walls, say so with allow_sliding=True."
     return (
-        f"ended {ahead:.3f} m ahead, {aside:.3f} m to the right and {rise:.3f} m up; expected {limit} and at most "
+        f"ended {ahead:.3f} m ahead, {abs(aside):.3f} m aside and {rise:.3f} m up; expected {limit} and at most "
         f"{MAX_RISE} m up or down. {_BODY_ADVICE}{advice}"
     )
 

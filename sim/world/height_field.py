@@ -63,7 +63,7 @@ def standing_places(
     is_floor = normals[:, 1] > math.cos(MAX_SLOPE) * lengths
     uhv = (triangles - low) / (CELL, VOXEL, CELL)
     column, lo, hi, top, walkable = _columns_of_triangles(uhv, is_floor, rows, cols)
-    order = np.lexsort((lo, column))
+    order = _order_by_column(column, lo, rows * cols)
     column, lo, hi, top, walkable = _merge(column[order], lo[order], hi[order], top[order], walkable[order])
     first = np.searchsorted(column, np.arange(rows * cols + 1))
     clearance = math.ceil(height / VOXEL - 1e-6)
@@ -89,10 +89,12 @@ def _cut(polygon, count, axis, at, below, above):
         j = (i + 1) % count
         a, b = polygon[i, axis], polygon[j, axis]
         if a <= at:
-            below[num_below] = polygon[i]
+            for k in range(3):
+                below[num_below, k] = polygon[i, k]
             num_below += 1
         if a >= at:
-            above[num_above] = polygon[i]
+            for k in range(3):
+                above[num_above, k] = polygon[i, k]
             num_above += 1
         if (a < at < b) or (b < at < a):
             share = (at - a) / (b - a)
@@ -103,6 +105,15 @@ def _cut(polygon, count, axis, at, below, above):
             num_below += 1
             num_above += 1
     return num_below, num_above
+
+
+@njit(cache=True, nogil=True)
+def _span(polygon, count, axis):
+    """Least and largest coordinate of a polygon's corners along an axis."""
+    least = most = polygon[0, axis]
+    for i in range(1, count):
+        least, most = min(least, polygon[i, axis]), max(most, polygon[i, axis])
+    return least, most
 
 
 @njit(cache=True, nogil=True)
@@ -117,14 +128,14 @@ def _columns_of_triangles(triangles, is_floor, rows, cols):
     for index in range(len(triangles)):
         rest[:3] = triangles[index]
         num_rest = 3
-        row_end = min(int(triangles[index, :, 2].max()), rows - 1)
-        for r in range(int(triangles[index, :, 2].min()), row_end + 1):
+        lowest, highest = _span(rest, 3, 2)
+        for r in range(int(lowest), min(int(highest), rows - 1) + 1):
             num_strip, num_rest = _cut(rest, num_rest, 2, r + 1, strip, spare)
             rest, spare = spare, rest
             if num_strip < 3:
                 continue
-            col_end = min(int(strip[:num_strip, 0].max()), cols - 1)
-            for c in range(int(strip[:num_strip, 0].min()), col_end + 1):
+            lowest, highest = _span(strip, num_strip, 0)
+            for c in range(int(lowest), min(int(highest), cols - 1) + 1):
                 num_part, num_strip = _cut(strip, num_strip, 0, c + 1, part, after)
                 strip, after = after, strip
                 if num_part < 3:
@@ -133,13 +144,32 @@ def _columns_of_triangles(triangles, is_floor, rows, cols):
                     room *= 2
                     column, lo, hi = _grown(column), _grown(lo), _grown(hi)
                     top, walkable = _grown(top), _grown(walkable)
-                lowest, highest = part[:num_part, 1].min(), part[:num_part, 1].max()
+                lowest, highest = _span(part, num_part, 1)
                 column[used] = r * cols + c
                 lo[used] = math.floor(lowest)
                 hi[used] = max(math.ceil(highest), lo[used] + 1)
                 top[used], walkable[used] = highest, is_floor[index]
                 used += 1
     return column[:used], lo[:used], hi[:used], top[:used], walkable[:used]
+
+
+@njit(cache=True, nogil=True)
+def _order_by_column(column, lo, num_columns):
+    """Indices that sort the records by column, then by lowest voxel; a column holds few, so each is sorted by hand."""
+    start = np.zeros(num_columns + 1, np.int64)
+    for at in column:
+        start[at + 1] += 1
+    start = np.cumsum(start)
+    order = np.empty(len(column), np.int64)
+    filled = start[:-1].copy()
+    for record in range(len(column)):
+        at = filled[column[record]]
+        filled[column[record]] += 1
+        while at > start[column[record]] and lo[order[at - 1]] > lo[record]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = record
+    return order
 
 
 @njit(cache=True, nogil=True)

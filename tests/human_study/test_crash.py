@@ -8,6 +8,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from human_study.events import Act
 from human_study.records import read_study
@@ -43,6 +44,7 @@ def left_over(pipe: Connection) -> list[Ack]:
     return acks
 
 
+@pytest.mark.slow
 def test_a_trial_survives_fifty_kills_at_random_instants(tmp_path: Path) -> None:
     config = study()
     with open_store(tmp_path, config) as store:

@@ -225,6 +225,26 @@ def test_a_command_before_the_start_is_refused() -> None:
         pan_session().handle(FORWARD, 0.0)
 
 
+def test_a_trial_starts_once() -> None:
+    session = pan_session()
+    with pytest.raises(TaskStateError, match="found Resume; expected Start"):
+        session.handle(Resume(), 0.0)
+    events = drive(session, [FORWARD])
+    task = study().task_for(episode(), "pan")
+    rebuilt = pan_session_from_events(events, env(), key=episode().key, task=task, scene_digest=SCENE_DIGEST)
+    for started in (session, rebuilt):
+        with pytest.raises(TaskStateError, match="found Start; expected Resume"):
+            started.handle(Start(), 200.0)
+
+
+def test_time_away_is_not_counted_and_never_runs_back() -> None:
+    session = pan_session()
+    events = drive(session, [FORWARD], every_s=2.0)
+    events += session.handle(Resume(away_s=90.0), 192.0).events
+    events += session.handle(LEFT, 193.0).events
+    assert [event.t_s for event in events if event.kind == "act"] == [2.0, 3.0]
+
+
 def test_a_running_trial_has_no_outcome() -> None:
     events = drive(pan_session(), [FORWARD])
     with pytest.raises(StudyError, match="is not over"):

@@ -3,7 +3,6 @@
 import copy
 import gzip
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from sim.types import Split
 
 SCENE = "Zz0ExampleZ"
 Content = dict[str, Any]
+Contents = dict[tuple[Split, str], Content]
 
 
 def example_view_point(x: float, z: float, *, y: float = 0.0, quat_xyzw: list[float], iou: float | None) -> Content:
@@ -40,7 +40,7 @@ def example_goal(**changes: Any) -> Content:
     return {**goal, **changes}
 
 
-def example_episode(*, scene: str = SCENE, owner: str = "Ada", **changes: Any) -> Content:
+def example_episode(*, scene: str = SCENE, owner: Any = "Ada", **changes: Any) -> Content:
     """Somebody asks for Ada's coffee table from 4 m away, looking the other way."""
     asked = f"{owner}'s coffee table"
     episode: Content = {
@@ -93,7 +93,7 @@ def write_content(root: Path, split: Split, content: Content | str, *, scene: st
     return path
 
 
-def write_dataset(root: Path, contents: Mapping[tuple[Split, str], Content] | None = None) -> Path:
+def write_dataset(root: Path, contents: Contents | None = None) -> Path:
     """Writes content and index files below `root` and returns it; by default one easy episode of `SCENE`."""
     contents = {("easy", SCENE): example_content()} if contents is None else contents
     for (split, scene), content in contents.items():

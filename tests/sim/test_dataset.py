@@ -11,7 +11,15 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import DatasetError
 from sim.types import EpisodeKey
-from tests.sim.synthetic import SCENE, example_content, example_episode, example_goal, write_content, write_dataset
+from tests.sim.synthetic import (
+    SCENE,
+    Contents,
+    example_content,
+    example_episode,
+    example_goal,
+    write_content,
+    write_dataset,
+)
 
 
 def one_line(error: pytest.ExceptionInfo[DatasetError]) -> str:
@@ -35,7 +43,7 @@ def test_a_plain_file_alone_is_read(tmp_path: Path) -> None:
 
 def test_episodes_come_in_order_of_split_scene_and_place_and_can_be_chosen(tmp_path: Path) -> None:
     episodes = [example_episode(scene="B", episode_id="9"), example_episode(scene="B", episode_id="1")]
-    contents = {
+    contents: Contents = {
         ("hard", "A"): example_content(scene="A"),
         ("easy", "B"): example_content(scene="B", episodes=episodes),
         ("easy", "A"): example_content(scene="A"),

@@ -19,9 +19,15 @@ def at(x: float, z: float, y: float = 0.0) -> np.ndarray:
     return np.array([x, y, z])
 
 
+def floor_under(grid: FloorGrid, point: np.ndarray) -> float:
+    snapped = grid.snap(point)
+    assert snapped is not None
+    return float(snapped[1])
+
+
 def grid_of(free, *, size: float = 4.0) -> FloorGrid:
     """A square of 4 m from (0, 0); `free(x, z)` says which cell centres are free."""
-    spec = GridSpec((0.0, 0.0), CELL, (round(size / CELL),) * 2)
+    spec = GridSpec((0.0, 0.0), CELL, (round(size / CELL), round(size / CELL)))
     rc = np.argwhere(np.ones(spec.shape, bool))
     rc = rc[free(*spec.xz_from_rc(rc).T)]
     return FloorGrid.from_cells(rc, np.zeros(len(rc)), grid=spec)
@@ -40,15 +46,14 @@ def walled() -> FloorGrid:
 
 @pytest.fixture(scope="module")
 def two_storeys() -> FloorGrid:
-    """Floors of 6 x 2 m at y = 0 and y = 2.8 over each other, joined at x = 6 by a stair of 14 risers that leads away."""
+    """Floors of 6 x 2 m at y = 0 and 2.8 over each other; a stair of 14 risers leads away from x = 6, a bridge back."""
     spec = GridSpec((0.0, 0.0), CELL, (40, 280))
     lower = np.argwhere(np.ones((40, 120), bool))
-    stair = np.argwhere(np.ones((20, 140), bool)) + [0, 120]
+    stair = np.argwhere(np.ones((20, 140), bool)) + np.array([0, 120])
     heights = np.minimum(2.8, 0.2 * (1 + (stair[:, 1] - 120) // 5))
-    bridge = np.argwhere(np.ones((20, 140), bool)) + [20, 120]  # from the stair's head back over open air
-    upper = lower
-    rc = np.concatenate([lower, stair, bridge[bridge[:, 1] >= 240], bridge[bridge[:, 1] < 240], upper])
-    y = np.concatenate([np.zeros(len(lower)), heights, np.full(len(bridge) + len(upper), 2.8)])
+    bridge = np.argwhere(np.ones((20, 140), bool)) + np.array([20, 120])  # from the stair's head back over open air
+    rc = np.concatenate([lower, stair, bridge, lower])
+    y = np.concatenate([np.zeros(len(lower)), heights, np.full(len(bridge) + len(lower), 2.8)])
     return FloorGrid.from_cells(rc, y, grid=spec)
 
 
@@ -114,8 +119,8 @@ def test_snap_keeps_points_on_the_map_and_moves_others_to_the_nearest_border(ope
 
 
 def test_a_point_a_little_above_a_floor_belongs_to_that_storey(two_storeys):
-    assert two_storeys.snap(at(1, 1, 0.5))[1] == 0.0
-    assert two_storeys.snap(at(1, 1, 2.95))[1] == pytest.approx(2.8)
+    assert floor_under(two_storeys, at(1, 1, 0.5)) == 0.0
+    assert floor_under(two_storeys, at(1, 1, 2.95)) == pytest.approx(2.8)
     assert two_storeys.is_navigable(at(1, 1, 3.2))
     assert not two_storeys.is_navigable(at(1, 1, 1.4))
     assert not two_storeys.is_navigable(at(1, 1, 0.2), max_dy=0.1)
@@ -218,7 +223,7 @@ def test_a_bare_floor_loses_the_robots_radius_and_its_ledge_at_each_side():
 
 def test_heights_are_those_of_the_real_floor_not_of_the_voxels():
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4, y=0.13), floor(0, 0, 4, 4, y=-0.2)))
-    assert found.snap(at(2, 2))[1] == pytest.approx(0.13)
+    assert floor_under(found, at(2, 2)) == pytest.approx(0.13)
 
 
 def test_a_step_of_15_cm_is_climbed_and_one_of_45_cm_is_not():
@@ -241,7 +246,7 @@ def test_a_ramp_of_30_degrees_is_walked_and_one_of_50_degrees_is_not():
 def test_a_low_table_blocks_and_its_top_is_an_island_of_its_own():
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 6, 6), *box((2, 0.7, 2), (4, 0.75, 4))))
     assert not found.is_navigable(at(3, 3))
-    assert found.snap(at(3, 3, 0.9))[1] == pytest.approx(0.75)
+    assert floor_under(found, at(3, 3, 0.9)) == pytest.approx(0.75)
     assert found.island(at(3, 3, 0.75)) != found.island(at(1, 1))
     assert found.storey_heights == (0.0,)
 

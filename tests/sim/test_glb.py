@@ -21,10 +21,16 @@ SQUARE = np.array([[0.0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 
 
+def glb_bytes(scene: trimesh.Scene) -> bytes:
+    data = scene.export(file_type="glb")
+    assert isinstance(data, bytes)
+    return data
+
+
 def write(path: Path, visual=None, *, T=None, vertices=SQUARE, faces=FACES) -> Path:
     scene = trimesh.Scene()
     scene.add_geometry(trimesh.Trimesh(vertices, faces, visual=visual, process=False), transform=T)
-    path.write_bytes(scene.export(file_type="glb"))
+    path.write_bytes(glb_bytes(scene))
     return path
 
 
@@ -63,7 +69,7 @@ def test_a_z_up_file_becomes_y_up(tmp_path):
 def test_a_y_up_file_keeps_its_axes_and_node_transforms_are_applied(tmp_path):
     T = trimesh.transformations.translation_matrix([10, 20, 30])
     mesh = load_glb(write(tmp_path / "a.glb", T=T), up="y")
-    np.testing.assert_allclose(mesh.vertices, SQUARE + [10, 20, 30])
+    np.testing.assert_allclose(mesh.vertices, SQUARE + np.array([10, 20, 30]))
 
 
 def test_a_mirrored_node_keeps_floors_facing_up(tmp_path):
@@ -80,7 +86,7 @@ def test_a_mesh_that_two_nodes_show_is_loaded_twice(tmp_path):
     scene.add_geometry(trimesh.Trimesh(SQUARE, FACES, process=False), geom_name="square", node_name="one")
     scene.graph.update("two", matrix=trimesh.transformations.translation_matrix([5, 0, 0]), geometry="square")
     path = tmp_path / "a.glb"
-    path.write_bytes(scene.export(file_type="glb"))
+    path.write_bytes(glb_bytes(scene))
     mesh = load_glb(path, up="y")
     assert len(mesh.faces) == 4
     assert mesh.vertices[:, 0].max() == 7
@@ -122,9 +128,9 @@ def test_an_image_that_two_parts_share_is_kept_once(tmp_path):
     scene = trimesh.Scene()
     visual = textured(two_colours())
     for shift in (0, 5):
-        scene.add_geometry(trimesh.Trimesh(SQUARE + [shift, 0, 0], FACES, visual=visual, process=False))
+        scene.add_geometry(trimesh.Trimesh(SQUARE + np.array([shift, 0, 0]), FACES, visual=visual, process=False))
     path = tmp_path / "a.glb"
-    path.write_bytes(scene.export(file_type="glb"))
+    path.write_bytes(glb_bytes(scene))
     mesh = load_glb(path)
     assert mesh.face_texture.max() == len(mesh.textures) - 1 == 0
     assert len(mesh.faces) == 4
@@ -175,7 +181,7 @@ def test_json_that_points_nowhere_is_refused(tmp_path):
 
 def test_a_file_without_faces_is_refused(tmp_path):
     path = tmp_path / "a.glb"
-    path.write_bytes(trimesh.Scene([trimesh.PointCloud(SQUARE)]).export(file_type="glb"))
+    path.write_bytes(glb_bytes(trimesh.Scene([trimesh.PointCloud(SQUARE)])))
     assert "found no faces" in refusal(path)
 
 

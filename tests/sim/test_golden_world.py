@@ -150,18 +150,18 @@ def test_colours_are_habitats(house, golden_root):
 
 @pytest.mark.bench
 @pytest.mark.parametrize("house", HOUSES)
-def test_a_grid_is_built_within_a_second_and_a_frame_within_120_ms(house, golden_root):
+def test_a_grid_takes_at_most_a_core_second_and_a_frame_120_core_ms(house, golden_root):
     mesh = load_glb(golden_root / f"{house}.glb", up="y")
     floor_grid_from_mesh(mesh)
-    begin = time.perf_counter()
+    begin = time.process_time()
     floor_grid_from_mesh(mesh)
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
     raycaster = Raycaster(mesh)
     view = T_world_camera(Pose((5.0, 0.1, 2.0), 0.0), Camera())
     raycaster.render(view, Camera())
     times = []
     for _ in range(9):
-        begin = time.perf_counter()
+        begin = time.process_time()
         raycaster.render(view, Camera())
-        times.append(time.perf_counter() - begin)
+        times.append(time.process_time() - begin)
     assert np.median(times) < 0.12

@@ -127,31 +127,31 @@ def test_a_possible_run_is_taken_and_its_collision_found_from_the_positions(
     assert run.end.reason == "stop"
 
 
-def moved(index: int, by: tuple[float, float, float]) -> Callable[[Rows], None]:
-    """Moves every pose from line `index` on, so that only this step is odd."""
+def moved(line: int, by: tuple[float, float, float]) -> Callable[[Rows], object]:
+    """Moves every pose from this line on, so that only this step is odd."""
 
     def change(rows: Rows) -> None:
-        for row in rows[index:-1]:
+        for row in rows[line - 1 : -1]:
             row["position"] = [old + add for old, add in zip(row["position"], by, strict=True)]
 
     return change
 
 
-def put(index: int, **values: Any) -> Callable[[Rows], None]:
-    return lambda rows: rows[index].update(values)
+def put(line: int, **values: Any) -> Callable[[Rows], object]:
+    return lambda rows: rows[line - 1].update(values)
 
 
-def yawed(index: int, by_deg: float) -> Callable[[Rows], None]:
+def yawed(line: int, by_deg: float) -> Callable[[Rows], object]:
     def change(rows: Rows) -> None:
-        for row in rows[index:-1]:
+        for row in rows[line - 1 : -1]:
             row["yaw"] += math.radians(by_deg)
 
     return change
 
 
-def tilted(index: int, by_deg: float) -> Callable[[Rows], None]:
+def tilted(line: int, by_deg: float) -> Callable[[Rows], object]:
     def change(rows: Rows) -> None:
-        for row in rows[index:-1]:
+        for row in rows[line - 1 : -1]:
             row["tilt"] += math.radians(by_deg)
 
     return change
@@ -164,7 +164,7 @@ def repeat_turns(rows: Rows) -> None:
     rows[-1]["reason"] = "steps"
 
 
-IMPOSSIBLE: list[tuple[str, Callable[[Rows], None], str]] = [
+IMPOSSIBLE: list[tuple[str, Callable[[Rows], object], str]] = [
     (
         "a forward that goes on too far",
         moved(5, (-0.14, 0, -0.14 * math.sqrt(3))),
@@ -172,7 +172,11 @@ IMPOSSIBLE: list[tuple[str, Callable[[Rows], None], str]] = [
     ),
     ("a forward backwards", moved(5, (0.1, 0, 0.1 * math.sqrt(3))), ":5: action 'forward' ended -0.100 m ahead"),
     ("a forward to the side", moved(5, (0.1, 0, -0.1 / math.sqrt(3))), ":5: action 'forward' ended"),
-    ("a forward up a wall", moved(5, (0, 0.6, 0)), "0.600 m up"),
+    (
+        "a forward up a wall",
+        moved(5, (0, 0.6, 0)),
+        ":5: action 'forward' ended 0.100 m ahead, 0.000 m aside and 0.600 m up",
+    ),
     ("a first forward far off its line", moved(2, (0.4, 0, 0)), ":2: action 'forward' ended 0.250 m ahead, 0.400 m"),
     ("a first forward from another floor", moved(2, (0, 0.8, 0)), ":2: action 'forward' ended"),
     ("a turn of 31 degrees", yawed(3, 1), ":3: action 'left' changed yaw by 31.0 degrees; expected 30"),
@@ -187,27 +191,27 @@ IMPOSSIBLE: list[tuple[str, Callable[[Rows], None], str]] = [
     ("two stops", lambda rows: rows.insert(6, dict(rows[6 - 1] | {"action": "stop"})), ":7: found action 'stop' after"),
     ("501 steps", repeat_turns, ":502: found step 501; expected at most 500"),
     ("a stop that did not happen", lambda rows: rows.pop(5), ":6: reason is 'stop' after 4 steps"),
-    ("a limit that was not reached", put(-1, reason="steps"), ":7: reason is 'steps' after 5 steps"),
-    ("a stop called giving up", put(-1, reason="giveup"), ":7: reason is 'giveup' after 5 steps"),
-    ("a start that is 2 cm off", put(0, position=[1.02, 0.2, -2.0]), ":1: episode easy/Flat/40 begins 0.020 m"),
-    ("a start that is 1 degree off", put(0, yaw=math.radians(1)), ":1: episode easy/Flat/40 begins 0.000 m and 1.0"),
-    ("an unknown episode", put(0, episode_id="99"), ":1: found no episode easy/Flat/99"),
-    ("an unknown scene", put(0, scene="Loft"), ":1: scene 'Loft' is not in split 'easy'"),
-    ("a split without the scene", put(0, split="hard"), ":1: scene 'Flat' is not in split 'hard'"),
-    ("a position that is no number", put(3, position=[math.nan, 0.2, -2.25]), ":4: position.0"),
-    ("a yaw that is infinite", put(3, yaw=math.inf), ":4: yaw"),
+    ("a limit that was not reached", put(7, reason="steps"), ":7: reason is 'steps' after 5 steps"),
+    ("a stop called giving up", put(7, reason="giveup"), ":7: reason is 'giveup' after 5 steps"),
+    ("a start that is 2 cm off", put(1, position=[1.02, 0.2, -2.0]), ":1: episode easy/Flat/40 begins 0.020 m"),
+    ("a start that is 1 degree off", put(1, yaw=math.radians(1)), ":1: episode easy/Flat/40 begins 0.000 m and 1.0"),
+    ("an unknown episode", put(1, episode_id="99"), ":1: found no episode easy/Flat/99"),
+    ("an unknown scene", put(1, scene="Loft"), ":1: scene 'Loft' is not in split 'easy'"),
+    ("a split without the scene", put(1, split="hard"), ":1: scene 'Flat' is not in split 'hard'"),
+    ("a position that is no number", put(4, position=[math.nan, 0.2, -2.25]), ":4: position.0"),
+    ("a yaw that is infinite", put(4, yaw=math.inf), ":4: yaw"),
     ("a step before its episode", lambda rows: rows.pop(0), ":1: found a line of kind 'step'"),
 ]
 
 
 @pytest.mark.parametrize(("change", "message"), [row[1:] for row in IMPOSSIBLE], ids=[row[0] for row in IMPOSSIBLE])
 def test_an_impossible_run_is_refused_with_its_line(
-    dataset: PersonalDataset, lines: Rows, change: Callable[[Rows], None], message: str
+    dataset: PersonalDataset, lines: Rows, change: Callable[[Rows], object], message: str
 ) -> None:
     change(lines)
     with pytest.raises(RunFileError) as error:
         checked(lines, dataset)
-    assert f"run.jsonl{message}" in str(error.value) or (not message.startswith(":") and message in str(error.value))
+    assert f"run.jsonl{message}" in str(error.value)
 
 
 def test_claims_of_the_file_are_dropped(dataset: PersonalDataset, lines: Rows) -> None:
@@ -229,17 +233,17 @@ def test_claims_of_the_file_are_dropped(dataset: PersonalDataset, lines: Rows) -
 
 
 def test_a_start_off_the_other_simulators_mesh_may_snap_once(dataset: PersonalDataset, lines: Rows) -> None:
-    moved(2 - 1, (0.15, 0.4, 0.0))(lines)
+    moved(2, (0.15, 0.4, 0.0))(lines)
     assert checked(lines, dataset).steps[0].position == pytest.approx((1.15, 0.6, -2.25))
 
 
 def test_sliding_may_end_anywhere_within_one_step_of_the_wanted_end(dataset: PersonalDataset, lines: Rows) -> None:
-    moved(4, (-0.1 * math.sqrt(3) + 0.02, 0, 0.1))(lines)
+    moved(5, (-0.1 * math.sqrt(3) + 0.02, 0, 0.1))(lines)
     with pytest.raises(RunFileError, match="allow_sliding=True"):
         checked(lines, dataset)
     lines[0]["allow_sliding"] = True
     assert checked(lines, dataset).steps[3].collided
-    moved(4, (0.4, 0, 0))(lines)
+    moved(5, (0.4, 0, 0))(lines)
     with pytest.raises(RunFileError, match=r"0\.25 m from the wanted end"):
         checked(lines, dataset)
 
@@ -256,7 +260,7 @@ def test_nothing_is_written_when_one_of_several_files_is_impossible(
     dataset: PersonalDataset, tmp_path: Path, lines: Rows
 ) -> None:
     bad = tmp_path / "bad.jsonl"
-    put(2, yaw=1.0)(lines)
+    put(3, yaw=1.0)(lines)
     lines[0].update(episode_id="41", yaw=math.radians(90))
     bad.write_text("".join(json.dumps(row) + "\n" for row in lines))
     with pytest.raises(RunFileError, match=r"bad\.jsonl:2: action 'forward'"):
@@ -283,12 +287,12 @@ def test_a_repeated_episode_is_refused(dataset: PersonalDataset, tmp_path: Path,
 def test_homes_that_another_simulator_cannot_have_used_are_refused(
     dataset: PersonalDataset, tmp_path: Path, lines: Rows
 ) -> None:
-    with pytest.raises(RunFileError, match="only schematic homes.*Give --scenes-dir"):
+    with pytest.raises(RunFileError, match=r"only schematic homes.*Give --scenes-dir"):
         import_runs([tmp_path / "good.jsonl"], dataset=dataset, scenes_dir=None, out=tmp_path / "runs", who="a")
 
 
 def test_a_run_id_that_cannot_name_a_folder_is_refused(dataset: PersonalDataset, tmp_path: Path, lines: Rows) -> None:
-    with pytest.raises(RunFileError, match="run_id is '../x'"):
+    with pytest.raises(RunFileError, match=r"run_id is '\.\./x'"):
         import_runs(
             [tmp_path / "good.jsonl"],
             dataset=dataset,
@@ -306,3 +310,99 @@ def test_an_empty_and_a_missing_file_are_refused(dataset: PersonalDataset, tmp_p
     for path, message in ((empty, "found no finished episode"), (tmp_path / "none.jsonl", "cannot be read")):
         with pytest.raises(PersonalVizError, match=message):
             import_runs([path], dataset=dataset, scenes_dir=tmp_path, out=tmp_path / "runs", who="a")
+
+
+# ---- the golden runs of real habitat-lab, imported end to end ----
+
+
+def golden_episodes(golden_root: Path, house: str) -> Rows:
+    """Episodes with view points as targets; POINT targets are habitat-lab's other mode, which PersONAL does not use."""
+    rows = json.loads(gzip.decompress((golden_root / f"{house}.episodes.json.gz").read_bytes()))["episodes"]
+    return [row for row in rows if row["settings"]["distance_to"] == "VIEW_POINTS"]
+
+
+def golden_dataset(rows: Rows, house: str, root: Path) -> PersonalDataset:
+    """The golden episodes in the PersONAL format; names are made unique because goals differ between episodes."""
+    episodes = [
+        {
+            "id": f"{row['id']}",
+            "start": row["start_position"],
+            "rotation": row["start_rotation_xyzw"],
+            "goals": [
+                goal_row(f"{row['id']}-{number}_{number}", goal["position"], goal["view_points"])
+                for number, goal in enumerate(row["goals"])
+            ],
+        }
+        for row in rows
+    ]
+    return write_dataset(root, house, episodes)
+
+
+def play_golden(rows: Rows, house: str, path: Path) -> None:
+    """What a Habitat program does with habitat_writer.py."""
+    writer = HabitatWriter(path)
+    for row in rows:
+        sliding = row["settings"]["rule"] == "slide"
+        poses = np.array(row["trajectory"], np.float32)
+        writer.start_episode("easy", f"x/{house}.basis.glb", row["id"], poses[0, :3], poses[0, 3:], sliding)
+        for action, pose in zip(row["actions"], poses[1:], strict=True):
+            writer.step(np.int64(action), pose[:3], pose[3:])
+        writer.end_episode(None if row["episode_over"] else "abandoned")
+
+
+def as_zup_glb(source: Path, target: Path) -> None:
+    """The golden GLB is y-up; scans are z-up."""
+    scene = trimesh.load_scene(source)
+    for mesh in scene.geometry.values():
+        mesh.vertices = glb_zup_from_world(np.asarray(mesh.vertices))
+    target.parent.mkdir(parents=True)
+    scene.export(str(target))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("house", ["dev_a", "dev_b"])
+def test_imported_golden_runs_have_habitat_labs_measures(golden_root: Path, tmp_path: Path, house: str) -> None:
+    rows = golden_episodes(golden_root, house)
+    dataset = golden_dataset(rows, house, tmp_path / "data")
+    play_golden(rows, house, tmp_path / "habitat.jsonl")
+    as_zup_glb(golden_root / f"{house}.glb", tmp_path / "scans" / house / f"{house}.glb")
+    import_files(
+        files=(tmp_path / "habitat.jsonl",),
+        dataset=dataset.root,
+        scenes_dir=tmp_path / "scans",
+        out=tmp_path / "runs",
+        who="follower",
+        run_id="golden",
+    )
+    run = read_run(tmp_path / "runs" / "golden")
+    assert (run.info.scene_kind, run.info.who_kind, len(run.episodes)) == ("scan", "agent", len(rows))
+    found = [_measures(episode) for episode in run.episodes]
+    assert [got.num_steps for got in found] == [row["measures"]["num_steps"] for row in rows]
+    assert [got.collisions for got in found] == [row["measures"]["collisions"] for row in rows]
+    assert [got.path_m for got in found] == pytest.approx([row["path_length"] for row in rows], abs=1e-6)
+    rules = [got.rules["habitat"] for got in found]
+    assert [rule is not None and rule.success for rule in rules] == [has_stopped_within_10_cm(row) for row in rows]
+    reachable = [(row, rule) for row, rule in zip(rows, rules, strict=True) if rule and rule.start_distance is not None]
+    assert {row["id"] for row, _ in reachable} == {row["id"] for row in rows if row["kind"] != "unreachable"}
+    # Distances are measured on our own grid of 5 cm, habitat-lab's on a navmesh by Detour, which is up to 2 % above the
+    # shortest way on average and 10-20 % in the worst case; most pairs agree to 2 cm, the worst of these by 15 cm.
+    apart = np.abs([rule.dtg - row["measures"]["distance_to_goal"] for row, rule in reachable])
+    assert (apart.mean(), apart.max()) == (pytest.approx(0, abs=0.03), pytest.approx(0, abs=0.2))
+    apart = np.abs([rule.start_distance / row["start_distance"] - 1 for row, rule in reachable])
+    assert (apart.mean(), apart.max()) == (pytest.approx(0, abs=0.01), pytest.approx(0, abs=0.03))
+    strict = [(row, rule) for row, rule in reachable if row["settings"]["success_distance"] == 0.1]
+    assert len(strict) == 24
+    for field in ("spl", "soft_spl"):
+        apart = np.abs([getattr(rule, field) - row["measures"][field] for row, rule in strict])
+        assert (apart.mean(), apart.max()) == (pytest.approx(0, abs=0.005), pytest.approx(0, abs=0.02))
+
+
+def has_stopped_within_10_cm(row: dict[str, Any]) -> bool:
+    """Success of ObjectNav; some golden episodes were played with 1.0 m instead."""
+    distance = row["measures"]["distance_to_goal"]
+    return row["stop_called"] and distance is not None and distance < 0.1
+
+
+def _measures(run: EpisodeRun) -> Measures:
+    assert run.end.measures is not None
+    return run.end.measures

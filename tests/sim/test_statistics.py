@@ -17,7 +17,7 @@ from sim.episodes.statistics import (
     network_statistics,
 )
 from sim.errors import DatasetError
-from tests.sim.synthetic import SCENE, example_content, example_episode, example_goal, write_dataset
+from tests.sim.synthetic import SCENE, Contents, example_content, example_episode, example_goal, write_dataset
 
 # DATA_FORMAT.md section 10, release E / M / H / Total.
 NETWORK = {
@@ -116,7 +116,10 @@ def test_the_network_table_of_three_invented_episodes(tmp_path: Path) -> None:
         ],
         info={"geodesic_distance": 9.0, "euclidean_distance": 6.0, "closest_goal_object_id": 7},
     )
-    contents = {("easy", SCENE): example_content(episodes=twice), ("hard", SCENE): example_content(episodes=[shared])}
+    contents: Contents = {
+        ("easy", SCENE): example_content(episodes=twice),
+        ("hard", SCENE): example_content(episodes=[shared]),
+    }
     statistics = network_statistics(PersonalDataset(write_dataset(tmp_path, contents)))
     easy, hard, total = statistics.per_episode
     assert (easy.column, hard.column, total.column) == ("easy", "hard", "total")
@@ -150,8 +153,8 @@ def test_a_target_of_two_splits_counts_once_and_splits_without_episodes_are_left
         PersonalDataset(write_dataset(tmp_path, {("hard", SCENE): hard, ("easy", SCENE): easy}))
     )
     assert statistics.all_targets.captions == 1
-    assert statistics.all_targets.tokens == 9
-    assert [(metrics.source, metrics.tokens) for metrics in statistics.per_split] == [("easy", 9), ("hard", 5)]
+    assert statistics.all_targets.tokens == 10
+    assert [(metrics.source, metrics.tokens) for metrics in statistics.per_split] == [("easy", 10), ("hard", 5)]
     assert statistics.faulty == ()
 
 

@@ -110,7 +110,7 @@ def test_an_end_on_another_island_is_not_walked_to():
 def test_a_step_up_a_stair_takes_the_height_of_the_tread():
     spec = GridSpec((0.0, 0.0), CELL, (10, 40))
     rc = np.argwhere(np.ones(spec.shape, bool))
-    stair = FloorGrid.from_cells(rc, 0.18 * (rc[:, 1] // 10), grid=spec)
+    stair = FloorGrid.from_cells(rc, (0.18 * (rc[:, 1] // 10)).astype(np.float64), grid=spec)
     assert stair.step(at(0.4, 0.25), at(0.65, 0.25)).position == pytest.approx((0.65, 0.18, 0.25))
     assert stair.step(at(0.65, 0.25, 0.18), at(0.4, 0.25, 0.18)).position == pytest.approx((0.4, 0.0, 0.25))
 
