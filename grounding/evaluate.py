@@ -130,8 +130,7 @@ def evaluate(
     """
     waiting = [replace(job, keys=tuple(key for key in job.keys if key not in writer.done)) for job in jobs]
     for answers in _results([job for job in waiting if job.keys], processes):
-        for answer in answers:
-            writer.add_answer(answer)
+        writer.add_answers(answers)
         on_scene(len(answers))
 
 

@@ -134,7 +134,7 @@ def _add(writer: RunWriter, result: EpisodeRun | Answer) -> None:
     if isinstance(result, EpisodeRun):
         writer.add_episode(result)
     else:
-        writer.add_answer(result)
+        writer.add_answers([result])
 
 
 def _manifest_row(reader: StudyReader, status: TrialStatus, run_id: str | None) -> ExportedTrial:

@@ -31,7 +31,7 @@ def escape_part(name: str) -> str:
 
     Control characters would break the path's text form and become `_`.
     """
-    return re.sub(r"([^\w.-])", r"\\\1", re.sub(r"[\x00-\x1f\x7f]", "_", name), flags=re.ASCII)
+    return re.sub(r"([^\w.-])", r"\\\1", re.sub(r"[\x00-\x1f\x7f]", "_", name))
 
 
 def run_path(label: str, *parts: str) -> str:

@@ -32,7 +32,7 @@ def open_recording(out: Path, key: EpisodeKey) -> Iterator[rr.RecordingStream]:
         raise _cannot_write(out, error) from None
     rr.set_strict_mode(True)
     try:
-        stream = rr.RecordingStream(paths.APPLICATION_ID, recording_id=paths.recording_id(key))
+        stream = rr.RecordingStream(paths.APPLICATION_ID, recording_id=paths.recording_id(key), send_properties=False)
         stream.set_log_time_enabled(False)
         stream.save(beside)
         try:

@@ -19,6 +19,8 @@ _CEILING_RGB: Rgb = (244, 243, 238)
 _OUTSIDE_RGB: Rgb = (186, 178, 166)
 _CAP_RGB: Rgb = (70, 70, 76)
 _STAIR_RGB: Rgb = (166, 128, 88)
+_LIT = (0.0, 0.6, 0.0)
+"""Direction that lights ceilings, which would be dark from below."""
 
 
 def mesh_from_plan(plan: HomePlan) -> tuple[TriangleMesh, tuple[SceneObject, ...]]:
@@ -61,9 +63,9 @@ def _add_floor_and_ceiling(builder: QuadBuilder, plan: HomePlan, room: Room, rec
         rgb = tinted(room.floor_rgb, 1.0 if index % 2 else 0.95)
         builder.add_quads(_flat_quad(tile, storey.floor_y), rgb)
         if room.storey > 0:
-            builder.add_quads(_flat_quad(tile, storey.floor_y - _SLAB + 0.001)[::-1], _CEILING_RGB)
+            builder.add_quads(_flat_quad(tile, storey.floor_y - _SLAB + 0.001)[::-1], _CEILING_RGB, normals=[_LIT])
     for piece in _without(rect, holes_above):
-        builder.add_quads(_flat_quad(piece, storey.floor_y + storey.ceiling)[::-1], _CEILING_RGB)
+        builder.add_quads(_flat_quad(piece, storey.floor_y + storey.ceiling)[::-1], _CEILING_RGB, normals=[_LIT])
 
 
 def _tiles(rect: Rect, holes: list[Rect]) -> list[Rect]:
@@ -102,15 +104,34 @@ def _flat_quad(rect: Rect, y: float) -> np.ndarray:
 
 def _add_wall(builder: QuadBuilder, plan: HomePlan, wall: Wall) -> None:
     """A wall of solid pieces around its openings; each side has the colour of the room that it faces."""
+    edges = _room_edges(plan, wall)
     at = 0.0
     for opening in sorted(wall.openings, key=lambda opening: opening.offset):
         left, right = opening.offset - opening.width / 2, opening.offset + opening.width / 2
-        _add_span(builder, plan, wall, (at, left), (0.0, wall.height))
+        _add_solid(builder, plan, wall, (at, left), edges)
         _add_span(builder, plan, wall, (left, right), (0.0, opening.sill))
         _add_span(builder, plan, wall, (left, right), (opening.top, wall.height))
         _add_opening(builder, plan, wall, opening)
         at = right
-    _add_span(builder, plan, wall, (at, wall.length), (0.0, wall.height))
+    _add_solid(builder, plan, wall, (at, wall.length), edges)
+
+
+def _add_solid(builder: QuadBuilder, plan: HomePlan, wall: Wall, span: tuple[float, float], edges: list[float]) -> None:
+    """A piece of full height, split where another room begins so that every room gets its own colour."""
+    cuts = [span[0], *(edge for edge in edges if span[0] < edge < span[1]), span[1]]
+    for piece in itertools.pairwise(cuts):
+        _add_span(builder, plan, wall, piece, (0.0, wall.height))
+
+
+def _room_edges(plan: HomePlan, wall: Wall) -> list[float]:
+    """Metres along the wall at which rooms of its storey begin or end."""
+    along_x = wall.start[1] == wall.end[1]
+    rects = [room.rect for room in plan.rooms if room.storey == wall.storey and room.rect is not None]
+    ends = {edge for rect in rects for edge in ((rect.x0, rect.x1) if along_x else (rect.z0, rect.z1))}
+    origin, sign = (
+        (wall.start[0], wall.end[0] - wall.start[0]) if along_x else (wall.start[1], wall.end[1] - wall.start[1])
+    )
+    return sorted((edge - origin) * (1 if sign > 0 else -1) for edge in ends)
 
 
 def _frame_of(wall: Wall) -> tuple[np.ndarray, np.ndarray]:

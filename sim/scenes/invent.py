@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.errors import SceneError
 
-from .arrange import RECIPES, furnish_room
+from .arrange import furnish_room
 from .plan import Furniture, HomePlan, Opening, Rect, Rgb, Room, Stair, Storey, Wall
 
 DOOR_WIDTH = 0.95
@@ -19,6 +19,8 @@ _TREAD = 0.28
 _STAIR_WIDTH = 1.0
 _RAILING = 0.95
 _ATTEMPTS = 40
+_ROOM_COUNTS = ((2, 2, 2, 1), (2, 1, 2, 2), (2, 2, 1, 2), (2, 1, 2, 1), (2, 2, 1, 1))
+"""Rooms north and south of the hall, ground floor then first floor."""
 _LABELS = ("ground floor", "first floor")
 _FLOORS: tuple[Rgb, ...] = ((176, 132, 88), (198, 176, 142), (150, 152, 156), (140, 96, 64), (186, 164, 150))
 _WALLS: tuple[Rgb, ...] = (
@@ -36,7 +38,7 @@ class _Layout(NamedTuple):
 
 
 def invent_plan(name: str, *, seed: int) -> HomePlan:
-    """A furnished home of two storeys with 6 to 9 rooms; the same name and seed give the same plan.
+    """A furnished home of two storeys with 8 or 9 rooms; the same name and seed give the same plan.
 
     Every pair of rooms is joined by openings of at least 0.9 m, and every floor-standing piece can be walked up to.
 
@@ -55,8 +57,8 @@ def invent_plan(name: str, *, seed: int) -> HomePlan:
 
 
 def _drawn_plan(name: str, rng: np.random.Generator) -> HomePlan:
-    width = round(float(rng.uniform(10.4, 12.4)), 1)
-    depths = [round(float(rng.uniform(3.4, 4.2)), 1) for _ in range(2)]
+    width = round(float(rng.uniform(8.8, 10.2)), 1)
+    depths = [round(float(rng.uniform(3.2, 3.8)), 1) for _ in range(2)]
     hall = Rect(0.0, depths[0], width, depths[0] + 2.8)
     stair = _stair(hall)
     storeys = tuple(
@@ -65,9 +67,11 @@ def _drawn_plan(name: str, rng: np.random.Generator) -> HomePlan:
     rooms: list[Room] = []
     walls: list[Wall] = []
     furniture: list[Furniture] = []
+    counts = _ROOM_COUNTS[int(rng.integers(len(_ROOM_COUNTS)))]
     tints = rng.permutation(len(_WALLS))
     for k in range(len(storeys)):
-        layout = _layout(hall, depths, stair, rng)
+        num_north, num_south = counts[2 * k : 2 * k + 2]
+        layout = _layout(hall, depths, stair, num_north=num_north, num_south=num_south, rng=rng)
         names = _room_names(k, len(layout.north) + len(layout.south), rng)
         rects = (layout.hall, *layout.north, *layout.south)
         new_rooms = [
@@ -102,14 +106,18 @@ def _stair(hall: Rect) -> Stair:
     return Stair(storey=0, rect=rect, towards="+x", num_steps=_NUM_STEPS)
 
 
-def _layout(hall: Rect, depths: list[float], stair: Stair, rng: np.random.Generator) -> _Layout:
+def _layout(
+    hall: Rect, depths: list[float], stair: Stair, *, num_north: int, num_south: int, rng: np.random.Generator
+) -> _Layout:
     """One or two rooms on each side of the hall; north rooms split where both keep a door beside the stair."""
     z_north, z_south = hall.z0 - depths[0], hall.z1 + depths[1]
     middle = round(float(rng.uniform(stair.rect.x0 + 1.4, stair.rect.x0 + 3.0)), 1)
     north = (Rect(hall.x0, z_north, middle, hall.z0), Rect(middle, z_north, hall.x1, hall.z0))
+    if num_north == 1:
+        north = (Rect(hall.x0, z_north, hall.x1, hall.z0),)
     split = round(float(rng.uniform(hall.x1 * 0.42, hall.x1 * 0.58)), 1)
     south = (Rect(hall.x0, hall.z1, split, z_south), Rect(split, hall.z1, hall.x1, z_south))
-    if rng.random() < 0.4:
+    if num_south == 1:
         south = (Rect(hall.x0, hall.z1, hall.x1, z_south),)
     return _Layout(hall, north, south)
 
@@ -141,13 +149,14 @@ def _walls(storey: int, layout: _Layout, stair: Stair, rng: np.random.Generator)
     ]
     before = (hall.x0 + 0.2, stair.rect.x0 - 0.35)
     after = (stair.rect.x1 + 0.35, hall.x1 - 0.2)
-    north = [_door(*span, rng) for span in (before, after)]
+    # one room gets one of the two places beside the stair
+    spans = (before, after) if len(layout.north) == 2 else (before if rng.random() < 0.5 else after,)
+    north = [_door(*span, rng) for span in spans]
     found.append(_wall(storey, (hall.x0, hall.z0), (hall.x1, hall.z0), north))
     south = [_door(rect.x0 + 0.3, rect.x1 - 0.3, rng) for rect in layout.south]
     found.append(_wall(storey, (hall.x0, hall.z1), (hall.x1, hall.z1), south))
-    for left, right in (layout.north, layout.south[:2]) if len(layout.south) > 1 else (layout.north,):
-        found.append(_wall(storey, (right.x0, right.z0), (right.x0, right.z1), []))
-        assert left.x1 == right.x0
+    for rects in (layout.north, layout.south):
+        found += [_wall(storey, (rect.x0, rect.z0), (rect.x0, rect.z1), []) for rect in rects[1:]]
     return found
 
 
@@ -169,9 +178,8 @@ def _windows(spans: list[tuple[float, float]]) -> list[Opening]:
 def _railings(stair: Stair) -> list[Wall]:
     """Railings on the upper storey around the hole: along its open side and at its low end."""
     rect = stair.rect
-    sides = (((rect.x0, rect.z1 + 0.03), (rect.x1, rect.z1 + 0.03)), ((rect.x0 - 0.03, rect.z0), (rect.x0 - 0.03, rect.z1)))
+    z, x = rect.z1 + 0.03, rect.x0 - 0.03
+    sides = (((rect.x0, z), (rect.x1, z)), ((x, rect.z0), (x, rect.z1)))
     return [
         Wall(storey=stair.storey + 1, start=start, end=end, height=_RAILING, thickness=0.06) for start, end in sides
     ]
-
-

@@ -290,7 +290,7 @@ def _tub(category: str, size: Vec, rgb: Rgb) -> list[Part]:
     w, h, d = size
     rim = min(0.08, w / 6, d / 6)
     return [
-        Part((0, h * 0.2, 0), (w, h * 0.4, d), tinted(rgb, 0.85)),
+        Part((0, h * 0.2, 0), (w * 0.98, h * 0.4, d * 0.98), tinted(rgb, 0.85)),
         *(Part((s * (w - rim) / 2, h / 2, 0), (rim, h, d), rgb) for s in (-1, 1)),
         *(Part((0, h / 2, s * (d - rim) / 2), (w, h, rim), tinted(rgb, 0.97)) for s in (-1, 1)),
         Part((0, h * 0.95, -d / 2 + rim * 0.8), (0.04, h * 0.1, rim), (170, 174, 180)),

@@ -6,7 +6,7 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -26,7 +26,7 @@ class RunInfo(BaseModel):
 
     model_config = _MODEL
     schema_version: Literal[1] = SCHEMA_VERSION
-    run_id: str = Field(pattern=r"^[A-Za-z0-9._-]{1,80}$")
+    run_id: str = Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$")
     who: str = Field(min_length=1, max_length=80)
     """Row name in tables: an agent's or a grounder's name, or "human"."""
     who_kind: WhoKind
@@ -321,10 +321,10 @@ class RunWriter:
         _append(self.folder / "steps.jsonl", "".join(line.model_dump_json() + "\n" for line in lines))
         self.done.add(run.key)
 
-    def add_answer(self, answer: Answer) -> None:
-        """Appends one line; it is on disk when this returns."""
-        _append(self.folder / "answers.jsonl", answer.model_dump_json() + "\n")
-        self.done.add(answer.key)
+    def add_answers(self, answers: Sequence[Answer]) -> None:
+        """Appends one line each; they are on disk when this returns."""
+        _append(self.folder / "answers.jsonl", "".join(answer.model_dump_json() + "\n" for answer in answers))
+        self.done.update(answer.key for answer in answers)
 
     def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
         for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config"):

@@ -54,7 +54,7 @@ def test_a_run_comes_back_as_it_was_written(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "r1", info())
     answer = Answer(split="hard", scene="Demo", episode_id="9", candidates=((1.0, 0.0, 2.0),), scores=(0.5,))
     writer.add_episode(finished())
-    writer.add_answer(answer)
+    writer.add_answers([answer])
     run = read_run(tmp_path / "r1")
     assert run.episodes == (finished(),)
     assert run.answers == (answer,)

@@ -1,0 +1,250 @@
+"""A participant in real Chromium on the invented home: real keys, real clicks, then the store against the simulator."""
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from human_study.events import Act, Cam, Clicked, Dropped, Key
+from human_study.plan import StudyPlan
+from human_study.records import TrialStatus, read_study
+from human_study.verify import verify_trial
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.scenes.scene import Scene
+from sim.scenes.sources import open_scene
+from sim.tasks.agents import ShortestPathAgent
+from sim.tasks.pan import PanEnv
+from sim.tasks.rules import scene_storeys, storey_of, success_region
+from sim.tasks.run_files import Answer, EpisodeEnd
+from sim.types import PAPER4, Action, EpisodeKey
+
+from .conftest import ServedStudy
+
+pytestmark = pytest.mark.browser
+KEYS = {Action.FORWARD: "w", Action.LEFT: "ArrowLeft", Action.RIGHT: "d"}
+VISER_VFOV = math.radians(75)
+"""viser's vertical field of view at first, radians."""
+
+
+def home_of(study: ServedStudy, code: str) -> tuple[Episode, Scene, PersonalDataset]:
+    """The first episode of a participant's plan, and the home."""
+    plan = StudyPlan.model_validate_json((study.folder / "plan.json").read_bytes())
+    trial = next(person for person in plan.participants if person.code == code).trials[0]
+    dataset = PersonalDataset(study.dataset)
+    episode = dataset.episode(EpisodeKey(trial.split, trial.scene, trial.episode_id))
+    return episode, open_scene(dataset, trial.scene), dataset
+
+
+def way_to_the_target(episode: Episode, scene: Scene) -> list[Action]:
+    """Actions of the shortest-path agent, STOP left out."""
+    env = PanEnv(episode.start, scene.navigation, renderer=None)
+    agent = ShortestPathAgent(episode.start, success_region(episode, scene.navigation, margin=0.1), scene.navigation)
+    agent.reset(episode.task("pan", actions=PAPER4), env.camera, seed=0)
+    observation = env.reset()
+    actions = []
+    while (action := agent.act(observation)) is not Action.STOP:
+        actions.append(action)
+        observation = env.step(action)
+    return actions
+
+
+def first_trial(folder: Path, code: str) -> tuple[TrialStatus, list]:
+    """A participant's first trial and its events, as stored."""
+    with read_study(folder) as reader:
+        reader.check()
+        status = reader.trials(code)[0]
+        assert status.trial_id is not None
+        return status, [stored.event for stored in reader.events(status.trial_id)]
+
+
+def verified(status: TrialStatus, events: list, episode: Episode, scene: Scene, dataset: PersonalDataset) -> str:
+    """What doing the stored trial again says."""
+    assert status.outcome is not None
+    return verify_trial(
+        events,
+        status.outcome,
+        episode,
+        navigation=scene.navigation,
+        scene_digest=scene.digest,
+        storeys=scene_storeys(dataset.goals(scene.name).values()),
+        participant=status.code,
+    ).status
+
+
+def begin(page: Page, link: str) -> None:
+    """Opens the personal link and presses Start."""
+    page.goto(link)
+    page.get_by_role("button", name="Start").click()
+
+
+def test_a_pan_trial_with_real_key_presses(served: ServedStudy, browser: BrowserContext) -> None:
+    episode, scene, dataset = home_of(served, "p02")
+    actions = way_to_the_target(episode, scene)
+    page = browser.new_page()
+    begin(page, served.links["pan"])
+    expect(page.get_by_text("Step 0 of 500")).to_be_visible()
+    expect(page.get_by_text(episode.record.query[0])).to_be_visible()
+    image = page.get_by_alt_text("What the robot sees")
+    expect(image).to_have_js_property("naturalWidth", 640)
+    for number, action in enumerate(actions, start=1):
+        page.keyboard.press(KEYS[action])
+        expect(page.get_by_text(f"Step {number} of 500")).to_be_visible()
+        expect(image).to_have_attribute("data-step", str(number))
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("Press Enter or STOP again to finish")).to_be_visible()
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("heading", name="Saved")).to_be_visible()
+    assert page.get_by_text(re.compile("success|correct|right answer", re.IGNORECASE)).count() == 0
+
+    status, events = first_trial(served.folder, "p02")
+    acts = [event for event in events if isinstance(event, Act)]
+    assert [act.action for act in acts] == [*actions, Action.STOP]
+    env = PanEnv(episode.start, scene.navigation, renderer=None)
+    for act in acts:
+        env.step(act.action)
+        assert act.position == pytest.approx(env.pose.position, abs=1e-9)
+        assert act.yaw == pytest.approx(env.pose.yaw, abs=1e-9)
+    assert isinstance(status.outcome, EpisodeEnd)
+    assert status.outcome.measures is not None
+    assert status.outcome.measures.rules["paper"].success
+    assert verified(status, events, episode, scene, dataset) == "verified"
+
+
+def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
+    served: ServedStudy, browser: BrowserContext
+) -> None:
+    page = browser.new_page()
+    begin(page, served.links["pan"])
+    expect(page.get_by_text("Step 0 of 500")).to_be_visible()
+    for _ in range(6):  # Playwright marks all but the first as repeats until keyup
+        page.keyboard.down("a")
+    page.keyboard.up("a")
+    expect(page.get_by_text("Step 1 of 500")).to_be_visible()
+    page.get_by_role("button", name="Turn right").click()
+    expect(page.get_by_text("Step 2 of 500")).to_be_visible()
+    before = page.get_by_alt_text("What the robot sees").get_attribute("src")
+    page.reload()
+    expect(page.get_by_text("Step 2 of 500")).to_be_visible()
+    assert page.get_by_alt_text("What the robot sees").get_attribute("src") == before
+    _, events = first_trial(served.folder, "p02")
+    assert [event.action for event in events if isinstance(event, Act)] == [Action.LEFT, Action.RIGHT]
+    assert sum(isinstance(event, Key) for event in events) - sum(isinstance(event, Dropped) for event in events) == 2
+
+
+def test_the_newest_tab_drives_and_the_older_one_says_so(served: ServedStudy, browser: BrowserContext) -> None:
+    old = browser.new_page()
+    begin(old, served.links["pan"])
+    expect(old.get_by_text("Step 0 of 500")).to_be_visible()
+    new = browser.new_page()
+    new.goto(served.links["pan"])
+    expect(new.get_by_text("Step 0 of 500")).to_be_visible()
+    old.bring_to_front()
+    expect(old.get_by_text("This page is no longer used")).to_be_visible()
+    old.keyboard.press("w")
+    new.bring_to_front()
+    new.keyboard.press("a")
+    expect(new.get_by_text("Step 1 of 500")).to_be_visible()
+    _, events = first_trial(served.folder, "p02")
+    assert [event.action for event in events if isinstance(event, Act)] == [Action.LEFT]
+
+
+def pixel_of(point: tuple[float, float, float], cam: Cam, box: dict[str, float]) -> tuple[float, float]:
+    """Where a world point is on the page, seen by a stored camera."""
+    w, x, y, z = cam.wxyz
+    R_world_camera = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    p_camera = R_world_camera.T @ (np.array(point) - np.array(cam.position))
+    focal = box["height"] / 2 / math.tan(VISER_VFOV / 2)
+    return (
+        box["x"] + box["width"] / 2 + focal * p_camera[0] / p_camera[2],
+        box["y"] + box["height"] / 2 + focal * p_camera[1] / p_camera[2],
+    )
+
+
+def test_a_pog_trial_with_real_clicks(served: ServedStudy, browser: BrowserContext) -> None:
+    episode, scene, dataset = home_of(served, "p01")
+    page = browser.new_page()
+    begin(page, served.links["pog"])
+    expect(page.get_by_text(episode.record.query[0])).to_be_visible()
+    target = episode.targets[0]
+    storeys = scene.navigation.storey_heights
+    storey = storey_of(target.floor_y, [(height, height) for height in storeys])
+    page.get_by_role("button", name=f"Show storey {storey + 1}").click()
+    canvas = page.locator("canvas").first
+    page.wait_for_function("() => document.querySelector('canvas').width > 300")
+    cam = wait_for_camera(page, served.folder)
+    box = canvas.bounding_box()
+    assert box is not None
+    page.mouse.click(*pixel_of(target.position, cam, box))
+    expect(page.get_by_text("Click again to move your mark, or confirm it.")).to_be_visible()
+    page.get_by_role("button", name="Confirm the mark").click()
+    expect(page.get_by_role("heading", name="Saved")).to_be_visible()
+    assert page.get_by_text(re.compile("success|correct|right answer", re.IGNORECASE)).count() == 0
+
+    status, events = first_trial(served.folder, "p01")
+    clicked = [event for event in events if isinstance(event, Clicked)][-1]
+    assert isinstance(status.outcome, Answer)
+    assert status.outcome.candidates == (clicked.hit,)
+    assert clicked.hit is not None
+    assert math.dist(clicked.hit, ray_meets(scene, storeys[storey], clicked)) < 1e-3
+    assert status.outcome.measures is not None
+    assert status.outcome.measures.success
+    assert verified(status, events, episode, scene, dataset) == "verified"
+
+
+def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> tuple[float, float, float]:
+    """Where a stored ray meets the cut storey, computed here with trimesh instead of the program's raycaster."""
+    import trimesh
+
+    from sim.scenes.scene import cut_storey
+
+    cut = cut_storey(scene.mesh, floor_y)
+    mesh = trimesh.Trimesh(cut.vertices, cut.faces, process=False)
+    origin, direction = np.array([clicked.ray.origin]), np.array([clicked.ray.direction])
+    points, _, _ = trimesh.ray.ray_triangle.RayMeshIntersector(mesh).intersects_location(origin, direction)
+    return tuple(points[np.linalg.norm(points - origin, axis=1).argmin()])
+
+
+def wait_for_camera(page: Page, folder: Path) -> Cam:
+    """The last stored camera pose, once two reads agree."""
+    last = None
+    for _ in range(100):
+        page.wait_for_timeout(300)
+        _, events = first_trial(folder, "p01")
+        cams = [event for event in events if isinstance(event, Cam)]
+        if cams and cams[-1] == last:
+            return cams[-1]
+        last = cams[-1] if cams else None
+    raise AssertionError("the browser never told its camera")
+
+
+def test_every_link_survives_a_restart_of_the_program(served: ServedStudy, browser: BrowserContext) -> None:
+    from .conftest import end_with_ctrl_c, start_demo
+
+    page = browser.new_page()
+    begin(page, served.links["pan"])
+    page.keyboard.press("a")
+    expect(page.get_by_text("Step 1 of 500")).to_be_visible()
+    assert end_with_ctrl_c(served.process) == 0
+    again = start_demo(served.folder.parent)
+    try:
+        assert again.links["pan"].rsplit("#")[1] == served.links["pan"].rsplit("#")[1]
+        page.goto("about:blank")
+        page.goto(again.links["pan"])
+        expect(page.get_by_text("Step 1 of 500")).to_be_visible()
+    finally:
+        assert end_with_ctrl_c(again.process) == 0
+    secrets = json.loads((served.folder / "secrets.json").read_text())
+    assert (served.folder / "secrets.json").stat().st_mode & 0o077 == 0
+    database = (served.folder / "study.db").read_bytes()
+    assert not any(token.encode() in database for token in secrets.values())

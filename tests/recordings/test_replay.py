@@ -1,0 +1,291 @@
+"""One recording of many runs: what stands in the file, read back with Rerun's own reader."""
+
+import io
+import subprocess
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import rerun as rr
+import rerun_cli
+from PIL import Image
+from rerun.chunk import RrdReader
+
+from personal_viz.commands.recordings import key_from_text
+from recordings.paths import escape_part
+from recordings.replay import common_episode, log_comparison, select_traces
+from sim.episodes.schema import Episode
+from sim.errors import RecordingError
+from sim.scenes.scene import Scene
+from sim.tasks.run_files import Run
+from sim.types import Camera
+from sim.world.raycast import Raycaster
+
+from .conftest import KEY, info
+
+SMALL = Camera(width=64, height=48)
+Tables = dict[tuple[str, bool], dict[str, Any]]
+
+
+def tables(rrd: Path, *, kind: str = "recordings") -> Tables:
+    """(entity, is static) to its columns as lists; `kind` is `recordings` or `blueprints`."""
+    reader = RrdReader(str(rrd))
+    (store,) = getattr(reader, kind)()
+    found: Tables = {}
+    for chunk in reader.stream(store=store):
+        batch = chunk.to_record_batch()
+        columns = found.setdefault((chunk.entity_path, chunk.is_static), {})
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            if not name.startswith("rerun."):
+                values = column.cast(pa.int64()) if pa.types.is_temporal(column.type) else column
+                columns[name] = values.to_pylist()
+    return found
+
+
+@pytest.fixture(scope="module")
+def rrd(
+    tmp_path_factory: pytest.TempPathFactory,
+    home: Scene,
+    episode: Episode,
+    renderer: Raycaster,
+    agent_run: Run,
+    human_run: Run,
+    answer_run: Run,
+) -> Path:
+    """An agent of 40 steps, a person of 14 and a grounder in one file."""
+    out = tmp_path_factory.mktemp("rrd") / "deep" / "box.rrd"
+    runs = [agent_run, human_run, answer_run]
+    return log_comparison(
+        runs, episode=episode, scene=home, out=out, renderer=renderer, with_pixels=False, camera=SMALL
+    )
+
+
+def record(out: Path, runs: Sequence[Run], episode: Episode, scene: Scene, **options: Any) -> Tables:
+    defaults: dict[str, Any] = {"renderer": None, "with_pixels": False, "camera": SMALL}
+    return tables(log_comparison(runs, episode=episode, scene=scene, out=out, **(defaults | options)))
+
+
+def test_the_file_is_whole_and_alone_in_its_folder(rrd: Path) -> None:
+    assert [path.name for path in rrd.parent.iterdir()] == ["box.rrd"]
+    program = Path(rerun_cli.__file__).with_name("rerun")
+    done = subprocess.run([program, "rrd", "verify", rrd], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_episode_names_the_recording(rrd: Path) -> None:
+    (store,) = RrdReader(str(rrd)).recordings()
+    assert (store.application_id, store.recording_id) == ("personal-viz", "personal/easy/BoxHouse/7")
+    assert tables(rrd)[("/__properties/episode", True)]["scene_kind"] == [["invented"]]
+
+
+def test_every_run_has_its_entities_and_every_step_a_row(rrd: Path) -> None:
+    rows = {entity: len(columns["step"]) for (entity, static), columns in tables(rrd).items() if not static}
+    assert rows == {
+        "/runs/straight.agent/camera": 41,
+        "/runs/straight.agent/trail": 40,
+        "/runs/straight.agent/actions": 40,
+        "/runs/straight.agent/centre_distance": 41,
+        "/runs/straight.agent/map/storey_0/robot": 41,
+        "/runs/straight.agent/map/storey_0/trail": 40,
+        "/runs/study-P07/camera": 15,
+        "/runs/study-P07/trail": 14,
+        "/runs/study-P07/actions": 14,
+        "/runs/study-P07/centre_distance": 15,
+        "/runs/study-P07/map/storey_0/robot": 15,
+        "/runs/study-P07/map/storey_0/trail": 14,
+        "/runs/grounder/candidates": 1,
+        "/runs/grounder/actions": 1,
+        "/runs/grounder/map/storey_0/candidates": 1,
+        "/goal/centre": 1,
+        "/goal/map/storey_0": 1,
+    }
+
+
+def test_timelines_count_steps_metres_and_a_persons_seconds(rrd: Path) -> None:
+    agent = tables(rrd)[("/runs/straight.agent/camera", False)]
+    person = tables(rrd)[("/runs/study-P07/camera", False)]
+    assert agent["step"] == list(range(41))
+    assert np.array(agent["path_m"])[[0, 3, 4, 27, 30, 40]] / 1e9 == pytest.approx([0, 0, 0.25, 6, 6, 8.25])
+    assert "time_s" not in agent
+    assert np.array(person["time_s"]) / 1e9 == pytest.approx(np.arange(15) / 2)
+
+
+def test_the_goal_appears_with_the_last_step_and_not_before(rrd: Path) -> None:
+    found = tables(rrd)
+    goals = {entity: static for entity, static in found if entity.startswith("/goal")}
+    assert goals == {"/goal/centre": False, "/goal/map/storey_0": False}
+    goal = found[("/goal/centre", False)]
+    assert goal["step"] == [40]
+    assert [goal["path_m"][0] / 1e9, goal["time_s"][0] / 1e9] == pytest.approx([8.25, 7.0])
+    assert goal["Points3D:positions"][0][0] == pytest.approx([3.1, 0.4, -1.9])
+    assert goal["Points3D:labels"] == [["table_3"]]
+
+
+def test_pictures_are_what_the_camera_sees_at_each_step(rrd: Path, renderer: Raycaster) -> None:
+    blobs = tables(rrd)[("/runs/straight.agent/camera", False)]["EncodedImage:blob"]
+    images = [np.asarray(Image.open(io.BytesIO(bytes(blob[0])))) for blob in blobs]
+    assert {image.shape for image in images} == {(48, 64, 3)}
+    red, blue = np.array([150, 60, 40]), np.array([60, 90, 160])
+    shares = [[(np.abs(image - rgb).max(axis=-1) < 30).mean() for rgb in (red, blue)] for image in images]
+    assert shares[0][0] == 0
+    assert shares[0][1] > 0.03
+    assert shares[40][0] > 0.2
+    assert shares[40][1] == 0
+
+
+def test_the_camera_stands_88_cm_above_the_feet_and_looks_along_minus_z(rrd: Path) -> None:
+    camera = tables(rrd)[("/runs/study-P07/camera", False)]
+    assert camera["Transform3D:translation"][0][0] == pytest.approx([-3.0, 0.88, 1.1])
+    columns = np.array(camera["Transform3D:mat3x3"][0][0]).reshape(3, 3)
+    assert columns[2] == pytest.approx([0, 0, -1])
+    tilted = np.array(camera["Transform3D:mat3x3"][1][0]).reshape(3, 3)
+    assert tilted[2] == pytest.approx([0, -0.5, -np.sqrt(0.75)], abs=1e-6)
+
+
+def test_the_ways_on_map_and_floor_are_the_runs_positions(rrd: Path, agent_run: Run) -> None:
+    found = tables(rrd)
+    feet = np.array([pose.position for pose in agent_run.episodes[0].poses])
+    whole = np.array(found[("/runs/straight.agent/path", True)]["LineStrips3D:strips"][0][0])
+    assert whole == pytest.approx(feet + np.array([0, 0.06, 0]), abs=1e-6)
+    robot = np.array([row[0] for row in found[("/runs/straight.agent/map/storey_0/robot", False)]["Arrows2D:origins"]])
+    assert np.diff(robot, axis=0) * 0.05 == pytest.approx(np.diff(feet[:, [0, 2]], axis=0), abs=1e-4)
+    picture = found[("/scene/topdown/storey_0", True)]["EncodedImage:blob"][0][0]
+    pixels = np.asarray(Image.open(io.BytesIO(bytes(picture))))
+    cols, rows = np.floor(robot).astype(int).T
+    assert (pixels[rows, cols] == 236).any(axis=-1).all()
+
+
+def test_distances_fall_to_the_goal(rrd: Path) -> None:
+    values = tables(rrd)[("/runs/straight.agent/centre_distance", False)]["Scalars:scalars"]
+    apart = [row[0] for row in values]
+    assert apart[0] == pytest.approx(np.hypot(6.1, 3.0))
+    assert apart[-1] == pytest.approx(np.hypot(0.1, 0.75))
+
+
+def test_the_text_holds_task_and_results_and_no_markup_of_its_own(rrd: Path) -> None:
+    text = tables(rrd)[("/task", True)]["TextDocument:text"][0][0]
+    assert "Find Nell's table." in text
+    assert "red table \\| Ivo" in text
+    assert "| straight.agent | yes | 0.75 | 0.00 m | stop | 40 | 8.2 m |" in text
+    assert "| human-P07 | no | 0.00 |" in text
+    assert "| grounder | no | yes | 6.00 m | - |" in text
+    assert "BoxHouse (invented home)" in text
+
+
+def test_the_blueprint_shows_first_and_last_camera_home_map_plot_text_and_actions(rrd: Path) -> None:
+    views = [columns for (_, _), columns in tables(rrd, kind="blueprints").items()]
+    classes = Counter(c["ViewBlueprint:class_identifier"][0][0] for c in views if "ViewBlueprint:class_identifier" in c)
+    assert classes == {"2D": 3, "3D": 1, "TimeSeries": 1, "TextDocument": 1, "TextLog": 1}
+    names = {c["ViewBlueprint:display_name"][0][0] for c in views if "ViewBlueprint:display_name" in c}
+    assert {"straight.agent sees", "human-P07 sees", "Home", "Map"} <= names
+
+
+def test_the_same_runs_make_the_same_content(
+    rrd: Path, home: Scene, episode: Episode, renderer: Raycaster, agent_run: Run, human_run: Run, answer_run: Run
+) -> None:
+    again = rrd.with_name("again.rrd")
+    runs = [agent_run, human_run, answer_run]
+    assert record(again, runs, episode, home, renderer=renderer) == tables(rrd)
+    again.unlink()
+
+
+def test_a_scan_without_leave_shows_poses_only(
+    tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster, agent_run: Run
+) -> None:
+    scan = replace(home, kind="scan")
+    run = agent_run.model_copy(update={"info": info("straight.agent", scene_kind="scan")})
+    found = record(tmp_path / "a.rrd", [run], episode, scan, renderer=renderer)
+    assert not [entity for entity, _ in found if entity.startswith("/scene")]
+    assert not [name for columns in found.values() for name in columns if name.startswith("EncodedImage")]
+    assert len(found[("/runs/straight.agent/camera", False)]["step"]) == 41
+    allowed = record(tmp_path / "b.rrd", [run], episode, scan, renderer=renderer, with_pixels=True)
+    assert ("/scene/mesh/storey_0/flat", True) in allowed
+    assert "EncodedImage:blob" in allowed[("/runs/straight.agent/camera", False)]
+    text = allowed[("/task", True)]["TextDocument:text"][0][0]
+    assert "terms of use" in text
+    assert "terms of use" not in found[("/task", True)]["TextDocument:text"][0][0]
+
+
+def test_answers_alone_come_before_the_goal(tmp_path: Path, home: Scene, episode: Episode, answer_run: Run) -> None:
+    found = record(tmp_path / "a.rrd", [answer_run], episode, home)
+    assert found[("/runs/grounder/candidates", False)]["step"] == [1]
+    assert found[("/goal/centre", False)]["step"] == [2]
+    assert "path_m" not in found[("/goal/centre", False)]
+
+
+def test_equal_run_ids_and_odd_names_stay_apart(agent_run: Run, human_run: Run) -> None:
+    labels = [trace.label for trace in select_traces([agent_run, agent_run, human_run, agent_run], KEY)]
+    assert labels == ["straight.agent", "straight.agent-2", "study-P07", "straight.agent-3"]
+
+
+@pytest.mark.parametrize("name", ["plain-1_a.b", "two words", "a/b", "über[x]:*", "tab\there"])
+def test_names_are_escaped_as_rerun_does(name: str) -> None:
+    assert escape_part(name) == rr.escape_entity_path_part(name.replace("\t", "_"))
+
+
+def test_a_run_without_steps_can_be_shown(tmp_path: Path, home: Scene, episode: Episode, agent_run: Run) -> None:
+    run = agent_run.episodes[0]
+    left = run.model_copy(
+        update={"steps": (), "end": run.end.model_copy(update={"reason": "giveup", "measures": None})}
+    )
+    found = record(tmp_path / "a.rrd", [agent_run.model_copy(update={"episodes": (left,)})], episode, home)
+    assert found[("/goal/centre", False)]["step"] == [0]
+    assert "| straight.agent | - | - | - | giveup | 0 | - |" in found[("/task", True)]["TextDocument:text"][0][0]
+
+
+def test_the_only_common_episode_is_found_and_others_are_named(agent_run: Run, human_run: Run) -> None:
+    assert common_episode([agent_run, human_run]) == KEY
+    other = agent_run.episodes[0].model_copy(
+        update={"start": agent_run.episodes[0].start.model_copy(update={"episode_id": "8"})}
+    )
+    both = agent_run.model_copy(update={"episodes": (*agent_run.episodes, other)})
+    with pytest.raises(
+        RecordingError, match=r"2 episodes that all hold: easy/BoxHouse/7, easy/BoxHouse/8; expected one"
+    ):
+        common_episode([both])
+    with pytest.raises(RecordingError, match=r"no episode that all hold \(straight.agent has 1, study has 1\)"):
+        common_episode([agent_run.model_copy(update={"episodes": (other,)}), human_run])
+    with pytest.raises(RecordingError, match="no run: found no episode"):
+        common_episode([])
+
+
+def test_runs_of_another_episode_kind_or_place_are_refused_and_leave_no_file(
+    tmp_path: Path, home: Scene, episode: Episode, agent_run: Run
+) -> None:
+    out = tmp_path / "a.rrd"
+    schematic = agent_run.model_copy(update={"info": info("pilot", scene_kind="schematic")})
+    with pytest.raises(RecordingError, match="pilot: was made on a home of kind 'schematic', BoxHouse is opened as"):
+        record(out, [agent_run, schematic], episode, home)
+    with pytest.raises(RecordingError, match="found no run of episode easy/BoxHouse/8"):
+        record(out, [agent_run], replace(episode, key=KEY._replace(episode_id="8")), home)
+    blocked = tmp_path / "file"
+    blocked.touch()
+    with pytest.raises(RecordingError, match="cannot be written"):
+        record(blocked / "a.rrd", [agent_run], episode, home)
+    with pytest.raises(RecordingError, match="cannot be written"):
+        record(tmp_path, [agent_run], episode, home)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_failure_half_way_keeps_the_old_file(tmp_path: Path, home: Scene, episode: Episode, agent_run: Run) -> None:
+    class Broken:
+        def render(self, *_: object) -> None:
+            raise ZeroDivisionError
+
+    out = tmp_path / "a.rrd"
+    out.write_text("old")
+    with pytest.raises(ZeroDivisionError):
+        record(out, [agent_run], episode, home, renderer=Broken())
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("a.rrd", "old")]
+
+
+@pytest.mark.parametrize("text", ["easy/BoxHouse", "test/BoxHouse/7", "easy//7", "easy/a/b/c"])
+def test_an_episode_option_of_another_form_is_refused(text: str) -> None:
+    assert key_from_text("easy/BoxHouse/7") == KEY
+    with pytest.raises(RecordingError, match="expected SPLIT/SCENE/ID"):
+        key_from_text(text)

@@ -1,0 +1,51 @@
+"""The picture of a recording that the README uses: Rerun's web viewer in Chromium shows our recording."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from personal_viz.screenshots_rerun import CHROMIUM, screenshot_rrd
+from recordings.log_run import Rgb
+from recordings.replay import RUN_COLORS, log_comparison
+from sim.episodes.schema import Episode
+from sim.errors import RecordingError
+from sim.scenes.scene import Scene
+from sim.tasks.run_files import Run
+from sim.world.raycast import Raycaster
+
+
+def share(png: Path, rgb: Rgb) -> float:
+    """Share of pixels within 12 of a colour."""
+    pixels = np.asarray(Image.open(png).convert("RGB")).astype(int)
+    return float((np.abs(pixels - rgb).max(axis=-1) <= 12).mean())
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_the_viewer_shows_home_ways_and_pictures(
+    tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster, agent_run: Run, human_run: Run
+) -> None:
+    if not CHROMIUM.exists():
+        pytest.skip(f"no browser at {CHROMIUM}")
+    rrd = log_comparison(
+        [agent_run, human_run],
+        episode=episode,
+        scene=home,
+        out=tmp_path / "box.rrd",
+        renderer=renderer,
+        with_pixels=False,
+    )
+    png = screenshot_rrd(rrd, tmp_path / "box.png", at_end=True, size=(1200, 700))
+    assert Image.open(png).size == (1200, 700)
+    assert share(png, (150, 60, 40)) > 0.02, "the table fills the agent's last picture"
+    assert share(png, (236, 236, 232)) > 0.02, "the map's free space"
+    for rgb in RUN_COLORS[:2]:
+        assert share(png, rgb) > 0.0003, "the run's way"
+
+
+def test_a_missing_recording_is_named(tmp_path: Path) -> None:
+    pytest.importorskip("playwright")
+    with pytest.raises(RecordingError, match=r"none\.rrd: found no file"):
+        screenshot_rrd(tmp_path / "none.rrd", tmp_path / "a.png")
