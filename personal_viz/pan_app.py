@@ -52,7 +52,6 @@ class PanApp:
         """
         self._page = page
         page.clear()
-        page.lock_camera()
         self._status = page.client.gui.add_html("")
         page.add(self._status)
         page.task_texts(view.task)

@@ -14,7 +14,6 @@ _HIDE_VISER_CONTROLS = (
     "{display:none !important} .mantine-Notification-root{display:none !important}</style>"
 )
 """Scene tree, settings and viser's own notices (software rendering) are not for participants."""
-_LOCK_CAMERA = "<style>div:has(> canvas),div:has(> div > canvas),canvas{pointer-events:none !important}</style>"
 _KEY_FILTER = (
     '<img src="data:," style="display:none" onerror="'
     "if(!window.personalKeys){window.personalKeys=true;"
@@ -69,10 +68,6 @@ class Page:
 
         self.add(command)
 
-    def lock_camera(self) -> None:
-        """No orbiting, zooming or scene clicks until the next `clear`."""
-        self.add(self.client.gui.add_html(_LOCK_CAMERA))
-
     def task_texts(self, task: Task) -> None:
         """The query, then the paragraph; nothing else of the episode exists here."""
         query = html.escape(task.queries[0])
@@ -86,7 +81,7 @@ class Page:
         )
 
     def overlay(self, content: str) -> viser.GuiHtmlHandle:
-        """A sheet over the 3-D canvas; returns it so that its content can change."""
+        """A sheet over the 3-D canvas, which takes no mouse then; returns it so that its content can change."""
         handle = self.client.gui.add_html(overlay_html(content))
         self.add(handle)
         return handle
@@ -94,7 +89,6 @@ class Page:
     def notice(self, title: str, text: str, *, button: tuple[str, Press] | None = None) -> None:
         """A full screen with one message and at most one button."""
         self.clear()
-        self.lock_camera()
         body = "".join(f'<p style="margin:.8em 0">{html.escape(line)}</p>' for line in text.split("\n") if line)
         self.overlay(
             f'<div style="max-width:34rem;padding:2rem;background:#fff;color:#222;border-radius:12px;font-size:18px;'

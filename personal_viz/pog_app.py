@@ -1,7 +1,7 @@
 """The POG screen: texts beside the 3-D home, storey buttons, a mark that follows clicks, confirm. No feedback."""
 
+import asyncio
 import html
-import time
 from collections.abc import Awaitable, Callable
 
 import viser
@@ -15,6 +15,8 @@ from sim.tasks.run_files import ClickRay
 from .panels import Page
 from .scene_view import SceneView, StoreyCopies
 
+SAMPLE_EVERY_S = 1.1 * CAMERA_EVERY_S
+"""A little more than the session's limit, so that it keeps every sample."""
 Send = Callable[[PogCommand], Awaitable[None]]
 
 
@@ -43,7 +45,8 @@ class PogApp:
         """
         self._page, self._send, self._pog_scene = page, send, pog_scene
         self._shown = view
-        self._looked_s = 0.0
+        self._looked_from: LookFrom | None = None
+        self._is_sampling = False
         self._is_closed = False
         page.clear()
         self._scene_view = SceneView(page.client, copies)
@@ -98,9 +101,17 @@ class PogApp:
         await self._send(Click(ray, hit))
 
     async def _on_camera(self, camera: viser.CameraHandle) -> None:
-        if not self._is_closed and time.monotonic() - self._looked_s >= CAMERA_EVERY_S:
-            self._looked_s = time.monotonic()
-            await self._send(LookFrom(_three(camera.position), _four(camera.wxyz)))
+        """Samples the camera while it moves; the pose in which it comes to rest is always among the samples."""
+        self._looked_from = LookFrom(_three(camera.position), _four(camera.wxyz))
+        if self._is_sampling:
+            return
+        self._is_sampling = True
+        sent = None
+        while self._looked_from != sent and not self._is_closed:
+            sent = self._looked_from
+            await self._send(sent)
+            await asyncio.sleep(SAMPLE_EVERY_S)
+        self._is_sampling = False
 
     def _sender(self, command: PogCommand) -> Callable[[], Awaitable[None]]:
         async def press() -> None:

@@ -33,7 +33,6 @@ class SceneView:
         self._copies = copies
         self._nodes: list = []
         self._mark: list = []
-        client.scene.set_up_direction("+y")
         client.scene.configure_default_lights(True, cast_shadow=False)
 
     def show_storey(self, index: int, *, move_camera: bool = True) -> None:
@@ -79,7 +78,7 @@ class SceneView:
         xz = top_down.grid.xz_from_rc(np.argwhere(top_down.free))
         low, high = xz.min(axis=0), xz.max(axis=0)
         centre = np.array([*(low + high) / 2, floor_y])[[0, 2, 1]]
-        distance = 0.75 * float(np.linalg.norm(high - low)) + 4.0
+        distance = 0.62 * float(np.linalg.norm(high - low)) + 2.0
         offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
         camera = self._client.camera
         with self._client.atomic():

@@ -75,6 +75,7 @@ def serve(home: Home, link: StoreLink) -> viser.ViserServer:
     """A viser server on a free loopback port that gives every admitted connection a seat."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     refuse_tunnels(server)
+    server.scene.set_up_direction("+y")  # before any camera is placed: the browser turns cameras with the scene
     seats: dict[int, Seat] = {}
 
     @server.on_client_connect

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 from rerun.blueprint.api import VisualizerLike
 from rerun.blueprint.encodings import TextLogColumn
 from rerun.encodings import EntityPathLike
@@ -16,28 +15,20 @@ from .log_maps import StoreyMap
 from .log_run import Trace
 
 BACKGROUND = (24, 26, 30)
-EYE = np.array([0.0, 1.25, 0.45])
-"""Where the home is looked at from, from its middle, in units of its extent: steep, so that walls hide little."""
+EYE = np.array([0.0, 1.25, 0.22])
+"""Where the home is looked at from, from its middle, in units of its depth: steep, so that walls hide little."""
 
 
-def comparison_blueprint(
-    traces: Sequence[Trace],
-    maps: Sequence[StoreyMap],
-    *,
-    look_at: NDArray[np.float64],
-    extent: float,
-) -> rrb.Blueprint:
+def comparison_blueprint(traces: Sequence[Trace], maps: Sequence[StoreyMap]) -> rrb.Blueprint:
     """The layout for any number of runs of one episode.
 
     Args:
         traces: The runs, in the recording's order.
-        maps: The storeys shown.
-        look_at: World point (3,) in the middle of the storeys.
-        extent: How deep the storeys are, or half as wide, metres: the view is twice as wide as high.
+        maps: The storeys shown; each has a view of its own in the home and on the map, since floors hide each other.
     """
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun)]
     shown = walks[:1] + walks[1:][-1:]
-    middle = rrb.Vertical(_home(traces, look_at, extent), _maps(traces, maps), row_shares=[3, 2])
+    middle = rrb.Vertical(_homes(traces, maps), _maps(traces, maps), row_shares=[1, 1])
     row: list[rrb.View | rrb.Container] = [middle]
     shares = [6]
     if shown:
@@ -76,36 +67,51 @@ def _camera(trace: Trace) -> rrb.View:
     return rrb.Spatial2DView(origin=entity, contents=[entity], name=f"{trace.title} sees", background=BACKGROUND)
 
 
-def _home(traces: Sequence[Trace], look_at: NDArray[np.float64], extent: float) -> rrb.View:
-    contents = [f"{paths.MESH}/**", f"{paths.GOAL}/centre"]
+def _homes(traces: Sequence[Trace], maps: Sequence[StoreyMap]) -> rrb.View | rrb.Container:
+    shared = [f"{paths.GOAL}/centre"]
     for trace in traces:
         names = ("camera", "path", "trail") if isinstance(trace.run, EpisodeRun) else ("candidates", "click_ray")
-        contents += [paths.run_path(trace.label, name) for name in names]
-    eye = look_at + extent * EYE
-    return rrb.Spatial3DView(
-        origin="/",
-        contents=contents,
-        name="Home",
-        background=BACKGROUND,
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(position=eye, look_target=look_at, eye_up=(0.0, 1.0, 0.0)),
-        overrides=_trails(traces, "trail"),
-    )
+        shared += [paths.run_path(trace.label, name) for name in names]
+    views: list[rrb.View] = []
+    for storey in maps:
+        rows, cols = storey.grid.shape
+        middle_xz = np.asarray(storey.grid.origin_xz) + np.array([cols, rows]) * storey.grid.cell / 2
+        middle = np.array([middle_xz[0], storey.floor_y, middle_xz[1]])
+        extent = max(rows, cols * len(maps) / 2) * storey.grid.cell  # views share a place twice as wide as high
+        eye = rrb.EyeControls3D(position=middle + extent * EYE, look_target=middle, eye_up=(0.0, 1.0, 0.0))
+        views.append(
+            rrb.Spatial3DView(
+                origin="/",
+                contents=[f"{paths.MESH}/{storey.part}/**", *shared],
+                name=_storey_name("Home", storey, maps),
+                background=BACKGROUND,
+                line_grid=False,
+                eye_controls=eye,
+                overrides=_trails(traces, "trail"),
+            )
+        )
+    return views[0] if len(views) == 1 else rrb.Horizontal(*views)
 
 
 def _maps(traces: Sequence[Trace], maps: Sequence[StoreyMap]) -> rrb.View | rrb.Container:
     views: list[rrb.View] = []
     for storey in maps:
-        trails = _trails(traces, "map", storey.part, "trail")
         contents = [f"{storey.entity}/**", f"{paths.GOAL}/map/{storey.part}"]
         contents += [f"{paths.run_path(trace.label, 'map', storey.part)}/**" for trace in traces]
-        name = "Map" if len(maps) == 1 else f"Map, storey {storey.index + 1}"
         views.append(
             rrb.Spatial2DView(
-                origin=storey.entity, contents=contents, name=name, background=BACKGROUND, overrides=trails
+                origin=storey.entity,
+                contents=contents,
+                name=_storey_name("Map", storey, maps),
+                background=BACKGROUND,
+                overrides=_trails(traces, "map", storey.part, "trail"),
             )
         )
     return views[0] if len(views) == 1 else rrb.Horizontal(*views)
+
+
+def _storey_name(view: str, storey: StoreyMap, maps: Sequence[StoreyMap]) -> str:
+    return view if len(maps) == 1 else f"{view}, storey {storey.index + 1}"
 
 
 def _trails(traces: Sequence[Trace], *parts: str) -> dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]:

@@ -19,8 +19,10 @@ from .log_run import ANSWER_STEP, Trace, dimmed, indexes
 FREE_RGB, WALL_RGB = (236, 236, 232), (58, 60, 66)
 MARGIN = 0.5
 """Metres of map shown around the free space."""
-HEADING = 0.35
+HEADING = 0.6
 """Length of the robot's arrow on the map, metres."""
+WHOLE, TRAIL, ROBOT, POINT = -0.8, -2.0, -2.5, -5.0
+"""Radii on the map; negative = points of the screen, so that they can be seen on maps of any size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,23 +87,20 @@ def log_run_on_map(
         on_storey: (T + 1,) which poses stand on this storey; the others leave the map empty.
     """
     assert isinstance(trace.run, EpisodeRun)
-    cells_per_m = 1 / storey.grid.cell
     spots = storey.pixels(trace.positions)
     pieces = np.stack([spots[:-1], spots[1:]], axis=1)[on_storey[:-1] & on_storey[1:]]  # (S, 2, 2)
-    whole = rr.LineStrips2D(list(pieces), colors=[dimmed(trace.rgb)], radii=0.03 * cells_per_m, draw_order=20.0)
+    whole = rr.LineStrips2D(list(pieces), colors=[dimmed(trace.rgb)], radii=WHOLE, draw_order=20.0)
     stream.log(paths.run_path(trace.label, "map", storey.part, "path"), whole, static=True)
     robot = paths.run_path(trace.label, "map", storey.part, "robot")
-    style = rr.Arrows2D.from_fields(colors=[trace.rgb], radii=[0.07 * cells_per_m], draw_order=40.0)
+    style = rr.Arrows2D.from_fields(colors=[trace.rgb], radii=[ROBOT], draw_order=40.0)
     stream.log(robot, style, static=True)
-    headings = np.array([forward_from_yaw(pose.yaw)[[0, 2]] for pose in trace.run.poses]) * HEADING * cells_per_m
+    headings = np.array([forward_from_yaw(pose.yaw)[[0, 2]] for pose in trace.run.poses]) * HEADING / storey.grid.cell
     arrows = rr.Arrows2D.columns(vectors=headings[on_storey], origins=spots[on_storey])
     stream.send_columns(robot, indexes(trace.run), arrows.partition(on_storey.astype(int)))
     if not trace.run.steps:
         return
     trail = paths.run_path(trace.label, "map", storey.part, "trail")
-    stream.log(
-        trail, rr.LineStrips2D.from_fields(colors=[trace.rgb], radii=[0.06 * cells_per_m], draw_order=30.0), static=True
-    )
+    stream.log(trail, rr.LineStrips2D.from_fields(colors=[trace.rgb], radii=[TRAIL], draw_order=30.0), static=True)
     both = on_storey[:-1] & on_storey[1:]
     rows = rr.LineStrips2D.columns(strips=list(pieces)).partition(both.astype(int))
     stream.send_columns(trail, indexes(trace.run, first=1), rows)
@@ -115,5 +114,5 @@ def log_answer_on_map(
     ranks = [f"{trace.title} {rank + 1}" for rank in np.flatnonzero(on_storey)]
     stream.reset_time()
     stream.set_time(paths.STEP, sequence=ANSWER_STEP)
-    points = rr.Points2D(spots, colors=[trace.rgb], radii=0.12 / storey.grid.cell, labels=ranks)
+    points = rr.Points2D(spots, colors=[trace.rgb], radii=POINT, labels=ranks)
     stream.log(paths.run_path(trace.label, "map", storey.part, "candidates"), points)

@@ -18,8 +18,10 @@ from sim.world.renderer import Renderer
 from . import paths
 
 JPEG_QUALITY = 80
-LIFT = 0.06
-"""Paths are drawn this far above the floor (metres), so that the floor does not cover them."""
+LIFT = 0.15
+"""Paths are drawn this far above the feet (metres), so that no floor covers them; recorded heights are noisy."""
+WHOLE, TRAIL = -0.7, -2.0
+"""Radii of paths; negative = points of the screen, so that they can be seen in homes of any size."""
 ANSWER_STEP = 1
 """Step at which a POG answer appears."""
 Rgb = tuple[int, int, int]
@@ -143,12 +145,12 @@ def _log_path(stream: rr.RecordingStream, trace: Trace) -> None:
     """The whole way as a faint static line, and one piece per step: the view shows all pieces up to its time."""
     assert isinstance(trace.run, EpisodeRun)
     lifted = trace.positions + np.array([0.0, LIFT, 0.0])
-    whole = rr.LineStrips3D([lifted], colors=[dimmed(trace.rgb)], radii=0.012)
+    whole = rr.LineStrips3D([lifted], colors=[dimmed(trace.rgb)], radii=WHOLE)
     stream.log(paths.run_path(trace.label, "path"), whole, static=True)
     if not trace.run.steps:
         return
     entity = paths.run_path(trace.label, "trail")
-    stream.log(entity, rr.LineStrips3D.from_fields(colors=[trace.rgb], radii=[0.03]), static=True)
+    stream.log(entity, rr.LineStrips3D.from_fields(colors=[trace.rgb], radii=[TRAIL]), static=True)
     pieces = np.stack([lifted[:-1], lifted[1:]], axis=1)  # (T, 2, 3)
     stream.send_columns(entity, indexes(trace.run, first=1), rr.LineStrips3D.columns(strips=list(pieces)))
 
@@ -159,7 +161,7 @@ def _log_actions(stream: rr.RecordingStream, trace: Trace) -> None:
         return
     texts = [f"{trace.title}: {step.action.value}{' (blocked)' if step.collided else ''}" for step in trace.run.steps]
     texts[-1] += "" if trace.run.end.reason == "stop" else f" - ended: {trace.run.end.reason}"
-    colors = [rgba_u32(trace.rgb)] * len(texts)
+    colors = np.full(len(texts), rgba_u32(trace.rgb), np.uint32)
     columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
     stream.send_columns(paths.run_path(trace.label, "actions"), indexes(trace.run, first=1), columns)
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
@@ -17,7 +16,7 @@ from sim.world.renderer import Renderer
 
 from . import paths
 from .blueprints import comparison_blueprint
-from .log_maps import StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map
+from .log_maps import POINT, StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map
 from .log_run import ANSWER_STEP, Rgb, Trace, log_answer, log_run, path_lengths, times
 from .log_scene import log_scene
 from .log_text import log_task
@@ -79,8 +78,7 @@ def log_comparison(
         for trace in traces:
             _log_trace(stream, trace, episode, maps, storeys, renderer if may_show else None, camera)
         _log_goal(stream, episode, traces, maps, storeys)
-        look_at, extent = _middle(maps)
-        stream.send_blueprint(comparison_blueprint(traces, maps, look_at=look_at, extent=extent))
+        stream.send_blueprint(comparison_blueprint(traces, maps))
     return out
 
 
@@ -213,20 +211,5 @@ def _log_goal(
     for storey in maps:
         here = np.array(floors) == storey.index
         labels = [name for name, is_here in zip(names, here, strict=True) if is_here]
-        points = rr.Points2D(
-            storey.pixels(centres)[here], colors=[GOAL_RGB], radii=0.16 / storey.grid.cell, labels=labels
-        )
+        points = rr.Points2D(storey.pixels(centres)[here], colors=[GOAL_RGB], radii=POINT, labels=labels)
         stream.log(f"{paths.GOAL}/map/{storey.part}", points)
-
-
-def _middle(maps: Sequence[StoreyMap]) -> tuple[NDArray[np.float64], float]:
-    """Middle of the storeys (3,) and their extent for the first view, metres."""
-    corners = np.array([storey.grid.origin_xz for storey in maps])
-    far = corners + [
-        [storey.grid.shape[1] * storey.grid.cell, storey.grid.shape[0] * storey.grid.cell] for storey in maps
-    ]
-    low, high = corners.min(axis=0), far.max(axis=0)
-    middle = (low + high) / 2
-    return np.array([middle[0], float(np.mean([storey.floor_y for storey in maps])), middle[1]]), float(
-        max((high - low) * [0.5, 1.0])
-    )

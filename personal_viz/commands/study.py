@@ -210,7 +210,8 @@ def _worker(store: StudyStore, dataset: Path, scenes_dir: Path | None, code_of_t
     command += ["--study", str(store.folder), "--dataset", str(dataset)]
     command += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
     # a session of its own: Ctrl-C reaches the gateway alone, which then closes the socket
-    process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True)
+    # and no standard output: viser prints its own address there, which participants must not use
+    process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True, stdout=subprocess.DEVNULL)
     theirs.close()
     service = StoreService(ours, store, code_of_ticket=code_of_ticket)
     try:

@@ -69,7 +69,7 @@ CENTRED = {"dining set"}
 """Groups that stand free in the room."""
 RECIPES: dict[str, tuple[tuple[str, float], ...]] = {
     "entrance hall": (("bench", 0.7), ("picture", 1.0), ("plant", 0.6)),
-    "landing": (("plant", 0.7), ("picture", 1.0)),
+    "upper hall": (("plant", 0.7), ("picture", 1.0)),
     "kitchen": (("kitchen row", 1.0), ("refrigerator", 1.0), ("breakfast table", 0.7)),
     "dining room": (("dining set", 1.0), ("picture", 0.7)),
     "living room": (
@@ -210,6 +210,8 @@ def _drawn_finishes(members: Sequence[Member], taken: list[Furniture], rng: np.r
 
 
 def _caption(finish: Finish, category: str) -> str:
+    if category == "plant":
+        return f"plant with a {finish.words} pot"
     return f"{finish.words} {category}"
 
 

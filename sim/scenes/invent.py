@@ -128,7 +128,7 @@ def _room_names(storey: int, num: int, rng: np.random.Generator) -> list[str]:
         pool = ["kitchen", "dining room", "living room", "study"] if num == 4 else ["kitchen", "study", "living room"]
         return ["entrance hall", *pool]
     pool = ["bathroom", "guest bedroom", "main bedroom", str(rng.choice(["playroom", "office"]))]
-    return ["landing", *pool[:num]]
+    return ["upper hall", *pool[:num]]
 
 
 def _floor_rgb(name: str, rng: np.random.Generator) -> Rgb:

@@ -240,12 +240,13 @@ def _panel(category: str, size: Vec, rgb: Rgb) -> list[Part]:
     w, h, d = size
     rim = min(0.05, w / 8, h / 8)
     is_screen = any(word in category for word in ("tv", "monitor", "computer"))
-    frame = (30, 30, 34) if is_screen else tinted(rgb, 0.55)
+    is_pane = any(word in category for word in ("mirror", "window", "glass"))
+    frame = rgb if is_screen or is_pane else tinted(rgb, 0.55)
     parts = [Part((0, h / 2, -d * 0.15), (w, h, d * 0.7), frame)]
     inside = (w - 2 * rim, h - 2 * rim, d * 0.3)
     if is_screen:
         return [*parts, Part((0, h / 2, d * 0.3), inside, (58, 70, 88))]
-    if any(word in category for word in ("mirror", "window", "glass")):
+    if is_pane:
         return [*parts, Part((0, h / 2, d * 0.3), inside, (200, 216, 226))]
     return [  # a picture: sky, ground and something in the middle
         *parts,

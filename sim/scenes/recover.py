@@ -18,7 +18,7 @@ from sim.types import AGENT_RADIUS, CAMERA_HEIGHT, STOREY_GAP
 
 from .cell_mesh import floor_layers, grown
 from .pieces import COLOURS, look_of, rgb_from_text
-from .plan import CELL, CellGrid, Cells, Furniture, HomePlan, Rect, Room, Storey, cells_from_runs, runs_from_cells
+from .plan import CELL, CellGrid, Cells, Furniture, HomePlan, Rect, Room, Storey, runs_from_cells
 from .walkable import walkable_cells
 
 MARGIN = 2.0
@@ -152,6 +152,8 @@ def _furniture(goal: Goal, recorded: Recorded, storeys: tuple[Storey, ...]) -> F
 
 def _usual_rgb(goal: Goal) -> tuple[int, int, int]:
     """A colour for an object whose caption names none; differs between neighbours of one category."""
+    if goal.object_category in ("tv", "monitor", "computer"):
+        return COLOURS["black"]
     words = ("oak", "grey", "beige", "teal", "brown", "cream", "blue", "walnut")
     return COLOURS[words[goal.object_id % len(words)]]
 
@@ -222,8 +224,3 @@ def _footprint(piece: Furniture, grid: CellGrid) -> tuple[slice, slice]:
     corners = np.array([[rect.x0, rect.z0], [rect.x1, rect.z1]])
     (row0, col0), (row1, col1) = np.clip(grid.grid.rc_from_xz(corners), 0, np.array(grid.shape) - 1)
     return slice(int(row0), int(row1) + 1), slice(int(col0), int(col1) + 1)
-
-
-def guessed_share(plan: HomePlan) -> float:
-    """Share of the walkable cells that are guessed bridges; 0 for homes without cells."""
-    return float(cells_from_runs(plan.cells.walkable).guessed.mean()) if plan.cells and plan.cells.walkable else 0.0

@@ -28,6 +28,7 @@ from sim.world.raycast import Raycaster
 
 from .conftest import KEY, info
 
+pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 SMALL = Camera(width=64, height=48)
 Tables = dict[tuple[str, bool], dict[str, Any]]
 
@@ -151,7 +152,7 @@ def test_the_ways_on_map_and_floor_are_the_runs_positions(rrd: Path, agent_run: 
     found = tables(rrd)
     feet = np.array([pose.position for pose in agent_run.episodes[0].poses])
     whole = np.array(found[("/runs/straight.agent/path", True)]["LineStrips3D:strips"][0][0])
-    assert whole == pytest.approx(feet + np.array([0, 0.06, 0]), abs=1e-6)
+    assert whole == pytest.approx(feet + np.array([0, 0.15, 0]), abs=1e-6)
     robot = np.array([row[0] for row in found[("/runs/straight.agent/map/storey_0/robot", False)]["Arrows2D:origins"]])
     assert np.diff(robot, axis=0) * 0.05 == pytest.approx(np.diff(feet[:, [0, 2]], axis=0), abs=1e-4)
     picture = found[("/scene/topdown/storey_0", True)]["EncodedImage:blob"][0][0]
