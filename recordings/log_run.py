@@ -20,6 +20,8 @@ from . import paths
 JPEG_QUALITY = 80
 LIFT = 0.15
 """Paths are drawn this far above the feet (metres), so that no floor covers them; recorded heights are noisy."""
+UNDER_TRAIL = np.array([0.0, 0.04, 0.0])
+"""The line of the whole way lies this much lower than the trail, which so covers it, metres."""
 WHOLE, TRAIL = -0.7, -2.0
 """Radii of paths; negative = points of the screen, so that they can be seen in homes of any size."""
 ANSWER_STEP = 1
@@ -145,7 +147,7 @@ def _log_path(stream: rr.RecordingStream, trace: Trace) -> None:
     """The whole way as a faint static line, and one piece per step: the view shows all pieces up to its time."""
     assert isinstance(trace.run, EpisodeRun)
     lifted = trace.positions + np.array([0.0, LIFT, 0.0])
-    whole = rr.LineStrips3D([lifted], colors=[dimmed(trace.rgb)], radii=WHOLE)
+    whole = rr.LineStrips3D([lifted - UNDER_TRAIL], colors=[dimmed(trace.rgb)], radii=WHOLE)
     stream.log(paths.run_path(trace.label, "path"), whole, static=True)
     if not trace.run.steps:
         return

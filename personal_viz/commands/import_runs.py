@@ -4,7 +4,7 @@ from pathlib import Path
 
 from sim.episodes.dataset import PersonalDataset
 from sim.tasks.import_runs import import_runs
-from sim.tasks.run_files import read_run
+from sim.tasks.run_files import Measures, read_run
 
 
 def import_files(
@@ -51,6 +51,6 @@ def import_files(
     return 0
 
 
-def _is_unreachable(measures: object) -> bool:
-    rules = getattr(measures, "rules", {})
-    return any(rule is not None and rule.start_distance is None for rule in rules.values())
+def _is_unreachable(measures: Measures | None) -> bool:
+    rules = measures.rules.values() if measures else ()
+    return any(rule is not None and rule.start_distance is None for rule in rules)

@@ -236,6 +236,7 @@ def _listen(port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(("127.0.0.1", port))
+        listener.listen(128)  # browsers that come before the server runs wait instead of failing
     except OSError as error:
         listener.close()
         raise StudyError(

@@ -91,17 +91,18 @@ def write_files(out: Path, files: dict[str, bytes]) -> None:
     Raises:
         DatasetError: A file cannot be written.
     """
+    staged: list[tuple[Path, Path]] = []
     try:
         for path, data in files.items():
             target = out / path
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.with_name(target.name + ".part").write_bytes(data)
-        for path in files:
-            target = out / path
-            os.replace(target.with_name(target.name + ".part"), target)
+            staged.append((target.with_name(target.name + ".part"), target))
+            staged[-1][0].write_bytes(data)
+        for beside, target in staged:
+            os.replace(beside, target)
     except OSError as error:
-        for path in files:
-            (out / path).with_name((out / path).name + ".part").unlink(missing_ok=True)
+        for beside, _ in staged:
+            beside.unlink(missing_ok=True)
         raise DatasetError(f"{out}: cannot be written ({error}). Give --out a folder that you can write.") from None
 
 

@@ -43,7 +43,7 @@ def recover_plan(dataset: PersonalDataset, scene: str) -> HomePlan:
 
     Raises:
         DatasetError: The scene is unknown or its files are damaged.
-        SceneError: The files hold no place to stand, or its parts cannot be joined.
+        SceneError: The files hold no place to stand.
     """
     recorded = recorded_facts(dataset, scene)
     if not len(recorded.standing):
@@ -53,7 +53,7 @@ def recover_plan(dataset: PersonalDataset, scene: str) -> HomePlan:
         )
     storeys = _storeys(recorded)
     grid = _empty_grid(recorded.standing)
-    walkable = walkable_cells(recorded.standing, storeys, grid=grid, scene=scene)
+    walkable = walkable_cells(recorded.standing, storeys, grid=grid)
     grid = grid.model_copy(update={"walkable": runs_from_cells(walkable)})
     furniture = tuple(_furniture(goal, recorded, storeys) for _, goal in sorted(recorded.goals.items()))
     grid = grid.model_copy(update={"plinth": runs_from_cells(_plinth_cells(recorded, furniture, grid, storeys))})

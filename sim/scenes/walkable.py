@@ -8,7 +8,6 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 from scipy.spatial import KDTree
 
-from sim.errors import SceneError
 from sim.types import AGENT_RADIUS
 from sim.world.floor_grid import FloorGrid
 
@@ -24,6 +23,7 @@ LAYER_GAP = PLAN_CLIMB + 0.03
 """Heights of one column closer than this are one floor (metres)."""
 _DETOUR = 1.5  # a shortcut is worth a guess where the way round is this many times longer
 _MAX_LINK_DY = 0.25
+_MIN_ISLAND = 20
 _MAX_SLOPE = math.radians(40)
 _STOREY_PENALTY = 1000.0  # bridges between storeys come last, and one is enough
 _LEVEL, _KNOWN, _RAMP = 0, 1, 2  # ranks of what says how high a cell is
@@ -32,31 +32,31 @@ Points = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 
 
-def walkable_cells(standing: Points, storeys: tuple[Storey, ...], *, grid: CellGrid, scene: str) -> Cells:
-    """Cells within AGENT_RADIUS of a standing point (N, 3), and of guessed strips that join them all.
+def walkable_cells(standing: Points, storeys: tuple[Storey, ...], *, grid: CellGrid) -> Cells:
+    """Cells within AGENT_RADIUS of a standing point (N, 3) or of the middle of two that are linked, and guessed strips.
 
-    Raises:
-        SceneError: Two parts of the home are too steep to join; names `scene`.
+    The strips join all that can be joined by a straight ramp of at most 40 degrees; a storey without room for one stays
+    an island of its own.
     """
     links = KDTree(standing[:, [0, 2]]).query_pairs(LINK + 1e-6, output_type="ndarray")
     links = links[_rise(standing, links) <= _MAX_LINK_DY]
-    bridges = _bridges(standing, links, storeys, scene)
+    bridges = _bridges(standing, links, storeys)
     strips = np.concatenate([bridges, _shortcuts(standing, np.concatenate([links, bridges]))])
     discs = [standing, standing[links].mean(axis=1)]
     ranks = [np.full(len(part), _KNOWN) for part in discs]
     for (a, b), rise in zip(strips, _rise(standing, strips), strict=True):
         discs.append(_along(standing[a], standing[b]))
         ranks.append(np.full(len(discs[-1]), _RAMP if rise > _MAX_LINK_DY else _LEVEL))
-    return _main_part(_cells_of_discs(np.concatenate(discs), np.concatenate(ranks), grid), grid)
+    return _without_crumbs(_cells_of_discs(np.concatenate(discs), np.concatenate(ranks), grid), grid)
 
 
-def _main_part(cells: Cells, grid: CellGrid) -> Cells:
-    """The cells that hang together: single cells at the rim of a ramp are cut off from it."""
+def _without_crumbs(cells: Cells, grid: CellGrid) -> Cells:
+    """The cells of islands of some size: single cells at the rim of a ramp are cut off from it."""
     order = np.lexsort((cells.y, cells.rc[:, 1], cells.rc[:, 0]))
     rc, y, guessed = cells.rc[order], cells.y[order], cells.guessed[order]
     islands = FloorGrid.from_cells(rc, y, grid=grid.grid, max_climb=PLAN_CLIMB).islands
-    main = islands == np.bincount(islands).argmax()
-    return Cells(rc[main], y[main], guessed[main])
+    keep = np.bincount(islands)[islands] >= _MIN_ISLAND
+    return Cells(rc[keep], y[keep], guessed[keep])
 
 
 def _rise(standing: Points, pairs: Pairs) -> Points:
@@ -75,7 +75,7 @@ def _graph(standing: Points, pairs: Pairs) -> csr_array:
     return coo_array((lengths, (pairs[:, 0], pairs[:, 1])), shape=(num, num)).tocsr()
 
 
-def _bridges(standing: Points, links: Pairs, storeys: tuple[Storey, ...], scene: str) -> Pairs:
+def _bridges(standing: Points, links: Pairs, storeys: tuple[Storey, ...]) -> Pairs:
     """Pairs of standing points whose straight strips join all islands: a minimum spanning tree over the islands."""
     num_islands, island = connected_components(_graph(standing, links), directed=False)
     order = np.argsort(island, kind="stable")
@@ -84,11 +84,6 @@ def _bridges(standing: Points, links: Pairs, storeys: tuple[Storey, ...], scene:
     between = np.minimum.reduceat(np.minimum.reduceat(cost, firsts, axis=0), firsts, axis=1)
     np.fill_diagonal(between, 0)
     tree = minimum_spanning_tree(np.where(np.isfinite(between), between, 0)).tocoo()
-    if tree.nnz != num_islands - 1:
-        raise SceneError(
-            f"scene {scene!r}: {num_islands - 1 - tree.nnz} parts of the home cannot be joined by a ramp of at most "
-            "40 degrees; expected standing points of connected storeys. Check the heights in its episode files."
-        )
     ends = np.append(firsts, len(standing))
     bridges = []
     for a, b in zip(tree.row, tree.col, strict=True):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import expect
 
 from personal_viz.browser import find_chromium, open_chromium
 
@@ -19,16 +20,20 @@ class ServedStudy:
     """A study that `personal-viz demo` serves."""
 
     folder: Path
-    dataset: Path
     links: dict[str, str]
     """Task to personal link."""
     process: subprocess.Popen
 
+    @property
+    def dataset(self) -> Path:
+        """Episodes of the demo."""
+        return self.folder.parent / "dataset"
 
-def start_demo(out: Path, *, seed: int = 7) -> ServedStudy:
-    """Starts the demo and reads what it prints until it serves."""
-    command = [sys.executable, "-m", "personal_viz", "demo", "--out", str(out), "--port", "0", "--seed", str(seed)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+
+def start_study(folder: Path, *command: str) -> ServedStudy:
+    """Starts a serving command with `--out folder` on a free port and reads what it prints until it serves."""
+    program = [sys.executable, "-m", "personal_viz", *command, "--out", str(folder), "--port", "0"]
+    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, start_new_session=True)
     assert process.stdout is not None
     lines = []
     for line in process.stdout:
@@ -37,7 +42,13 @@ def start_demo(out: Path, *, seed: int = 7) -> ServedStudy:
             break
     links = dict(re.findall(r"(PAN|POG)\s+p\d+\s+(http://\S+)", "".join(lines)))
     assert set(links) == {"PAN", "POG"}, lines
-    return ServedStudy(out / "study", out / "dataset", {task.lower(): link for task, link in links.items()}, process)
+    return ServedStudy(folder, {task.lower(): link for task, link in links.items()}, process)
+
+
+def start_demo(out: Path) -> ServedStudy:
+    """The demo; its study is in `out/study`, its episodes in `out/dataset`."""
+    study = start_study(out, "demo", "--seed", "7")
+    return ServedStudy(out / "study", study.links, study.process)
 
 
 def end_with_ctrl_c(process: subprocess.Popen) -> int:
@@ -66,4 +77,5 @@ def browser() -> Iterator:
         pytest.skip("found no Chromium or Chrome; install one to run the browser tests")
     with open_chromium() as context:
         context.set_default_timeout(60_000)
+        expect.set_options(timeout=30_000)
         yield context

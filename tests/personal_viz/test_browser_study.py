@@ -95,7 +95,7 @@ def test_a_pan_trial_with_real_key_presses(served: ServedStudy, browser: Browser
         page.keyboard.press(KEYS[action])
         expect(page.get_by_text(f"Step {number} of 500")).to_be_visible()
         expect(image).to_have_attribute("data-step", str(number))
-    page.keyboard.press("Enter")
+    page.keyboard.press("Enter", delay=100)  # a person holds a key for longer than the 50 ms guard
     expect(page.get_by_text("Press Enter or STOP again to finish")).to_be_visible()
     page.keyboard.press("Enter")
     expect(page.get_by_role("heading", name="Saved")).to_be_visible()

@@ -23,7 +23,8 @@ from sim.episodes.schema import Episode
 from sim.errors import RecordingError
 from sim.scenes.scene import Scene
 from sim.tasks.run_files import Run
-from sim.types import Camera
+from sim.types import Camera, GridSpec
+from sim.world.floor_grid import FloorGrid
 from sim.world.raycast import Raycaster
 
 from .conftest import KEY, info
@@ -152,7 +153,7 @@ def test_the_ways_on_map_and_floor_are_the_runs_positions(rrd: Path, agent_run: 
     found = tables(rrd)
     feet = np.array([pose.position for pose in agent_run.episodes[0].poses])
     whole = np.array(found[("/runs/straight.agent/path", True)]["LineStrips3D:strips"][0][0])
-    assert whole == pytest.approx(feet + np.array([0, 0.15, 0]), abs=1e-6)
+    assert whole == pytest.approx(feet + np.array([0, 0.11, 0]), abs=1e-6)
     robot = np.array([row[0] for row in found[("/runs/straight.agent/map/storey_0/robot", False)]["Arrows2D:origins"]])
     assert np.diff(robot, axis=0) * 0.05 == pytest.approx(np.diff(feet[:, [0, 2]], axis=0), abs=1e-4)
     picture = found[("/scene/topdown/storey_0", True)]["EncodedImage:blob"][0][0]
@@ -217,6 +218,30 @@ def test_answers_alone_come_before_the_goal(tmp_path: Path, home: Scene, episode
     assert found[("/runs/grounder/candidates", False)]["step"] == [1]
     assert found[("/goal/centre", False)]["step"] == [2]
     assert "path_m" not in found[("/goal/centre", False)]
+
+
+def test_each_storey_has_its_own_map_and_mesh(tmp_path: Path, home: Scene, episode: Episode, human_run: Run) -> None:
+    rc = np.argwhere(np.ones((60, 140), bool)).astype(np.int64)
+    grid = GridSpec((-3.5, -1.5), 0.05, (60, 140))
+    heights = np.repeat([0.0, 3.0], len(rc))
+    two_storeys = FloorGrid.from_cells(np.concatenate([rc, rc]), heights, grid=grid)
+    walk = human_run.episodes[0]
+    up = [3.0 * (number in (4, 5, 6)) for number in range(14)]
+    steps = [
+        step.model_copy(update={"position": (-3.0 + number / 4, y, 0.5)})
+        for number, (step, y) in enumerate(zip(walk.steps, up, strict=True))
+    ]
+    climbed = human_run.model_copy(update={"episodes": (walk.model_copy(update={"steps": tuple(steps)}),)})
+    found = record(tmp_path / "a.rrd", [climbed], episode, replace(home, navigation=two_storeys))
+    for storey, wanted in (("storey_0", [y == 0 for y in up]), ("storey_1", [y > 0 for y in up])):
+        origins = found[(f"/runs/study-P07/map/{storey}/robot", False)]["Arrows2D:origins"]
+        assert [bool(row) for row in origins[1:]] == wanted
+    pieces = found[("/runs/study-P07/map/storey_1/trail", False)]["LineStrips2D:strips"]
+    assert [number for number, row in enumerate(pieces) if row] == [5, 6]
+    assert found[("/goal/map/storey_1", False)]["Points2D:positions"] == [[]]
+    views = tables(tmp_path / "a.rrd", kind="blueprints").values()
+    names = {c["ViewBlueprint:display_name"][0][0] for c in views if "ViewBlueprint:display_name" in c}
+    assert {"Home, storey 1", "Home, storey 2", "Map, storey 1", "Map, storey 2"} <= names
 
 
 def test_equal_run_ids_and_odd_names_stay_apart(agent_run: Run, human_run: Run) -> None:

@@ -1,0 +1,101 @@
+"""A participant without a browser: enters through the gateway and keeps everything that it is sent."""
+
+import http.cookies
+import json
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import msgspec
+import viser
+import zstandard
+from websockets.sync.client import ClientConnection, connect
+
+
+class WireClient:
+    """An open connection and all that came over it."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        """Nothing received yet."""
+        self._connection = connection
+        self.messages: list[dict[str, Any]] = []
+        self.buffers: list[bytes] = []
+
+    def receive_until(self, wanted: Callable[[dict[str, Any]], bool], *, timeout: float = 60.0) -> dict[str, Any]:
+        """The first message, received before or now, that is wanted."""
+        for message in self.messages:
+            if wanted(message):
+                return message
+        while True:
+            data = self._connection.recv(timeout=timeout)
+            assert isinstance(data, bytes)
+            new = self._decode(data)
+            self.messages += new
+            for message in new:
+                if wanted(message):
+                    return message
+
+    def press(self, label: str) -> None:
+        """Clicks a button of the panel."""
+        button = self.receive_until(lambda message: message.get("props", {}).get("label") == label)
+        self.send({"type": "GuiUpdateMessage", "uuid": button["uuid"], "updates": {"value": True}})
+
+    def send(self, message: dict[str, Any]) -> None:
+        """As a browser sends it."""
+        self._connection.send(msgspec.msgpack.encode(message))
+
+    def _decode(self, data: bytes) -> list[dict[str, Any]]:
+        """viser's wire format: sizes, compressed msgpack, raw buffers."""
+        compressed_size = int.from_bytes(data[8:16], "little")
+        self.buffers.append(data[16 + compressed_size :])
+        inner = zstandard.ZstdDecompressor().decompress(data[16 : 16 + compressed_size])
+        return list(msgspec.msgpack.decode(inner)["messages"])
+
+
+@contextmanager
+def enter(link: str) -> Iterator[WireClient]:
+    """Opens a personal link as the page does."""
+    address, token = link.split("/#")
+    body = json.dumps({"token": token}).encode()
+    headers = {"Content-Type": "application/json", "Origin": address}
+    with urllib.request.urlopen(urllib.request.Request(f"{address}/enter", body, headers), timeout=30) as reply:
+        view = json.load(reply)["view"]
+        cookie = http.cookies.SimpleCookie(reply.headers["Set-Cookie"])
+    pair = "; ".join(f"{name}={morsel.value}" for name, morsel in cookie.items())
+    with connect(
+        view.split("websocket=")[1],
+        subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+        additional_headers={"Cookie": pair, "Origin": address},
+        max_size=None,
+    ) as connection:
+        yield WireClient(connection)
+
+
+def texts_of(value: Any) -> Iterator[str]:
+    """Every string in a message, keys too, and bytes as Latin-1."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, bytes):
+        yield value.decode("latin-1")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from texts_of(key)
+            yield from texts_of(item)
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from texts_of(item)
+
+
+def numbers_of(value: Any) -> Iterator[float]:
+    """Every number in a message."""
+    if isinstance(value, bool):
+        return
+    if isinstance(value, int | float):
+        yield float(value)
+    elif isinstance(value, dict):
+        for item in value.values():
+            yield from numbers_of(item)
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from numbers_of(item)

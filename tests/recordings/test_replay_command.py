@@ -1,0 +1,38 @@
+"""`personal-viz replay` on runs that agents made in a schematic home of the released dataset."""
+
+from pathlib import Path
+
+import pytest
+from rerun.chunk import RrdReader
+
+from personal_viz.commands.recordings import replay
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import RecordingError
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import RunWriter
+from sim.tasks.runner import AgentJob, run_scene
+from sim.types import EpisodeKey
+
+KEY = EpisodeKey("easy", "4ok3usBNeis", "195")
+
+
+@pytest.mark.slow
+def test_two_agents_on_a_released_episode_become_one_recording(
+    dataset_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    digest = PersonalDataset(dataset_root).digest()
+    folders = []
+    for agent in ("shortest-path", "random"):
+        info = make_run_info(agent, who=agent, who_kind="agent", scene_kind="schematic", dataset_digest=digest)
+        writer = RunWriter(tmp_path / agent, info)
+        for run in run_scene(AgentJob(dataset_root, None, agent, 0, KEY.scene, (KEY,))):
+            writer.add_episode(run)
+        folders.append(writer.folder)
+    out = tmp_path / "both.rrd"
+    assert replay(runs=tuple(folders), out=out, dataset=dataset_root, scenes_dir=None) == 0
+    printed = capsys.readouterr().out
+    assert f"{out}: {KEY} in 4ok3usBNeis (schematic, not HM3D)" in printed
+    entities = {chunk.entity_path for chunk in RrdReader(str(out)).stream()}
+    assert {"/runs/shortest-path/camera", "/runs/random/camera", "/goal/centre", "/task"} <= entities
+    with pytest.raises(RecordingError, match="found no run of episode easy/4ok3usBNeis/196"):
+        replay(runs=(folders[0],), out=out, dataset=dataset_root, scenes_dir=None, episode="easy/4ok3usBNeis/196")

@@ -1,0 +1,105 @@
+"""HomePlan on disk, and cells as runs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.errors import SceneError
+from sim.scenes.plan import (
+    CellGrid,
+    CellRun,
+    Cells,
+    Furniture,
+    HomePlan,
+    Rect,
+    Room,
+    Storey,
+    cells_from_runs,
+    load_plan,
+    runs_from_cells,
+    save_plan,
+)
+
+CHAIR = Furniture(name="chair_1", category="chair", centre=(1.0, 0.45, 2.0), size=(0.5, 0.9, 0.4), rgb=(200, 30, 30))
+PLAN = HomePlan(
+    name="Tiny",
+    kind="schematic",
+    storeys=(Storey(label="ground floor", floor_y=0.0),),
+    rooms=(Room(name="all", storey=0, floor_rgb=(150, 120, 90), wall_rgb=(220, 220, 210)),),
+    furniture=(CHAIR,),
+    cells=CellGrid(
+        origin_xz=(0.0, 0.0),
+        shape=(4, 10),
+        walkable=(CellRun(1, 2, 3, 0), CellRun(1, 5, 2, 10, True), CellRun(2, 0, 1, 0)),
+    ),
+)
+
+
+def test_a_saved_plan_loads_equal_and_twice_the_same_bytes(tmp_path: Path) -> None:
+    save_plan(PLAN, tmp_path / "a" / "Tiny.plan.json")
+    save_plan(PLAN, tmp_path / "b.plan.json")
+    assert load_plan(tmp_path / "a" / "Tiny.plan.json") == PLAN
+    assert (tmp_path / "a" / "Tiny.plan.json").read_bytes() == (tmp_path / "b.plan.json").read_bytes()
+    assert [path.name for path in tmp_path.rglob("*.part")] == []
+
+
+def test_runs_unfold_to_cells_with_heights_and_guesses() -> None:
+    assert PLAN.cells is not None
+    cells = cells_from_runs(PLAN.cells.walkable)
+    assert cells.rc.tolist() == [[1, 2], [1, 3], [1, 4], [1, 5], [1, 6], [2, 0]]
+    assert cells.y.tolist() == [0, 0, 0, 0.1, 0.1, 0]
+    assert cells.guessed.tolist() == [False, False, False, True, True, False]
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 9), st.integers(0, 9), st.integers(-300, 300), st.booleans()), max_size=60, unique=True
+    )
+)
+def test_cells_survive_as_runs(cells: list[tuple[int, int, int, bool]]) -> None:
+    table = np.array(cells, np.int64).reshape(-1, 4)
+    runs = runs_from_cells(Cells(table[:, :2], table[:, 2] / 100, table[:, 3].astype(bool)))
+    back = cells_from_runs(runs)
+    found = np.column_stack([back.rc, np.round(back.y * 100), back.guessed]).astype(int)
+    assert sorted(map(tuple, found.tolist())) == sorted((r, c, y, int(g)) for r, c, y, g in cells)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("not json", "text that is not JSON"),
+        ('{"schema_version": 2}', "schema_version is 2"),
+        (PLAN.model_dump_json().replace('"chair_1"', '"chair"'), "furniture.0.name is 'chair'"),
+        (PLAN.model_dump_json().replace("[200,30,30]", "[200,30,300]"), "furniture.0.rgb.2 is 300"),
+        (PLAN.model_dump_json().replace('"kind":"schematic"', '"kind":"scan"'), "kind is 'scan'"),
+    ],
+)
+def test_a_damaged_plan_is_one_line_that_says_where(tmp_path: Path, text: str, wanted: str) -> None:
+    path = tmp_path / "Tiny.plan.json"
+    path.write_text(text)
+    with pytest.raises(SceneError) as error:
+        load_plan(path)
+    message = str(error.value)
+    assert message.startswith(f"{path}: ")
+    assert wanted in message
+    assert "\n" not in message
+
+
+def test_a_missing_plan_is_a_scene_error(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"no.plan.json: cannot be read"):
+        load_plan(tmp_path / "no.plan.json")
+
+
+def test_a_turned_piece_swaps_width_and_depth() -> None:
+    turned = CHAIR.model_copy(update={"yaw": np.pi / 2})
+    np.testing.assert_allclose(CHAIR.rect, (0.75, 1.8, 1.25, 2.2))
+    np.testing.assert_allclose(turned.rect, (0.8, 1.75, 1.2, 2.25))
+    np.testing.assert_allclose(turned.world_size, (0.4, 0.9, 0.5))
+
+
+def test_rectangles_that_share_a_border_do_not_overlap() -> None:
+    assert not Rect(0, 0, 1, 1).overlaps(Rect(1, 0, 2, 1))
+    assert Rect(0, 0, 1, 1).overlaps(Rect(0.99, 0, 2, 1))

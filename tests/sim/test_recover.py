@@ -1,0 +1,155 @@
+"""Schematic homes from episode files: small ones with known answers, and real ones where the release is at hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import SceneError
+from sim.frames import T_world_camera, quat_xyzw_from_yaw, yaw_towards
+from sim.scenes.plan import HomePlan, cells_from_runs, plan_bytes
+from sim.scenes.recover import recover_plan
+from sim.scenes.sources import scene_from_plan
+from sim.types import AGENT_RADIUS, Camera, Pose
+from sim.world.floor_grid import FloorGrid
+from sim.world.raycast import Raycaster
+
+from .synthetic import SCENE, example_content, example_episode, example_goal, example_view_point, write_dataset
+
+
+def dataset_of(root: Path, points: list[tuple[float, float, float]], **goal_changes) -> PersonalDataset:
+    """One coffee table at (2, 0.45, -1) seen from (x, y, z) points; the first one is the start as well."""
+    table = (2.0, -1.0)
+    views = [
+        example_view_point(x, z, y=y, quat_xyzw=list(quat_xyzw_from_yaw(yaw_towards((x, z), table))), iou=0.5)
+        for x, y, z in points
+    ]
+    content = example_content(
+        goals_by_category={f"{SCENE}.basis.glb_coffee table": [example_goal(view_points=views, **goal_changes)]},
+        episodes=[example_episode(start_position=list(points[0]))],
+    )
+    return PersonalDataset(write_dataset(root, {("easy", SCENE): content}))
+
+
+def walkable_of(plan: HomePlan) -> FloorGrid:
+    return scene_from_plan(plan).navigation  # type: ignore[return-value]
+
+
+LATTICE = [(1.0 + 0.25 * i, 0.0, 0.25 * j) for i in range(9) for j in range(5)]
+
+
+def test_cells_lie_within_the_robots_radius_of_the_lattice(tmp_path: Path) -> None:
+    plan = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
+    assert plan.cells is not None
+    cells = cells_from_runs(plan.cells.walkable)
+    xz = plan.cells.grid.xz_from_rc(cells.rc)
+    away = np.linalg.norm(xz[:, None] - np.array(LATTICE)[None, :, [0, 2]], axis=2).min(axis=1)
+    assert away.max() <= 0.22  # the radius around points, and around the middle of two that are 0.25 m apart
+    assert not cells.guessed.any()
+    assert (cells.y == 0).all()
+    # a lattice of 2.0 m by 1.0 m, grown by the radius: (2.36 * 1.36) less its corners
+    assert len(cells.y) * 0.05**2 == pytest.approx(3.15, abs=0.1)
+
+
+def test_islands_are_joined_by_a_strip_that_is_marked_as_guessed(tmp_path: Path) -> None:
+    far = [(6.0, 0.0, 0.25 * j) for j in range(5)]
+    plan = recover_plan(dataset_of(tmp_path, LATTICE + far), SCENE)
+    assert plan.cells is not None
+    cells = cells_from_runs(plan.cells.walkable)
+    xz = plan.cells.grid.xz_from_rc(cells.rc[cells.guessed])
+    assert xz[:, 0].min() > 3.0
+    assert xz[:, 0].max() < 6.0
+    assert np.ptp(xz[:, 1]) <= 0.36
+    length = walkable_of(plan).distances(np.array([[1.0, 0, 0.5]]), np.array([[6.0, 0, 0.5]]))[0]
+    assert length == pytest.approx(5.0, rel=0.1)
+
+
+def test_two_storeys_get_one_ramp_of_at_most_40_degrees(tmp_path: Path) -> None:
+    upstairs = [(x + 3.0, 2.8, z) for x, _, z in LATTICE]
+    plan = recover_plan(dataset_of(tmp_path, LATTICE + upstairs), SCENE)
+    assert [storey.floor_y for storey in plan.storeys] == [0.0, 2.8]
+    navigation = walkable_of(plan)
+    path = navigation.shortest_path(np.array([1.0, 0, 0.0]), np.array([[6.0, 2.8, 0.0]]))
+    assert path is not None
+    moves = np.diff(path, axis=0)
+    assert np.abs(moves[:, 1]).sum() == pytest.approx(2.8, abs=0.1)
+    assert np.hypot(moves[:, 0], moves[:, 2]).sum() >= 2.8 / np.tan(np.radians(40))
+    assert navigation.storey_heights == pytest.approx((0.0, 2.8))
+
+
+def test_a_storey_without_room_for_a_ramp_stays_an_island(tmp_path: Path) -> None:
+    plan = recover_plan(dataset_of(tmp_path, [(1.0, 0.0, 0.0), (2.0, 2.8, 0.0)]), SCENE)
+    navigation = walkable_of(plan)
+    assert navigation.is_navigable(np.array([2.0, 2.8, 0.0]))
+    assert np.isinf(navigation.distances(np.array([[1.0, 0, 0]]), np.array([[2.0, 2.8, 0]]))[0])
+
+
+def test_the_way_to_the_object_is_low_and_walls_stand_behind(tmp_path: Path) -> None:
+    plan = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
+    scene = scene_from_plan(plan)
+    caster = Raycaster(scene.mesh)
+    down = caster.cast(np.array([[2.0, 2.0, -0.4], [2.0, 2.0, 0.5]]), np.array([[0.0, -1, 0], [0, -1, 0]]))
+    plinth, floor = down.positions[:, 1]
+    assert floor == pytest.approx(0.0, abs=1e-5)
+    assert plinth in (pytest.approx(0.02, abs=1e-3), pytest.approx(0.25, abs=1e-3))
+    behind = caster.cast(np.array([[2.0, 1.5, 0.5]]), np.array([[0.0, 0, -1]]))
+    assert 1.5 < behind.range_m[0] < 2.3
+    camera = Camera(160, 120)
+    frame = caster.render(T_world_camera(Pose((2.0, 0.0, 0.0), 0.0), camera), camera)
+    assert (frame.instance_ids == 1).sum() > 50
+
+
+def test_an_object_leaves_standing_points_free_and_takes_its_captions_colour(tmp_path: Path) -> None:
+    points = [*LATTICE, (2.0, 0.0, -0.75)]
+    content = dataset_of(tmp_path, points)
+    piece = recover_plan(content, SCENE).furniture[0]
+    assert piece.centre == (2.0, 0.45, -1.0)
+    assert piece.rect.z1 <= -0.75 - AGENT_RADIUS + 1e-9
+    assert piece.rgb == (184, 142, 90)  # "low oak coffee table with a green bowl on it"
+    assert piece.caption == "low oak coffee table with a green bowl on it"
+
+
+def test_files_without_any_place_to_stand_are_refused(tmp_path: Path) -> None:
+    content = example_content(episodes=[])
+    goals = content["goals_by_category"][f"{SCENE}.basis.glb_coffee table"]
+    for point in goals[0]["view_points"]:
+        point.pop("iou", None)
+    root = write_dataset(tmp_path, {("easy", SCENE): content})
+    with pytest.raises(SceneError, match="no original view point and no episode"):
+        recover_plan(PersonalDataset(root), SCENE)
+
+
+def test_one_standing_point_is_enough(tmp_path: Path) -> None:
+    plan = recover_plan(dataset_of(tmp_path, [(2.0, 0.1, 0.0)]), SCENE)
+    assert walkable_of(plan).is_navigable(np.array([2.0, 0.1, 0.0]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["XB4GS9ShBRE", "QaLdnwvtxbs", "mL8ThkuaVTM"])
+def test_a_real_home_is_walkable_and_shows_its_objects(dataset_root: Path, scene: str) -> None:
+    dataset = PersonalDataset(dataset_root)
+    plan = recover_plan(dataset, scene)
+    assert plan_bytes(plan) == plan_bytes(recover_plan(dataset, scene))
+    home = scene_from_plan(plan)
+    assert len(home.mesh.faces) <= 150_000
+    caster = Raycaster(home.mesh)
+    ids = {item.name: item.instance_id for item in home.objects}
+    camera = Camera(160, 120)
+    ratios, seen = [], []
+    for episode in dataset.episodes(scenes=(scene,)):
+        start = np.array(episode.record.start_position)
+        points = [np.array(p.agent_state.position) for goal in episode.targets for p in goal.original_view_points]
+        assert all(home.navigation.is_navigable(point) for point in (start, *points)), episode.key
+        first = episode.targets[0].view_points[0].agent_state.position
+        walked = home.navigation.distances(start[None], np.array([first]))[0]
+        assert np.isfinite(walked), episode.key
+        ratios.append(walked / episode.record.info.geodesic_distance)
+        centre = episode.targets[0].position
+        pose = Pose(first, yaw_towards((first[0], first[2]), (centre[0], centre[2])))
+        frame = caster.render(T_world_camera(pose, camera), camera)
+        seen.append((frame.instance_ids == ids[episode.targets[0].object_name]).sum() >= 10)
+    off = np.abs(np.array(ratios) - 1)
+    assert abs(np.median(ratios) - 1) < 0.02
+    assert np.mean(off <= 0.1) >= 0.5
+    assert np.mean(seen) >= 0.85
