@@ -37,7 +37,9 @@ def python_problem():
     """What is wrong with the interpreter, None if nothing is."""
     found = ".".join(map(str, sys.version_info[:3]))
     if not (3, 11) <= sys.version_info[:2] < (3, 15):
-        return f"{sys.executable} is Python {found}; expected 3.11 to 3.14. Install one, or: make PYTHON=python3.12 demo"
+        return (
+            f"{sys.executable} is Python {found}; expected 3.11 to 3.14. Install one, or: make PYTHON=python3.12 demo"
+        )
     if importlib.util.find_spec("ensurepip") is None or importlib.util.find_spec("venv") is None:
         package = f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"
         return f"Python {found} has no venv module. Install it: apt-get install -y {package}"

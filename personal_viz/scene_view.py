@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import viser
-from sim.scenes.browser_glb import browser_glb
 
+from sim.scenes.browser_glb import browser_glb
 from sim.scenes.scene import CUT_BELOW, CUT_HEIGHT, Scene
 from sim.tasks.run_files import Vector3
 
@@ -51,10 +51,8 @@ class SceneView:
         """Puts the participant's mark where the click met the home."""
         for node in self._mark:
             node.remove()
-        self._mark = [
-            self._client.scene.add_icosphere("/mark", radius=0.12, color=MARK_COLOR, position=position),
-            self._client.scene.add_label("/mark/label", "your mark", position=(0.0, 0.3, 0.0)),
-        ]
+        self._mark = [self._client.scene.add_icosphere("/mark", radius=0.12, color=MARK_COLOR, position=position)]
+        self._client.scene.add_label("/mark/label", "your mark", position=(0.0, 0.3, 0.0))  # goes with its parent
         self._client.flush()
 
     def remove(self) -> None:

@@ -6,6 +6,7 @@ from typing import cast
 from recordings.replay import common_episode, log_comparison
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
+from sim.scenes.labels import readable
 from sim.scenes.sources import open_scene
 from sim.tasks.run_files import read_run
 from sim.types import SPLITS, EpisodeKey, Split
@@ -45,7 +46,7 @@ def replay(
         episode=found,
         scene=scene,
         out=out,
-        renderer=Raycaster(scene.mesh) if has_pictures else None,
+        renderer=readable(Raycaster(scene.mesh), scene) if has_pictures else None,
         with_pixels=with_pixels,
     )
     print(f"{out}: {key} in {scene.label}. Open it with: rerun {out}")

@@ -106,9 +106,10 @@ def run_scene(job: AgentJob) -> list[EpisodeRun]:
     scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir)
     renderer = None
     if ":" in job.agent:
+        from sim.scenes.labels import readable
         from sim.world.raycast import Raycaster
 
-        renderer = Raycaster(scene.mesh)
+        renderer = readable(Raycaster(scene.mesh), scene)
     by_key = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     agent = load_agent(job.agent) if ":" in job.agent else RandomAgent()
     runs = []

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.events import Act, Cam, Clicked, Dropped, Key
@@ -15,7 +16,7 @@ from human_study.records import TrialStatus, read_study
 from human_study.verify import verify_trial
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
+from sim.scenes.scene import Scene, cut_storey
 from sim.scenes.sources import open_scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
@@ -180,8 +181,7 @@ def test_a_pog_trial_with_real_clicks(served: ServedStudy, browser: BrowserConte
     storeys = scene.navigation.storey_heights
     storey = storey_of(target.floor_y, [(height, height) for height in storeys])
     page.get_by_role("button", name=f"Show storey {storey + 1}").click()
-    canvas = page.locator("canvas").first
-    page.wait_for_function("() => document.querySelector('canvas').width > 300")
+    canvas = page.locator("canvas").last
     cam = wait_for_camera(page, served.folder)
     box = canvas.bounding_box()
     assert box is not None
@@ -202,17 +202,20 @@ def test_a_pog_trial_with_real_clicks(served: ServedStudy, browser: BrowserConte
     assert verified(status, events, episode, scene, dataset) == "verified"
 
 
-def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> tuple[float, float, float]:
-    """Where a stored ray meets the cut storey, computed here with trimesh instead of the program's raycaster."""
-    import trimesh
-
-    from sim.scenes.scene import cut_storey
-
-    cut = cut_storey(scene.mesh, floor_y)
-    mesh = trimesh.Trimesh(cut.vertices, cut.faces, process=False)
-    origin, direction = np.array([clicked.ray.origin]), np.array([clicked.ray.direction])
-    points, _, _ = trimesh.ray.ray_triangle.RayMeshIntersector(mesh).intersects_location(origin, direction)
-    return tuple(points[np.linalg.norm(points - origin, axis=1).argmin()])
+def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> NDArray[np.float64]:
+    """Where a stored ray meets the cut storey first, by Moeller and Trumbore's formula instead of our raycaster."""
+    mesh = cut_storey(scene.mesh, floor_y)
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]].astype(float) for corner in range(3))
+    origin, direction = np.array(clicked.ray.origin), np.array(clicked.ray.direction)
+    normal = np.cross(direction, c - a)
+    scale = np.einsum("ij,ij->i", b - a, normal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = np.einsum("ij,ij->i", origin - a, normal) / scale
+        side = np.cross(origin - a, b - a)
+        v = side @ direction / scale
+        t = np.einsum("ij,ij->i", c - a, side) / scale
+    hit = (np.abs(scale) > 1e-12) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+    return origin + t[hit].min() * direction
 
 
 def wait_for_camera(page: Page, folder: Path) -> Cam:
@@ -233,6 +236,7 @@ def test_every_link_survives_a_restart_of_the_program(served: ServedStudy, brows
 
     page = browser.new_page()
     begin(page, served.links["pan"])
+    expect(page.get_by_text("Step 0 of 500")).to_be_visible()
     page.keyboard.press("a")
     expect(page.get_by_text("Step 1 of 500")).to_be_visible()
     assert end_with_ctrl_c(served.process) == 0

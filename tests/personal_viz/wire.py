@@ -12,6 +12,19 @@ import viser
 import zstandard
 from websockets.sync.client import ClientConnection, connect
 
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [3.0, 3.0, 3.0],
+    "fov": 1.3,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 800,
+    "image_width": 880,
+    "look_at": [0.0, 0.0, 0.0],
+    "up_direction": [0.0, 1.0, 0.0],
+}
+
 
 class WireClient:
     """An open connection and all that came over it."""
@@ -69,7 +82,9 @@ def enter(link: str) -> Iterator[WireClient]:
         additional_headers={"Cookie": pair, "Origin": address},
         max_size=None,
     ) as connection:
-        yield WireClient(connection)
+        client = WireClient(connection)
+        client.send(CAMERA)  # viser admits a client when it tells its camera
+        yield client
 
 
 def texts_of(value: Any) -> Iterator[str]:

@@ -1,0 +1,53 @@
+"""Category names drawn on the objects in view: plain homes of boxes cannot be read without them."""
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from sim.types import Camera
+from sim.world.renderer import Frame, Hits, Renderer
+
+from .scene import Scene
+
+MIN_SHARE = 5e-4
+"""Objects that fill less of the picture than this are not named (150 pixels of 640 x 480)."""
+_FONT_SHARE = 1 / 34
+"""Height of the letters as a share of the picture's."""
+
+
+class LabelledRenderer:
+    """A renderer whose pictures name each object in view, in the middle of its visible pixels."""
+
+    def __init__(self, renderer: Renderer, scene: Scene) -> None:
+        """Wraps `renderer`; depth, ids and rays stay its own."""
+        self._renderer = renderer
+        self._words = {item.instance_id: item.category for item in scene.objects}
+
+    def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+        """As the wrapped renderer's, with words in `rgb`; the same pose gives the same bytes."""
+        frame = self._renderer.render(T_world_camera, camera)
+        return Frame(self._named(frame), frame.depth_m, frame.instance_ids)
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
+        """The wrapped renderer's hits."""
+        return self._renderer.cast(origins, directions)
+
+    def _named(self, frame: Frame) -> NDArray[np.uint8]:
+        height, width = frame.instance_ids.shape
+        counts = np.bincount(frame.instance_ids.ravel())
+        picture = Image.fromarray(frame.rgb)
+        draw = ImageDraw.Draw(picture)
+        font = ImageFont.load_default(size=max(8.0, height * _FONT_SHARE))
+        for instance in np.flatnonzero(counts >= MIN_SHARE * height * width):
+            if instance in self._words:
+                rows, cols = np.nonzero(frame.instance_ids == instance)
+                at = (float(np.median(cols)), float(np.median(rows)))
+                box = draw.textbbox(at, self._words[instance], font=font, anchor="mm")
+                draw.rectangle((box[0] - 3, box[1] - 2, box[2] + 3, box[3] + 2), fill=(255, 255, 255))
+                draw.text(at, self._words[instance], font=font, anchor="mm", fill=(20, 20, 20))
+        return np.asarray(picture)
+
+
+def readable(renderer: Renderer, scene: Scene) -> Renderer:
+    """The renderer whose pictures people and agents get: with words on schematic homes, as it is on all others."""
+    return LabelledRenderer(renderer, scene) if scene.kind == "schematic" else renderer
