@@ -13,18 +13,10 @@ import numpy as np
 import rerun_cli
 from PIL import Image
 
-from sim.errors import MissingDependencyError, RecordingError
+from sim.errors import RecordingError
 
-CHROMIUM = Path("/usr/bin/chromium")
-"""Debian's browser; where it is missing, the one that Playwright installed is used."""
-_FLAGS = (
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    # the web viewer sends usage data on its first visit: let it reach nothing but this machine
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)
+from .browser import open_chromium
+
 _POLL = 1.0
 """Seconds between two looks at the page."""
 
@@ -46,28 +38,17 @@ def screenshot_rrd(
 
     Raises:
         RecordingError: The recording is missing, or the viewer showed no finished picture in time.
-        MissingDependencyError: Playwright is not installed.
+        MissingDependencyError: Playwright or Chromium is not installed.
     """
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        raise MissingDependencyError(
-            "screenshots need the package playwright; install it with: pip install personal-viz[test]"
-        ) from None
     if not rrd.is_file():
         raise RecordingError(f"{rrd}: found no file; expected a recording. Write one with personal-viz replay.")
-    with _web_viewer(rrd, timeout) as url, sync_playwright() as playwright:
-        path = str(CHROMIUM) if CHROMIUM.exists() else None
-        browser = playwright.chromium.launch(executable_path=path, args=list(_FLAGS))
-        try:
-            page = browser.new_page(viewport={"width": size[0], "height": size[1]})
-            page.goto(url)
-            picture = _picture_at_rest(page, timeout)
-            if at_end and picture is not None:
-                page.keyboard.press("Control+Shift+ArrowRight")  # the viewer's key for the end of the timeline
-                picture = _picture_at_rest(page, timeout, other_than=picture)
-        finally:
-            browser.close()
+    with _web_viewer(rrd, timeout) as url, open_chromium(width=size[0], height=size[1]) as browser:
+        page = browser.new_page()
+        page.goto(url)
+        picture = _picture_at_rest(page, timeout)
+        if at_end and picture is not None:
+            page.keyboard.press("Control+Shift+ArrowRight")  # the viewer's key for the end of the timeline
+            picture = _picture_at_rest(page, timeout, other_than=picture)
     if picture is None:
         raise RecordingError(
             f"{rrd}: the viewer showed no finished picture in {timeout:.0f} s; expected one. "

@@ -3,6 +3,7 @@
 One JSON object per line. Requests carry a number, so that several threads of a worker can wait at once.
 """
 
+import contextlib
 import itertools
 import socket
 import threading
@@ -209,6 +210,8 @@ class StoreService:
 
     def close(self) -> None:
         """Ends the connection; the worker ends by itself."""
+        with contextlib.suppress(OSError):  # the worker may be gone already
+            self._connection.shutdown(socket.SHUT_RDWR)  # close alone waits for the listening thread's file
         self._connection.close()
         self._pool.shutdown(wait=False, cancel_futures=True)
 

@@ -1,4 +1,4 @@
-"""The one tree of errors that users can meet; every message says where, what was found, what was expected, what to do."""
+"""The tree of errors that users can meet; each message says where, what was found, what was expected, what to do."""
 
 from pathlib import Path
 

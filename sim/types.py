@@ -142,7 +142,7 @@ class GridSpec:
     def xz_from_rc(self, rc: NDArray[np.integer]) -> NDArray[np.float64]:
         """World (x, z) of cell centres; (..., 2) in, (..., 2) out."""
         rc = np.asarray(rc)
-        return np.asarray(self.origin_xz) + (rc[..., ::-1] + 0.5) * self.cell
+        return np.asarray(self.origin_xz, np.float64) + (rc[..., ::-1].astype(np.float64) + 0.5) * self.cell
 
     def contains(self, rc: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Which (row, col) pairs lie inside the grid; (..., 2) in, (...) out."""

@@ -120,7 +120,8 @@ class EpisodeRecord(BaseModel):
     @property
     def captions_per_object(self) -> tuple[tuple[str, ...], ...]:
         """The filled caption slots of each of `object_names`."""
-        nested = self.captions if self.captions and not isinstance(self.captions[0], str) else (self.captions,)
+        flat = tuple(slot for slot in self.captions if isinstance(slot, str))
+        nested = tuple(slots for slots in self.captions if not isinstance(slots, str)) or (flat,)
         return tuple(tuple(text for text in slots if text) for slots in nested)
 
     @model_validator(mode="after")

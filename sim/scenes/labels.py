@@ -38,13 +38,15 @@ class LabelledRenderer:
         picture = Image.fromarray(frame.rgb)
         draw = ImageDraw.Draw(picture)
         font = ImageFont.load_default(size=max(8.0, height * _FONT_SHARE))
-        for instance in np.flatnonzero(counts >= MIN_SHARE * height * width):
-            if instance in self._words:
-                rows, cols = np.nonzero(frame.instance_ids == instance)
-                at = (float(np.median(cols)), float(np.median(rows)))
-                box = draw.textbbox(at, self._words[instance], font=font, anchor="mm")
-                draw.rectangle((box[0] - 3, box[1] - 2, box[2] + 3, box[3] + 2), fill=(255, 255, 255))
-                draw.text(at, self._words[instance], font=font, anchor="mm", fill=(20, 20, 20))
+        for instance in np.flatnonzero(counts >= MIN_SHARE * height * width).tolist():
+            word = self._words.get(instance)
+            if word is None:
+                continue
+            rows, cols = np.nonzero(frame.instance_ids == instance)
+            at = (float(np.median(cols)), float(np.median(rows)))
+            left, top, right, bottom = draw.textbbox(at, word, font=font, anchor="mm")
+            draw.rectangle((left - 3, top - 2, right + 3, bottom + 2), fill=(255, 255, 255))
+            draw.text(at, word, font=font, anchor="mm", fill=(20, 20, 20))
         return np.asarray(picture)
 
 

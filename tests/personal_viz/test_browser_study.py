@@ -14,6 +14,7 @@ from human_study.events import Act, Cam, Clicked, Dropped, Key
 from human_study.plan import StudyPlan
 from human_study.records import TrialStatus, read_study
 from human_study.verify import verify_trial
+from personal_viz.served import ServedStudy, served_demo
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.scenes.scene import Scene, cut_storey
@@ -23,8 +24,6 @@ from sim.tasks.pan import PanEnv
 from sim.tasks.rules import scene_storeys, storey_of, success_region
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import PAPER4, Action, EpisodeKey
-
-from .conftest import ServedStudy
 
 pytestmark = pytest.mark.browser
 KEYS = {Action.FORWARD: "w", Action.LEFT: "ArrowLeft", Action.RIGHT: "d"}
@@ -36,7 +35,7 @@ def home_of(study: ServedStudy, code: str) -> tuple[Episode, Scene, PersonalData
     """The first episode of a participant's plan, and the home."""
     plan = StudyPlan.model_validate_json((study.folder / "plan.json").read_bytes())
     trial = next(person for person in plan.participants if person.code == code).trials[0]
-    dataset = PersonalDataset(study.dataset)
+    dataset = PersonalDataset(study.folder.parent / "dataset")
     episode = dataset.episode(EpisodeKey(trial.split, trial.scene, trial.episode_id))
     return episode, open_scene(dataset, trial.scene), dataset
 
@@ -232,22 +231,17 @@ def wait_for_camera(page: Page, folder: Path) -> Cam:
 
 
 def test_every_link_survives_a_restart_of_the_program(served: ServedStudy, browser: BrowserContext) -> None:
-    from .conftest import end_with_ctrl_c, start_demo
-
     page = browser.new_page()
     begin(page, served.links["pan"])
     expect(page.get_by_text("Step 0 of 500")).to_be_visible()
     page.keyboard.press("a")
     expect(page.get_by_text("Step 1 of 500")).to_be_visible()
-    assert end_with_ctrl_c(served.process) == 0
-    again = start_demo(served.folder.parent)
-    try:
+    assert served.end() == 0
+    with served_demo(served.folder.parent) as again:
         assert again.links["pan"].rsplit("#")[1] == served.links["pan"].rsplit("#")[1]
         page.goto("about:blank")
         page.goto(again.links["pan"])
         expect(page.get_by_text("Step 1 of 500")).to_be_visible()
-    finally:
-        assert end_with_ctrl_c(again.process) == 0
     secrets = json.loads((served.folder / "secrets.json").read_text())
     assert (served.folder / "secrets.json").stat().st_mode & 0o077 == 0
     database = (served.folder / "study.db").read_bytes()

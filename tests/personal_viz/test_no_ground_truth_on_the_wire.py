@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from personal_viz.served import start_study
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.generation import invent_dataset
 from sim.scenes.sources import open_scene
@@ -15,7 +16,6 @@ from sim.tasks.pan import PanEnv
 from sim.types import Action
 from sim.world.raycast import Raycaster
 
-from .conftest import end_with_ctrl_c, start_study
 from .wire import WireClient, enter, numbers_of, texts_of
 
 CANARY = "canary"
@@ -44,7 +44,7 @@ def links(marked_dataset: Path, tmp_path: Path) -> Iterator[dict[str, str]]:
     try:
         yield study.links
     finally:
-        assert end_with_ctrl_c(study.process) == 0
+        assert study.end() == 0
 
 
 def assert_no_answer(client: WireClient, dataset: PersonalDataset) -> None:
