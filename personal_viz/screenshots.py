@@ -35,7 +35,7 @@ def _picture_pan(browser: BrowserContext, link: str) -> None:
     page.goto(link)
     page.get_by_role("button", name="Start").click()
     expect(page.get_by_text("Step 0 of 500")).to_be_visible(timeout=60_000)
-    for number, key in enumerate(("d", "d", "d", "w", "w"), start=1):
+    for number, key in enumerate(("a", "a", "w", "w", "w"), start=1):
         page.keyboard.press(key)
         expect(page.get_by_text(f"Step {number} of 500")).to_be_visible()
     expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", "5")
@@ -51,7 +51,7 @@ def _picture_pog(browser: BrowserContext, link: str) -> None:
     page.wait_for_timeout(3000)  # the home is drawn some time after it has arrived; nothing in the page tells when
     canvas = page.locator("canvas").last.bounding_box()
     assert canvas is not None
-    page.mouse.click(canvas["x"] + canvas["width"] * 0.28, canvas["y"] + canvas["height"] * 0.68)
+    page.mouse.click(canvas["x"] + canvas["width"] * 0.45, canvas["y"] + canvas["height"] * 0.33)
     expect(page.get_by_text("Click again to move your mark")).to_be_visible()
     page.wait_for_timeout(2000)
     page.screenshot(path=PICTURES / "study-pog.png")

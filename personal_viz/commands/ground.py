@@ -128,7 +128,7 @@ def _info(run_id: str, dataset: PersonalDataset, settings: GroundSettings, groun
 def _evaluate_with_progress(work: Sequence[GroundJob], writer: RunWriter, *, processes: int) -> None:
     total = sum(len(job.keys) for job in work)
     left = sum(key not in writer.done for job in work for key in job.keys)
-    with Progress(console=Console(stderr=True)) as progress:
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
         bar = progress.add_task(work[0].settings.method, total=total, completed=total - left)
         evaluate(work, writer, processes=processes, on_scene=lambda count: progress.update(bar, advance=count))
 

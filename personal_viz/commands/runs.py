@@ -44,6 +44,14 @@ def run(
     episodes = PersonalDataset(dataset)
     chosen = select_episodes(episodes, scenes=scene, splits=split, limit=limit)
     kind = scene_kind(episodes, scenes_dir)
+    by_scene: dict[str, list[EpisodeKey]] = {}
+    for episode in chosen:
+        by_scene.setdefault(episode.key.scene, []).append(episode.key)
+    if scenes_dir is not None:
+        from sim.scenes.sources import find_scan
+
+        for name in by_scene:
+            find_scan(name, scenes_dir)
     run_id = run_id or f"{agent.replace(':', '.')}-{kind}-seed{seed}"
     info = make_run_info(
         run_id,
@@ -55,13 +63,10 @@ def run(
         config={"actions": "paper6"},
     )
     writer = RunWriter(out / run_id, info)
-    by_scene: dict[str, list[EpisodeKey]] = {}
-    for episode in chosen:
-        by_scene.setdefault(episode.key.scene, []).append(episode.key)
     work = [AgentJob(dataset, scenes_dir, agent, seed, name, tuple(keys)) for name, keys in sorted(by_scene.items())]
     left = sum(episode.key not in writer.done for episode in chosen)
     print(f"{len(chosen)} episodes in {len(work)} scenes ({kind}), {len(chosen) - left} of them done before")
-    with Progress(console=Console(stderr=True)) as progress:
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
         bar = progress.add_task(agent, total=left)
         run_agent(work, writer, processes=jobs, on_scene=lambda n: progress.update(bar, advance=n))
     print(f"Written to {out / run_id}; see it with: personal-viz metrics {out / run_id}")

@@ -29,7 +29,7 @@ def open_scene(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None =
     """
     dataset.require_scene(name)
     if scenes_dir is not None:
-        return _scan(name, scenes_dir)
+        return _scan(find_scan(name, scenes_dir), name)
     path = dataset.root / "scenes" / f"{name}.plan.json"
     if not path.is_file():
         return scene_from_plan(recover_plan(dataset, name))
@@ -56,7 +56,12 @@ def scene_from_plan(plan: HomePlan) -> Scene:
     return Scene(plan.name, plan.kind, mesh, objects, navigation, digest.hexdigest())
 
 
-def _scan(name: str, scenes_dir: Path) -> Scene:
+def find_scan(name: str, scenes_dir: Path) -> Path:
+    """The file of a scan.
+
+    Raises:
+        SceneError: No folder below `scenes_dir` holds `<name>.glb`.
+    """
     found = sorted(scenes_dir.glob(f"**/{name}.glb"))
     if not found:
         basis = sorted(scenes_dir.glob(f"**/{name}.basis.glb"))
@@ -65,5 +70,9 @@ def _scan(name: str, scenes_dir: Path) -> Scene:
             f"{scenes_dir}: found no {name}.glb in any folder below{also}; expected {scenes_dir}/**/{name}.glb. "
             "Give --scenes-dir the folder that holds the scans, or leave it out to use the schematic home."
         )
-    mesh = load_glb(found[0])
+    return found[0]
+
+
+def _scan(path: Path, name: str) -> Scene:
+    mesh = load_glb(path)
     return Scene(name, "scan", mesh, (), floor_grid_from_mesh(mesh), mesh.digest())

@@ -292,39 +292,45 @@ class RunWriter:
     """Appends finished episodes and answers to a run folder; a killed run resumes where it stopped."""
 
     def __init__(self, folder: Path, info: RunInfo) -> None:
-        """Opens the folder; an incomplete tail left by a kill is cut off.
+        """Opens the folder; an incomplete tail left by a kill is cut off. A new run is written with its first result.
 
         Raises:
             RunFileError: The folder cannot be written, or holds a run of another configuration.
         """
         self.folder = folder
+        self._info = info
+        self.done: set[EpisodeKey] = set()
+        """Episodes that the folder already holds."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            path = folder / "run.json"
-            if path.exists():
+            if (folder / "run.json").exists():
                 self._require_same_run(read_run_info(folder), info)
-            else:
-                _write_whole(path, info.model_dump_json(indent=2) + "\n")
-            for name in ("steps.jsonl", "answers.jsonl"):
-                _cut_incomplete_tail(folder / name)
+                for name in ("steps.jsonl", "answers.jsonl"):
+                    _cut_incomplete_tail(folder / name)
+                run = read_run(folder)
+                self.done |= {item.key for item in (*run.episodes, *run.answers)}
         except OSError as error:
             raise RunFileError(
                 f"{folder}: cannot be written ({error}). Give --out a folder that you can write."
             ) from None
-        run = read_run(folder)
-        self.done: set[EpisodeKey] = {item.key for item in (*run.episodes, *run.answers)}
-        """Episodes that the folder already holds."""
 
     def add_episode(self, run: EpisodeRun) -> None:
         """Appends one block; it is on disk when this returns."""
-        lines = (run.start, *run.steps, run.end)
-        _append(self.folder / "steps.jsonl", "".join(line.model_dump_json() + "\n" for line in lines))
+        self._append("steps.jsonl", (run.start, *run.steps, run.end))
         self.done.add(run.key)
 
     def add_answers(self, answers: Sequence[Answer]) -> None:
         """Appends one line each; they are on disk when this returns."""
-        _append(self.folder / "answers.jsonl", "".join(answer.model_dump_json() + "\n" for answer in answers))
+        self._append("answers.jsonl", answers)
         self.done.update(answer.key for answer in answers)
+
+    def _append(self, name: str, lines: Sequence[BaseModel]) -> None:
+        if not (self.folder / "run.json").exists():
+            _write_whole(self.folder / "run.json", self._info.model_dump_json(indent=2) + "\n")
+        with (self.folder / name).open("a", encoding="utf-8") as file:
+            file.write("".join(line.model_dump_json() + "\n" for line in lines))
+            file.flush()
+            os.fsync(file.fileno())
 
     def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
         for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config"):
@@ -334,13 +340,6 @@ class RunWriter:
                     f"{self.folder / 'run.json'}: {field} is {was!r}, this run has {now!r}; "
                     "expected the same to resume. Give another --out or --run-id."
                 )
-
-
-def _append(path: Path, text: str) -> None:
-    with path.open("a", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def _write_whole(path: Path, text: str) -> None:

@@ -75,8 +75,13 @@ def test_a_killed_run_goes_on_after_its_last_whole_block(tmp_path: Path) -> None
     assert [run.key.episode_id for run in read_run(tmp_path / "r1").episodes] == ["1", "2"]
 
 
-def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
+def test_a_run_without_results_leaves_no_file(tmp_path: Path) -> None:
     RunWriter(tmp_path / "r1", info())
+    assert not list((tmp_path / "r1").iterdir())
+
+
+def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
+    RunWriter(tmp_path / "r1", info()).add_episode(finished())
     with pytest.raises(RunFileError, match=r"run\.json: seed is None, this run has 3; expected the same to resume"):
         RunWriter(tmp_path / "r1", info(seed=3))
 
@@ -96,7 +101,7 @@ def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> None:
-    RunWriter(tmp_path / "r1", info())
+    RunWriter(tmp_path / "r1", info()).add_episode(finished())
     start = finished().start.model_dump_json()
     (tmp_path / "r1" / "steps.jsonl").write_text(start + "\n" + line + "\n" + finished().end.model_dump_json() + "\n")
     with pytest.raises(RunFileError, match=message) as caught:
@@ -105,7 +110,7 @@ def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> Non
 
 
 def test_a_file_of_a_newer_version_is_refused_by_name(tmp_path: Path) -> None:
-    RunWriter(tmp_path / "r1", info())
+    RunWriter(tmp_path / "r1", info()).add_episode(finished())
     path = tmp_path / "r1" / "run.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 2}))
     with pytest.raises(RunFileError, match=r"run\.json: schema_version is 2; expected"):
