@@ -10,7 +10,7 @@ from sim.episodes.schema import Episode
 from sim.errors import StudyError
 from sim.tasks.rules import score_answer, score_run
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart
-from sim.types import Action, EndReason, TaskKind
+from sim.types import Action, EndReason, EpisodeKey, TaskKind
 from sim.world.navigation_map import NavigationMap
 
 from .events import Abandoned, Act, Clicked, Confirmed, Error, Event, GaveUp, Open
@@ -115,6 +115,20 @@ def pog_outcome(
         t_s=events[-1].t_s,
         reason=reason,
         measures=score_answer(episode, candidates, storeys=storeys),
+    )
+
+
+def technical_outcome(key: EpisodeKey, task: TaskKind, *, participant: str) -> Outcome:
+    """The end of a trial that a failure of ours stopped: no measures, counted nowhere."""
+    if task == "pan":
+        return EpisodeEnd(reason="technical")
+    return Answer(
+        split=key.split,
+        scene=key.scene,
+        episode_id=key.episode_id,
+        candidates=(),
+        participant=participant,
+        reason="technical",
     )
 
 

@@ -5,6 +5,7 @@ viser itself has no login and listens on loopback only; whatever a browser sends
 
 import asyncio
 import secrets
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 MAX_MESSAGE_BYTES = 64 * 1024
@@ -34,6 +35,9 @@ ALLOWED_MESSAGES = frozenset(
     {"ViewerCameraMessage", "ScenePointerMessage", "GuiUpdateMessage", "CommandTriggerMessage"}
 )
 """What a participant's browser has to say to viser; share (tunnel), upload and render messages are not among it."""
+CAMERA_RATE = (100.0, 200)
+ACTION_RATE = (20.0, 40)
+"""(a second, at once): viser sends up to 50 camera messages a second, a person presses at most some 10 keys."""
 _OWN_PAGES_CSP = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
 _VISER_CSP = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob:; style-src 'unsafe-inline'; "
@@ -44,7 +48,7 @@ _VISER_CSP = (
 
 @dataclass(frozen=True, slots=True)
 class Ticket:
-    """Admission of one browser session to the websocket; revoked when the gateway stops."""
+    """Admission of one browser session to the websocket."""
 
     session_id: str
     code: str
@@ -52,7 +56,7 @@ class Ticket:
 
 
 class Tickets:
-    """Who may open a websocket, and as whom; in memory only."""
+    """Who may open a websocket, and as whom; in memory only. A participant's newest ticket revokes the older ones."""
 
     def __init__(self) -> None:
         """Starts empty."""
@@ -61,12 +65,31 @@ class Tickets:
     def issue(self, code: str) -> tuple[str, str]:
         """A new (session id, ticket id) for a participant."""
         session_id, ticket_id = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
-        self._by_id[ticket_id] = Ticket(session_id, code)
+        kept = {known: ticket for known, ticket in self._by_id.items() if ticket.code != code}
+        self._by_id = {**kept, ticket_id: Ticket(session_id, code)}
         return session_id, ticket_id
 
     def find(self, ticket_id: str) -> Ticket | None:
-        """The ticket, None if it was never issued."""
+        """The ticket, None if it was never issued or is revoked."""
         return self._by_id.get(ticket_id)
+
+
+class RateLimit:
+    """A token bucket: `rate` a second on average, `burst` at once."""
+
+    def __init__(self, rate: float, burst: int) -> None:
+        """Starts full."""
+        self._rate, self._burst = rate, burst
+        self._left, self._last_s = float(burst), 0.0
+
+    def allows(self, now_s: float) -> bool:
+        """Whether one more is allowed at this time (seconds on a steady clock)."""
+        self._left = min(self._burst, self._left + (now_s - self._last_s) * self._rate)
+        self._last_s = now_s
+        if self._left < 1:
+            return False
+        self._left -= 1
+        return True
 
 
 class SecureHeaders(BaseHTTPMiddleware):
@@ -84,66 +107,80 @@ class SecureHeaders(BaseHTTPMiddleware):
         return response
 
 
-def make_gateway(
-    code_of_token: Callable[[str], str | None],
-    worker_port: Callable[[str], int],
-    *,
-    tickets: Tickets,
-    hosts: frozenset[str],
-) -> Starlette:
-    """The ASGI application.
+class Gateway:
+    """The handlers of all routes."""
 
-    Args:
-        code_of_token: Participant code of a personal token, None if unknown.
-        worker_port: Loopback port of the viser worker that serves a participant.
-        tickets: Filled here; the worker asks whose connection it has got.
-        hosts: Host names (without port) under which browsers may reach us.
-    """
+    def __init__(
+        self,
+        code_of_token: Callable[[str], str | None],
+        worker_port: int,
+        *,
+        tickets: Tickets,
+        hosts: frozenset[str],
+    ) -> None:
+        """Knows whom to let in and where viser is.
 
-    async def enter_page(_: Request) -> Response:
+        Args:
+            code_of_token: Participant code of a personal token, None if unknown.
+            worker_port: Loopback port of the viser worker.
+            tickets: Filled here; the worker asks whose connection it has got.
+            hosts: Host names (without port) under which browsers may reach us.
+        """
+        self._code_of_token, self._worker_port, self._tickets, self._hosts = code_of_token, worker_port, tickets, hosts
+
+    def app(self) -> Starlette:
+        """The ASGI application."""
+        app = Starlette(
+            routes=[
+                Route("/", self.enter_page),
+                Route("/enter", self.enter, methods=["POST"]),
+                Route("/view/", self.view),
+                WebSocketRoute("/ws/{ticket:str}", self.websocket),
+                Mount("/static", StaticFiles(directory=STATIC)),
+            ],
+            middleware=[Middleware(SecureHeaders)],
+        )
+        app.state.hosts = self._hosts
+        return app
+
+    async def enter_page(self, _: Request) -> Response:
+        """The page that trades the token in its address for a session."""
         return FileResponse(STATIC / "enter.html")
 
-    async def enter(request: Request) -> Response:
+    async def enter(self, request: Request) -> Response:
+        """A session for a known token: a cookie for its websocket alone, and the address of the view."""
         if not _is_same_origin(request.headers.get("origin"), request.headers.get("host", "")):
             return Response("foreign origin", status_code=403)
-        code = await run_in_threadpool(code_of_token, await _token_in(request))
+        code = await run_in_threadpool(self._code_of_token, await _token_in(request))
         if code is None:
             return Response("unknown token", status_code=401)
-        session_id, ticket_id = tickets.issue(code)
+        session_id, ticket_id = self._tickets.issue(code)
         reply = JSONResponse({"view": f"/view/?websocket=ws://{request.headers['host']}/ws/{ticket_id}"})
-        reply.set_cookie(SESSION_COOKIE, session_id, httponly=True, samesite="strict", path="/")
+        reply.set_cookie(SESSION_COOKIE, session_id, httponly=True, samesite="strict", path=f"/ws/{ticket_id}")
         return reply
 
-    async def view(_: Request) -> Response:
+    async def view(self, request: Request) -> Response:
+        """viser's client; the entry page instead when the ticket in the address is not valid any more."""
+        ticket_id = request.query_params.get("websocket", "").rpartition("/")[2]
+        if self._tickets.find(ticket_id) is None:
+            return FileResponse(STATIC / "enter.html")
         return FileResponse(VISER_CLIENT, headers={"Content-Security-Policy": _VISER_CSP})
 
-    async def websocket(socket: WebSocket) -> None:
-        ticket = tickets.find(socket.path_params["ticket"])
-        cookie = socket.cookies.get(SESSION_COOKIE, "")
+    async def websocket(self, socket: WebSocket) -> None:
+        """A participant's connection, joined to viser."""
+        ticket_id = socket.path_params["ticket"]
+        ticket = self._tickets.find(ticket_id)
         host = socket.headers.get("host", "")
-        admitted = (
-            ticket is not None
-            and secrets.compare_digest(cookie, ticket.session_id)
-            and _is_own_host(host, hosts)
-            and _is_same_origin(socket.headers.get("origin"), host)
-        )
-        if ticket is None or not admitted:
+        cookie = socket.cookies.get(SESSION_COOKIE, "").encode()
+        if (
+            ticket is None
+            or not secrets.compare_digest(cookie, ticket.session_id.encode())
+            or not _is_own_host(host, self._hosts)
+            or not _is_same_origin(socket.headers.get("origin"), host)
+        ):
             await socket.close(code=1008)
             return
-        await _proxy(socket, worker_port(ticket.code), socket.path_params["ticket"])
-
-    app = Starlette(
-        routes=[
-            Route("/", enter_page),
-            Route("/enter", enter, methods=["POST"]),
-            Route("/view/", view),
-            WebSocketRoute("/ws/{ticket:str}", websocket),
-            Mount("/static", StaticFiles(directory=STATIC)),
-        ],
-        middleware=[Middleware(SecureHeaders)],
-    )
-    app.state.hosts = hosts
-    return app
+        await _proxy(socket, self._worker_port, ticket_id)
 
 
 async def _token_in(request: Request) -> str:
@@ -160,11 +197,17 @@ async def _token_in(request: Request) -> str:
 
 
 def _is_own_host(host: str, hosts: frozenset[str]) -> bool:
-    return urlsplit(f"//{host}").hostname in hosts
+    try:
+        return urlsplit(f"//{host}").hostname in hosts
+    except ValueError:
+        return False
 
 
 def _is_same_origin(origin: str | None, host: str) -> bool:
-    return origin is not None and urlsplit(origin).netloc == host
+    try:
+        return origin is not None and urlsplit(origin).netloc == host
+    except ValueError:
+        return False
 
 
 async def _proxy(socket: WebSocket, port: int, ticket_id: str) -> None:
@@ -173,7 +216,7 @@ async def _proxy(socket: WebSocket, port: int, ticket_id: str) -> None:
     url = f"ws://127.0.0.1:{port}/?ticket={ticket_id}"
     try:
         upstream = await connect(url, subprotocols=offered, max_size=None, compression=None, open_timeout=10)
-    except (OSError, TimeoutError):
+    except (OSError, TimeoutError, InvalidHandshake):
         await socket.close(code=1013)
         return
     async with upstream:
@@ -186,14 +229,20 @@ async def _proxy(socket: WebSocket, port: int, ticket_id: str) -> None:
 
 
 async def _to_viser(socket: WebSocket, upstream: ClientConnection) -> None:
+    """Passes allowed messages on; a bad one ends the connection, one too many is dropped."""
+    camera, actions = RateLimit(*CAMERA_RATE), RateLimit(*ACTION_RATE)
     while True:
         try:
             data = await socket.receive_bytes()
         except (WebSocketDisconnect, KeyError, RuntimeError):  # gone, or sent text, which viser never does
             return
-        if not is_allowed_message(data):
+        kind = allowed_kind(data)
+        if kind is None:
             await socket.close(code=1008)
             return
+        limit = camera if kind == "ViewerCameraMessage" else actions
+        if not limit.allows(time.monotonic()):
+            continue
         try:
             await upstream.send(data)
         except ConnectionClosed:
@@ -209,15 +258,19 @@ async def _to_browser(socket: WebSocket, upstream: ClientConnection) -> None:
         return
 
 
-def is_allowed_message(data: bytes) -> bool:
-    """Whether a browser's message is small, well formed, of an allowed type and free of NaN and infinities."""
+def allowed_kind(data: bytes) -> str | None:
+    """The type of a browser's message; None unless it is small, well formed, of an allowed type and finite."""
     if len(data) > MAX_MESSAGE_BYTES:
-        return False
+        return None
     try:
         message = msgspec.msgpack.decode(data)
     except (msgspec.MsgspecError, RecursionError):
-        return False
-    return isinstance(message, dict) and message.get("type") in ALLOWED_MESSAGES and _is_finite(message)
+        return None
+    if not isinstance(message, dict) or message.get("type") not in ALLOWED_MESSAGES or not _is_finite(message):
+        return None
+    if message["type"] == "GuiUpdateMessage" and set(message.get("updates", {})) != {"value"}:
+        return None  # viser would set any attribute that is named
+    return message["type"]
 
 
 def _is_finite(value: object) -> bool:

@@ -2,6 +2,7 @@
 
 import html
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 import viser
 
@@ -23,6 +24,7 @@ _KEY_FILTER = (
 )
 """Drops auto-repeat of held keys, and keeps WASD and arrows from moving viser's camera (VIZ.md 1.4)."""
 Press = Callable[[], Awaitable[None]]
+CameraListener = Callable[[viser.CameraHandle], Awaitable[None]]
 
 
 class Page:
@@ -35,16 +37,19 @@ class Page:
         client.gui.set_panel_label("PersONAL study")
         client.gui.main_panel.dock_right()
         client.gui.main_panel.set_width(PANEL_WIDTH)
-        self._handles: list = []
-        self._frame()
+        self._handles: list[Any] = []
+        self._on_camera: CameraListener | None = None
+        client.camera.on_update(self._camera_moved)
+        client.gui.add_html(_HIDE_VISER_CONTROLS + _KEY_FILTER)
 
     def clear(self) -> None:
         """Removes everything of the present screen."""
         for handle in self._handles:
             handle.remove()
         self._handles = []
+        self._on_camera = None
 
-    def add(self, handle) -> None:
+    def add(self, handle: Any) -> None:
         """Keeps a handle (GUI element, command or scene node) until the next `clear`."""
         self._handles.append(handle)
 
@@ -67,6 +72,10 @@ class Page:
             await press()
 
         self.add(command)
+
+    def listen_to_camera(self, listener: CameraListener) -> None:
+        """Calls `listener` whenever the 3-D camera has moved, until the next `clear`."""
+        self._on_camera = listener
 
     def task_texts(self, task: Task) -> None:
         """The query, then the paragraph; nothing else of the episode exists here."""
@@ -98,8 +107,9 @@ class Page:
             self.button(*button)
         self.client.flush()
 
-    def _frame(self) -> None:
-        self.client.gui.add_html(_HIDE_VISER_CONTROLS + _KEY_FILTER)
+    async def _camera_moved(self, camera: viser.CameraHandle) -> None:
+        if self._on_camera is not None:
+            await self._on_camera(camera)
 
 
 def overlay_html(content: str) -> str:

@@ -6,10 +6,9 @@ from collections.abc import Awaitable, Callable
 
 import viser
 
-from human_study.commands import Click, Confirm, GiveUp, LookFrom, PogCommand, ShowStorey
+from human_study.commands import Confirm, GiveUp, LookFrom, PogCommand, ShowStorey
 from human_study.session import CAMERA_EVERY_S
 from human_study.views import PogView
-from sim.tasks.pog import PogScene
 from sim.tasks.run_files import ClickRay
 
 from .panels import Page
@@ -17,37 +16,26 @@ from .scene_view import SceneView, StoreyCopies
 
 SAMPLE_EVERY_S = 1.1 * CAMERA_EVERY_S
 """A little more than the session's limit, so that it keeps every sample."""
-Send = Callable[[PogCommand], Awaitable[None]]
+Send = Callable[[PogCommand | ClickRay], Awaitable[None]]
 
 
 class PogApp:
-    """Draws one POG trial on a page and turns clicks into commands."""
+    """Draws one POG trial on a page and turns clicks into rays and commands."""
 
-    def __init__(
-        self,
-        page: Page,
-        view: PogView,
-        send: Send,
-        *,
-        copies: StoreyCopies,
-        pog_scene: PogScene,
-        progress: str,
-    ) -> None:
+    def __init__(self, page: Page, view: PogView, send: Send, *, copies: StoreyCopies, progress: str) -> None:
         """Builds the screen.
 
         Args:
             page: The participant's page.
             view: What to show first.
-            send: Where commands go.
+            send: Where commands go, and the rays of clicks.
             copies: Browser copies of the home.
-            pog_scene: The same storeys, for intersecting clicks.
             progress: "Trial 1 of 6".
         """
-        self._page, self._send, self._pog_scene = page, send, pog_scene
+        self._page, self._send = page, send
         self._shown = view
         self._looked_from: LookFrom | None = None
         self._is_sampling = False
-        self._is_closed = False
         page.clear()
         self._scene_view = SceneView(page.client, copies)
         self._status = page.client.gui.add_html("")
@@ -60,20 +48,31 @@ class PogApp:
         page.button("Confirm the mark", self._sender(Confirm()), color="green")
         page.button("Give up this search", self._sender(GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
-        page.client.camera.on_update(self._on_camera)
+        page.listen_to_camera(self._on_camera)
         self._scene_view.show_storey(view.storey)
-        self.show(view)
-
-    def show(self, view: PogView) -> None:
-        """Draws storey and mark."""
-        if view.storey != self._shown.storey:
-            self._scene_view.show_storey(view.storey)
         if view.marker is not None:
             self._scene_view.show_mark(view.marker)
-        self._shown = view
+        self._draw_status()
+
+    def show(self, view: PogView) -> None:
+        """Draws what has changed."""
+        before, self._shown = self._shown, view
+        if view.storey != before.storey:
+            self._scene_view.show_storey(view.storey)
+        if view.marker is not None and (view.marker, view.storey) != (before.marker, before.storey):
+            self._scene_view.show_mark(view.marker)
+        if (view.marker is None) != (before.marker is None):
+            self._draw_status()
+
+    def close(self) -> None:
+        """Takes the home out of the browser and stops listening to clicks; `Page.clear` ends the rest."""
+        self._page.client.scene.remove_click_callback(self._on_click)
+        self._scene_view.remove()
+
+    def _draw_status(self) -> None:
         advice = (
             "Drag to turn, scroll to zoom, right-drag to move. Click the object to mark it."
-            if view.marker is None
+            if self._shown.marker is None
             else "Click again to move your mark, or confirm it."
         )
         self._status.content = (
@@ -81,12 +80,6 @@ class PogApp:
             f'<div style="padding:.2em .8em;font-size:16px"><b>{advice}</b></div>'
         )
         self._page.client.flush()
-
-    def close(self) -> None:
-        """Takes the home out of the browser and stops listening to clicks and camera."""
-        self._is_closed = True
-        self._page.client.scene.remove_click_callback()
-        self._scene_view.remove()
 
     async def _on_click(self, event: viser.SceneClickEvent) -> None:
         camera = event.client.camera
@@ -97,8 +90,7 @@ class PogApp:
             camera_wxyz=_four(camera.wxyz),
             storey_y=self._shown.storeys[self._shown.storey],
         )
-        hit = self._pog_scene.hit(self._shown.storey, ray.origin, ray.direction)
-        await self._send(Click(ray, hit))
+        await self._send(ray)
 
     async def _on_camera(self, camera: viser.CameraHandle) -> None:
         """Samples the camera while it moves; the pose in which it comes to rest is always among the samples."""
@@ -107,7 +99,7 @@ class PogApp:
             return
         self._is_sampling = True
         sent = None
-        while self._looked_from != sent and not self._is_closed:
+        while self._looked_from != sent:
             sent = self._looked_from
             await self._send(sent)
             await asyncio.sleep(SAMPLE_EVERY_S)

@@ -75,7 +75,8 @@ class SceneView:
         top_down = self._copies.scene.navigation.top_down(floor_y)
         xz = top_down.grid.xz_from_rc(np.argwhere(top_down.free))
         low, high = xz.min(axis=0), xz.max(axis=0)
-        centre = np.array([*(low + high) / 2, floor_y])[[0, 2, 1]]
+        x, z = (low + high) / 2
+        centre = np.array([x, floor_y, z])
         distance = 0.62 * float(np.linalg.norm(high - low)) + 2.0
         offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
         camera = self._client.camera

@@ -3,18 +3,21 @@
 viser's callbacks only put commands on the queue; simulator, rendering and disk are never on viser's event loop.
 """
 
+import contextlib
 import enum
 import queue
 import sys
 import threading
 import time
 import traceback
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
 import viser
 
-from human_study.commands import PanCommand, PogCommand, Resume, Start
-from human_study.outcome import Outcome, pan_outcome, pog_outcome
+from human_study.commands import Click, PanCommand, PogCommand, Resume, Start
+from human_study.events import Error
+from human_study.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome
 from human_study.session import (
     STOP_WITHIN_S,
     PanSession,
@@ -30,6 +33,7 @@ from sim.episodes.schema import Episode
 from sim.scenes.scene import Scene
 from sim.tasks.pan import PanEnv
 from sim.tasks.pog import PogScene
+from sim.tasks.run_files import ClickRay
 from sim.types import EpisodeKey
 from sim.world.renderer import Renderer
 
@@ -52,6 +56,9 @@ WELCOME = {
     ),
 }
 
+MAX_WAITING = 200
+"""Commands that may wait for a seat; a person never has more than a few."""
+
 
 @dataclass(frozen=True, slots=True)
 class Home:
@@ -65,6 +72,8 @@ class Home:
     storeys: list[tuple[float, float]]
     """(lowest, highest) floor of each storey, from the episodes."""
     config: StudyConfig
+    opened_s: float
+    """`time.monotonic()` when this worker began to serve."""
 
 
 class _Signal(enum.Enum):
@@ -82,6 +91,17 @@ class _GoneError(Exception):
     """The browser closed the connection."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Item:
+    """One thing on a seat's queue."""
+
+    content: PanCommand | PogCommand | ClickRay | _Signal
+    screen: int | None = None
+    """The screen whose button, key or canvas it came from; None for signals that always count."""
+    is_busy: bool = False
+    """Whether the frame of an earlier command was under way."""
+
+
 class Seat:
     """Runs one participant's trials on one page until the connection closes or a newer one takes over."""
 
@@ -89,26 +109,38 @@ class Seat:
         """Starts the seat's thread."""
         self.code = code
         self._link, self._home = link, home
-        self._queue: queue.Queue[tuple[PanCommand | PogCommand | _Signal, bool]] = queue.Queue()
+        self._queue: queue.Queue[_Item] = queue.Queue(MAX_WAITING)
+        self._screen = 0
         self._is_busy = False
         self._page = Page(client)
         threading.Thread(target=self._run, daemon=True, name=f"seat-{code}").start()
 
     def leave(self) -> None:
         """The browser is gone: the thread ends after what it is doing."""
-        self._queue.put((_Signal.GONE, False))
+        self._put(_Item(_Signal.GONE))
 
     def supersede(self) -> None:
         """A newer tab drives: this page says so and ends."""
-        self._queue.put((_Signal.SUPERSEDED, False))
+        self._put(_Item(_Signal.SUPERSEDED))
 
-    async def _press(self, command: PanCommand | PogCommand) -> None:
-        """From viser's callbacks: one typed command, marked when the frame of an earlier one is under way."""
-        self._queue.put((command, self._is_busy))
-        self._is_busy = True
+    def _put(self, item: _Item) -> None:
+        """Queues an item; a browser that floods its seat loses what is over MAX_WAITING."""
+        with contextlib.suppress(queue.Full):
+            self._queue.put_nowait(item)
 
-    async def _next(self) -> None:
-        self._queue.put((_Signal.NEXT, False))
+    def _new_screen(self) -> Callable[[PanCommand | PogCommand | ClickRay | _Signal], Awaitable[None]]:
+        """Begins a screen; returns where its callbacks send, and what older screens still send is dropped."""
+        self._screen += 1
+        self._is_busy = False
+        screen = self._screen
+
+        async def send(content: PanCommand | PogCommand | ClickRay | _Signal) -> None:
+            if screen != self._screen:
+                return
+            is_busy, self._is_busy = self._is_busy, True
+            self._put(_Item(content, screen, is_busy))
+
+        return send
 
     def _run(self) -> None:
         try:
@@ -122,7 +154,7 @@ class Seat:
             pass
         except Exception:  # the live session's door: the participant is told, the operator sees everything
             traceback.print_exc()
-            self._page.notice("Something went wrong", "Nothing that you did is lost. Please reload this page.")
+            self._page.notice("Something went wrong", "Nothing that you did is lost. Open your personal link again.")
 
     def _welcome(self) -> None:
         """Instructions before a participant's first trial; whoever comes back goes on at once."""
@@ -136,58 +168,70 @@ class Seat:
 
     def _play_until_stored(self, place: TrialPlace) -> None:
         """One trial; when the store cannot write, the page waits and the trial is rebuilt from what is stored."""
+        was_paused = False
         while True:
             try:
-                self._play(place)
+                self._play(place, was_paused=was_paused)
+                return
             except TrialEndedError:
                 return  # finished in another tab a moment ago
             except StoreFullError as error:
                 print(f"personal-viz: {error}", file=sys.stderr)
-                self._ask(
-                    "The study is paused", "Nothing that you did is lost. Please try again in a minute.", "Try again"
-                )
-            else:
-                return
+                was_paused = True
+                text = "Nothing that you did is lost. Please try again in a minute."
+                self._ask("The study is paused", text, "Try again")
 
-    def _play(self, place: TrialPlace) -> None:
+    def _play(self, place: TrialPlace, *, was_paused: bool) -> None:
+        """One trial from its opening to its stored outcome; a failure of ours ends it as `technical`."""
         trial = self._link.open_trial(self.code, place.order_no)
-        episode = self._home.episodes[trial.key]
         progress = f"Trial {place.order_no} of {len(self._link.trials(self.code))}"
-        play = self._play_pan if trial.task == "pan" else self._play_pog
-        play(trial, episode, progress)
-        self._link.finish_trial(trial.trial_id, self._outcome(trial, episode))
+        # time in which the study was not served, or could not store, is not the participant's absence
+        away_s = 0.0 if was_paused else min(trial.away_s, time.monotonic() - self._home.opened_s)
+        try:
+            episode = self._home.episodes[trial.key]
+            play = self._play_pan if trial.task == "pan" else self._play_pog
+            play(trial, episode, progress, away_s)
+            outcome = self._outcome(trial, episode)
+        except (StoreFullError, SupersededError, TrialEndedError, _GoneError):
+            raise
+        except Exception as error:  # the live session's door: the same trial must not fail for ever
+            traceback.print_exc()
+            self._link.append_many(trial.trial_id, trial.epoch, (Error(message=repr(error)[:500], is_fatal=True),))
+            outcome = technical_outcome(trial.key, trial.task, participant=self.code)
+        self._link.finish_trial(trial.trial_id, outcome)
         if self._next_place() is not None:
             self._ask("Saved", f"{progress} is stored.", "Next trial")
 
-    def _play_pan(self, trial: Trial, episode: Episode, progress: str) -> None:
-        session, update = self._begin_pan(trial, episode)
-        app = PanApp(self._page, update.view, self._press, scene_label=self._home.scene.label, progress=progress)
-        self._is_busy = False
+    def _play_pan(self, trial: Trial, episode: Episode, progress: str, away_s: float) -> None:
+        session, update = self._begin_pan(trial, episode, away_s)
+        app = PanApp(self._page, update.view, self._new_screen(), scene_label=self._home.scene.label, progress=progress)
         while not session.is_over:
             try:
-                command, is_busy = self._wait(timeout_s=STOP_WITHIN_S if update.view.is_armed else None)
+                item = self._wait(timeout_s=STOP_WITHIN_S if update.view.is_armed else None)
             except queue.Empty:
                 update = SessionUpdate((), session.view(time.monotonic()))
             else:
-                update = session.handle(command, time.monotonic(), busy=is_busy)  # type: ignore[arg-type]
+                update = session.handle(item.content, time.monotonic(), busy=item.is_busy)  # type: ignore[arg-type]
                 self._link.append_many(trial.trial_id, trial.epoch, update.events)
-                self._is_busy = self._is_busy and is_busy
+                self._is_busy = self._is_busy and item.is_busy
             app.show(update.view)
 
-    def _play_pog(self, trial: Trial, episode: Episode, progress: str) -> None:
-        session, update = self._begin_pog(trial, episode)
-        home = self._home
-        app = PogApp(
-            self._page, update.view, self._press, copies=home.copies, pog_scene=home.pog_scene, progress=progress
-        )
-        while not session.is_over:
-            command, _ = self._wait()
-            update = session.handle(command, time.monotonic())  # type: ignore[arg-type]
-            self._link.append_many(trial.trial_id, trial.epoch, update.events)
-            app.show(update.view)
-        app.close()
+    def _play_pog(self, trial: Trial, episode: Episode, progress: str, away_s: float) -> None:
+        session, update = self._begin_pog(trial, episode, away_s)
+        app = PogApp(self._page, update.view, self._new_screen(), copies=self._home.copies, progress=progress)
+        try:
+            while not session.is_over:
+                command = self._wait().content
+                if isinstance(command, ClickRay):
+                    storey = update.view.storeys.index(command.storey_y)
+                    command = Click(command, self._home.pog_scene.hit(storey, command.origin, command.direction))
+                update = session.handle(command, time.monotonic())  # type: ignore[arg-type]
+                self._link.append_many(trial.trial_id, trial.epoch, update.events)
+                app.show(update.view)
+        finally:
+            app.close()
 
-    def _begin_pan(self, trial: Trial, episode: Episode) -> tuple[PanSession, SessionUpdate[PanView]]:
+    def _begin_pan(self, trial: Trial, episode: Episode, away_s: float) -> tuple[PanSession, SessionUpdate[PanView]]:
         """A new session, or the stored one at the same step and pose; its first events are stored."""
         config, scene = self._home.config, self._home.scene
         env = PanEnv(
@@ -203,11 +247,11 @@ class Seat:
             session = pan_session_from_events(stored, env, **options, resume_within_s=config.resume_within_s)
         else:
             session = PanSession(env, **options, resume_within_s=config.resume_within_s)
-        update = session.handle(Resume(trial.away_s) if stored else Start(), time.monotonic())
+        update = session.handle(Resume(away_s) if stored else Start(), time.monotonic())
         self._link.append_many(trial.trial_id, trial.epoch, update.events)
         return session, update
 
-    def _begin_pog(self, trial: Trial, episode: Episode) -> tuple[PogSession, SessionUpdate[PogView]]:
+    def _begin_pog(self, trial: Trial, episode: Episode, away_s: float) -> tuple[PogSession, SessionUpdate[PogView]]:
         """A new session, or the stored one with the same storey and mark; its first events are stored."""
         config, scene = self._home.config, self._home.scene
         options = {
@@ -219,7 +263,7 @@ class Seat:
         }
         stored = self._link.events(trial.trial_id)
         session = pog_session_from_events(stored, **options) if stored else PogSession(**options)
-        update = session.handle(Resume(trial.away_s) if stored else Start(), time.monotonic())
+        update = session.handle(Resume(away_s) if stored else Start(), time.monotonic())
         self._link.append_many(trial.trial_id, trial.epoch, update.events)
         return session, update
 
@@ -232,16 +276,22 @@ class Seat:
         return pog_outcome(events, episode, storeys=self._home.storeys, participant=self.code)
 
     def _ask(self, title: str, text: str, button: str) -> None:
-        """Shows a notice until its button is pressed; commands of the screen before are forgotten."""
-        self._page.notice(title, text, button=(button, self._next))
-        while self._wait()[0] is not _Signal.NEXT:
-            pass
+        """Shows a notice until its button is pressed."""
+        send = self._new_screen()
 
-    def _wait(self, *, timeout_s: float | None = None) -> tuple[PanCommand | PogCommand | _Signal, bool]:
-        """The next thing that happens; raises queue.Empty after `timeout_s`."""
-        command, is_busy = self._queue.get(timeout=timeout_s)
-        if command is _Signal.GONE:
-            raise _GoneError
-        if command is _Signal.SUPERSEDED:
-            raise SupersededError(f"{self.code} opened the study in another tab.")
-        return command, is_busy
+        async def press() -> None:
+            await send(_Signal.NEXT)
+
+        self._page.notice(title, text, button=(button, press))
+        self._wait()
+
+    def _wait(self, *, timeout_s: float | None = None) -> _Item:
+        """The next thing that the present screen sends; raises queue.Empty after `timeout_s`."""
+        while True:
+            item = self._queue.get(timeout=timeout_s)
+            if item.content is _Signal.GONE:
+                raise _GoneError
+            if item.content is _Signal.SUPERSEDED:
+                raise SupersededError(f"{self.code} opened the study in another tab.")
+            if item.screen == self._screen:
+                return item

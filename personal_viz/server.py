@@ -7,6 +7,7 @@ import argparse
 import asyncio
 import socket
 import sys
+import time
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -69,6 +70,7 @@ def open_home(config: StudyConfig, dataset: PersonalDataset, scenes_dir: Path | 
         episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
         storeys=scene_storeys(dataset.goals(name).values()),
         config=config,
+        opened_s=time.monotonic(),
     )
 
 
@@ -83,8 +85,8 @@ def serve(home: Home, link: StoreLink) -> viser.ViserServer:
     async def _(client: viser.ClientHandle) -> None:
         ticket = ticket_of(server, client.client_id)
         code = await asyncio.get_running_loop().run_in_executor(None, link.code_of_ticket, ticket)
-        if code is None:
-            return
+        if code is None or client.client_id not in server.get_clients():
+            return  # unknown, or gone while we asked
         for seat in seats.values():
             if seat.code == code:
                 seat.supersede()

@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import socket
 import threading
+import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
@@ -174,11 +175,12 @@ class StoreLink:
             for line in self._connection.makefile("rb"):
                 reply = msgspec.json.decode(line, type=Reply)
                 self._waiting.pop(reply.number).set_result(reply)
-        except OSError:
-            pass  # the same as the end of the stream: the gateway is gone
-        self.is_closed.set()
-        for answer in list(self._waiting.values()):
-            answer.set_exception(self._gone())
+        except (OSError, msgspec.MsgspecError):
+            pass  # the gateway is gone, perhaps in the middle of a line
+        finally:
+            self.is_closed.set()
+            for answer in list(self._waiting.values()):
+                answer.set_exception(self._gone())
 
     def _gone(self) -> StudyError:
         return StudyError(
@@ -190,7 +192,12 @@ class StoreService:
     """The gateway's end: answers one worker's requests from the store."""
 
     def __init__(
-        self, connection: socket.socket, store: StudyStore, *, code_of_ticket: Callable[[str], str | None]
+        self,
+        connection: socket.socket,
+        store: StudyStore,
+        *,
+        code_of_ticket: Callable[[str], str | None],
+        on_end: Callable[[], None],
     ) -> None:
         """Starts answering.
 
@@ -198,10 +205,12 @@ class StoreService:
             connection: Our end of the socket pair.
             store: Owned by the gateway.
             code_of_ticket: Participant who holds a ticket.
+            on_end: Called once when the worker is gone, whoever ended it.
         """
         self._connection = connection
         self._store = store
         self._code_of_ticket = code_of_ticket
+        self._on_end = on_end
         self._lock = threading.Lock()
         self._pool = ThreadPoolExecutor(8, thread_name_prefix="store-service")
         self.started: Future[int] = Future()
@@ -219,17 +228,24 @@ class StoreService:
         try:
             for line in self._connection.makefile("rb"):
                 self._pool.submit(self._answer, msgspec.json.decode(line, type=Letter))
-        except (OSError, ValueError, RuntimeError):
-            pass  # closed by us or by the worker
-        if not self.started.done():
-            self.started.set_exception(StudyError("the viser worker ended before it was ready; see its message above."))
+        except (OSError, ValueError, RuntimeError, msgspec.MsgspecError):
+            pass  # closed by us, or the worker ended in the middle of a line
+        finally:
+            if not self.started.done():
+                self.started.set_exception(
+                    StudyError("the viser worker ended before it was ready; see its message above.")
+                )
+            self._on_end()
 
     def _answer(self, letter: Letter) -> None:
         try:
             reply = Reply(letter.number, msgspec.Raw(msgspec.json.encode(self._value(letter.request))))
         except StudyError as error:
             reply = Reply(letter.number, error=type(error).__name__, message=str(error))
-        with self._lock:
+        except Exception as error:  # a live session's door: whoever waits at the other end must get an answer
+            traceback.print_exc()
+            reply = Reply(letter.number, error="StudyError", message=f"the store failed: {error!r}")
+        with self._lock, contextlib.suppress(OSError):  # a worker that is gone needs no answer
             self._connection.sendall(msgspec.json.encode(reply) + b"\n")
 
     def _value(self, request: Request) -> object:

@@ -6,7 +6,8 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from human_study.plan import PLAN_FILE, StudyPlan, load_plan, make_plan, save_pl
 from human_study.store import StudyStore, open_store
 from human_study.study import StudyConfig, StudyScene, save_study
 from human_study.tickets import new_token, token_hash
-from personal_viz.gateway import Tickets, make_gateway
+from personal_viz.gateway import Gateway, Tickets
 from personal_viz.store_link import StoreService
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
@@ -148,28 +149,43 @@ def _plan(
     split: tuple[Split, ...],
     limit: int | None,
 ) -> StudyPlan:
-    """The folder's plan, made once: one POG and one PAN participant over the scene's episodes."""
-    if (folder / PLAN_FILE).is_file():
-        return load_plan(folder, config)
+    """The folder's plan, made once: one POG and one PAN participant over the scene's episodes.
+
+    Raises:
+        StudyError: The folder's plan is not the one that `split` and `limit` ask for.
+    """
     keys = [episode.key for episode in dataset.episodes(splits=split or SPLITS, scenes=(scene,))]
-    plan = make_plan(config, keys, ("pog", "pan"), limit=min(limit, len(keys)) if limit else None)
-    save_plan(folder, plan)
-    return plan
+    if not keys:
+        raise StudyError(f"{dataset.root}: scene {scene!r} has no episode in {split}; expected one. Leave --split out.")
+    plan = make_plan(config, keys, ("pog", "pan"), limit=min(limit, len(keys)) if limit is not None else None)
+    if not (folder / PLAN_FILE).is_file():
+        save_plan(folder, plan)
+        return plan
+    found = load_plan(folder, config)
+    if found != plan and (split or limit is not None):
+        raise StudyError(
+            f"{folder / PLAN_FILE}: was made with another --split or --limit; expected the same. "
+            "Leave both out to go on with it, or give another --out."
+        )
+    return found
 
 
 def _tokens(folder: Path, store: StudyStore, plan: StudyPlan) -> dict[str, str]:
-    """Personal token of each participant; new ones are registered and written for the next start."""
+    """Personal token of each participant: written first, then registered, so that a kill in between loses nothing."""
     path = folder / SECRETS_FILE
     tokens: dict[str, str] = json.loads(path.read_text()) if path.is_file() else {}
-    for participant in plan.participants:
-        if participant.code not in tokens:
-            token = new_token()
-            store.add_participant(participant.code, token_hash(token), participant.trials)
-            tokens[participant.code] = token
-    beside = path.with_name(path.name + ".part")
-    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
-        json.dump(tokens, file, indent=2)
-    os.replace(beside, path)
+    missing = {person.code: new_token() for person in plan.participants if person.code not in tokens}
+    if missing:
+        tokens |= missing
+        beside = path.with_name(path.name + ".part")
+        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+            json.dump(tokens, file, indent=2)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+    for person in plan.participants:
+        if store.code_of_token(tokens[person.code]) is None:
+            store.add_participant(person.code, token_hash(tokens[person.code]), person.trials)
     return tokens
 
 
@@ -181,30 +197,59 @@ def _run(
     plan: StudyPlan,
     tokens: dict[str, str],
 ) -> None:
-    """Starts the worker, prints the links, serves until Ctrl-C, ends the worker."""
+    """Starts the worker, prints the links, serves until Ctrl-C, ends the worker.
+
+    Raises:
+        StudyError: The worker cannot start, or ended while it was needed.
+    """
     tickets = Tickets()
 
     def code_of_ticket(ticket_id: str) -> str | None:
         ticket = tickets.find(ticket_id)
         return ticket.code if ticket else None
 
-    with _worker(store, dataset, scenes_dir, code_of_ticket) as worker_port:
-        app = make_gateway(store.code_of_token, lambda _: worker_port, tickets=tickets, hosts=HOSTS)
+    worker_ended = threading.Event()
+    with _worker(store, dataset, scenes_dir, code_of_ticket, worker_ended) as worker_port:
+        app = Gateway(store.code_of_token, worker_port, tickets=tickets, hosts=HOSTS).app()
         server = uvicorn.Server(
-            uvicorn.Config(app, log_level="warning", access_log=False, ws_max_size=64 * 1024, server_header=False)
+            uvicorn.Config(
+                app,
+                log_level="warning",
+                access_log=False,
+                ws_max_size=64 * 1024,
+                server_header=False,
+                timeout_graceful_shutdown=3,
+            )
         )
         address = f"http://127.0.0.1:{listener.getsockname()[1]}"
         for participant in plan.participants:
             task = participant.trials[0].task
             print(f"  {task.upper()}  {participant.code}  {address}/#{tokens[participant.code]}")
         print(f"Everything is written to {store.folder}. Ctrl-C ends the study.", flush=True)
+        threading.Thread(target=_stop_when, args=(worker_ended, server), daemon=True).start()
         with contextlib.suppress(KeyboardInterrupt):
             server.run(sockets=[listener])
+        if worker_ended.is_set():
+            raise StudyError(
+                "the viser worker ended by itself; see its message above. "
+                "Start the study again: nothing acknowledged is lost."
+            )
+
+
+def _stop_when(worker_ended: threading.Event, server: uvicorn.Server) -> None:
+    worker_ended.wait()
+    server.should_exit = True
 
 
 @contextlib.contextmanager
-def _worker(store: StudyStore, dataset: Path, scenes_dir: Path | None, code_of_ticket) -> Iterator[int]:
-    """The viser worker's port; the worker ends with the block."""
+def _worker(
+    store: StudyStore,
+    dataset: Path,
+    scenes_dir: Path | None,
+    code_of_ticket: Callable[[str], str | None],
+    ended: threading.Event,
+) -> Iterator[int]:
+    """The viser worker's port; the worker ends with the block. `ended` is set when it is gone."""
     ours, theirs = socket.socketpair()
     command = [sys.executable, "-m", "personal_viz.server", "--fd", str(theirs.fileno())]
     command += ["--study", str(store.folder), "--dataset", str(dataset)]
@@ -213,7 +258,7 @@ def _worker(store: StudyStore, dataset: Path, scenes_dir: Path | None, code_of_t
     # and no standard output: viser prints its own address there, which participants must not use
     process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True, stdout=subprocess.DEVNULL)
     theirs.close()
-    service = StoreService(ours, store, code_of_ticket=code_of_ticket)
+    service = StoreService(ours, store, code_of_ticket=code_of_ticket, on_end=ended.set)
     try:
         yield service.started.result(timeout=WORKER_START_S)
     except FutureTimeoutError:

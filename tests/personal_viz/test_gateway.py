@@ -7,7 +7,7 @@ import pytest
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from personal_viz.gateway import SESSION_COOKIE, Tickets, is_allowed_message, make_gateway
+from personal_viz.gateway import SESSION_COOKIE, Gateway, RateLimit, Tickets, allowed_kind
 
 ORIGIN = {"origin": "http://127.0.0.1"}
 
@@ -15,7 +15,7 @@ ORIGIN = {"origin": "http://127.0.0.1"}
 def client_and_tickets() -> tuple[TestClient, Tickets]:
     """A gateway that knows one token; its worker's port is closed."""
     tickets = Tickets()
-    app = make_gateway({"good": "p01"}.get, lambda _: 9, tickets=tickets, hosts=frozenset({"127.0.0.1"}))
+    app = Gateway({"good": "p01"}.get, 9, tickets=tickets, hosts=frozenset({"127.0.0.1"})).app()
     return TestClient(app, base_url="http://127.0.0.1"), tickets
 
 
@@ -47,9 +47,39 @@ def test_a_foreign_origin_and_a_foreign_host_are_refused() -> None:
     assert client.get("/", headers={"host": "evil.test"}).status_code == 400
 
 
+def test_broken_hosts_and_origins_are_refused_not_errors() -> None:
+    client, _ = client_and_tickets()
+    assert client.get("/", headers={"host": "["}).status_code == 400
+    assert client.post("/enter", json={"token": "good"}, headers={"origin": "http://["}).status_code == 403
+
+
+def test_a_newer_ticket_revokes_the_older_one_and_its_page_asks_for_the_link() -> None:
+    client, tickets = client_and_tickets()
+    old = client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"]
+    new = client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"]
+    assert tickets.find(old.rsplit("/", 1)[1]) is None
+    assert tickets.find(new.rsplit("/", 1)[1]) is not None
+    assert b"personal link" in client.get(old).content
+
+
+def test_two_participants_in_one_browser_keep_their_sessions() -> None:
+    client, _ = client_and_tickets()
+    paths = {client.post("/enter", json={"token": "good"}, headers=ORIGIN).headers["set-cookie"] for _ in range(2)}
+    assert len({path.split("Path=")[1] for path in paths}) == 2
+    assert all("Path=/ws/" in path for path in paths)
+
+
+def test_messages_over_the_rate_are_dropped_and_allowed_again_later() -> None:
+    limit = RateLimit(20.0, 40)
+    assert sum(limit.allows(100.0) for _ in range(100)) == 40
+    assert sum(limit.allows(101.0) for _ in range(100)) == 20
+
+
 def test_pages_carry_the_security_headers() -> None:
     client, _ = client_and_tickets()
-    for path in ("/", "/view/", "/static/enter.js"):
+    view = client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"]
+    assert b"viser" in client.get(view).content.lower()
+    for path in ("/", view, "/static/enter.js"):
         headers = client.get(path).headers
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["referrer-policy"] == "no-referrer"
@@ -96,7 +126,7 @@ def pack(message: object) -> bytes:
 
 def test_clicks_keys_buttons_and_camera_pass() -> None:
     for kind in ("ViewerCameraMessage", "ScenePointerMessage", "GuiUpdateMessage", "CommandTriggerMessage"):
-        assert is_allowed_message(pack({"type": kind, "position": [1.0, 2.0, 3.0]}))
+        assert allowed_kind(pack({"type": kind, "position": [1.0, 2.0, 3.0], "updates": {"value": True}})) == kind
 
 
 @pytest.mark.parametrize(
@@ -106,6 +136,8 @@ def test_clicks_keys_buttons_and_camera_pass() -> None:
         pack({"type": "FileTransferStartUpload"}),
         pack({"no": "type"}),
         pack([1, 2]),
+        pack({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"update_cb": []}}),
+        pack({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": 1, "is_button": False}}),
         pack({"type": "ViewerCameraMessage", "position": [math.nan, 0, 0]}),
         pack({"type": "ViewerCameraMessage", "deep": {"a": [math.inf]}}),
         pack({"type": "ViewerCameraMessage", "big": "x" * 70_000}),
@@ -115,4 +147,4 @@ def test_clicks_keys_buttons_and_camera_pass() -> None:
     ],
 )
 def test_tunnels_uploads_nan_large_and_broken_messages_do_not(data: bytes) -> None:
-    assert not is_allowed_message(data)
+    assert allowed_kind(data) is None
