@@ -160,14 +160,6 @@ class Reconnect(_Event):
     """Seconds since the event before."""
 
 
-class Superseded(_Event):
-    """An older tab was told that it no longer drives."""
-
-    kind: Literal["superseded"] = "superseded"
-    epoch: int
-    """Of the older tab."""
-
-
 class Abandoned(_Event):
     """The participant came back too late: the trial is over."""
 
@@ -198,7 +190,6 @@ Event = (
     | Confirmed
     | GaveUp
     | Reconnect
-    | Superseded
     | Abandoned
     | Error
 )

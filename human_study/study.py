@@ -3,12 +3,12 @@
 import dataclasses
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from sim import files
 from sim.episodes.schema import Episode
 from sim.errors import StudyError, line_from_validation_error
 from sim.types import CAMERA_HEIGHT, MAX_STEPS, PAPER4, PAPER6, Action, Camera, SceneKind, Task, TaskKind
@@ -152,19 +152,13 @@ def load_study(folder: Path) -> StudyConfig:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file beside, then rename: it is never half-written. Makes the folder.
+    """Write a text file that is never half-written. Makes the folder.
 
     Raises:
         StudyError: The folder cannot be written.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_name(path.name + ".part")
-        with beside.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
+        files.write_whole(path, text)
     except OSError as error:
         raise StudyError(
             f"{path}: cannot be written ({error.strerror}); expected a folder that you can write. Give another folder."

@@ -173,4 +173,4 @@ def test_text_that_is_no_event_is_refused_in_one_line(text: str, message: str) -
 
 
 def test_the_list_of_events_is_closed_and_named_once() -> None:
-    assert len(set(EVENT_KINDS)) == len(EVENT_KINDS) == 16
+    assert len(set(EVENT_KINDS)) == len(EVENT_KINDS) == 15

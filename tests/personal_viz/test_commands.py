@@ -137,11 +137,14 @@ def test_runs_and_metrics_from_start_to_table(homes: Path, tmp_path: Path) -> No
 def test_a_killed_server_resumes_every_link_at_the_same_step_and_pose(homes: Path, tmp_path: Path) -> None:
     command = ("study", "serve", "--dataset", str(homes), "--scene", "Demo")
     first = start_study(tmp_path / "study", *command)
-    with enter(first.links["pan"]) as client:
-        client.press("Start")
-        for step, button in enumerate(("Turn left (A or Left)", "Forward (W or Up)", "Forward (W or Up)"), start=1):
-            client.press(button)
-            client.receive_until(lambda message, step=step: f"Step {step} of 500" in str(message))
+    try:
+        with enter(first.links["pan"]) as client:
+            client.press("Start")
+            buttons = ("Turn left (A or Left)", "Forward (W or Up)", "Forward (W or Up)")
+            for step, button in enumerate(buttons, start=1):
+                client.press(button)
+                client.receive_until(lambda message, step=step: f"Step {step} of 500" in str(message))
+    finally:
         os.killpg(first.process.pid, signal.SIGKILL)
         first.process.wait()
     again = start_study(tmp_path / "study", *command)

@@ -1,0 +1,39 @@
+"""The names that users may rely on; a change here is a change of the public interface."""
+
+import importlib
+
+import pytest
+
+PUBLIC = {
+    "sim.types": ["Action", "Camera", "EpisodeKey", "GridSpec", "Observation", "Pose", "Task"],
+    "sim.errors": ["AgentError", "DatasetError", "PersonalVizError", "RunFileError", "SceneError", "StudyError"],
+    "sim.episodes.dataset": ["PersonalDataset"],
+    "sim.episodes.schema": ["Episode", "EpisodeRecord", "Goal", "SceneFile", "ViewPoint"],
+    "sim.episodes.validate": ["validate_dataset"],
+    "sim.episodes.generation": ["invent_dataset"],
+    "sim.scenes.scene": ["Scene", "TriangleMesh", "cut_storey"],
+    "sim.scenes.sources": ["open_scene"],
+    "sim.world.navigation_map": ["NavigationMap", "StepResult", "TopDown"],
+    "sim.world.renderer": ["Frame", "Hits", "Renderer"],
+    "sim.world.floor_grid": ["FloorGrid", "floor_grid_from_mesh"],
+    "sim.world.raycast": ["Raycaster"],
+    "sim.tasks.pan": ["PanEnv"],
+    "sim.tasks.agents": ["Agent"],
+    "sim.tasks.rules": ["score_answer", "score_run", "success_region"],
+    "sim.tasks.metrics": ["MetricRow", "metric_rows"],
+    "sim.tasks.run_files": ["Answer", "EpisodeRun", "Run", "RunWriter", "read_run"],
+    "grounding.types": ["FeatureMap", "Grounding"],
+    "grounding.rpg": ["rpg_dense", "rpg_packed"],
+    "grounding.checks": ["check_encoder", "check_grounder"],
+    "human_study.export": ["export_study"],
+    "human_study.verify": ["verify_trial"],
+    "recordings.replay": ["log_comparison"],
+    "recordings.habitat_writer": ["RunWriter"],
+}
+
+
+@pytest.mark.parametrize("module", PUBLIC)
+def test_public_names_are_there_and_documented(module: str) -> None:
+    loaded = importlib.import_module(module)
+    for name in PUBLIC[module]:
+        assert getattr(loaded, name).__doc__, name
