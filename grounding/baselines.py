@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.episodes.schema import Vector3
 from sim.types import Task
 
 from .encoders import TextEncoder
-from .types import TIE, Candidate, FeatureMap, Grounding, Layers, Vector3
+from .types import TIE, Candidate, FeatureMap, Grounding, Layers
 
 NUM_CANDIDATES = 3
 """The paper's top-3 (Sec. IV)."""

@@ -1,4 +1,4 @@
-"""What an encoder of texts or images must offer, a cache by text, and the encoders known by name."""
+"""What an encoder of texts must offer, a cache by text, and the encoders known by name."""
 
 from collections.abc import Sequence
 from typing import Literal, Protocol
@@ -25,22 +25,6 @@ class TextEncoder(Protocol):
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, E) unit rows, one per text whatever the others are; a zero row for a text without content."""
-        ...
-
-
-class TextImageEncoder(TextEncoder, Protocol):
-    """Texts and pictures in one space."""
-
-    def encode_images(self, images: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
-        """(N, E) unit rows of pictures (H, W, 3)."""
-        ...
-
-
-class DenseEncoder(TextEncoder, Protocol):
-    """Texts and the patches of a picture in one space."""
-
-    def encode_patches(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """(h, w, E) unit vectors of a picture's (H, W, 3) patches, row 0 at the top."""
         ...
 
 

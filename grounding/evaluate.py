@@ -1,24 +1,24 @@
-"""Grounders over episodes: maps, answers and their measures, one worker process per scene, as `Answer` lines."""
+"""Grounders over episodes: maps, answers and their measures, worker processes, as `Answer` lines."""
 
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.tasks.rules import scene_storeys, score_answer
 from sim.tasks.run_files import Answer, RunWriter
+from sim.tasks.workers import SceneJob, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
 from .encoders import EncoderName, make_encoder
 from .grounders import GrounderName, make_grounder
 from .oracle_map import MapName, objects_map, oracle_home
-from .phrases import DatasetPhrases
+from .phrases import DatasetPhrases, PhraseSource
 from .types import FeatureMap, Grounding
 
+BATCH = 100
+"""Answers are quick and opening a scene is not: a process does a whole scene of the release (at most 80) at a time."""
 _SCORE_DECIMALS = 6
 
 
@@ -35,12 +35,9 @@ class GroundSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class GroundJob:
+class GroundJob(SceneJob):
     """One scene's episodes for one worker."""
 
-    dataset_root: Path
-    scene: str
-    keys: tuple[EpisodeKey, ...]
     settings: GroundSettings
 
 
@@ -58,7 +55,7 @@ class SceneGrounder:
         self._home = oracle_home(dataset, scene)
         self._encoder = make_encoder(settings.encoder)
         self._grounder = make_grounder(settings.method, self._encoder, seed=settings.seed)
-        self._phrases = DatasetPhrases(dataset.episodes(scenes=(scene,)))
+        self._phrases: PhraseSource = DatasetPhrases(dataset.episodes(scenes=(scene,)))
         self._storeys = scene_storeys(dataset.goals(scene).values())
         self._maps: dict[str | None, FeatureMap] = {}
 
@@ -118,34 +115,32 @@ def select_jobs(
 
 
 def evaluate(
-    jobs: Sequence[GroundJob], writer: RunWriter, *, processes: int, on_scene: Callable[[int], None] = lambda _: None
+    jobs: Sequence[GroundJob], writer: RunWriter, *, processes: int, on_episode: Callable[[], None] = lambda: None
 ) -> None:
-    """Answers every job's episodes and appends them to `writer` in order; those that it holds are skipped.
+    """Answers every job's episodes and appends each to `writer` in order; those that it holds are skipped.
 
     Args:
         jobs: One per scene.
         writer: Where answers go.
-        processes: Worker processes; 1 runs here. Answers do not depend on it.
-        on_scene: Called with the number of new answers of each finished scene.
+        processes: Worker processes; 1 runs here. Answers and their order do not depend on it.
+        on_episode: Called after each answer is on disk.
+
+    Raises:
+        PersonalVizError: An episode could not be answered; all before it are on disk.
     """
-    waiting = [replace(job, keys=tuple(key for key in job.keys if key not in writer.done)) for job in jobs]
-    for answers in _results([job for job in waiting if job.keys], processes):
-        writer.add_answers(answers)
-        on_scene(len(answers))
+    for answer in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
+        writer.add_answers([answer])
+        on_episode()
 
 
-def ground_scene(job: GroundJob) -> list[Answer]:
-    """The job's answers, in order of its keys."""
+def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
+    """Makes the maps of the job's scene; the result answers one of the scene's episodes.
+
+    Raises:
+        DatasetError: The scene is unknown or a file is damaged.
+        SceneError: The home does not fit a map.
+    """
     dataset = PersonalDataset(job.dataset_root)
     grounder = SceneGrounder(dataset, job.scene, job.settings)
-    by_key = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
-    return [grounder.answer(by_key[key]) for key in job.keys]
-
-
-def _results(jobs: Sequence[GroundJob], processes: int) -> Iterator[list[Answer]]:
-    if processes <= 1:
-        yield from map(ground_scene, jobs)
-        return
-    # spawn: forked children of a process that has loaded torch can deadlock in its thread pools
-    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(ground_scene, jobs)
+    episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
+    return lambda key: grounder.answer(episodes[key])

@@ -1,13 +1,11 @@
 """Where a grounder's phrases ("X owns Y in Z") come from. The source's name is printed in every row of results."""
 
 from collections.abc import Iterable
-from typing import Literal, Protocol
+from typing import Protocol
 
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.types import Task
-
-PhraseSourceName = Literal["dataset"]
 
 
 class PhraseSource(Protocol):

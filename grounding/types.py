@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.episodes.schema import Vector3
 from sim.errors import AgentError
 from sim.types import GridSpec
 
-Vector3 = tuple[float, float, float]
 TIE = 1e-6
 """Cosines closer than this are equal, and the first cell in row-major order wins: float32 products of equal rows differ
 by about 1e-7, and by where a row stands in the matrix."""

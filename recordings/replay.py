@@ -60,10 +60,13 @@ def log_comparison(
         `out`.
 
     Raises:
-        RecordingError: No run has the episode, runs and scene differ in kind, or `out` cannot be written.
+        RecordingError: No run has the episode, runs and scene differ in kind or version, or `out` is no .rrd file or
+            cannot be written.
     """
+    _require_rrd(out)
     traces = select_traces(runs, episode.key)
     _require_one_kind(traces, scene)
+    _require_one_version(traces, scene)
     may_show = scene.kind != "scan" or with_pixels
     storeys = [(height, height) for height in scene.navigation.storey_heights]
     floors = _floors_shown(episode, traces, storeys)
@@ -149,6 +152,24 @@ def _require_one_kind(traces: Sequence[Trace], scene: Scene) -> None:
                 f"{trace.info.run_id}: was made on a home of kind {kind!r}, {scene.name} is opened as {scene.kind!r}; "
                 "expected one kind in a recording. Leave the run out, or give (leave out) --scenes-dir."
             )
+
+
+def _require_one_version(traces: Sequence[Trace], scene: Scene) -> None:
+    """Runs made on another version of the home would walk through its walls; answers name no version."""
+    for trace in traces:
+        measures = trace.run.end.measures if isinstance(trace.run, EpisodeRun) else None
+        if measures is not None and measures.scene_digest != scene.digest:
+            raise RecordingError(
+                f"{trace.info.run_id}: was made on {scene.name} with scene_digest {measures.scene_digest[:12]!r}, the "
+                f"home opened now has {scene.digest[:12]!r}; expected the same version of the home. Give the "
+                "--dataset or --scenes-dir of the run, or leave the run out."
+            )
+
+
+def _require_rrd(out: Path) -> None:
+    """The recording replaces its file, so a run file given by mistake would be lost."""
+    if out.suffix != ".rrd":
+        raise RecordingError(f"--out: found {str(out)!r}; expected a file that ends in .rrd. Give another name.")
 
 
 def _floors_shown(episode: Episode, traces: Sequence[Trace], storeys: Sequence[tuple[float, float]]) -> list[int]:

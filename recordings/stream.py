@@ -1,4 +1,4 @@
-"""Open an .rrd for writing: beside its place, strict, renamed when whole."""
+"""Open an .rrd for writing: gathered in memory, strict, written beside its place, renamed when whole."""
 
 import os
 from collections.abc import Iterator
@@ -18,7 +18,8 @@ def open_recording(out: Path, key: EpisodeKey) -> Iterator[rr.RecordingStream]:
     """The recording of one episode; the file appears at `out` only when the block ends without an error.
 
     Rerun's strict mode is on inside: it would else warn and drop what it cannot use. Times of logging are left out, so
-    that two recordings of the same runs have the same content.
+    that two recordings of the same runs have the same content. Rerun's own file writer is not used: on a full disk it
+    waits for ever or raises without saying why.
 
     Raises:
         RecordingError: The file cannot be written.
@@ -34,19 +35,28 @@ def open_recording(out: Path, key: EpisodeKey) -> Iterator[rr.RecordingStream]:
     try:
         stream = rr.RecordingStream(paths.APPLICATION_ID, recording_id=paths.recording_id(key), send_properties=False)
         stream.set_log_time_enabled(False)
-        stream.save(beside)
+        memory = stream.memory_recording()
         try:
             yield stream
-        finally:
             stream.flush()
+            data = memory.drain_as_bytes()
+        finally:
             stream.disconnect()
-        os.replace(beside, out)
-    except OSError as error:
-        raise _cannot_write(out, error) from None
+        _write_whole(data, out, beside=beside)
     finally:
         rr.set_strict_mode(was_strict)
         beside.unlink(missing_ok=True)
 
 
+def _write_whole(data: bytes, out: Path, *, beside: Path) -> None:
+    try:
+        beside.write_bytes(data)
+        os.replace(beside, out)
+    except OSError as error:
+        raise _cannot_write(out, error) from None
+
+
 def _cannot_write(out: Path, error: OSError) -> RecordingError:
-    return RecordingError(f"{out}: cannot be written ({error}). Give --out a file in a folder that you can write.")
+    return RecordingError(
+        f"{out}: cannot be written ({error}); expected a folder with space that you can write. Give another --out."
+    )

@@ -78,15 +78,6 @@ def gps_from_poses(start: Pose, pose: Pose) -> tuple[float, float]:
     return (float(-offset[2]), float(offset[0]))
 
 
-def wxyz_from_matrix(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit quaternion (4,) in viser's order [w, x, y, z] of a rotation matrix (3, 3)."""
-    w = math.sqrt(max(0.0, 1 + R[0, 0] + R[1, 1] + R[2, 2])) / 2
-    x = math.copysign(math.sqrt(max(0.0, 1 + R[0, 0] - R[1, 1] - R[2, 2])) / 2, R[2, 1] - R[1, 2])
-    y = math.copysign(math.sqrt(max(0.0, 1 - R[0, 0] + R[1, 1] - R[2, 2])) / 2, R[0, 2] - R[2, 0])
-    z = math.copysign(math.sqrt(max(0.0, 1 - R[0, 0] - R[1, 1] + R[2, 2])) / 2, R[1, 0] - R[0, 1])
-    return np.array([w, x, y, z])
-
-
 def world_from_glb_zup(points_glb: NDArray[np.floating]) -> NDArray[np.floating]:
     """World points of a z-up file's points; (N, 3) in and out."""
     return points_glb @ T_world_glb_zup[:3, :3].T.astype(points_glb.dtype)

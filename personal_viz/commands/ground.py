@@ -3,11 +3,9 @@
 import json as json_module
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from pydantic import ValidationError
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -17,32 +15,16 @@ from grounding.evaluate import GroundJob, GroundSettings, evaluate, select_jobs
 from grounding.grounders import Grounder, make_grounder
 from grounding.phrases import DatasetPhrases
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import PersonalVizError, RunFileError, line_from_validation_error
+from sim.errors import PersonalVizError
+from sim.tasks.metrics import MetricRow, metric_rows
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import Answer, RunInfo, RunWriter, read_run
+from sim.tasks.run_files import RunInfo, RunWriter, read_run
 from sim.types import SPLITS, Split
 
-_TOTAL_IS = "all episodes together"
-"""The Total column weighs every episode alike; the plain mean of the splits is given beside it."""
+from .options import check_options
 
-
-@dataclass(frozen=True, slots=True)
-class _Count:
-    """Successes among answers."""
-
-    n: int
-    top1: int
-    top3: int
-
-    @property
-    def sr(self) -> float | None:
-        """Percent; None without episodes."""
-        return round(100 * self.top1 / self.n, 2) if self.n else None
-
-    @property
-    def sr3(self) -> float | None:
-        """Percent with any of the first three answers right; None without episodes."""
-        return round(100 * self.top3 / self.n, 2) if self.n else None
+_TOTAL_IS = "plain mean of the splits"
+"""As in the paper's Total column and in `personal-viz metrics`; `pooled` weighs every episode alike."""
 
 
 def ground(
@@ -66,8 +48,7 @@ def ground(
     Raises:
         PersonalVizError: Bad options, dataset or folder.
     """
-    _require_positive("--limit", limit)
-    _require_positive("--jobs", jobs)
+    check_options(run_id=run_id, limit=limit, jobs=jobs, seed=seed)
     episodes = PersonalDataset(dataset)
     settings = GroundSettings(method, map=map, encoder=encoder, seed=seed, all_storeys=all_storeys)
     work = select_jobs(episodes, settings, splits=split or SPLITS, scenes=scene, limit=limit)
@@ -79,20 +60,15 @@ def ground(
     folder = out / run_id
     writer = RunWriter(folder, _info(run_id, episodes, settings, grounder))
     _evaluate_with_progress(work, writer, processes=jobs)
+    run = read_run(folder)
     chosen = {key for job in work for key in job.keys}
-    answers = [answer for answer in read_run(folder).answers if answer.key in chosen]
-    counts = {split: _count([answer for answer in answers if answer.split == split]) for split in SPLITS}
-    counts["total"] = _count(answers)
+    answers = tuple(answer for answer in run.answers if answer.key in chosen)
+    rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
     if json:
-        print(json_module.dumps(_document(settings, grounder, counts, folder), indent=2))
+        print(json_module.dumps(_document(settings, grounder, rows, folder), indent=2))
     else:
-        _print_table(settings, grounder, counts, folder)
+        _print_table(settings, grounder, rows, folder)
     return 0
-
-
-def _require_positive(option: str, value: int | None) -> None:
-    if value is not None and value < 1:
-        raise PersonalVizError(f"{option} is {value}; expected a whole number from 1. Leave it out for the default.")
 
 
 def _phrase_source(grounder: Grounder) -> str:
@@ -103,26 +79,22 @@ def _phrase_source(grounder: Grounder) -> str:
 def _info(run_id: str, dataset: PersonalDataset, settings: GroundSettings, grounder: Grounder) -> RunInfo:
     phrases = _phrase_source(grounder)
     storey = "all storeys" if settings.all_storeys else "storey given"
-    try:
-        return make_run_info(
-            run_id,
-            who=settings.method,
-            who_kind="agent",
-            condition=f"{settings.map} map, {settings.encoder} encoder, phrases {phrases}, {storey}",
-            scene_kind="oracle-map",
-            dataset_digest=dataset.digest(),
-            seed=settings.seed,
-            config={
-                "map": settings.map,
-                "encoder": settings.encoder,
-                "phrases": phrases,
-                "all_storeys": settings.all_storeys,
-                "frame": grounder.frame,
-            },
-        )
-    except ValidationError as error:
-        advice = "Give another --run-id."
-        raise RunFileError(line_from_validation_error(f"--run-id {run_id!r}", error, advice=advice)) from None
+    return make_run_info(
+        run_id,
+        who=settings.method,
+        who_kind="agent",
+        condition=f"{settings.map} map, {settings.encoder} encoder, phrases {phrases}, {storey}",
+        scene_kind="oracle-map",
+        dataset_digest=dataset.digest(),
+        seed=settings.seed,
+        config={
+            "map": settings.map,
+            "encoder": settings.encoder,
+            "phrases": phrases,
+            "all_storeys": settings.all_storeys,
+            "frame": grounder.frame,
+        },
+    )
 
 
 def _evaluate_with_progress(work: Sequence[GroundJob], writer: RunWriter, *, processes: int) -> None:
@@ -130,20 +102,12 @@ def _evaluate_with_progress(work: Sequence[GroundJob], writer: RunWriter, *, pro
     left = sum(key not in writer.done for job in work for key in job.keys)
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
         bar = progress.add_task(work[0].settings.method, total=total, completed=total - left)
-        evaluate(work, writer, processes=processes, on_scene=lambda count: progress.update(bar, advance=count))
+        evaluate(work, writer, processes=processes, on_episode=lambda: progress.update(bar, advance=1))
 
 
-def _count(answers: Sequence[Answer]) -> _Count:
-    measures = [answer.measures for answer in answers if answer.measures is not None]
-    return _Count(len(measures), sum(item.success for item in measures), sum(item.top3_success for item in measures))
-
-
-def _mean_of_splits(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return round(sum(known) / len(known), 2) if known else None
-
-
-def _document(settings: GroundSettings, grounder: Grounder, counts: dict[str, _Count], folder: Path) -> dict:
+def _document(settings: GroundSettings, grounder: Grounder, rows: dict[str, MetricRow], folder: Path) -> dict:
+    names = (*SPLITS, "total")
+    splits = [rows[split] for split in SPLITS if split in rows]
     return {
         "method": settings.method,
         "encoder": settings.encoder,
@@ -152,36 +116,47 @@ def _document(settings: GroundSettings, grounder: Grounder, counts: dict[str, _C
         "storey_given": not settings.all_storeys,
         "frame": grounder.frame,
         "seed": settings.seed,
-        "n": counts["total"].n,
-        "n_per_split": {split: counts[split].n for split in SPLITS},
-        "sr": {name: count.sr for name, count in counts.items()},
-        "top3": {name: count.sr3 for name, count in counts.items()},
+        "n": rows["total"].n,
+        "n_per_split": {split: rows[split].n if split in rows else 0 for split in SPLITS},
+        "sr": {name: _rounded(rows[name].sr) if name in rows else None for name in names},
+        "top3": {name: _rounded(rows[name].top3) if name in rows else None for name in names},
         "total_is": _TOTAL_IS,
-        "mean_of_splits": {
-            "sr": _mean_of_splits([counts[split].sr for split in SPLITS]),
-            "top3": _mean_of_splits([counts[split].sr3 for split in SPLITS]),
+        "pooled": {
+            "sr": _pooled([(row.sr, row.n) for row in splits]),
+            "top3": _pooled([(row.top3, row.n) for row in splits]),
         },
         "run": str(folder),
     }
 
 
-def _print_table(settings: GroundSettings, grounder: Grounder, counts: dict[str, _Count], folder: Path) -> None:
+def _pooled(figures: Sequence[tuple[float | None, int]]) -> float | None:
+    """Percent over all episodes together, of each split's percent and number of episodes."""
+    known = [(percent, n) for percent, n in figures if percent is not None]
+    return _rounded(sum(percent * n for percent, n in known) / sum(n for _, n in known)) if known else None
+
+
+def _rounded(percent: float | None) -> float | None:
+    return None if percent is None else round(percent, 2)
+
+
+def _print_table(settings: GroundSettings, grounder: Grounder, rows: dict[str, MetricRow], folder: Path) -> None:
     storey = "all storeys merged" if settings.all_storeys else "storey given"
     table = Table(
         title=f"POG, {settings.map} map ({storey}), {settings.encoder} encoder, phrases {_phrase_source(grounder)}",
         caption=f"Percent within 1 m of the target. {settings.method} chooses among: {grounder.frame}. "
-        f"Total = {_TOTAL_IS}; mean of the splits: SR {_mean_of_splits([counts[split].sr for split in SPLITS])}, "
-        f"top-3 {_mean_of_splits([counts[split].sr3 for split in SPLITS])}.",
+        f"Total = {_TOTAL_IS}.",
     )
     table.add_column("Method")
     table.add_column("")
-    for name in counts:
+    names = [name for name in (*SPLITS, "total") if name in rows]
+    for name in names:
         table.add_column(name.capitalize(), justify="right")
-    table.add_row(settings.method, "SR", *(_cell(count.sr, count.top1, count.n) for count in counts.values()))
-    table.add_row("", "top-3", *(_cell(count.sr3, count.top3, count.n) for count in counts.values()))
+    table.add_row(settings.method, "SR", *(_cell(rows[name].sr) for name in names))
+    table.add_row("", "k/n", *(f"{rows[name].k}/{rows[name].n}" for name in names))
+    table.add_row("", "top-3", *(_cell(rows[name].top3) for name in names))
     Console(file=sys.stdout).print(table)
     print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
 
 
-def _cell(percent: float | None, successes: int, n: int) -> str:
-    return "-" if percent is None else f"{percent:.1f} ({successes}/{n})"
+def _cell(percent: float | None) -> str:
+    return "-" if percent is None else f"{percent:.1f}"

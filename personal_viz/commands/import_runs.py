@@ -6,6 +6,8 @@ from sim.episodes.dataset import PersonalDataset
 from sim.tasks.import_runs import import_runs
 from sim.tasks.run_files import Measures, read_run
 
+from .options import check_options
+
 
 def import_files(
     *,
@@ -31,6 +33,7 @@ def import_files(
     Returns:
         0; problems are raised as one-line errors.
     """
+    check_options(run_id=run_id)
     folders = import_runs(
         files,
         dataset=PersonalDataset(dataset),

@@ -12,12 +12,15 @@ from rich.table import Table
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.errors import AgentError
+from sim.errors import AgentError, PersonalVizError
+from sim.scenes.kind import common_kind
 from sim.tasks.metrics import MetricRow, metric_rows, read_runs, require_comparable
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import RunWriter
-from sim.tasks.runner import AgentJob, run_agent, scene_kind
+from sim.tasks.runner import AgentJob, run_agent
 from sim.types import SPLITS, EpisodeKey, Split, SuccessRule
+
+from .options import check_options
 
 MIN_TABLE_WIDTH = 150
 """Columns that the paper's table needs; narrower terminals wrap it, files and pipes do not."""
@@ -41,9 +44,12 @@ def run(
         raise AgentError(
             f"--agent is {agent!r}; expected random, shortest-path, or your own as package.module:factory."
         )
+    check_options(run_id=run_id, limit=limit, jobs=jobs, seed=seed)
     episodes = PersonalDataset(dataset)
     chosen = select_episodes(episodes, scenes=scene, splits=split, limit=limit)
-    kind = scene_kind(episodes, scenes_dir)
+    if not chosen:
+        raise PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
+    kind = common_kind(episodes, {episode.key.scene for episode in chosen}, scenes_dir)
     by_scene: dict[str, list[EpisodeKey]] = {}
     for episode in chosen:
         by_scene.setdefault(episode.key.scene, []).append(episode.key)
@@ -53,6 +59,7 @@ def run(
         for name in by_scene:
             find_scan(name, scenes_dir)
     run_id = run_id or f"{agent.replace(':', '.')}-{kind}-seed{seed}"
+    check_options(run_id=run_id)
     info = make_run_info(
         run_id,
         who=agent,
@@ -63,12 +70,15 @@ def run(
         config={"actions": "paper6"},
     )
     writer = RunWriter(out / run_id, info)
-    work = [AgentJob(dataset, scenes_dir, agent, seed, name, tuple(keys)) for name, keys in sorted(by_scene.items())]
+    work = [
+        AgentJob(dataset, name, tuple(keys), scenes_dir=scenes_dir, agent=agent, seed=seed)
+        for name, keys in sorted(by_scene.items())
+    ]
     left = sum(episode.key not in writer.done for episode in chosen)
     print(f"{len(chosen)} episodes in {len(work)} scenes ({kind}), {len(chosen) - left} of them done before")
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
         bar = progress.add_task(agent, total=left)
-        run_agent(work, writer, processes=jobs, on_scene=lambda n: progress.update(bar, advance=n))
+        run_agent(work, writer, processes=jobs, on_episode=lambda: progress.update(bar, advance=1))
     print(f"Written to {out / run_id}; see it with: personal-viz metrics {out / run_id}")
     return 0
 

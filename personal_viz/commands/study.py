@@ -17,11 +17,12 @@ from human_study.plan import PLAN_FILE, StudyPlan, load_plan, make_plan, save_pl
 from human_study.store import StudyStore, open_store
 from human_study.study import StudyConfig, StudyScene, save_study
 from human_study.tickets import new_token, token_hash
+from personal_viz.commands.options import check_options
 from personal_viz.gateway import Gateway, Tickets
 from personal_viz.store_link import StoreService
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
-from sim.tasks.runner import scene_kind
+from sim.scenes.kind import scene_kind
 from sim.types import SPLITS, Split
 
 SECRETS_FILE = "secrets.json"
@@ -66,6 +67,7 @@ def serve(
     port: int,
 ) -> int:
     """Serves the study until Ctrl-C; a study folder that exists goes on where it was."""
+    check_options(run_id=None, limit=limit, seed=seed)
     episodes = PersonalDataset(dataset)
     episodes.require_scene(scene)
     folder = out or Path("runs") / f"study-{scene}"
@@ -73,9 +75,9 @@ def serve(
     with contextlib.closing(listener):
         _require_writable(folder)
         config = StudyConfig(
-            study=f"{scene}-{seed}"[:32],
+            study=f"{scene[:20]}-{seed}"[:32],
             dataset_digest=episodes.digest(),
-            scenes=(StudyScene(name=scene, kind=scene_kind(episodes, scenes_dir)),),
+            scenes=(StudyScene(name=scene, kind=scene_kind(episodes, scene, scenes_dir)),),
             actions=actions,  # type: ignore[arg-type]
             seed=seed,
         )

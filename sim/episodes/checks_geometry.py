@@ -111,6 +111,16 @@ def _is_outside_limits(episode: Episode) -> bool:
     return not low <= episode.record.info.geodesic_distance <= high
 
 
+def _starts_beyond_limits(episode: Episode) -> bool:
+    """Whether even the straight line (3-D) from the start to any view point is longer than the split's upper limit.
+
+    No walk is shorter than the straight line, so no stored distance can make such a start right.
+    """
+    gaps = [np.linalg.norm(positions_of(goal) - episode.record.start_position, axis=1) for goal in episode.targets]
+    nearest = min((float(gap.min()) for gap in gaps if len(gap)), default=0.0)
+    return nearest > GEODESIC_LIMITS[episode.key.split][1]
+
+
 def _looks_away(episode: Episode) -> bool:
     """Whether the start looks 135 degrees or more away from the target's centre."""
     towards = np.subtract(episode.targets[0].position, episode.record.start_position)[[0, 2]]
@@ -179,7 +189,8 @@ GEOMETRY_RULES = (
     Rule(31, "geodesic-below-straight-line", "defect", "episodes", "geodesic_distance does not end at view_points[0]",
          _episodes_where(_is_geodesic_too_short)),
     Rule(32, "geodesic-outside-limits", "defect", "episodes", "geodesic_distance is outside the split's limits",
-         _episodes_where(_is_outside_limits)),
+         _episodes_where(_is_outside_limits),
+         also=(("start-beyond-limits", "episodes", _episodes_where(_starts_beyond_limits)),)),
     Rule(33, "start-looks-away", "note", "episodes", "the start looks at least 135 degrees away from the target",
          _episodes_where(_looks_away)),
     Rule(34, "target-with-other-storey-view-points", "defect", "episodes",

@@ -5,7 +5,9 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 
-from .ownership import OwnershipEdge, anonymous_summary, graph_from_sentences, normalise_phrase
+from sim.errors import DatasetError
+
+from .ownership import OwnershipEdge, anonymous_summary, graph_from_sentences, normalise_phrase, parse_ownership
 from .schema import Episode, EpisodeRecord
 from .survey import Find, Hit, Rule, Survey, splits_in_order
 
@@ -56,9 +58,21 @@ def _sentences_where(is_hit: Callable[[str], bool]) -> Find:
     return find
 
 
+def _sound_sentences(record: EpisodeRecord) -> tuple[str, ...]:
+    """The ownership sentences that can be parsed; the others are problems of the file (row 2)."""
+    return tuple(filter(_is_sound, record.extracted_summary))
+
+
+def _is_sound(sentence: str) -> bool:
+    try:
+        parse_ownership(sentence)
+    except DatasetError:
+        return False
+    return True
+
+
 def _edges(record: EpisodeRecord) -> tuple[OwnershipEdge, ...]:
-    """Edges of the sentences that have an owner; the others are problems of the file (row 2)."""
-    return graph_from_sentences(text for text in record.extracted_summary if " owns " in text).edges
+    return graph_from_sentences(_sound_sentences(record)).edges
 
 
 def _owner_sentences(record: EpisodeRecord) -> list[str]:
@@ -180,7 +194,8 @@ def _sampled_twice(survey: Survey) -> Iterable[Hit]:
         edges = _edges(episode.record)
         if not edges:
             continue
-        text, slots = anonymous_summary(episode.record)
+        sound = episode.record.model_copy(update={"extracted_summary": _sound_sentences(episode.record)})
+        text, slots = anonymous_summary(sound)
         asked = (
             episode.key.split,
             episode.key.scene,

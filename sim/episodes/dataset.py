@@ -2,6 +2,7 @@
 
 import gzip
 import hashlib
+import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ from pydantic import ValidationError
 from sim.errors import DatasetError, line_from_validation_error
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .schema import Episode, Goal, SceneFile, resolve_episode
+from .schema import NAME_PATTERN, Episode, Goal, SceneFile, resolve_episode, short_repr
 
 _ADVICE = '"personal-viz validate" lists every problem.'
 
@@ -51,12 +52,18 @@ class PersonalDataset:
         """One content file, checked against the schema.
 
         Raises:
-            DatasetError: The scene is not in this split, or its file is damaged or not in the format.
+            DatasetError: The scene is not in this split, its name is not one, or its file is damaged or not in the
+                format.
         """
         key = (split, scene)
         if key not in self.files:
             known = ", ".join(name for of_split, name in self.files if of_split == split) or "no scene"
             raise DatasetError(f"{self.root}: scene {scene!r} is not in split {split!r}; expected one of: {known}.")
+        if not re.fullmatch(NAME_PATTERN, scene):
+            raise DatasetError(
+                f"{self.files[key]}: the scene's name is {short_repr(scene)}; expected 1-64 letters, digits, _ or -. "
+                "Name the file <SceneName>.json.gz again."
+            )
         if key not in self._contents:
             self._contents[key] = read_scene_file(self.files[key])
         return self._contents[key]
@@ -67,7 +74,8 @@ class PersonalDataset:
         """All episodes with their targets, ordered by split (easy, medium, hard), scene name and place in the file.
 
         Raises:
-            DatasetError: A named scene is unknown, a file is damaged, or a target does not resolve.
+            DatasetError: A named scene is unknown, a file is damaged or uses an episode id twice, or a target does not
+                resolve.
         """
         for scene in scenes or ():
             self.require_scene(scene)
@@ -76,6 +84,7 @@ class PersonalDataset:
                 if of_split != split or (scenes is not None and scene not in scenes):
                     continue
                 content = self.content(split, scene)
+                _require_distinct_ids(self.files[(split, scene)], content)
                 for index, record in enumerate(content.episodes):
                     try:
                         yield resolve_episode(split, scene, record, content)
@@ -117,6 +126,18 @@ class PersonalDataset:
             total.update(f"{split}/{scene}\n".encode())
             total.update(read_bytes(path))
         return total.hexdigest()
+
+
+def _require_distinct_ids(path: Path, content: SceneFile) -> None:
+    """Raises DatasetError when two episodes of a file have one id: their runs could not be told apart."""
+    first_place: dict[str, int] = {}
+    for index, record in enumerate(content.episodes):
+        other = first_place.setdefault(record.episode_id, index)
+        if other != index:
+            raise DatasetError(
+                f"{path}: episodes[{index}].episode_id is {record.episode_id!r}, as in episodes[{other}]; "
+                f"expected one use per file. {_ADVICE}"
+            )
 
 
 def read_bytes(path: Path) -> bytes:

@@ -4,17 +4,59 @@ Unions and nulls are those measured in DATA_FORMAT.md. The dataset's `descriptio
 called `captions` here, is ground truth and never leaves `Episode`; `summary` becomes `Task.description`.
 """
 
+import math
+import re
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
 
 from sim.frames import yaw_from_quat_xyzw
 from sim.types import PAPER6, Action, EpisodeKey, Pose, Split, Task, TaskKind
 
+NAME_PATTERN = r"^[A-Za-z0-9_-]{1,64}$"
+"""What run files can carry as a scene's name or an episode's id."""
+LARGEST_M = 10_000.0
+"""No coordinate or distance in a home is larger (metres)."""
+_UNIT_TOLERANCE = 1e-3
+
 Finite = Annotated[float, AllowInfNan(False)]
+Metres = Annotated[float, AllowInfNan(False), Field(ge=-LARGEST_M, le=LARGEST_M)]
 Vector3 = tuple[Finite, Finite, Finite]
-QuatXyzw = tuple[Finite, Finite, Finite, Finite]
+"""Any vector, for other modules."""
+Place = tuple[Metres, Metres, Metres]
+"""A point of a home, world metres."""
+
+
+def short_repr(value: object) -> str:
+    """The value as messages show it, at most 80 characters."""
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def scene_name_from_id(scene_id: str) -> str:
+    """`TEEsavR23oF` from `hm3d_v0.2/val/00800-TEEsavR23oF/TEEsavR23oF.basis.glb`."""
+    return scene_id.rsplit("/", 1)[-1].split(".", 1)[0]
+
+
+def _require_unit(quat_xyzw: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    norm = math.hypot(*quat_xyzw)
+    if abs(norm - 1) > _UNIT_TOLERANCE:
+        raise PydanticCustomError(
+            "unit_quaternion", "a unit quaternion [x, y, z, w]; its norm is {norm}, not 1", {"norm": f"{norm:.4g}"}
+        )
+    return quat_xyzw
+
+
+def _require_scene_name(scene_id: str) -> str:
+    name = scene_name_from_id(scene_id)
+    if not re.fullmatch(NAME_PATTERN, name):
+        raise PydanticCustomError("scene_name", "a path to <SceneName>.glb, the name of 1-64 letters, digits, _ or -")
+    return scene_id
+
+
+QuatXyzw = Annotated[tuple[Finite, Finite, Finite, Finite], AfterValidator(_require_unit)]
 _STRICT_SHAPE = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
 
@@ -22,7 +64,7 @@ class AgentState(BaseModel):
     """A place to stand, world frame."""
 
     model_config = _STRICT_SHAPE
-    position: Vector3
+    position: Place
     """Feet, metres."""
     rotation: QuatXyzw
     """Unit quaternion [x, y, z, w]."""
@@ -41,7 +83,7 @@ class Goal(BaseModel):
     """One object instance of a scene, with the places around it."""
 
     model_config = _STRICT_SHAPE
-    position: Vector3
+    position: Place
     """Centre of the object's box, metres."""
     object_id: int
     object_name: str = Field(min_length=1)
@@ -78,9 +120,9 @@ class EpisodeInfo(BaseModel):
     """Distances that the generator stored; a named alternative only (DESIGN.md recomputes them)."""
 
     model_config = _STRICT_SHAPE
-    geodesic_distance: Finite
+    geodesic_distance: Metres
     """Metres from the start to view_points[0] of the target."""
-    euclidean_distance: Finite
+    euclidean_distance: Metres
     """Planar metres from the start to the target's centre."""
     closest_goal_object_id: int
 
@@ -89,8 +131,8 @@ class EpisodeRecord(BaseModel):
     """One entry of `episodes` in a content file, as released."""
 
     model_config = _STRICT_SHAPE
-    episode_id: str = Field(min_length=1)
-    scene_id: str = Field(min_length=1)
+    episode_id: str = Field(pattern=NAME_PATTERN)
+    scene_id: Annotated[str, AfterValidator(_require_scene_name)]
     scene_dataset_config: str
     object_category: str = Field(min_length=1)
     object_id: str | tuple[str, ...]
@@ -102,9 +144,9 @@ class EpisodeRecord(BaseModel):
     summary: str = Field(min_length=1)
     extracted_summary: tuple[str, ...]
     """One ownership sentence per edge; ground truth for people and for PAN agents."""
-    query: tuple[str, ...] = Field(min_length=1)
+    query: tuple[Annotated[str, Field(min_length=1, pattern=r"\S")], ...] = Field(min_length=1)
     """Equivalent paraphrases."""
-    start_position: Vector3
+    start_position: Place
     start_rotation: QuatXyzw
     info: EpisodeInfo
     goals: tuple[Any, ...] = ()
@@ -166,11 +208,6 @@ def goals_key(scene: str, category: str) -> str:
     return f"{scene}.basis.glb_{category}"
 
 
-def scene_name_from_id(scene_id: str) -> str:
-    """`TEEsavR23oF` from `hm3d_v0.2/val/00800-TEEsavR23oF/TEEsavR23oF.basis.glb`."""
-    return scene_id.rsplit("/", 1)[-1].split(".", 1)[0]
-
-
 def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: SceneFile) -> Episode:
     """The episode with its targets.
 
@@ -180,9 +217,10 @@ def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: Sc
     key = goals_key(scene, record.object_category)
     goals = content.goals_by_category.get(key)
     if goals is None:
-        raise KeyError(f"goals_by_category has no key {key!r}")
+        raise KeyError(f"goals_by_category has no key {short_repr(key)}")
     targets = tuple(goal for name in record.object_names for goal in goals if goal.object_name == name)
     if [goal.object_name for goal in targets] != list(record.object_names):
         found = [goal.object_name for goal in targets]
-        raise KeyError(f"object_id {list(record.object_names)} resolves to {found} in {key!r}, expected each once")
+        names = short_repr(list(record.object_names))
+        raise KeyError(f"object_id {names} resolves to {short_repr(found)} in {short_repr(key)}, expected each once")
     return Episode(EpisodeKey(split, scene, record.episode_id), record, targets)

@@ -15,7 +15,7 @@ from sim.types import SPLITS, EpisodeKey, Split
 
 from .dataset import PersonalDataset, read_bytes
 from .ownership import parse_ownership
-from .schema import Episode, Goal, SceneFile, resolve_episode, scene_name_from_id
+from .schema import Episode, Goal, SceneFile, resolve_episode, scene_name_from_id, short_repr
 
 Level = Literal["error", "defect", "note"]
 """`error` = unusable, `defect` = wrong but can be worked round, `note` = normal for the format."""
@@ -184,8 +184,8 @@ def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
     except ValidationError as invalid:
         for problem in invalid.errors()[1:]:
             field = ".".join(map(str, problem["loc"]))
-            found = "nothing" if problem["type"] == "missing" else repr(problem["input"])
-            yield f"{path}: {field} is {found[:80]}; expected: {problem['msg']}."
+            found = "nothing" if problem["type"] == "missing" else short_repr(problem["input"])
+            yield f"{path}: {field} is {found}; expected: {problem['msg']}."
 
 
 def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
@@ -194,7 +194,8 @@ def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
     for index, record in enumerate(content.episodes):
         where = f"episodes.{index}"
         if scene_name_from_id(record.scene_id) != scene:
-            yield f"{where}.scene_id is {record.scene_id!r}; expected: a path to scene {scene!r}, as the file is named."
+            found = short_repr(record.scene_id)
+            yield f"{where}.scene_id is {found}; expected: a path to scene {scene!r}, as the file is named."
         if first_place.setdefault(record.episode_id, index) != index:
             other = first_place[record.episode_id]
             yield f"{where}.episode_id is {record.episode_id!r}, as in episodes.{other}; expected: one use per file."
@@ -203,7 +204,7 @@ def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
                 parse_ownership(sentence)
             except DatasetError:
                 field = f"{where}.extracted_summary.{number}"
-                yield f"{field} is {sentence!r}; expected: '<Name> owns <object> in the <room>'."
+                yield f"{field} is {short_repr(sentence)}; expected: '<Name> owns <object> in the <room>'."
 
 
 def _problems_of_indexes(root: Path) -> Iterator[tuple[Hit, str]]:

@@ -1,17 +1,18 @@
 """Reads a GLB file into a `TriangleMesh` in the world frame; every scan enters here."""
 
-import json
 import struct
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from PIL import Image
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.alias_generators import to_camel
 from trimesh.visual import TextureVisuals
 
-from sim.errors import SceneError
+from sim.errors import SceneError, line_from_validation_error
 from sim.frames import world_from_glb_zup
 
 from .scene import TriangleMesh
@@ -22,6 +23,55 @@ _JSON_CHUNK = 0x4E4F534A
 _PLAIN_RGB = (200, 200, 200)
 """Faces without any colour."""
 _COPY = "Copy the file again from its source."
+_DAMAGES = (
+    ValueError, LookupError, TypeError, AttributeError, NameError, OSError, ArithmeticError, AssertionError,
+    RuntimeError, MemoryError, struct.error,
+)  # fmt: skip
+"""What trimesh raises on damaged files: it trusts their numbers and types."""
+_Index = Annotated[int, Field(ge=0)]
+
+
+class _Json(BaseModel):
+    """A part of a GLB's JSON, of which only the fields that we read ourselves are checked."""
+
+    model_config = ConfigDict(frozen=True, strict=True, alias_generator=to_camel)
+
+
+class _TextureInfo(_Json):
+    index: _Index
+
+
+class _Pbr(_Json):
+    base_color_texture: _TextureInfo | None = None
+
+
+class _Material(_Json):
+    pbr_metallic_roughness: _Pbr | None = None
+
+
+class _Texture(_Json):
+    source: _Index | None = None
+
+
+class _Primitive(_Json):
+    attributes: dict[str, _Index]
+    material: _Index | None = None
+
+
+class _Mesh(_Json):
+    primitives: list[_Primitive]
+
+
+class _Node(_Json):
+    mesh: _Index | None = None
+
+
+class _Header(_Json):
+    extensions_used: list[str] = []
+    nodes: list[_Node] = []
+    meshes: list[_Mesh] = []
+    materials: list[_Material] = []
+    textures: list[_Texture] = []
 
 
 class _Part(NamedTuple):
@@ -51,15 +101,16 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
     try:
         with path.open("rb") as file:
             loaded = trimesh.load_scene(file, file_type="glb", process=False)
-        parts = _placed_parts(loaded)
-    except (ValueError, KeyError, IndexError, TypeError, OSError, AttributeError, struct.error) as error:
+        parts = _placed_parts(path, loaded)
+        num_images = _num_base_images(header)
+    except _DAMAGES as error:
         raise SceneError(
             f"{path}: found GLB content that cannot be read ({type(error).__name__}: {_one_line(error)}); "
             f"expected meshes of binary glTF 2.0. {_COPY}"
         ) from None
     if not parts:
         raise SceneError(f"{path}: found no faces; expected a mesh of triangles. Export the scene with its geometry.")
-    mesh = _joined(path, parts, num_images=_num_base_images(header))
+    mesh = _joined(path, parts, num_images=num_images)
     if not np.isfinite(mesh.vertices).all():
         bad = int(np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))[0])
         raise SceneError(
@@ -73,7 +124,7 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
     )
 
 
-def _read_header(path: Path) -> dict[str, Any]:
+def _read_header(path: Path) -> _Header:
     """The JSON part of a GLB; raises SceneError unless the file is whole and its extensions are ones we can read."""
     try:
         with path.open("rb") as file:
@@ -90,11 +141,10 @@ def _read_header(path: Path) -> dict[str, Any]:
     if size < length or len(text) < json_length:
         raise SceneError(f"{path}: found {size} bytes of a GLB of {length}; expected the whole file. {_COPY}")
     try:
-        header = json.loads(text)
-        used = header.get("extensionsUsed", [])
-    except (ValueError, AttributeError):
-        raise SceneError(f"{path}: found a JSON part that cannot be read; expected glTF 2.0 JSON. {_COPY}") from None
-    for name in used:
+        header = _Header.model_validate_json(text)
+    except ValidationError as error:
+        raise SceneError(line_from_validation_error(f"{path}: JSON part", error, advice=_COPY)) from None
+    for name in header.extensions_used:
         if name in _BASIS:
             raise SceneError(
                 f"{path}: found {name}; expected PNG or JPEG textures. Basis textures are not supported yet, "
@@ -107,31 +157,44 @@ def _read_header(path: Path) -> dict[str, Any]:
     return header
 
 
-def _num_base_images(header: dict[str, Any]) -> int:
+def _num_base_images(header: _Header) -> int:
     """How many different images the meshes that the scene shows use as base colour."""
-    shown = {node["mesh"] for node in header.get("nodes", []) if "mesh" in node}
+    shown = {node.mesh for node in header.nodes if node.mesh is not None}
     found = set()
     for mesh in shown:
-        for primitive in header["meshes"][mesh]["primitives"]:
-            if "material" in primitive and "TEXCOORD_0" in primitive["attributes"]:
-                material = header["materials"][primitive["material"]]
-                texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
-                if texture is not None:
-                    found.add(header["textures"][texture["index"]].get("source", -1 - texture["index"]))
+        for primitive in header.meshes[mesh].primitives:
+            if primitive.material is not None and "TEXCOORD_0" in primitive.attributes:
+                pbr = header.materials[primitive.material].pbr_metallic_roughness
+                if pbr is not None and pbr.base_color_texture is not None:
+                    index = pbr.base_color_texture.index
+                    source = header.textures[index].source
+                    found.add(-1 - index if source is None else source)
     return len(found)
 
 
-def _placed_parts(loaded: trimesh.Scene) -> list[_Part]:
+def _placed_parts(path: Path, loaded: trimesh.Scene) -> list[_Part]:
     """Every mesh of the scene where its nodes put it; a mirroring node turns faces, so that they keep their side."""
     parts = []
     for node in sorted(loaded.graph.nodes_geometry):
         T_glb_mesh, name = loaded.graph[node]
         geometry = loaded.geometry[name]
         if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
+            _require_vertices(path, str(name), geometry)
             vertices = geometry.vertices @ T_glb_mesh[:3, :3].T + T_glb_mesh[:3, 3]
             mirrored = np.linalg.det(T_glb_mesh[:3, :3]) < 0
             parts.append(_Part(geometry, np.asarray(vertices, np.float32), [0, 2, 1] if mirrored else [0, 1, 2]))
     return parts
+
+
+def _require_vertices(path: Path, name: str, mesh: trimesh.Trimesh) -> None:
+    """Raises SceneError when a face of the mesh uses a vertex that is not there."""
+    wrong = np.argwhere((mesh.faces < 0) | (mesh.faces >= len(mesh.vertices)))
+    if len(wrong):
+        face, corner = wrong[0]
+        raise SceneError(
+            f"{path}: face {face} of mesh {name[:60]!r} uses vertex {mesh.faces[face, corner]}; "
+            f"expected 0 to {len(mesh.vertices) - 1}, the vertices that it has. {_COPY}"
+        )
 
 
 def _joined(path: Path, parts: list[_Part], *, num_images: int) -> TriangleMesh:

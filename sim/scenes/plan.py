@@ -6,7 +6,8 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from sim.errors import SceneError, line_from_validation_error
 from sim.types import GridSpec
@@ -15,8 +16,12 @@ SCHEMA_VERSION = 1
 CELL = 0.05
 """Side of a plan's cells (metres)."""
 Finite = Annotated[float, AllowInfNan(False)]
-Positive = Annotated[float, AllowInfNan(False), Field(gt=0)]
-Xz = tuple[Finite, Finite]
+Metres = Annotated[float, AllowInfNan(False), Field(ge=-10_000, le=10_000)]
+"""A coordinate; no home is larger."""
+Positive = Annotated[float, AllowInfNan(False), Field(gt=0, le=10_000)]
+Xz = tuple[Metres, Metres]
+Index = Annotated[int, Field(ge=0, le=1_000_000)]
+Count = Annotated[int, Field(ge=1, le=1_000_000)]
 Byte = Annotated[int, Field(ge=0, le=255)]
 Rgb = tuple[Byte, Byte, Byte]
 _MODEL = ConfigDict(frozen=True, extra="forbid")
@@ -26,10 +31,10 @@ _ADVICE = "Make the plan again with personal-viz invent, or restore the file."
 class Rect(NamedTuple):
     """An axis-aligned rectangle on the floor plane, world metres."""
 
-    x0: float
-    z0: float
-    x1: float
-    z1: float
+    x0: Metres
+    z0: Metres
+    x1: Metres
+    z1: Metres
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -59,7 +64,7 @@ class Storey(BaseModel):
     model_config = _MODEL
     label: str
     """How texts call it: "ground floor"."""
-    floor_y: Finite
+    floor_y: Metres
     ceiling: Positive = 2.5
     """Height of the ceiling (or of the walls' top) above the floor, metres."""
 
@@ -82,10 +87,10 @@ class Opening(BaseModel):
 
     model_config = _MODEL
     kind: Literal["door", "window"]
-    offset: Finite
+    offset: Metres
     """Metres from the wall's start to the middle of the opening."""
     width: Positive
-    sill: Finite = 0.0
+    sill: Metres = 0.0
     top: Positive = 2.05
     """Lower and upper edge above the floor, metres."""
 
@@ -118,7 +123,7 @@ class Stair(BaseModel):
     """Footprint of the flight and of the hole in the floor above."""
     towards: Literal["+x", "-x", "+z", "-z"]
     """Direction in which it rises."""
-    num_steps: int = Field(ge=1)
+    num_steps: int = Field(ge=1, le=1000)
 
 
 class Furniture(BaseModel):
@@ -128,7 +133,7 @@ class Furniture(BaseModel):
     name: str = Field(pattern=r"^.+_\d+$")
     """`<category>_<int>`; unique in the plan."""
     category: str = Field(min_length=1)
-    centre: tuple[Finite, Finite, Finite]
+    centre: tuple[Metres, Metres, Metres]
     size: tuple[Positive, Positive, Positive]
     """Width, height, depth in its own axes, metres."""
     yaw: Finite = 0.0
@@ -157,11 +162,11 @@ class Furniture(BaseModel):
 class CellRun(NamedTuple):
     """Neighbouring cells of one row at one height."""
 
-    row: int
-    col: int
+    row: Index
+    col: Index
     """First column."""
-    length: int
-    y_cm: int
+    length: Count
+    y_cm: Annotated[int, Field(ge=-1_000_000, le=1_000_000)]
     """Height in centimetres."""
     guessed: bool = False
     """Nobody was recorded here; the recovery put a bridge."""
@@ -172,7 +177,7 @@ class CellGrid(BaseModel):
 
     model_config = _MODEL
     origin_xz: Xz
-    shape: tuple[int, int]
+    shape: tuple[Count, Count]
     """(rows, cols)."""
     cell: Positive = CELL
     walkable: tuple[CellRun, ...]
@@ -200,6 +205,27 @@ class HomePlan(BaseModel):
     furniture: tuple[Furniture, ...] = ()
     cells: CellGrid | None = None
     """Floor of a schematic home; None for invented homes, whose mesh says where one can walk."""
+
+    @model_validator(mode="after")
+    def _every_storey_exists(self) -> "HomePlan":
+        """Rooms, walls and both ends of stairs stand on storeys of the plan."""
+        last = len(self.storeys) - 1
+        parts = (("rooms", self.rooms, last), ("walls", self.walls, last), ("stairs", self.stairs, last - 1))
+        wrong = [
+            InitErrorDetails(type=_no_storey(last, highest), loc=(name, index, "storey"), input=item.storey)
+            for name, items, highest in parts
+            for index, item in enumerate(items)
+            if item.storey > highest
+        ]
+        if wrong:
+            raise ValidationError.from_exception_data("HomePlan", wrong)
+        return self
+
+
+def _no_storey(last: int, highest: int) -> PydanticCustomError:
+    above = "" if highest == last else ", with a storey above it"
+    template = "one of the plan's storeys, 0 to {last}{above}"
+    return PydanticCustomError("no_storey", template, {"last": last, "above": above})
 
 
 class Cells(NamedTuple):

@@ -9,7 +9,8 @@ from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
 
 from .furnish import mesh_from_plan
 from .glb import load_glb
-from .plan import HomePlan, cells_from_runs, load_plan
+from .kind import plan_of
+from .plan import HomePlan, cells_from_runs
 from .recover import recover_plan
 from .scene import Scene
 from .walkable import PLAN_CLIMB
@@ -30,13 +31,7 @@ def open_scene(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None =
     dataset.require_scene(name)
     if scenes_dir is not None:
         return _scan(find_scan(name, scenes_dir), name)
-    path = dataset.root / "scenes" / f"{name}.plan.json"
-    if not path.is_file():
-        return scene_from_plan(recover_plan(dataset, name))
-    plan = load_plan(path)
-    if plan.name != name:
-        raise SceneError(f"{path}: name is {plan.name!r}; expected {name!r}. Rename the file or correct the plan.")
-    return scene_from_plan(plan)
+    return scene_from_plan(plan_of(dataset, name) or recover_plan(dataset, name))
 
 
 def scene_from_plan(plan: HomePlan) -> Scene:

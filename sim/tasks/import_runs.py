@@ -18,12 +18,12 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import DatasetError, RunFileError, line_from_validation_error
 from sim.frames import forward_from_yaw, wrap_angle
+from sim.scenes.kind import common_kind
 from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, EpisodeKey, Pose, SceneKind
 
 from .provenance import make_run_info
 from .rules import score_run
-from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, RunInfo, RunWriter, Step, read_lines
-from .runner import scene_kind
+from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, RunInfo, RunWriter, Step, read_episode_runs
 
 START_TOLERANCE = 0.01
 """A run starts at most this far (metres) from its episode's start."""
@@ -86,17 +86,17 @@ def import_runs(
     Raises:
         RunFileError: A line is damaged, a step is impossible, an episode is unknown or comes twice, or `out` cannot be
             written.
-        SceneError: A scene cannot be opened.
+        SceneError: The scenes are of several kinds, or one cannot be opened.
     """
-    kind = scene_kind(dataset, scenes_dir)
+    checked = [run for path in files for run in check_file(path, dataset=dataset)]
+    _require_some_and_no_twins(checked, files)
+    kind = common_kind(dataset, {item.episode.key.scene for item in checked}, scenes_dir)
     if kind == "schematic" and not allow_schematic:
         raise RunFileError(
             f"{dataset.root}: there are neither scans nor plans of its homes, only schematic homes, which another "
             "simulator did not use; expected the scenes that were played. Give --scenes-dir the folder of their GLBs."
         )
     info = _run_info(files, dataset=dataset, kind=kind, who=who, run_id=run_id)
-    checked = [run for path in files for run in check_file(path, dataset=dataset)]
-    _require_some_and_no_twins(checked, files)
     scored = _score(checked, dataset=dataset, scenes_dir=scenes_dir)
     writer = RunWriter(out / info.run_id, info)
     for run in scored:
@@ -111,36 +111,10 @@ def check_file(path: Path, *, dataset: PersonalDataset) -> Iterator[CheckedRun]:
     Raises:
         RunFileError: A line is damaged or a step is impossible; the message begins with `file:line`.
     """
-    for lines, run in read_numbered_runs(path):
+    for lines, run in read_episode_runs(path):
         episode = _find_episode(f"{path}:{lines[0]}", run.start, dataset)
         check_steps(path, lines, run)
         yield CheckedRun(episode, _with_own_facts(run, episode), f"{path}:{lines[0]}")
-
-
-def read_numbered_runs(path: Path) -> Iterator[tuple[list[int], EpisodeRun]]:
-    """(line numbers of start, each step and end; run) of each block; an incomplete last block is left out.
-
-    Raises:
-        RunFileError: A line is not valid or stands where it cannot.
-    """
-    numbers: list[int] = []
-    start: EpisodeStart | None = None
-    steps: list[Step] = []
-    for number, line in read_lines(path):
-        if isinstance(line, EpisodeStart) and start is None:
-            numbers, start, steps = [number], line, []
-        elif isinstance(line, Step) and start is not None:
-            numbers.append(number)
-            steps.append(line)
-        elif isinstance(line, EpisodeEnd) and start is not None:
-            yield [*numbers, number], EpisodeRun(start=start, steps=tuple(steps), end=line)
-            start = None
-        else:
-            expected = "a line of kind 'episode'" if start is None else "'step' or 'end'"
-            raise RunFileError(
-                f"{path}:{number}: found a line of kind {getattr(line, 'kind', None)!r}; expected {expected} here. "
-                "Write the file with habitat_writer.py."
-            )
 
 
 def check_steps(path: Path, lines: Sequence[int], run: EpisodeRun) -> None:

@@ -48,22 +48,26 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
     """Rows per who, task, condition and split, then a total row for each.
 
     Args:
-        runs: Folders in memory; runs of the same who, condition and scene kind are pooled.
+        runs: Folders in memory; runs of the same who, condition and scene kind are pooled, also several of one episode
+            (participants, seeds).
         rule: Success rule of the PAN rows.
 
     Raises:
-        RunFileError: A run was never scored, or an episode stands twice in one agent's run.
+        RunFileError: A run was never scored, an episode stands twice in one run, or runs to be pooled are on different
+            episode files.
     """
-    groups: dict[tuple[str, str, str, TaskKind], list[EpisodeRun | Answer]] = defaultdict(list)
+    groups: dict[tuple[str, str, str, TaskKind], list[Run]] = defaultdict(list)
     for run in runs:
         _require_scored(run)
         who, condition, kind = run.info.who, run.info.condition, run.info.scene_kind
         if run.episodes:
-            groups[(who, condition, kind, "pan")].extend(run.episodes)
+            groups[(who, condition, kind, "pan")].append(run)
         if run.answers:
-            groups[(who, condition, kind, "pog")].extend(run.answers)
+            groups[(who, condition, kind, "pog")].append(run)
     rows = []
-    for (who, condition, kind, task), items in groups.items():
+    for (who, condition, kind, task), pooled in groups.items():
+        require_comparable(run.info for run in pooled)
+        items = [item for run in pooled for item in (run.episodes if task == "pan" else run.answers)]
         names = {"who": who, "condition": condition, "scene_kind": kind, "task": task}
         cells = [
             _row(names, split, [item for item in items if item.key.split == split], rule=rule)
@@ -75,11 +79,19 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
 
 
 def require_comparable(infos: Iterable[RunInfo]) -> None:
-    """Raises RunFileError when runs come from different kinds of scenes: their results never share a table."""
+    """Raises RunFileError when results may not share a table: other kinds of scenes, or other episode files."""
+    infos = list(infos)
     kinds = {info.scene_kind: info.run_id for info in infos}
     if len(kinds) > 1:
         found = ", ".join(f"{kind} ({run_id})" for kind, run_id in sorted(kinds.items()))
         raise RunFileError(f"runs: found scene kinds {found}; expected one kind per table. Give the kinds separately.")
+    digests = {info.dataset_digest: info.run_id for info in infos}
+    if len(digests) > 1:
+        found = ", ".join(f"{digest[:12]} ({run_id})" for digest, run_id in sorted(digests.items()))
+        raise RunFileError(
+            f"runs: found dataset_digest {found}; expected runs on the same episode files. Give the data sets' runs "
+            "separately."
+        )
 
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
@@ -124,7 +136,8 @@ def _row(names: dict[str, str], split: str, items: Sequence[EpisodeRun | Answer]
 
 
 def _pan_row(names: dict[str, str], split: str, runs: Sequence[EpisodeRun], *, rule: SuccessRule) -> MetricRow:
-    scored = [run.end.measures.rules[rule] for run in runs if run.end.measures is not None]
+    counted = [run.end.measures for run in runs if run.end.measures is not None and run.end.reason != "technical"]
+    scored = [measures.rules[rule] for measures in counted]
     found = [measures for measures in scored if measures is not None]
     reached = [measures.dtg for measures in found if measures.dtg is not None]
     successes = sum(measures.success for measures in found)
@@ -143,7 +156,7 @@ def _pan_row(names: dict[str, str], split: str, runs: Sequence[EpisodeRun], *, r
 
 
 def _pog_row(names: dict[str, str], split: str, answers: Sequence[Answer]) -> MetricRow:
-    scored = [answer for answer in answers if answer.measures is not None]
+    scored = [answer for answer in answers if answer.measures is not None and answer.reason != "technical"]
     successes = sum(answer.measures.success for answer in scored if answer.measures)
     top3 = sum(answer.measures.top3_success for answer in scored if answer.measures)
     ranked = any(answer.scores for answer in scored)

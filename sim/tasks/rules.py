@@ -115,14 +115,13 @@ def reaches_target(position: Sequence[float] | NDArray[np.float64], target: Goal
     return on_storey and _planar(position, target.position) <= success_radius(target)
 
 
-def success_region(episode: Episode, navigation: NavigationMap, *, margin: float = 0.0) -> NDArray[np.float64]:
-    """Places (K, 3) from which STOP succeeds under rule `paper`, `margin` metres inside where there are any."""
+def success_region(episode: Episode, navigation: NavigationMap) -> NDArray[np.float64]:
+    """Places (K, 3) from which STOP succeeds under rule `paper`; some may be out of reach, such as a bed's top."""
     regions = []
     for target in episode.targets:
         centre = np.array([[target.position[0], target.floor_y, target.position[2]]])
-        regions.append(navigation.points_within(centre, success_radius(target) - margin, max_dy=STOREY_GAP))
-    region = np.concatenate(regions)
-    return region if len(region) or not margin else success_region(episode, navigation)
+        regions.append(navigation.points_within(centre, success_radius(target), max_dy=STOREY_GAP))
+    return np.concatenate(regions)
 
 
 def _paper(

@@ -5,19 +5,20 @@
 """
 
 import json
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from sim.episodes.schema import Finite, Vector3
 from sim.errors import RunFileError, line_from_validation_error
+from sim.files import append_whole, write_whole
 from sim.types import Action, EndReason, EpisodeKey, Pose, SceneKind, Split, SuccessRule, WhoKind
 
 SCHEMA_VERSION = 1
-Finite = Annotated[float, AllowInfNan(False)]
-Vector3 = tuple[Finite, Finite, Finite]
+RUN_ID = r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$"
+"""Pattern of a run's name, which is also its folder's: no slash, no leading dot."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -26,7 +27,7 @@ class RunInfo(BaseModel):
 
     model_config = _MODEL
     schema_version: Literal[1] = SCHEMA_VERSION
-    run_id: str = Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$")
+    run_id: str = Field(pattern=RUN_ID)
     who: str = Field(min_length=1, max_length=80)
     """Row name in tables: an agent's or a grounder's name, or "human"."""
     who_kind: WhoKind
@@ -223,7 +224,7 @@ def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
             raise RunFileError(
                 f"{path}:{number}: found text that is not JSON; expected one object. {_ADVICE}"
             ) from None
-        if kind not in _LINE_MODELS:
+        if not isinstance(kind, str) or kind not in _LINE_MODELS:
             raise RunFileError(f"{path}:{number}: kind is {kind!r}; expected one of {list(_LINE_MODELS)}. {_ADVICE}")
         try:
             yield number, _LINE_MODELS[kind].model_validate_json(line, strict=True)
@@ -231,22 +232,23 @@ def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
             raise RunFileError(line_from_validation_error(f"{path}:{number}", error, advice=_ADVICE)) from None
 
 
-def read_episode_runs(path: Path) -> Iterator[tuple[int, EpisodeRun]]:
-    """(line of its first line, run) of each complete block of a steps file; an incomplete last block is left out.
+def read_episode_runs(path: Path) -> Iterator[tuple[list[int], EpisodeRun]]:
+    """(line numbers of start, each step and end; run) of each block; an incomplete last block is left out.
 
     Raises:
         RunFileError: A line is not valid or stands where it cannot.
     """
-    first = 0
+    numbers: list[int] = []
     start: EpisodeStart | None = None
     steps: list[Step] = []
     for number, line in read_lines(path):
         if isinstance(line, EpisodeStart) and start is None:
-            first, start, steps = number, line, []
+            numbers, start, steps = [number], line, []
         elif isinstance(line, Step) and start is not None:
+            numbers.append(number)
             steps.append(line)
         elif isinstance(line, EpisodeEnd) and start is not None:
-            yield first, EpisodeRun(start=start, steps=tuple(steps), end=line)
+            yield [*numbers, number], EpisodeRun(start=start, steps=tuple(steps), end=line)
             start = None
         else:
             expected = "'episode'" if start is None else "'step' or 'end'"
@@ -301,6 +303,7 @@ class RunWriter:
         self._info = info
         self.done: set[EpisodeKey] = set()
         """Episodes that the folder already holds."""
+        self._scene_digests: dict[str, str] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
             if (folder / "run.json").exists():
@@ -309,28 +312,44 @@ class RunWriter:
                     _cut_incomplete_tail(folder / name)
                 run = read_run(folder)
                 self.done |= {item.key for item in (*run.episodes, *run.answers)}
+                for episode in run.episodes:
+                    self._require_same_scene(episode)
         except OSError as error:
-            raise RunFileError(
-                f"{folder}: cannot be written ({error}). Give --out a folder that you can write."
-            ) from None
+            raise self._unwritable(error) from None
 
     def add_episode(self, run: EpisodeRun) -> None:
-        """Appends one block; it is on disk when this returns."""
+        """Appends one block; it is on disk when this returns.
+
+        Raises:
+            RunFileError: The folder cannot be written, or its episodes of this scene were run on another version of it.
+        """
+        self._require_same_scene(run)
         self._append("steps.jsonl", (run.start, *run.steps, run.end))
         self.done.add(run.key)
 
     def add_answers(self, answers: Sequence[Answer]) -> None:
-        """Appends one line each; they are on disk when this returns."""
+        """Appends one line each; they are on disk when this returns.
+
+        Raises:
+            RunFileError: The folder cannot be written.
+        """
         self._append("answers.jsonl", answers)
         self.done.update(answer.key for answer in answers)
 
     def _append(self, name: str, lines: Sequence[BaseModel]) -> None:
-        if not (self.folder / "run.json").exists():
-            _write_whole(self.folder / "run.json", self._info.model_dump_json(indent=2) + "\n")
-        with (self.folder / name).open("a", encoding="utf-8") as file:
-            file.write("".join(line.model_dump_json() + "\n" for line in lines))
-            file.flush()
-            os.fsync(file.fileno())
+        text = "".join(line.model_dump_json() + "\n" for line in lines)
+        try:
+            if not (self.folder / "run.json").exists():
+                write_whole(self.folder / "run.json", self._info.model_dump_json(indent=2) + "\n")
+            append_whole(self.folder / name, text)
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def _unwritable(self, error: OSError) -> RunFileError:
+        return RunFileError(
+            f"{self.folder}: cannot be written ({error}); expected a folder with space that you can write. "
+            "Give another --out, or make room and run again: finished episodes are kept."
+        )
 
     def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
         for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config"):
@@ -341,12 +360,17 @@ class RunWriter:
                     "expected the same to resume. Give another --out or --run-id."
                 )
 
-
-def _write_whole(path: Path, text: str) -> None:
-    """Write beside, then rename: the file is never half-written."""
-    beside = path.with_name(path.name + ".part")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)
+    def _require_same_scene(self, run: EpisodeRun) -> None:
+        """Distances on two versions of a home never share a folder; a run without measures says nothing of its home."""
+        if run.end.measures is None:
+            return
+        scene, now = run.key.scene, run.end.measures.scene_digest
+        was = self._scene_digests.setdefault(scene, now)
+        if was != now:
+            raise RunFileError(
+                f"{self.folder / 'steps.jsonl'}: scene_digest of {scene} is {was[:12]!r}, {run.key} has {now[:12]!r}; "
+                "expected one version of the home per run. Give another --out or --run-id."
+            )
 
 
 def _cut_incomplete_tail(path: Path) -> None:
@@ -358,11 +382,12 @@ def _cut_incomplete_tail(path: Path) -> None:
     while whole and not (lines[whole - 1].endswith("\n") and _closes_a_block(lines[whole - 1])):
         whole -= 1
     if whole < len(lines):
-        _write_whole(path, "".join(lines[:whole]))
+        write_whole(path, "".join(lines[:whole]))
 
 
 def _closes_a_block(line: str) -> bool:
     try:
-        return json.loads(line).get("kind") in ("end", "answer")
+        raw = json.loads(line)
     except ValueError:
         return False
+    return isinstance(raw, dict) and raw.get("kind") in ("end", "answer")

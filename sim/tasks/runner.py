@@ -1,55 +1,38 @@
-"""The only loop that steps an environment for agents; processes per scene, resumable, results independent of `jobs`."""
+"""The only loop that steps an environment for agents; resumable episode by episode, results independent of `jobs`."""
 
-import multiprocessing
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
-from sim.types import PAPER6, Action, Camera, EpisodeKey, Observation, SceneKind, Task
+from sim.types import PAPER6, Action, Camera, EpisodeKey, Task
 from sim.world.navigation_map import NavigationMap
 
 from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent
 from .pan import PanEnv
-from .rules import score_run, success_region
+from .rules import score_run
 from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, RunWriter
+from .workers import SceneJob, results, without
 
-
-class Observer(Protocol):
-    """Sees a run as it happens; must not change it."""
-
-    def on_reset(self, task: Task, observation: Observation) -> None:
-        """The episode begins."""
-        ...
-
-    def on_step(self, action: Action, observation: Observation) -> None:
-        """One action was taken."""
-        ...
-
-    def on_end(self, run: EpisodeRun) -> None:
-        """The episode is over and scored."""
-        ...
+BATCH = 8
+"""Episodes that a worker process runs before it hands them over: what a kill can lose, per process."""
 
 
 @dataclass(frozen=True, slots=True)
-class AgentJob:
+class AgentJob(SceneJob):
     """All that a worker process needs to run an agent on some episodes of one scene."""
 
-    dataset_root: Path
     scenes_dir: Path | None
     agent: str
     """`random`, `shortest-path` or `package.module:factory`."""
     seed: int
-    scene: str
-    keys: tuple[EpisodeKey, ...]
 
 
-def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, observers: Sequence[Observer] = ()) -> None:
+def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int) -> None:
     """Steps `env` with the agent's actions until the episode is over.
 
     Raises:
@@ -57,8 +40,6 @@ def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, observers:
     """
     observation = env.reset()
     _call_agent(agent.reset, task, env.camera, seed=seed)
-    for observer in observers:
-        observer.on_reset(task, observation)
     while not env.is_over:
         action = _call_agent(agent.act, observation)
         if not isinstance(action, Action) or action not in task.actions:
@@ -68,8 +49,6 @@ def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, observers:
                 "Correct its act()."
             )
         observation = env.step(action)
-        for observer in observers:
-            observer.on_step(action, observation)
 
 
 def run_from_env(episode: Episode, env: PanEnv, *, scene_digest: str, navigation: NavigationMap) -> EpisodeRun:
@@ -98,55 +77,52 @@ def run_from_env(episode: Episode, env: PanEnv, *, scene_digest: str, navigation
     )
 
 
-def run_scene(job: AgentJob) -> list[EpisodeRun]:
-    """Runs the agent over the job's episodes, in order."""
+def open_job(job: AgentJob) -> Callable[[EpisodeKey], EpisodeRun]:
+    """Opens the job's scene; the result runs the agent over one of the scene's episodes and scores it.
+
+    Raises:
+        SceneError: The scene cannot be opened.
+        AgentError: The agent cannot be built; the function raises it too, when the agent fails.
+    """
     from sim.scenes.sources import open_scene
 
     dataset = PersonalDataset(job.dataset_root)
     scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir)
-    renderer = None
+    episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
+    plugin, renderer = None, None
     if ":" in job.agent:
         from sim.scenes.labels import readable
         from sim.world.raycast import Raycaster
 
-        renderer = readable(Raycaster(scene.mesh), scene)
-    by_key = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
-    agent = load_agent(job.agent) if ":" in job.agent else RandomAgent()
-    runs = []
-    for key in job.keys:
-        episode = by_key[key]
-        if job.agent == "shortest-path":
-            region = success_region(episode, scene.navigation, margin=0.1)
-            agent = ShortestPathAgent(episode.start, region, scene.navigation)
+        plugin, renderer = load_agent(job.agent), readable(Raycaster(scene.mesh), scene)
+
+    def run_episode(key: EpisodeKey) -> EpisodeRun:
+        episode = episodes[key]
+        agent = plugin or _own_agent(job.agent, episode, scene.navigation)
         env = PanEnv(episode.start, scene.navigation, renderer=renderer, camera=Camera())
         play_episode(agent, env, episode.task("pan", actions=PAPER6), seed=episode_seed(job.seed, key))
-        runs.append(run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation))
-    return runs
+        return run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation)
+
+    return run_episode
 
 
 def run_agent(
-    jobs: Sequence[AgentJob], writer: RunWriter, *, processes: int, on_scene: Callable[[int], None] = lambda _: None
+    jobs: Sequence[AgentJob], writer: RunWriter, *, processes: int, on_episode: Callable[[], None] = lambda: None
 ) -> None:
-    """Runs every job and appends its runs to `writer` in order; episodes that the writer holds are skipped.
+    """Runs every job and appends each run to `writer` as it is finished, in order; what the writer holds is skipped.
 
     Args:
         jobs: One per scene.
         writer: Where finished runs go.
-        processes: Worker processes; 1 runs here.
-        on_scene: Called with the number of episodes of each finished scene.
+        processes: Worker processes; 1 runs here. Runs and their order do not depend on it.
+        on_episode: Called after each episode is on disk.
+
+    Raises:
+        PersonalVizError: An episode could not be run; all before it are on disk.
     """
-    open_jobs = [job for job in (_without_done(job, writer) for job in jobs) if job.keys]
-    for runs in _results(open_jobs, processes):
-        for run in runs:
-            writer.add_episode(run)
-        on_scene(len(runs))
-
-
-def scene_kind(dataset: PersonalDataset, scenes_dir: Path | None) -> SceneKind:
-    """Which of the three sources `open_scene` takes for this dataset's scenes."""
-    if scenes_dir is not None:
-        return "scan"
-    return "invented" if any((dataset.root / "scenes").glob("*.plan.json")) else "schematic"
+    for run in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
+        writer.add_episode(run)
+        on_episode()
 
 
 def episode_seed(seed: int, key: EpisodeKey) -> int:
@@ -154,18 +130,10 @@ def episode_seed(seed: int, key: EpisodeKey) -> int:
     return zlib.crc32(f"{seed}/{key}".encode())
 
 
-def _results(jobs: Sequence[AgentJob], processes: int) -> Iterator[list[EpisodeRun]]:
-    if processes <= 1:
-        yield from map(run_scene, jobs)
-        return
-    # spawn: forked children of a process that has loaded numba or Open3D can deadlock in their thread pools
-    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(run_scene, jobs)
-
-
-def _without_done(job: AgentJob, writer: RunWriter) -> AgentJob:
-    keys = tuple(key for key in job.keys if key not in writer.done)
-    return AgentJob(job.dataset_root, job.scenes_dir, job.agent, job.seed, job.scene, keys)
+def _own_agent(name: str, episode: Episode, navigation: NavigationMap) -> Agent:
+    if name == "random":
+        return RandomAgent()
+    return ShortestPathAgent(episode, navigation)
 
 
 def _call_agent(method: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:

@@ -298,8 +298,8 @@ def floor_grid_from_mesh(
     if not len(places.row):
         raise SceneError(
             f"navigation: found no floor of 1 m2 or more on {len(mesh.faces)} faces where a robot of radius {radius!r} "
-            f"and height {height!r} fits; expected a furnished home in metres with y up. "
-            "Check the file's unit and up axis."
+            f"and height {height!r} fits; expected a furnished home in metres, y up "
+            "(GLB files are read as z-up, as HM3D's are). Check the file's unit and up axis."
         )
     rows, cols = places.grid.shape
     h = places.y / places.grid.cell

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from grounding.evaluate import GroundSettings, SceneGrounder, evaluate, ground_scene, select_jobs
+from grounding.evaluate import GroundSettings, SceneGrounder, evaluate, open_job, select_jobs
 from sim.episodes.dataset import PersonalDataset
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import RunWriter, read_run
@@ -38,7 +38,7 @@ def test_the_limit_counts_per_split_in_the_datasets_order(small_root: Path) -> N
 def test_query_scoring_answers_by_hand(small_root: Path) -> None:
     dataset = PersonalDataset(small_root)
     (job,) = select_jobs(dataset, GroundSettings("qs"), splits=("hard",))
-    answers = ground_scene(job)
+    answers = [open_job(job)(key) for key in job.keys]
     assert [answer.episode_id for answer in answers] == ["0", "1", "2"]
     # "Find Carl's mirror": the only text with "mirror" is at x 0.5, z 4.5, which is a cell's centre
     assert answers[2].candidates[0] == (0.5, 0.0, 4.5)
@@ -81,12 +81,11 @@ def test_a_killed_run_goes_on_where_it_stopped(small_root: Path, tmp_path: Path)
     path = tmp_path / "run" / "answers.jsonl"
     whole = path.read_text()
     path.write_text(whole[: len(whole) // 2])
-    counts: list[int] = []
-    evaluate(jobs, writer_in(tmp_path / "run"), processes=1, on_scene=counts.append)
-    assert path.read_text() == whole
-    assert 0 < sum(counts) < 11
-    evaluate(jobs, writer_in(tmp_path / "run"), processes=1, on_scene=counts.append)
-    assert path.read_text() == whole
+    calls: list[int] = []
+    for _ in range(2):
+        evaluate(jobs, writer_in(tmp_path / "run"), processes=1, on_episode=lambda: calls.append(1))
+        assert path.read_text() == whole
+        assert 0 < len(calls) < 11
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from sim.scenes.scene import Scene, cut_storey
 from sim.scenes.sources import open_scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
-from sim.tasks.rules import scene_storeys, storey_of, success_region
+from sim.tasks.rules import scene_storeys, storey_of
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import PAPER4, Action, EpisodeKey
 
@@ -43,7 +43,7 @@ def home_of(study: ServedStudy, code: str) -> tuple[Episode, Scene, PersonalData
 def way_to_the_target(episode: Episode, scene: Scene) -> list[Action]:
     """Actions of the shortest-path agent, STOP left out."""
     env = PanEnv(episode.start, scene.navigation, renderer=None)
-    agent = ShortestPathAgent(episode.start, success_region(episode, scene.navigation, margin=0.1), scene.navigation)
+    agent = ShortestPathAgent(episode, scene.navigation)
     agent.reset(episode.task("pan", actions=PAPER4), env.camera, seed=0)
     observation = env.reset()
     actions = []

@@ -2,6 +2,7 @@
 
 import io
 import subprocess
+import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -291,11 +292,66 @@ def test_runs_of_another_episode_kind_or_place_are_refused_and_leave_no_file(
         record(out, [agent_run], replace(episode, key=KEY._replace(episode_id="8")), home)
     blocked = tmp_path / "file"
     blocked.touch()
-    with pytest.raises(RecordingError, match="cannot be written"):
-        record(blocked / "a.rrd", [agent_run], episode, home)
-    with pytest.raises(RecordingError, match="cannot be written"):
-        record(tmp_path, [agent_run], episode, home)
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    folder = tmp_path / "folder.rrd"
+    folder.mkdir()
+    for place in (blocked / "a.rrd", folder):
+        with pytest.raises(RecordingError, match="cannot be written"):
+            record(place, [agent_run], episode, home)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder.rrd"]
+
+
+def test_an_out_that_is_no_rrd_is_refused_and_keeps_its_content(
+    tmp_path: Path, home: Scene, episode: Episode, agent_run: Run
+) -> None:
+    out = tmp_path / "steps.jsonl"
+    out.write_text("precious")
+    with pytest.raises(RecordingError, match=r"steps\.jsonl'; expected a file that ends in \.rrd"):
+        record(out, [agent_run], episode, home)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("steps.jsonl", "precious")]
+
+
+def test_runs_made_on_another_version_of_the_home_are_refused(
+    tmp_path: Path, home: Scene, episode: Episode, agent_run: Run, answer_run: Run
+) -> None:
+    rebuilt = replace(home, digest="0123456789abcdef" * 4)
+    wanted = (
+        f"^straight.agent: was made on BoxHouse with scene_digest '{home.digest[:12]}', the home opened now has "
+        "'0123456789ab'; expected"
+    )
+    with pytest.raises(RecordingError, match=wanted):
+        record(tmp_path / "a.rrd", [answer_run, agent_run], episode, rebuilt)
+    assert list(tmp_path.iterdir()) == []
+    assert record(tmp_path / "a.rrd", [answer_run], episode, rebuilt)
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+import rerun as rr
+from recordings.stream import open_recording
+from sim.errors import RecordingError
+from sim.types import EpisodeKey
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
+try:
+    with open_recording(Path(sys.argv[1]), EpisodeKey("easy", "BoxHouse", "7")) as stream:
+        for number in range(int(sys.argv[2])):
+            stream.log("/picture", rr.Image(np.random.default_rng(number).integers(0, 255, (200, 200, 3), np.uint8)))
+except RecordingError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("num_pictures", [1, 30])
+def test_a_full_disk_is_one_line_and_leaves_no_half_file(tmp_path: Path, num_pictures: int) -> None:
+    out = tmp_path / "a.rrd"
+    command = [sys.executable, "-c", FULL_DISK, str(out), str(num_pictures)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=Path(__file__).parents[2])
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"{out}: cannot be written ([Errno 27] File too large")
+    assert done.stdout.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_failure_half_way_keeps_the_old_file(tmp_path: Path, home: Scene, episode: Episode, agent_run: Run) -> None:

@@ -10,7 +10,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import RunWriter
-from sim.tasks.runner import AgentJob, run_scene
+from sim.tasks.runner import AgentJob, run_agent
 from sim.types import EpisodeKey
 
 KEY = EpisodeKey("easy", "4ok3usBNeis", "195")
@@ -25,8 +25,8 @@ def test_two_agents_on_a_released_episode_become_one_recording(
     for agent in ("shortest-path", "random"):
         info = make_run_info(agent, who=agent, who_kind="agent", scene_kind="schematic", dataset_digest=digest)
         writer = RunWriter(tmp_path / agent, info)
-        for run in run_scene(AgentJob(dataset_root, None, agent, 0, KEY.scene, (KEY,))):
-            writer.add_episode(run)
+        job = AgentJob(dataset_root, KEY.scene, (KEY,), scenes_dir=None, agent=agent, seed=0)
+        run_agent([job], writer, processes=1)
         folders.append(writer.folder)
     out = tmp_path / "both.rrd"
     assert replay(runs=tuple(folders), out=out, dataset=dataset_root, scenes_dir=None) == 0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from personal_viz.screenshots_rerun import CHROMIUM, screenshot_rrd
+from personal_viz.browser import find_chromium
+from personal_viz.screenshots_rerun import screenshot_rrd
 from recordings.log_run import Rgb
 from recordings.replay import RUN_COLORS, log_comparison
 from sim.episodes.schema import Episode
@@ -27,8 +28,8 @@ def share(png: Path, rgb: Rgb) -> float:
 def test_the_viewer_shows_home_ways_and_pictures(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster, agent_run: Run, human_run: Run
 ) -> None:
-    if not CHROMIUM.exists():
-        pytest.skip(f"no browser at {CHROMIUM}")
+    if find_chromium() is None:
+        pytest.skip("no Chromium is installed")
     rrd = log_comparison(
         [agent_run, human_run],
         episode=episode,

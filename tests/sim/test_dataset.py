@@ -138,6 +138,11 @@ def test_bytes_that_are_not_utf8_are_refused(tmp_path: Path) -> None:
         ("summary", "", "''", "at least 1 character"),
         ("episode_id", 3, "3", "valid string"),
         ("pet", "cat", "'cat'", "not permitted"),
+        ("episode_id", "a/b", "'a/b'", "should match pattern"),
+        ("start_position", [2.0, 0.0, 3e4], "30000.0", "less than or equal to 10000"),
+        ("start_position", [2.0, 0.0, 10**308], "1" + "0" * 76 + "...", "less than or equal to 10000"),
+        ("start_rotation", [0, 0, 0, 0], "[0, 0, 0, 0]", "a unit quaternion [x, y, z, w]; its norm is 0, not 1"),
+        ("query", ["Find it", ""], "''", "at least 1 character"),
     ],
 )
 def test_a_wrong_value_names_file_field_found_and_expected(
@@ -177,6 +182,23 @@ def test_a_target_that_is_not_in_the_goal_list_names_the_episode(tmp_path: Path)
     ) as caught:
         list(PersonalDataset(tmp_path).episodes())
     assert one_line(caught).startswith(str(path))
+
+
+def test_an_id_used_twice_in_a_file_is_refused_before_its_first_episode(tmp_path: Path) -> None:
+    episodes = [example_episode(), example_episode(episode_id="4"), example_episode()]
+    path = write_content(tmp_path, "easy", example_content(episodes=episodes))
+    with pytest.raises(
+        DatasetError, match=r"episodes\[2\]\.episode_id is '3', as in episodes\[0\]; expected"
+    ) as caught:
+        next(PersonalDataset(tmp_path).episodes())
+    assert one_line(caught).startswith(str(path))
+
+
+def test_a_file_whose_name_is_no_scene_name_is_refused(tmp_path: Path) -> None:
+    path = write_content(tmp_path, "easy", example_content(), scene="Zz0 copy")
+    with pytest.raises(DatasetError, match="the scene's name is 'Zz0 copy'; expected 1-64 letters") as caught:
+        list(PersonalDataset(tmp_path).episodes())
+    assert one_line(caught).startswith(f"{path}: ")
 
 
 @pytest.fixture(scope="module")

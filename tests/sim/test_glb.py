@@ -169,7 +169,44 @@ def test_damaged_json_is_refused(tmp_path):
     data = bytearray(path.read_bytes())
     data[20:24] = b"\xff\xff\xff\xff"
     path.write_bytes(bytes(data))
-    assert "JSON part that cannot be read" in refusal(path)
+    assert "JSON part: (top level) is text that is not JSON" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (
+            lambda header: header.update(extensionsUsed=5),
+            "extensionsUsed is 5; expected: Input should be a valid array",
+        ),
+        (lambda header: header.update(extensionsUsed=[5]), "extensionsUsed.0 is 5; expected: Input should be a valid"),
+        (lambda header: header.update(nodes="x"), "nodes is 'x'"),
+        (lambda header: header.update(meshes=None), "meshes is None"),
+        (lambda header: header["meshes"][0].update(primitives={}), "meshes.0.primitives is {}"),
+        (lambda header: header.update(textures=5), "textures is 5"),
+        (lambda header: header["textures"][0].update(source=-1), "textures.0.source is -1"),
+        (lambda header: header.update(textures=[]), "found GLB content that cannot be read (IndexError: "),
+        (lambda header: header["materials"][0].update(pbrMetallicRoughness=[]), "materials.0.pbrMetallicRoughness is"),
+        (lambda header: header.update(accessors=5), "found GLB content that cannot be read (TypeError: "),
+        (lambda header: header["accessors"][0].update(count=10**30), "cannot be read (OverflowError: "),
+        (lambda header: header.pop("bufferViews"), "found GLB content that cannot be read (UnboundLocalError: "),
+        (lambda header: header["bufferViews"][0].update(byteOffset=-1), "cannot be read (AssertionError: "),
+    ],
+)
+def test_a_wrongly_typed_header_is_one_line_that_names_the_file(tmp_path, change, expected):
+    path = rewrite_json(write(tmp_path / "a.glb", textured(two_colours())), change)
+    message = refusal(path)
+    assert expected in message
+    assert len(message) < len(str(path)) + 350
+
+
+def test_a_face_that_uses_a_missing_vertex_is_refused(tmp_path):
+    path = write(tmp_path / "a.glb", faces=FACES)
+    data = path.read_bytes()
+    corners = struct.pack("<6I", *FACES.ravel())
+    assert data.count(corners) == 1
+    path.write_bytes(data.replace(corners, struct.pack("<6I", 0, 1, 2, 0, 2, 4)))
+    assert "face 1 of mesh 'geometry_0' uses vertex 4; expected 0 to 3" in refusal(path)
 
 
 def test_json_that_points_nowhere_is_refused(tmp_path):

@@ -200,7 +200,7 @@ IMPOSSIBLE: list[tuple[str, Callable[[Rows], object], str]] = [
     ("a split without the scene", put(1, split="hard"), ":1: scene 'Flat' is not in split 'hard'"),
     ("a position that is no number", put(4, position=[math.nan, 0.2, -2.25]), ":4: position.0"),
     ("a yaw that is infinite", put(4, yaw=math.inf), ":4: yaw"),
-    ("a step before its episode", lambda rows: rows.pop(0), ":1: found a line of kind 'step'"),
+    ("a step before its episode", lambda rows: rows.pop(0), ":1: kind is 'step'; expected 'episode' here"),
 ]
 
 

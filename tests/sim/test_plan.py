@@ -16,7 +16,9 @@ from sim.scenes.plan import (
     HomePlan,
     Rect,
     Room,
+    Stair,
     Storey,
+    Wall,
     cells_from_runs,
     load_plan,
     runs_from_cells,
@@ -75,6 +77,12 @@ def test_cells_survive_as_runs(cells: list[tuple[int, int, int, bool]]) -> None:
         (PLAN.model_dump_json().replace('"chair_1"', '"chair"'), "furniture.0.name is 'chair'"),
         (PLAN.model_dump_json().replace("[200,30,30]", "[200,30,300]"), "furniture.0.rgb.2 is 300"),
         (PLAN.model_dump_json().replace('"kind":"schematic"', '"kind":"scan"'), "kind is 'scan'"),
+        (
+            PLAN.model_dump_json().replace('"storey":0', '"storey":7'),
+            "rooms.0.storey is 7; expected: one of the plan's",
+        ),
+        (PLAN.model_dump_json().replace('"floor_y":0.0', '"floor_y":1e300'), "storeys.0.floor_y is 1e+300"),
+        (PLAN.model_dump_json().replace("[1,2,3,0,false]", "[1,2,-3,0,false]"), "cells.walkable.0.2 is -3"),
     ],
 )
 def test_a_damaged_plan_is_one_line_that_says_where(tmp_path: Path, text: str, wanted: str) -> None:
@@ -86,6 +94,22 @@ def test_a_damaged_plan_is_one_line_that_says_where(tmp_path: Path, text: str, w
     assert message.startswith(f"{path}: ")
     assert wanted in message
     assert "\n" not in message
+
+
+def test_walls_and_both_ends_of_stairs_stand_on_storeys_of_the_plan(tmp_path: Path) -> None:
+    wall = Wall(storey=1, start=(0.0, 0.0), end=(1.0, 0.0), height=2.5)
+    stair = Stair(storey=0, rect=Rect(0, 0, 1, 3), towards="+z", num_steps=12)
+    path = tmp_path / "Tiny.plan.json"
+    path.write_text(PLAN.model_copy(update={"walls": (wall,), "stairs": (stair,)}).model_dump_json())
+    with pytest.raises(SceneError, match=r"walls\.0\.storey is 1; expected: .* 0 to 0 \(and 1 more problems\)\. Make"):
+        load_plan(path)
+    path.write_text(PLAN.model_copy(update={"stairs": (stair,)}).model_dump_json())
+    with pytest.raises(SceneError, match=r"stairs\.0\.storey is 0; expected: .* 0 to 0, with a storey above it\. Make"):
+        load_plan(path)
+    above = Storey(label="first floor", floor_y=2.8)
+    plan = PLAN.model_copy(update={"storeys": (*PLAN.storeys, above), "walls": (wall,), "stairs": (stair,)})
+    path.write_text(plan.model_dump_json())
+    assert load_plan(path) == plan
 
 
 def test_a_missing_plan_is_a_scene_error(tmp_path: Path) -> None:

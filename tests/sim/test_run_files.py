@@ -1,20 +1,23 @@
 """Run files: round trip, resume after a kill, an old version, damage."""
 
 import json
+import resource
 from pathlib import Path
 
 import pytest
 
 from sim.errors import RunFileError
-from sim.tasks.metrics import metric_rows
+from sim.tasks.metrics import metric_rows, require_comparable
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import (
     Answer,
+    AnswerMeasures,
     EpisodeEnd,
     EpisodeRun,
     EpisodeStart,
     Measures,
     RuleMeasures,
+    Run,
     RunInfo,
     RunWriter,
     Step,
@@ -84,6 +87,58 @@ def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
     RunWriter(tmp_path / "r1", info()).add_episode(finished())
     with pytest.raises(RunFileError, match=r"run\.json: seed is None, this run has 3; expected the same to resume"):
         RunWriter(tmp_path / "r1", info(seed=3))
+
+
+def on_scene(digest: str, episode_id: str) -> EpisodeRun:
+    """A run on a version of the home."""
+    run = finished(episode_id)
+    assert run.end.measures is not None
+    measures = run.end.measures.model_copy(update={"scene_digest": digest})
+    return run.model_copy(update={"end": EpisodeEnd(reason="stop", measures=measures)})
+
+
+def test_episodes_of_another_version_of_the_home_are_refused(tmp_path: Path) -> None:
+    RunWriter(tmp_path / "r1", info()).add_episode(on_scene("old", "1"))
+    before = (tmp_path / "r1" / "steps.jsonl").read_text()
+    again = RunWriter(tmp_path / "r1", info())
+    message = r"steps\.jsonl: scene_digest of Demo is 'old', easy/Demo/2 has 'new'; expected one version.*another --out"
+    with pytest.raises(RunFileError, match=message) as caught:
+        again.add_episode(on_scene("new", "2"))
+    assert "\n" not in str(caught.value)
+    assert (tmp_path / "r1" / "steps.jsonl").read_text() == before
+    again.add_episode(on_scene("old", "2"))
+    assert len(read_run(tmp_path / "r1").episodes) == 2
+
+
+def test_a_full_disk_is_one_line_and_leaves_whole_episodes_only(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "r1", info())
+    writer.add_episode(finished("1"))
+    steps = tmp_path / "r1" / "steps.jsonl"
+    before = steps.read_text()
+    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # The system refuses bytes beyond the limit, as a full disk does, after the first 40 of the new block.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 40, allowed[1]))
+    try:
+        with pytest.raises(RunFileError, match=r"r1: cannot be written \(.*Give another --out, or make room") as caught:
+            writer.add_episode(finished("2"))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
+    assert "\n" not in str(caught.value)
+    assert steps.read_text() == before
+    writer.add_episode(finished("2"))
+    assert len(read_run(tmp_path / "r1").episodes) == 2
+
+
+@pytest.mark.parametrize("tail", ["5\n", "[]\n", "null\n", '"end"\n', '{"kind":["end"]}\n'])
+def test_a_tail_that_is_json_but_no_line_of_ours_is_cut_off(tmp_path: Path, tail: str) -> None:
+    RunWriter(tmp_path / "r1", info()).add_episode(finished())
+    steps = tmp_path / "r1" / "steps.jsonl"
+    whole = steps.read_text()
+    steps.write_text(whole + tail)
+    with pytest.raises(RunFileError, match=r"steps\.jsonl:5: kind is"):
+        read_run(tmp_path / "r1")
+    assert len(RunWriter(tmp_path / "r1", info()).done) == 1
+    assert steps.read_text() == whole
 
 
 @pytest.mark.parametrize(
@@ -163,6 +218,45 @@ def test_unreachable_goals_are_counted_and_left_out_of_the_mean_distance(tmp_pat
     row = metric_rows([read_run(tmp_path / "r1")])[0]
     assert (row.n, row.unreachable) == (2, 1)
     assert row.dtg == pytest.approx(2.0)
+
+
+def test_technical_failures_are_left_out_of_every_row(tmp_path: Path) -> None:
+    runs = [finished("1"), finished("2", success=False)]
+    broken = finished("3", success=False)
+    runs.append(broken.model_copy(update={"end": broken.end.model_copy(update={"reason": "technical"})}))
+    right = AnswerMeasures(success=True, top3_success=True, planar_distance=0.2, distance_3d=0.5)
+    wrong = AnswerMeasures(success=False, top3_success=False, planar_distance=None, distance_3d=None)
+    names = {"split": "easy", "scene": "Demo"}
+    answers = (
+        Answer(**names, episode_id="4", candidates=((1.0, 0.0, 2.0),), scores=(0.5,), measures=right),
+        Answer(**names, episode_id="5", candidates=(), reason="technical", measures=wrong),
+        Answer(**names, episode_id="6", candidates=(), reason="technical"),
+    )
+    run = Run(info=info(), episodes=tuple(runs), answers=answers)
+    pan, _, pog, _ = metric_rows([run])
+    assert (pan.task, pan.n, pan.k, pan.sr, pan.spl, pan.dtg) == ("pan", 2, 1, 50.0, 25.0, 1.0)
+    assert (pog.task, pog.n, pog.k, pog.sr, pog.top3) == ("pog", 1, 1, 100.0, 100.0)
+
+
+def test_a_run_of_technical_failures_only_has_no_rate() -> None:
+    end = finished().end.model_copy(update={"reason": "technical"})
+    run = Run(info=info(), episodes=(finished().model_copy(update={"end": end}),))
+    assert [(row.n, row.sr, row.dtg) for row in metric_rows([run])] == [(0, None, None), (0, None, None)]
+
+
+def test_two_seeds_of_an_agent_are_pooled_but_other_episode_files_are_refused() -> None:
+    first = Run(info=info(run_id="a", seed=0), episodes=(finished("1"),))
+    second = Run(info=info(run_id="b", seed=1), episodes=(finished("1", success=False),))
+    assert [(row.n, row.k) for row in metric_rows([first, second])] == [(2, 1), (2, 1)]
+    other = Run(info=info(run_id="c", dataset_digest="e"), episodes=(finished("2"),))
+    with pytest.raises(
+        RunFileError, match=r"found dataset_digest d \(a\), e \(c\); expected runs on the same"
+    ) as caught:
+        metric_rows([first, other])
+    assert "\n" not in str(caught.value)
+    strangers = [first.info, other.info.model_copy(update={"who": "human"})]
+    with pytest.raises(RunFileError, match="expected runs on the same episode files"):
+        require_comparable(strangers)
 
 
 def test_metrics_refuse_runs_without_distances(tmp_path: Path) -> None:

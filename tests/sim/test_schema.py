@@ -79,6 +79,18 @@ def test_one_caption_list_per_object_is_required(changes: dict[str, Any]) -> Non
         (("episodes", 0, "start_rotation"), [0.0, 1.0, 0.0]),
         (("episodes", 0, "info", "geodesic_distance"), "3.25"),
         (("episodes", 0, "query"), []),
+        (("episodes", 0, "query"), ["Find Ada's coffee table", ""]),
+        (("episodes", 0, "query"), [" "]),
+        (("episodes", 0, "episode_id"), ""),
+        (("episodes", 0, "episode_id"), "3/../4"),
+        (("episodes", 0, "episode_id"), "3\n"),
+        (("episodes", 0, "episode_id"), "x" * 65),
+        (("episodes", 0, "scene_id"), "hm3d_v0.2/val/no name.glb"),
+        (("episodes", 0, "start_position"), [2.0, 0.0, 10_000.5]),
+        (("episodes", 0, "start_rotation"), [0.0, 0.0, 0.0, 0.0]),
+        (("episodes", 0, "start_rotation"), [0.0, 0.0, 0.0, 1.0011]),
+        (("episodes", 0, "info", "geodesic_distance"), 1e308),
+        (("goals_by_category", goals_key(SCENE, "coffee table"), 0, "position"), [2.0, -1e5, 1.0]),
         (("episodes", 0, "nickname"), "x"),
         (("category_to_task_category_id", "coffee table"), "0"),
     ],
@@ -92,6 +104,29 @@ def test_a_wrong_type_or_an_unknown_key_is_refused(path: tuple[Any, ...], value:
     with pytest.raises(ValidationError) as caught:
         scene_file(content)
     assert caught.value.errors()[0]["loc"][: len(path)] == path
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [({"position": [-1e5, 0.0, 1.0]}, "-100000.0"), ({"rotation": [0.0, 2.0, 0.0, 0.0]}, "its norm is 2, not 1")],
+)
+def test_a_view_point_beyond_any_home_or_with_a_false_rotation_is_refused(changes: dict[str, Any], found: str) -> None:
+    goal = example_goal()
+    goal["view_points"][1]["agent_state"] |= changes
+    with pytest.raises(ValidationError) as caught:
+        Goal.model_validate_json(json.dumps(goal))
+    assert found in str(caught.value)
+
+
+def test_the_limits_themselves_and_rounded_quaternions_are_accepted() -> None:
+    changes = {
+        "start_position": [10_000.0, 0.0, -10_000.0],
+        "start_rotation": [0.0, 0.0, 0.0, 1.0009],
+        "episode_id": "A_b-" * 16,
+    }
+    record = scene_file(example_content(episodes=[example_episode(**changes)])).episodes[0]
+    assert record.start_position == (10_000.0, 0.0, -10_000.0)
+    assert len(record.episode_id) == 64
 
 
 def test_targets_resolve_by_exact_name_not_by_prefix() -> None:

@@ -11,6 +11,7 @@ from sim.episodes.generation import invent_dataset
 from sim.errors import DatasetError, SceneError
 from sim.frames import glb_zup_from_world
 from sim.scenes.browser_glb import glb_from_mesh
+from sim.scenes.kind import common_kind, scene_kind
 from sim.scenes.sources import open_scene
 
 from .synthetic import SCENE, write_dataset
@@ -78,3 +79,18 @@ def test_the_digest_follows_the_walkable_cells(tmp_path: Path) -> None:
     scene = open_scene(dataset, SCENE)
     assert scene.digest != scene.mesh.digest()
     assert len(scene.digest) == 64
+
+
+def test_a_folder_may_hold_invented_and_released_homes_and_each_has_its_own_kind(
+    invented: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(invented, tmp_path / "both")
+    dataset = PersonalDataset(write_dataset(tmp_path / "both"))
+    assert set(dataset.scenes) == {"Demo", SCENE}
+    for name, kind in (("Demo", "invented"), (SCENE, "schematic")):
+        assert open_scene(dataset, name).kind == scene_kind(dataset, name, None) == kind
+        assert scene_kind(dataset, name, tmp_path) == "scan"
+        assert common_kind(dataset, [name], None) == kind
+    with pytest.raises(SceneError, match=rf"found scene kinds invented \(Demo\), schematic \({SCENE}\); expected one"):
+        common_kind(dataset, dataset.scenes, None)
+    assert common_kind(dataset, dataset.scenes, tmp_path) == "scan"

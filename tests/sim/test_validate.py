@@ -228,6 +228,11 @@ def broken(text: str) -> Callable[[Path], int]:
         (broken("[" * 100_000), "text that is not JSON"),
         (broken(json.dumps(example_content()).replace('"owner": "Ada"', '"owner": 5')), "episodes.0.owner is 5"),
         (broken(json.dumps(example_content()).replace('"owner": "Ada", ', "")), "episodes.0.owner is nothing"),
+        (broken(json.dumps(example_content()).replace("3.25", "1" + "0" * 400)), "info.geodesic_distance is 1000"),
+        (broken(json.dumps(example_content()).replace("-0.25", "1e300")), "agent_state.position.2 is 1e+300"),
+        (broken(json.dumps(example_content()).replace("[0.0, 1.0, 0.0, 0.0]", "[0, 0, 0, 0]")), "its norm is 0, not 1"),
+        (broken(json.dumps(example_content()).replace('"episode_id": "3"', '"episode_id": "3 a"')), "id is '3 a'"),
+        (broken(json.dumps(example_content()).replace('"Find Ada\'s coffee table"', '""')), "episodes.0.query.0 is ''"),
     ],
 )
 def test_a_damaged_file_is_an_error_and_the_rest_is_still_checked(
@@ -244,7 +249,40 @@ def test_a_damaged_file_is_an_error_and_the_rest_is_still_checked(
     assert line.startswith(f"{path}: ")
     assert expected in line
     assert "\n" not in line
+    assert len(line) < len(str(path)) + 300
     assert report.num_errors == 1
+
+
+def test_a_file_whose_name_is_no_scene_name_is_an_error(tmp_path: Path) -> None:
+    write_content(tmp_path, "easy", example_content(), scene="Zz0 copy")
+    report = validate_dataset(tmp_path)
+    assert check(report, 2).measure.names == ("easy/content/Zz0 copy.json.gz",)
+    assert "the scene's name is 'Zz0 copy'" in report.problems[0]
+
+
+def test_a_start_far_from_every_view_point_is_a_defect_whatever_its_stored_distance(tmp_path: Path) -> None:
+    contents = easy(start_position=[2.0, 0.0, 500.0], info=info(geodesic=3.9, euclidean=501.0))
+    found = check(validate_dataset(write_dataset(tmp_path, contents)), 32)
+    assert found.level == "defect"
+    assert [(also.slug, also.count, also.names) for also in found.also] == [
+        ("start-beyond-limits", 1, ("easy/Zz0ExampleZ/3",))
+    ]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("number", [0.0, -1.0, 1e4, 1e308])
+def test_strange_numbers_raise_no_warning(tmp_path: Path, number: float) -> None:
+    content = json.dumps(example_content())
+    for value in ("0.41", "3.25", "4.0", "2.0", "-0.25", "0.45"):
+        write_content(tmp_path, "easy", content.replace(value, repr(number)))
+        is_refused = number == 1e308 and value != "0.41"
+        assert bool(validate_dataset(tmp_path).num_errors) == is_refused
+
+
+def test_a_false_sentence_beside_sound_ones_does_not_stop_the_checks(tmp_path: Path) -> None:
+    found = validate_dataset(write_dataset(tmp_path, sentences("Ada has " + "x" * 500, "Cy owns .")))
+    assert check(found, 2).measure.count == 2
+    assert all(len(line) < len(str(tmp_path)) + 250 for line in found.problems)
 
 
 def test_every_problem_of_a_file_is_listed(tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ ALSO = {
     "sentence-period-inside": (118, 313, 2186),
     "sentence-without-room": (6, 14, 24),
     "query-naive-plural": (0, 15, 20),
+    "start-beyond-limits": (0, 0, 0),
     "goal-with-such-view-point": (251, 349, 577),
     "start-near-view-point-of-any-target": (141, 27, 13),
 }

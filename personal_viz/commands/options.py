@@ -1,0 +1,30 @@
+"""Options that several verbs share, checked before any work is done."""
+
+import re
+
+from sim.errors import PersonalVizError
+from sim.tasks.run_files import RUN_ID
+
+
+def check_options(*, run_id: str | None, limit: int | None = None, jobs: int = 1, seed: int = 0) -> None:
+    """Refuses what no run can be made with.
+
+    Args:
+        run_id: `--run-id`; None = the verb's own name for the folder.
+        limit: `--limit`; None = all episodes.
+        jobs: `--jobs`.
+        seed: `--seed`.
+
+    Raises:
+        PersonalVizError: Names the option, what was found and what was expected.
+    """
+    for option, value, least in (("--limit", limit, 1), ("--jobs", jobs, 1), ("--seed", seed, 0)):
+        if value is not None and value < least:
+            raise PersonalVizError(
+                f"{option} is {value}; expected a whole number from {least}. Leave it out for the default."
+            )
+    if run_id is not None and not re.fullmatch(RUN_ID, run_id):
+        raise PersonalVizError(
+            f"--run-id is {run_id!r}; expected 1 to 80 letters, digits, '.', '_' or '-', not starting with '.'. "
+            "Give another, or leave it out; --out says in which folder."
+        )

@@ -1,0 +1,57 @@
+"""Which of the three sources a scene has. Light: commands name the kind of a run before any mesh is loaded."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import SceneError
+from sim.types import SceneKind
+
+from .plan import HomePlan, load_plan
+
+
+def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) -> SceneKind:
+    """The kind of scene that `open_scene` makes of the same arguments.
+
+    Args:
+        dataset: Its folder may hold the scene's plan.
+        scene: Scene name, as in the content files.
+        scenes_dir: Folder of scans; None = a plan, or else a schematic home.
+
+    Raises:
+        SceneError: The plan is damaged or of another home.
+    """
+    if scenes_dir is not None:
+        return "scan"
+    plan = plan_of(dataset, scene)
+    return plan.kind if plan else "schematic"
+
+
+def common_kind(dataset: PersonalDataset, scenes: Iterable[str], scenes_dir: Path | None) -> SceneKind:
+    """The one kind of all these scenes; at least one is named.
+
+    Raises:
+        SceneError: They are of several kinds, whose results never share a run; or a plan is damaged.
+    """
+    examples: dict[SceneKind, str] = {}
+    for scene in sorted(scenes):
+        examples.setdefault(scene_kind(dataset, scene, scenes_dir), scene)
+    if len(examples) > 1:
+        found = ", ".join(f"{kind} ({scene})" for kind, scene in sorted(examples.items()))
+        raise SceneError(f"{dataset.root}: found scene kinds {found}; expected one kind per run. Choose scenes of one.")
+    return next(iter(examples))
+
+
+def plan_of(dataset: PersonalDataset, scene: str) -> HomePlan | None:
+    """The plan that lies beside the episodes, `<dataset.root>/scenes/<scene>.plan.json`; None when there is none.
+
+    Raises:
+        SceneError: The plan is damaged or of another home.
+    """
+    path = dataset.root / "scenes" / f"{scene}.plan.json"
+    if not path.is_file():
+        return None
+    plan = load_plan(path)
+    if plan.name != scene:
+        raise SceneError(f"{path}: name is {plan.name!r}; expected {scene!r}. Rename the file or correct the plan.")
+    return plan

@@ -1,0 +1,116 @@
+"""Worker processes: one result per episode, in an order that does not depend on how many processes there are."""
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Container, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from sim.errors import PersonalVizError
+from sim.types import EpisodeKey
+
+
+@dataclass(frozen=True, slots=True)
+class SceneJob:
+    """Episodes of one scene, to be done in order; verbs add what they do with them."""
+
+    dataset_root: Path
+    scene: str
+    keys: tuple[EpisodeKey, ...]
+
+
+Job = TypeVar("Job", bound=SceneJob)
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, slots=True)
+class _Batch(Generic[Result]):
+    results: tuple[Result, ...]
+    error: PersonalVizError | None
+    """What ended the batch early."""
+
+
+def results(
+    open_scene: Callable[[Job], Callable[[EpisodeKey], Result]], jobs: Sequence[Job], *, processes: int, batch: int
+) -> Iterator[Result]:
+    """Yields the result of each episode of each job, in order; on an error first all that was finished before it.
+
+    Args:
+        open_scene: A module's function: opens a job's scene and gives what does one of its episodes.
+        jobs: What to do; small, since each is sent to a process. A scene without episodes is not opened.
+        processes: Worker processes; 1 works here.
+        batch: Most episodes that a worker process does before it hands them over. A kill loses at most one batch per
+            process; but processes share a scene batch by batch, and each of them opens it.
+
+    Raises:
+        PersonalVizError: An episode could not be done, or a worker process was ended from outside.
+    """
+    jobs = [job for job in jobs if job.keys]
+    if processes <= 1:
+        for job in jobs:
+            yield from map(open_scene(job), job.keys)
+        return
+    # spawn: forked children of a process that has loaded numba, torch or Open3D can deadlock in their thread pools
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_end_with_parent)
+    try:
+        batches = [
+            pool.submit(_do_batch, open_scene, replace(job, keys=()), job.keys[first : first + batch])
+            for job in jobs
+            for first in range(0, len(job.keys), batch)
+        ]
+        for future in batches:
+            done = future.result()
+            yield from done.results
+            if done.error is not None:
+                raise done.error
+    except BrokenProcessPool:
+        raise PersonalVizError(
+            f"--jobs {processes}: a worker process was ended from outside; expected all to finish. Memory may have run "
+            "out: run again with fewer --jobs, finished episodes are kept."
+        ) from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def without(jobs: Sequence[Job], done: Container[EpisodeKey]) -> list[Job]:
+    """The jobs with the episodes that are not yet done."""
+    return [replace(job, keys=tuple(key for key in job.keys if key not in done)) for job in jobs]
+
+
+def _do_batch(
+    open_scene: Callable[[Job], Callable[[EpisodeKey], Result]], job: Job, keys: Sequence[EpisodeKey]
+) -> _Batch[Result]:
+    found: list[Result] = []
+    try:
+        do_episode = _open_cached(open_scene, job)
+        for key in keys:
+            found.append(do_episode(key))
+    except PersonalVizError as error:
+        return _Batch(tuple(found), error)
+    return _Batch(tuple(found), None)
+
+
+def _end_with_parent() -> None:
+    """Lets a worker process end when the program is killed; it would else wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None, "not in a worker process"
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@lru_cache(maxsize=1)
+def _open_cached(
+    open_scene: Callable[[Job], Callable[[EpisodeKey], Result]], job: Job
+) -> Callable[[EpisodeKey], Result]:
+    """Keeps the last scene of this worker process open: its next batch is often of the same one."""
+    return open_scene(job)

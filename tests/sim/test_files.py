@@ -1,0 +1,47 @@
+"""Whole files and appended blocks: either all of it is there, or the file is as it was."""
+
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from sim.files import append_whole, write_whole
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """The system refuses to write files beyond this size, as a full disk does."""
+    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, allowed[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
+
+
+def test_a_whole_file_replaces_the_old_one_and_leaves_nothing_beside(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "a.json"
+    write_whole(path, "one\n")
+    write_whole(path, "zwölf\n")
+    assert path.read_text(encoding="utf-8") == "zwölf\n"
+    assert [item.name for item in path.parent.iterdir()] == ["a.json"]
+
+
+def test_a_whole_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    write_whole(path, "one\n")
+    with files_up_to(1000), pytest.raises(OSError, match="too large"):
+        write_whole(path, "x" * 2000)
+    assert path.read_text() == "one\n"
+    assert [item.name for item in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_a_block_that_does_not_fit_is_cut_off_again(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    append_whole(path, "one\n")
+    with files_up_to(1000), pytest.raises(OSError, match="too large"):
+        append_whole(path, "x" * 2000)
+    append_whole(path, "two\n")
+    assert path.read_text() == "one\ntwo\n"

@@ -1,0 +1,143 @@
+"""Agents over episodes: each run is on disk when it is finished, and the agent that knows the goal reaches it."""
+
+from pathlib import Path
+
+import pytest
+
+from personal_viz.commands.import_runs import import_files
+from personal_viz.commands.runs import run
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.generation import invent_dataset
+from sim.errors import AgentError, PersonalVizError, SceneError
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import EpisodeRun, RunWriter, read_run
+from sim.tasks.runner import AgentJob, run_agent
+from sim.types import Action, Camera, Observation, Task
+
+from .synthetic import write_dataset
+
+
+class FailsAtTheThird:
+    """Stops at once in two episodes, then raises."""
+
+    def __init__(self) -> None:
+        self._episodes = 0
+
+    def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
+        self._episodes += 1
+        if self._episodes == 3:
+            raise ValueError("out of ideas")
+
+    def act(self, observation: Observation) -> Action:
+        return Action.STOP
+
+
+@pytest.fixture(scope="module")
+def homes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset with one invented home."""
+    root = tmp_path_factory.mktemp("homes")
+    invent_dataset(root, name="Demo", seed=1)
+    return root
+
+
+def job(root: Path, scene: str, *, agent: str) -> AgentJob:
+    """All episodes of a scene."""
+    keys = tuple(episode.key for episode in PersonalDataset(root).episodes(scenes=(scene,)))
+    return AgentJob(root, scene, keys, scenes_dir=None, agent=agent, seed=0)
+
+
+def writer_in(folder: Path) -> RunWriter:
+    return RunWriter(
+        folder, make_run_info("a", who="a", who_kind="agent", scene_kind="invented", dataset_digest="d", seed=0)
+    )
+
+
+def is_success(episode: EpisodeRun) -> bool:
+    """Under rule `paper`."""
+    rule = episode.end.measures.rules["paper"] if episode.end.measures else None
+    return rule is not None and rule.success
+
+
+def test_episodes_before_an_agents_error_are_on_disk(homes: Path, tmp_path: Path) -> None:
+    work = job(homes, "Demo", agent=f"{__name__}:FailsAtTheThird")
+    writer, on_disk = writer_in(tmp_path / "a"), []
+    with pytest.raises(AgentError, match="raised ValueError: out of ideas"):
+        run_agent(
+            [work],
+            writer,
+            processes=1,
+            on_episode=lambda: on_disk.append(len(read_run(tmp_path / "a").episodes)),
+        )
+    assert on_disk == [1, 2]
+    assert [run.key for run in read_run(tmp_path / "a").episodes] == list(work.keys[:2])
+
+
+def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(homes: Path, tmp_path: Path) -> None:
+    work = job(homes, "Demo", agent="shortest-path")
+    run_agent([work], writer_in(tmp_path / "a"), processes=1)
+    runs = read_run(tmp_path / "a").episodes
+    assert len(runs) == len(work.keys)
+    assert [str(run.key) for run in runs if not is_success(run)] == []
+
+
+@pytest.mark.slow
+def test_the_agent_that_knows_the_goal_reaches_it_in_schematic_homes(dataset_root: Path, tmp_path: Path) -> None:
+    # measured on all 31 homes: 2000 of 2000
+    names = ("TEEsavR23oF", "4ok3usBNeis", "5cdEh9F2hJL", "6s7QHgap2fW", "BAbdmeyTvMZ")
+    run_agent(
+        [job(dataset_root, name, agent="shortest-path") for name in names], writer_in(tmp_path / "a"), processes=1
+    )
+    runs = read_run(tmp_path / "a").episodes
+    assert len(runs) == 369
+    assert sum(is_success(run) for run in runs) >= 0.99 * len(runs)
+
+
+def test_homes_of_several_kinds_are_not_run_together(homes: Path, tmp_path: Path) -> None:
+    write_dataset(tmp_path / "mixed")
+    for folder in ("easy", "medium", "hard"):
+        for path in (homes / folder / "content").glob("Demo.json.gz"):
+            target = tmp_path / "mixed" / folder / "content" / path.name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(path.read_bytes())
+    (tmp_path / "mixed" / "scenes").mkdir()
+    (tmp_path / "mixed" / "scenes" / "Demo.plan.json").write_bytes((homes / "scenes" / "Demo.plan.json").read_bytes())
+    options = {**OPTIONS, "dataset": tmp_path / "mixed", "out": tmp_path / "runs"}
+    with pytest.raises(SceneError, match=r"found scene kinds invented \(Demo\), schematic \(\w+\); expected one kind"):
+        run(**options)
+    assert not (tmp_path / "runs").exists()
+    assert run(**{**options, "scene": ("Demo",), "limit": 1}) == 0
+    assert read_run(tmp_path / "runs" / "random-invented-seed0").info.scene_kind == "invented"
+
+
+OPTIONS = {
+    "agent": "random",
+    "scenes_dir": None,
+    "scene": (),
+    "split": (),
+    "limit": None,
+    "seed": 0,
+    "jobs": 1,
+    "run_id": None,
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"limit": 0}, r"--limit is 0; expected a whole number from 1"),
+        ({"limit": -3}, r"--limit is -3; expected"),
+        ({"jobs": 0}, r"--jobs is 0; expected"),
+        ({"jobs": -1}, r"--jobs is -1; expected"),
+        ({"run_id": "a/b"}, r"--run-id is 'a/b'; expected 1 to 80 letters"),
+        ({"run_id": ".a"}, r"--run-id is '\.a'; expected"),
+    ],
+)
+def test_bad_options_are_one_line_before_any_work(tmp_path: Path, change: dict, message: str) -> None:
+    nowhere = tmp_path / "nowhere"
+    with pytest.raises(PersonalVizError, match=message) as caught:
+        run(**{**OPTIONS, "dataset": nowhere, "out": nowhere, **change})
+    assert "\n" not in str(caught.value)
+    if "run_id" in change:
+        with pytest.raises(PersonalVizError, match=message):
+            import_files(files=(), dataset=nowhere, scenes_dir=None, out=nowhere, who="a", **change)
+    assert not nowhere.exists()
