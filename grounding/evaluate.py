@@ -7,7 +7,8 @@ from itertools import islice
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.tasks.rules import scene_storeys, score_answer
-from sim.tasks.run_files import Answer, RunWriter
+from sim.tasks.run_files import Answer
+from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
@@ -108,7 +109,9 @@ def select_jobs(
         DatasetError: A named scene is unknown, or a file is damaged.
     """
     keys = [
-        episode.key for split in splits for episode in islice(dataset.episodes(splits=(split,), scenes=scenes), limit)
+        episode.key
+        for split in dict.fromkeys(splits)
+        for episode in islice(dataset.episodes(splits=(split,), scenes=scenes), limit)
     ]
     names = sorted({key.scene for key in keys})
     return [GroundJob(dataset.root, name, tuple(key for key in keys if key.scene == name), settings) for name in names]

@@ -6,7 +6,8 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 from sim.errors import StudyError
-from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, RunInfo, RunWriter
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, RunInfo
+from sim.tasks.run_writer import RunWriter
 from sim.types import EndReason, SceneKind, TaskKind
 
 from .outcome import episode_run

@@ -18,7 +18,8 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
 from sim.tasks.metrics import MetricRow, metric_rows
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import RunInfo, RunWriter, read_run
+from sim.tasks.run_files import RunInfo, read_run
+from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS, Split
 
 from .options import check_options

@@ -16,7 +16,7 @@ from sim.errors import AgentError, PersonalVizError
 from sim.scenes.kind import common_kind
 from sim.tasks.metrics import MetricRow, metric_rows, read_runs, require_comparable
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import RunWriter
+from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
 from sim.types import SPLITS, EpisodeKey, Split, SuccessRule
 
@@ -88,7 +88,7 @@ def select_episodes(
 ) -> list[Episode]:
     """Episodes in dataset order, at most `limit` per split."""
     chosen: list[Episode] = []
-    for split in splits or SPLITS:
+    for split in dict.fromkeys(splits or SPLITS):
         found = dataset.episodes(splits=(split,), scenes=tuple(scenes) or None)
         chosen += [episode for number, episode in enumerate(found) if limit is None or number < limit]
     return chosen
@@ -105,9 +105,8 @@ def metrics(*, runs: tuple[Path, ...], rule: SuccessRule, json: bool) -> int:
         return 0
     console = Console(file=sys.stdout, width=max(MIN_TABLE_WIDTH, Console().width))
     for task, title in (("pan", f"PAN, rule {rule}"), ("pog", "POG, planar distance <= 1 m on the target's storey")):
-        of_task = [row for row in rows if row.task == task]
-        if of_task:
-            console.print(_table(title, of_task))
+        for kind in dict.fromkeys(row.scene_kind for row in rows if row.task == task):
+            console.print(_table(title, [row for row in rows if row.task == task and row.scene_kind == kind]))
     for row in rows:
         if row.unreachable or row.undefined:
             print(

@@ -13,6 +13,8 @@ from .plan import HomePlan, load_plan
 def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) -> SceneKind:
     """The kind of scene that `open_scene` makes of the same arguments.
 
+    A home with a plan beside its episodes stays what the plan says, also when its mesh is read from a file.
+
     Args:
         dataset: Its folder may hold the scene's plan.
         scene: Scene name, as in the content files.
@@ -21,10 +23,10 @@ def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) ->
     Raises:
         SceneError: The plan is damaged or of another home.
     """
-    if scenes_dir is not None:
-        return "scan"
     plan = plan_of(dataset, scene)
-    return plan.kind if plan else "schematic"
+    if plan is not None:
+        return plan.kind
+    return "schematic" if scenes_dir is None else "scan"
 
 
 def common_kind(dataset: PersonalDataset, scenes: Iterable[str], scenes_dir: Path | None) -> SceneKind:

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
+from sim.types import SceneKind
 from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
 
 from .furnish import mesh_from_plan
 from .glb import load_glb
-from .kind import plan_of
+from .kind import plan_of, scene_kind
 from .plan import HomePlan, cells_from_runs
 from .recover import recover_plan
 from .scene import Scene
@@ -30,7 +31,7 @@ def open_scene(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None =
     """
     dataset.require_scene(name)
     if scenes_dir is not None:
-        return _scan(find_scan(name, scenes_dir), name)
+        return _scan(find_scan(name, scenes_dir), name, scene_kind(dataset, name, scenes_dir))
     return scene_from_plan(plan_of(dataset, name) or recover_plan(dataset, name))
 
 
@@ -68,6 +69,10 @@ def find_scan(name: str, scenes_dir: Path) -> Path:
     return found[0]
 
 
-def _scan(path: Path, name: str) -> Scene:
+def _scan(path: Path, name: str, kind: SceneKind) -> Scene:
     mesh = load_glb(path)
-    return Scene(name, "scan", mesh, (), floor_grid_from_mesh(mesh), mesh.digest())
+    try:
+        navigation = floor_grid_from_mesh(mesh)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    return Scene(name, kind, mesh, (), navigation, mesh.digest())

@@ -1,6 +1,8 @@
 """The agent protocol, and the agents that need no perception: random, and shortest path (ground truth)."""
 
 import importlib
+import os
+import sys
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
@@ -137,7 +139,7 @@ class ShortestPathAgent:
 
 
 def load_agent(name: str) -> Agent:
-    """A user's agent named `package.module:factory`; the factory is called without arguments.
+    """A user's agent named `package.module:factory`, from the present folder too; the factory gets no arguments.
 
     Raises:
         AgentError: The name has another form, or the plug-in cannot be imported or built.
@@ -147,6 +149,8 @@ def load_agent(name: str) -> Agent:
         raise AgentError(
             f"--agent is {name!r}; expected random, shortest-path, or your own agent as package.module:factory."
         )
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())  # as `python -m` has it; an installed program does not
     try:
         agent = getattr(importlib.import_module(module), factory)()
     except Exception as error:  # the plug-in door: whatever the user's code raises is named

@@ -20,10 +20,12 @@ from sim.errors import DatasetError, RunFileError, line_from_validation_error
 from sim.frames import forward_from_yaw, wrap_angle
 from sim.scenes.kind import common_kind
 from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, EpisodeKey, Pose, SceneKind
+from sim.world.navigation_map import NavigationMap
 
 from .provenance import make_run_info
 from .rules import score_run
-from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, RunInfo, RunWriter, Step, read_episode_runs
+from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, RunInfo, Step, read_episode_runs
+from .run_writer import RunWriter
 
 START_TOLERANCE = 0.01
 """A run starts at most this far (metres) from its episode's start."""
@@ -41,6 +43,8 @@ on each side; the golden steps from off-mesh starts reach 0.20.
 """
 SNAP_HEIGHT = 0.5
 """... and how far up or down (metres); farther, the place counts as not navigable in Habitat."""
+MAP_TOLERANCE = 0.25
+"""How far (metres) a position may lie outside our own free floor: both maps round walls, by a cell or two each."""
 
 _BODY_ADVICE = "Give habitat_writer the body's pose after the action (agent_state, not a sensor)."
 
@@ -55,8 +59,15 @@ class CheckedRun:
 
     habitat-lab overwrites ids by the place in the content file; such a number is understood when the start fits.
     """
-    where: str
-    """`file:line` of its first line."""
+    path: Path
+    """The file it was read from."""
+    lines: tuple[int, ...]
+    """Line numbers of start, each step and end."""
+
+    @property
+    def where(self) -> str:
+        """`file:line` of its first line."""
+        return f"{self.path}:{self.lines[0]}"
 
 
 def import_runs(
@@ -114,7 +125,7 @@ def check_file(path: Path, *, dataset: PersonalDataset) -> Iterator[CheckedRun]:
     for lines, run in read_episode_runs(path):
         episode = _find_episode(f"{path}:{lines[0]}", run.start, dataset)
         check_steps(path, lines, run)
-        yield CheckedRun(episode, _with_own_facts(run, episode), f"{path}:{lines[0]}")
+        yield CheckedRun(episode, _with_own_facts(run, episode), path, tuple(lines))
 
 
 def check_steps(path: Path, lines: Sequence[int], run: EpisodeRun) -> None:
@@ -139,6 +150,27 @@ def check_steps(path: Path, lines: Sequence[int], run: EpisodeRun) -> None:
             raise RunFileError(f"{where}: action {step.action.value!r} {problem}")
         has_moved = has_moved or math.dist(poses[index].position, step.position) > POSITION_TOLERANCE
     _check_end(f"{path}:{lines[-1]}", run)
+
+
+def check_places(checked: CheckedRun, navigation: NavigationMap) -> None:
+    """Refuses a run that leaves the scene's floor: through a wall, into the air, off the home.
+
+    Raises:
+        RunFileError: Says at which line the first such place is.
+    """
+    before = checked.run.start.position
+    for line, step in zip(checked.lines[1:], checked.run.steps, strict=False):
+        if math.dist(before, step.position) > POSITION_TOLERANCE:
+            place = navigation.snap(np.array(step.position))
+            aside = math.inf if place is None else math.hypot(place[0] - step.position[0], place[2] - step.position[2])
+            rise = math.inf if place is None else abs(place[1] - step.position[1])
+            if aside > MAP_TOLERANCE or rise > SNAP_HEIGHT:
+                raise RunFileError(
+                    f"{checked.path}:{line}: position {[round(value, 2) for value in step.position]} is {aside:.2f} m "
+                    f"aside and {rise:.2f} m above or below the nearest floor; expected at most {MAP_TOLERANCE} and "
+                    f"{SNAP_HEIGHT}. Give the scenes on which the run was made."
+                )
+        before = step.position
 
 
 def _step_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bool) -> str | None:
@@ -272,6 +304,7 @@ def _score(checked: Sequence[CheckedRun], *, dataset: PersonalDataset, scenes_di
         for item in checked:
             if item.episode.key.scene != name:
                 continue
+            check_places(item, scene.navigation)
             measures = score_run(
                 item.episode,
                 item.run.poses,

@@ -67,6 +67,7 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
     rows = []
     for (who, condition, kind, task), pooled in groups.items():
         require_comparable(run.info for run in pooled)
+        _require_no_trial_twice(pooled, task)
         items = [item for run in pooled for item in (run.episodes if task == "pan" else run.answers)]
         names = {"who": who, "condition": condition, "scene_kind": kind, "task": task}
         cells = [
@@ -79,9 +80,12 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
 
 
 def require_comparable(infos: Iterable[RunInfo]) -> None:
-    """Raises RunFileError when results may not share a table: other kinds of scenes, or other episode files."""
+    """Raises RunFileError when results must not stand side by side: scans and other homes, or other episode files.
+
+    Answers on oracle maps (no home at all) may stand beside any; tables are per kind all the same.
+    """
     infos = list(infos)
-    kinds = {info.scene_kind: info.run_id for info in infos}
+    kinds = {info.scene_kind: info.run_id for info in infos if info.scene_kind != "oracle-map"}
     if len(kinds) > 1:
         found = ", ".join(f"{kind} ({run_id})" for kind, run_id in sorted(kinds.items()))
         raise RunFileError(f"runs: found scene kinds {found}; expected one kind per table. Give the kinds separately.")
@@ -89,8 +93,8 @@ def require_comparable(infos: Iterable[RunInfo]) -> None:
     if len(digests) > 1:
         found = ", ".join(f"{digest[:12]} ({run_id})" for digest, run_id in sorted(digests.items()))
         raise RunFileError(
-            f"runs: found dataset_digest {found}; expected runs on the same episode files. Give the data sets' runs "
-            "separately."
+            f"runs: found dataset_digest {found}; expected runs on the same episode files. "
+            "Give the data sets' runs separately."
         )
 
 
@@ -106,7 +110,11 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
     for folder in folders:
         inside = sorted(path.parent for path in folder.glob("*/run.json")) if folder.is_dir() else []
         found += [folder] if (folder / "run.json").is_file() or not inside else inside
-    return [read_run(folder) for folder in found]
+    runs = [read_run(folder) for folder in found]
+    for folder, run in zip(found, runs, strict=True):
+        if not run.episodes and not run.answers:
+            raise RunFileError(f"{folder}: holds no finished episode or answer; expected at least one. Run it again.")
+    return runs
 
 
 def _require_scored(run: Run) -> None:
@@ -122,11 +130,22 @@ def _require_scored(run: Run) -> None:
                 f"{run.info.run_id}: answers.jsonl holds no measures for {answer.key}; expected a scored answer. "
                 "Write the run again with personal-viz ground or study export."
             )
-    seen: set[EpisodeKey] = set()
-    for item in (*run.episodes, *run.answers):
-        if item.key in seen:
-            raise RunFileError(f"{run.info.run_id}: found {item.key} twice; expected one run per episode and folder.")
-        seen.add(item.key)
+
+
+def _require_no_trial_twice(runs: Sequence[Run], task: TaskKind) -> None:
+    """Raises RunFileError when one trial would count twice: one episode, participant and seed, or one folder again."""
+    seen: dict[tuple[EpisodeKey, str | None, int | str], str] = {}
+    for run in runs:
+        source = run.info.run_id if run.info.seed is None else run.info.seed
+        for item in run.episodes if task == "pan" else run.answers:
+            participant = item.start.participant if isinstance(item, EpisodeRun) else item.participant
+            trial = (item.key, participant, source)
+            if trial in seen:
+                raise RunFileError(
+                    f"{run.info.run_id}: found {item.key} a second time (first in {seen[trial]}); expected each trial "
+                    "once. Give each run once; runs of one agent need different seeds."
+                )
+            seen[trial] = run.info.run_id
 
 
 def _row(names: dict[str, str], split: str, items: Sequence[EpisodeRun | Answer], *, rule: SuccessRule) -> MetricRow:

@@ -5,17 +5,18 @@
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sim.episodes.schema import Finite, Vector3
 from sim.errors import RunFileError, line_from_validation_error
-from sim.files import append_whole, write_whole
-from sim.types import Action, EndReason, EpisodeKey, Pose, SceneKind, Split, SuccessRule, WhoKind
+from sim.types import SUCCESS_RULES, Action, EndReason, EpisodeKey, Pose, SceneKind, Split, SuccessRule, WhoKind
 
+Length = Annotated[Finite, Field(ge=0)]
+Share = Annotated[Finite, Field(ge=0, le=1)]
 SCHEMA_VERSION = 1
 RUN_ID = r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$"
 """Pattern of a run's name, which is also its folder's: no slash, no leading dot."""
@@ -86,11 +87,11 @@ class RuleMeasures(BaseModel):
 
     model_config = _MODEL
     success: bool
-    spl: Finite
-    soft_spl: Finite
-    dtg: Finite | None
+    spl: Share
+    soft_spl: Share
+    dtg: Length | None
     """Geodesic metres to the rule's success region at the end, 0 inside; None when unreachable."""
-    start_distance: Finite | None
+    start_distance: Length | None
     """L: the same at the start; None when unreachable."""
 
 
@@ -99,16 +100,22 @@ class Measures(BaseModel):
 
     model_config = _MODEL
     rules: dict[SuccessRule, RuleMeasures | None]
-    """None = the rule has no usable point in this episode ("undefined")."""
-    centre_distance: Finite
+    """Of every rule; None = the rule has no usable point in this episode ("undefined")."""
+    centre_distance: Length
     """Planar metres from the last position to the nearest valid target's centre."""
-    path_m: Finite
+    path_m: Length
     """Sum of 3-D displacements."""
-    num_steps: int
-    collisions: int
-    stored_geodesic: Finite
+    num_steps: int = Field(ge=0)
+    collisions: int = Field(ge=0)
+    stored_geodesic: Length
     """The dataset's own `info.geodesic_distance`, the named alternative for L."""
     scene_digest: str
+
+    @model_validator(mode="after")
+    def _every_rule_once(self) -> "Measures":
+        if set(self.rules) != set(SUCCESS_RULES):
+            raise ValueError(f"rules {list(SUCCESS_RULES)}, found {list(self.rules)}")
+        return self
 
 
 class EpisodeEnd(BaseModel):
@@ -129,6 +136,13 @@ class EpisodeRun(BaseModel):
     steps: tuple[Step, ...]
     end: EpisodeEnd
 
+    @model_validator(mode="after")
+    def _as_many_steps_as_measured(self) -> "EpisodeRun":
+        measures = self.end.measures
+        if measures is not None and measures.num_steps != len(self.steps):
+            raise ValueError(f"{measures.num_steps} step lines as measures.num_steps says, found {len(self.steps)}")
+        return self
+
     @property
     def key(self) -> EpisodeKey:
         """The episode."""
@@ -146,9 +160,9 @@ class AnswerMeasures(BaseModel):
     model_config = _MODEL
     success: bool
     top3_success: bool
-    planar_distance: Finite | None
+    planar_distance: Length | None
     """Metres to the nearest valid target's centre on the answer's storey; None when none is on it or no answer."""
-    distance_3d: Finite | None
+    distance_3d: Length | None
 
 
 class ClickRay(BaseModel):
@@ -211,7 +225,7 @@ def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
         RunFileError: The file is unreadable or a line is not valid.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise RunFileError(f"{path}: cannot be read ({error}); expected JSON lines. Check the path.") from None
     for number, line in enumerate(text.splitlines(), start=1):
@@ -220,7 +234,7 @@ def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
         try:
             raw = json.loads(line)
             kind = raw.get("kind") if isinstance(raw, dict) else None
-        except ValueError:
+        except (ValueError, RecursionError):
             raise RunFileError(
                 f"{path}:{number}: found text that is not JSON; expected one object. {_ADVICE}"
             ) from None
@@ -248,7 +262,12 @@ def read_episode_runs(path: Path) -> Iterator[tuple[list[int], EpisodeRun]]:
             numbers.append(number)
             steps.append(line)
         elif isinstance(line, EpisodeEnd) and start is not None:
-            yield [*numbers, number], EpisodeRun(start=start, steps=tuple(steps), end=line)
+            try:
+                run = EpisodeRun(start=start, steps=tuple(steps), end=line)
+            except ValidationError as error:
+                found = error.errors()[0]["msg"]
+                raise RunFileError(f"{path}:{number}: the block is not whole: {found}. {_ADVICE}") from None
+            yield [*numbers, number], run
             start = None
         else:
             expected = "'episode'" if start is None else "'step' or 'end'"
@@ -288,106 +307,3 @@ def read_run_info(folder: Path) -> RunInfo:
         return RunInfo.model_validate_json(path.read_bytes(), strict=True)
     except ValidationError as error:
         raise RunFileError(line_from_validation_error(path, error, advice="Restore the file.")) from None
-
-
-class RunWriter:
-    """Appends finished episodes and answers to a run folder; a killed run resumes where it stopped."""
-
-    def __init__(self, folder: Path, info: RunInfo) -> None:
-        """Opens the folder; an incomplete tail left by a kill is cut off. A new run is written with its first result.
-
-        Raises:
-            RunFileError: The folder cannot be written, or holds a run of another configuration.
-        """
-        self.folder = folder
-        self._info = info
-        self.done: set[EpisodeKey] = set()
-        """Episodes that the folder already holds."""
-        self._scene_digests: dict[str, str] = {}
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            if (folder / "run.json").exists():
-                self._require_same_run(read_run_info(folder), info)
-                for name in ("steps.jsonl", "answers.jsonl"):
-                    _cut_incomplete_tail(folder / name)
-                run = read_run(folder)
-                self.done |= {item.key for item in (*run.episodes, *run.answers)}
-                for episode in run.episodes:
-                    self._require_same_scene(episode)
-        except OSError as error:
-            raise self._unwritable(error) from None
-
-    def add_episode(self, run: EpisodeRun) -> None:
-        """Appends one block; it is on disk when this returns.
-
-        Raises:
-            RunFileError: The folder cannot be written, or its episodes of this scene were run on another version of it.
-        """
-        self._require_same_scene(run)
-        self._append("steps.jsonl", (run.start, *run.steps, run.end))
-        self.done.add(run.key)
-
-    def add_answers(self, answers: Sequence[Answer]) -> None:
-        """Appends one line each; they are on disk when this returns.
-
-        Raises:
-            RunFileError: The folder cannot be written.
-        """
-        self._append("answers.jsonl", answers)
-        self.done.update(answer.key for answer in answers)
-
-    def _append(self, name: str, lines: Sequence[BaseModel]) -> None:
-        text = "".join(line.model_dump_json() + "\n" for line in lines)
-        try:
-            if not (self.folder / "run.json").exists():
-                write_whole(self.folder / "run.json", self._info.model_dump_json(indent=2) + "\n")
-            append_whole(self.folder / name, text)
-        except OSError as error:
-            raise self._unwritable(error) from None
-
-    def _unwritable(self, error: OSError) -> RunFileError:
-        return RunFileError(
-            f"{self.folder}: cannot be written ({error}); expected a folder with space that you can write. "
-            "Give another --out, or make room and run again: finished episodes are kept."
-        )
-
-    def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
-        for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config"):
-            was, now = getattr(found, field), getattr(wanted, field)
-            if was != now:
-                raise RunFileError(
-                    f"{self.folder / 'run.json'}: {field} is {was!r}, this run has {now!r}; "
-                    "expected the same to resume. Give another --out or --run-id."
-                )
-
-    def _require_same_scene(self, run: EpisodeRun) -> None:
-        """Distances on two versions of a home never share a folder; a run without measures says nothing of its home."""
-        if run.end.measures is None:
-            return
-        scene, now = run.key.scene, run.end.measures.scene_digest
-        was = self._scene_digests.setdefault(scene, now)
-        if was != now:
-            raise RunFileError(
-                f"{self.folder / 'steps.jsonl'}: scene_digest of {scene} is {was[:12]!r}, {run.key} has {now[:12]!r}; "
-                "expected one version of the home per run. Give another --out or --run-id."
-            )
-
-
-def _cut_incomplete_tail(path: Path) -> None:
-    """Drop lines after the last complete block or answer (left by a kill in the middle of a write)."""
-    if not path.is_file():
-        return
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
-    whole = len(lines)
-    while whole and not (lines[whole - 1].endswith("\n") and _closes_a_block(lines[whole - 1])):
-        whole -= 1
-    if whole < len(lines):
-        write_whole(path, "".join(lines[:whole]))
-
-
-def _closes_a_block(line: str) -> bool:
-    try:
-        raw = json.loads(line)
-    except ValueError:
-        return False
-    return isinstance(raw, dict) and raw.get("kind") in ("end", "answer")

@@ -15,7 +15,8 @@ from sim.world.navigation_map import NavigationMap
 from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent
 from .pan import PanEnv
 from .rules import score_run
-from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, RunWriter
+from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart
+from .run_writer import RunWriter
 from .workers import SceneJob, results, without
 
 BATCH = 8

@@ -7,7 +7,8 @@ import pytest
 from grounding.evaluate import GroundSettings, SceneGrounder, evaluate, open_job, select_jobs
 from sim.episodes.dataset import PersonalDataset
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import RunWriter, read_run
+from sim.tasks.run_files import read_run
+from sim.tasks.run_writer import RunWriter
 
 RPG = GroundSettings("rpg")
 

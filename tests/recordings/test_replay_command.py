@@ -9,7 +9,7 @@ from personal_viz.commands.recordings import replay
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import RunWriter
+from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
 from sim.types import EpisodeKey
 

@@ -14,8 +14,9 @@ import trimesh
 from personal_viz.commands.import_runs import import_files
 from recordings.habitat_writer import RunWriter as HabitatWriter
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.generation import invent_dataset
 from sim.errors import PersonalVizError, RunFileError
-from sim.frames import glb_zup_from_world
+from sim.frames import forward_from_yaw, glb_zup_from_world
 from sim.tasks.import_runs import check_file, import_runs
 from sim.tasks.run_files import EpisodeRun, Measures, read_run
 
@@ -217,10 +218,10 @@ def test_an_impossible_run_is_refused_with_its_line(
 def test_claims_of_the_file_are_dropped(dataset: PersonalDataset, lines: Rows) -> None:
     rule = {"success": True, "spl": 1.0, "soft_spl": 1.0, "dtg": 0.0, "start_distance": 1.0}
     claim = {
-        "rules": {"paper": rule},
+        "rules": {"paper": rule, "habitat": rule, "authors": rule},
         "centre_distance": 0.0,
         "path_m": 1.0,
-        "num_steps": 1,
+        "num_steps": len(lines) - 2,
         "collisions": 0,
         "stored_geodesic": 1.0,
         "scene_digest": "x",
@@ -406,3 +407,29 @@ def has_stopped_within_10_cm(row: dict[str, Any]) -> bool:
 def _measures(run: EpisodeRun) -> Measures:
     assert run.end.measures is not None
     return run.end.measures
+
+
+def test_a_run_through_a_wall_is_refused_at_the_line_where_it_leaves_the_floor(tmp_path: Path) -> None:
+    invent_dataset(tmp_path, name="Demo", seed=1)
+    dataset = PersonalDataset(tmp_path)
+    episode = next(dataset.episodes())
+    start = episode.start
+    rows: Rows = [
+        {
+            "kind": "episode",
+            "split": episode.key.split,
+            "scene": "Demo",
+            "episode_id": episode.key.episode_id,
+            "position": start.position,
+            "yaw": start.yaw,
+        }
+    ]
+    for number in range(1, 61):
+        x, y, z = np.add(start.position, 0.25 * number * forward_from_yaw(start.yaw)).tolist()
+        rows.append({"kind": "step", "action": "forward", "position": [x, y, z], "yaw": start.yaw})
+    rows.append({"kind": "end", "reason": "abandoned"})
+    path = tmp_path / "walls.jsonl"
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    with pytest.raises(RunFileError, match=r"walls\.jsonl:\d+: position .* aside and .* the nearest floor"):
+        import_runs([path], dataset=dataset, scenes_dir=None, out=tmp_path / "out", who="ghost")
+    assert not (tmp_path / "out").exists()

@@ -19,10 +19,10 @@ from sim.tasks.run_files import (
     RuleMeasures,
     Run,
     RunInfo,
-    RunWriter,
     Step,
     read_run,
 )
+from sim.tasks.run_writer import RunWriter
 from sim.types import Action
 
 
@@ -264,3 +264,32 @@ def test_metrics_refuse_runs_without_distances(tmp_path: Path) -> None:
     writer.add_episode(finished().model_copy(update={"end": EpisodeEnd(reason="stop")}))
     with pytest.raises(RunFileError, match=r'holds no measures for easy/Demo/1.*"personal-viz import" first'):
         metric_rows([read_run(tmp_path / "r1")])
+
+
+def test_metrics_refuse_a_trial_that_would_count_twice_but_pool_seeds(tmp_path: Path) -> None:
+    for name, seed in (("a", 0), ("b", 0), ("c", 1)):
+        RunWriter(tmp_path / name, info(run_id=name, seed=seed)).add_episode(finished())
+    first, again, other = (read_run(tmp_path / name) for name in ("a", "b", "c"))
+    assert metric_rows([first, other])[0].n == 2
+    with pytest.raises(RunFileError, match=r"b: found easy/Demo/1 a second time \(first in a\)"):
+        metric_rows([first, again])
+    with pytest.raises(RunFileError, match="a second time"):
+        metric_rows([first, first])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"spl":0.5', '"spl":7.0', r"spl is 7\.0; expected"),
+        ('"dtg":0.0', '"dtg":-3.0', r"dtg is -3\.0; expected"),
+        ('"habitat":null,', "", "rules"),
+        ('"num_steps":2', '"num_steps":3', "the block is not whole"),
+    ],
+)
+def test_impossible_measures_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    RunWriter(tmp_path / "r1", info()).add_episode(finished())
+    path = tmp_path / "r1" / "steps.jsonl"
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(RunFileError, match=message):
+        read_run(tmp_path / "r1")

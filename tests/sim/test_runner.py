@@ -10,7 +10,8 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.generation import invent_dataset
 from sim.errors import AgentError, PersonalVizError, SceneError
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import EpisodeRun, RunWriter, read_run
+from sim.tasks.run_files import EpisodeRun, read_run
+from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
 from sim.types import Action, Camera, Observation, Task
 

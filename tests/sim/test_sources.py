@@ -43,7 +43,9 @@ def test_a_scan_is_found_anywhere_below_the_folder(invented: Path, tmp_path: Pat
     path = tmp_path / "hm3d_v0.2" / "val" / "00000-Demo" / "Demo.glb"
     path.parent.mkdir(parents=True)
     path.write_bytes(glb_from_mesh(replace(mesh, vertices=glb_zup_from_world(mesh.vertices))))
-    scene = open_scene(PersonalDataset(invented), "Demo", scenes_dir=tmp_path)
+    episodes = tmp_path / "episodes"
+    shutil.copytree(invented, episodes, ignore=shutil.ignore_patterns("*.plan.json"))
+    scene = open_scene(PersonalDataset(episodes), "Demo", scenes_dir=tmp_path)
     assert (scene.kind, scene.objects, scene.label) == ("scan", (), "Demo")
     assert len(scene.mesh.faces) == len(mesh.faces)
     assert scene.navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
@@ -89,8 +91,8 @@ def test_a_folder_may_hold_invented_and_released_homes_and_each_has_its_own_kind
     assert set(dataset.scenes) == {"Demo", SCENE}
     for name, kind in (("Demo", "invented"), (SCENE, "schematic")):
         assert open_scene(dataset, name).kind == scene_kind(dataset, name, None) == kind
-        assert scene_kind(dataset, name, tmp_path) == "scan"
         assert common_kind(dataset, [name], None) == kind
     with pytest.raises(SceneError, match=rf"found scene kinds invented \(Demo\), schematic \({SCENE}\); expected one"):
         common_kind(dataset, dataset.scenes, None)
-    assert common_kind(dataset, dataset.scenes, tmp_path) == "scan"
+    assert scene_kind(dataset, SCENE, tmp_path) == "scan"
+    assert scene_kind(dataset, "Demo", tmp_path) == "invented"  # its mesh on disk is no scan

@@ -1,0 +1,116 @@
+"""Append finished runs to a run folder, so that a kill loses at most the episode under way."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from sim.errors import RunFileError
+from sim.files import append_whole, write_whole
+from sim.types import EpisodeKey
+
+from .run_files import Answer, EpisodeRun, RunInfo, read_run, read_run_info
+
+
+class RunWriter:
+    """Appends finished episodes and answers to a run folder; a killed run resumes where it stopped."""
+
+    def __init__(self, folder: Path, info: RunInfo) -> None:
+        """Opens the folder; an incomplete tail left by a kill is cut off. A new run is written with its first result.
+
+        Raises:
+            RunFileError: The folder cannot be written, or holds a run of another configuration.
+        """
+        self.folder = folder
+        self._info = info
+        self.done: set[EpisodeKey] = set()
+        """Episodes that the folder already holds."""
+        self._scene_digests: dict[str, str] = {}
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if (folder / "run.json").exists():
+                self._require_same_run(read_run_info(folder), info)
+                for name in ("steps.jsonl", "answers.jsonl"):
+                    _cut_incomplete_tail(folder / name)
+                run = read_run(folder)
+                self.done |= {item.key for item in (*run.episodes, *run.answers)}
+                for episode in run.episodes:
+                    self._require_same_scene(episode)
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def add_episode(self, run: EpisodeRun) -> None:
+        """Appends one block; it is on disk when this returns.
+
+        Raises:
+            RunFileError: The folder cannot be written, or its episodes of this scene were run on another version of it.
+        """
+        self._require_same_scene(run)
+        self._append("steps.jsonl", (run.start, *run.steps, run.end))
+        self.done.add(run.key)
+
+    def add_answers(self, answers: Sequence[Answer]) -> None:
+        """Appends one line each; they are on disk when this returns.
+
+        Raises:
+            RunFileError: The folder cannot be written.
+        """
+        self._append("answers.jsonl", answers)
+        self.done.update(answer.key for answer in answers)
+
+    def _append(self, name: str, lines: Sequence[BaseModel]) -> None:
+        text = "".join(line.model_dump_json() + "\n" for line in lines)
+        try:
+            if not (self.folder / "run.json").exists():
+                write_whole(self.folder / "run.json", self._info.model_dump_json(indent=2) + "\n")
+            append_whole(self.folder / name, text)
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def _unwritable(self, error: OSError) -> RunFileError:
+        return RunFileError(
+            f"{self.folder}: cannot be written ({error}); expected a folder with space that you can write. "
+            "Give another --out, or make room and run again: finished episodes are kept."
+        )
+
+    def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
+        for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config"):
+            was, now = getattr(found, field), getattr(wanted, field)
+            if was != now:
+                raise RunFileError(
+                    f"{self.folder / 'run.json'}: {field} is {was!r}, this run has {now!r}; "
+                    "expected the same to resume. Give another --out or --run-id."
+                )
+
+    def _require_same_scene(self, run: EpisodeRun) -> None:
+        """Distances on two versions of a home never share a folder; a run without measures says nothing of its home."""
+        if run.end.measures is None:
+            return
+        scene, now = run.key.scene, run.end.measures.scene_digest
+        was = self._scene_digests.setdefault(scene, now)
+        if was != now:
+            raise RunFileError(
+                f"{self.folder / 'steps.jsonl'}: scene_digest of {scene} is {was[:12]!r}, {run.key} has {now[:12]!r}; "
+                "expected one version of the home per run. Give another --out or --run-id."
+            )
+
+
+def _cut_incomplete_tail(path: Path) -> None:
+    """Drop lines after the last complete block or answer (left by a kill in the middle of a write)."""
+    if not path.is_file():
+        return
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
+    whole = len(lines)
+    while whole and not (lines[whole - 1].endswith("\n") and _closes_a_block(lines[whole - 1])):
+        whole -= 1
+    if whole < len(lines):
+        write_whole(path, "".join(lines[:whole]))
+
+
+def _closes_a_block(line: str) -> bool:
+    try:
+        raw = json.loads(line)
+    except ValueError:
+        return False
+    return isinstance(raw, dict) and raw.get("kind") in ("end", "answer")
