@@ -174,3 +174,26 @@ def test_text_that_is_no_event_is_refused_in_one_line(text: str, message: str) -
 
 def test_the_list_of_events_is_closed_and_named_once() -> None:
     assert len(set(EVENT_KINDS)) == len(EVENT_KINDS) == 15
+
+
+def test_studies_and_plans_as_version_1_wrote_them_still_read_and_newer_ones_are_refused(tmp_path: Path) -> None:
+    text = (
+        '{"schema_version":1,"study":"pilot","dataset_digest":"' + "0" * 64 + '","scenes":[{"name":"room",'
+        '"kind":"invented"}],"tasks":["pan","pog"],"actions":"paper4","max_steps":500,"query_index":0,'
+        '"resume_within_s":600.0,"seed":0,"camera":{"width":640,"height":480,"hfov_deg":79.0,"mount_height":0.88}}'
+    )
+    planned = (
+        '{"schema_version":1,"study_version":"728ec81f65df7527a194c9bdd71c687d69bd2947c5a1cee572c3a76de271c279",'
+        '"participants":[{"code":"p01","trials":[{"order_no":1,"task":"pan","split":"easy","scene":"room",'
+        '"episode_id":"1"}]}]}'
+    )
+    (tmp_path / "study.json").write_text(text)
+    (tmp_path / "plan.json").write_text(planned)
+    assert load_study(tmp_path) == study()
+    assert load_plan(tmp_path, study()) == make_plan(study(), [episode("1").key], ("pan",))
+    (tmp_path / "plan.json").write_text(planned.replace('"schema_version":1', '"schema_version":2'))
+    with pytest.raises(StudyError, match=r"plan\.json: schema_version is 2; expected"):
+        load_plan(tmp_path, study())
+    (tmp_path / "study.json").write_text(text.replace('"schema_version":1', '"schema_version":2'))
+    with pytest.raises(StudyError, match=r"study\.json: schema_version is 2; expected"):
+        load_study(tmp_path)

@@ -127,3 +127,22 @@ def test_a_turned_piece_swaps_width_and_depth() -> None:
 def test_rectangles_that_share_a_border_do_not_overlap() -> None:
     assert not Rect(0, 0, 1, 1).overlaps(Rect(1, 0, 2, 1))
     assert Rect(0, 0, 1, 1).overlaps(Rect(0.99, 0, 2, 1))
+
+
+VERSION_1 = (
+    '{"schema_version":1,"name":"Tiny","kind":"schematic","storeys":[{"label":"ground floor","floor_y":0.0,'
+    '"ceiling":2.5}],"rooms":[{"name":"all","storey":0,"rect":null,"floor_rgb":[150,120,90],"wall_rgb":[220,220,210]}],'
+    '"walls":[],"stairs":[],"furniture":[{"name":"chair_1","category":"chair","centre":[1.0,0.45,2.0],'
+    '"size":[0.5,0.9,0.4],"yaw":0.0,"rgb":[200,30,30],"material":"","caption":"","room":""}],'
+    '"cells":{"origin_xz":[0.0,0.0],"shape":[4,10],"cell":0.05,'
+    '"walkable":[[1,2,3,0,false],[1,5,2,10,true],[2,0,1,0,false]],"plinth":[]}}'
+)
+
+
+def test_a_plan_as_version_1_wrote_it_still_reads_and_a_newer_one_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "Tiny.plan.json"
+    path.write_text(VERSION_1)
+    assert load_plan(path) == PLAN
+    path.write_text(VERSION_1.replace('"schema_version":1', '"schema_version":2'))
+    with pytest.raises(SceneError, match=r"Tiny\.plan\.json: schema_version is 2; expected"):
+        load_plan(path)
