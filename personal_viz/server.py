@@ -5,6 +5,7 @@ It owns scene, simulator and viser; the store stays with the gateway, at the oth
 
 import argparse
 import asyncio
+import contextlib
 import socket
 import sys
 import time
@@ -16,7 +17,7 @@ from viser import _messages
 
 from human_study.study import StudyConfig, load_study
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import MissingDependencyError, PersonalVizError
+from sim.errors import MissingDependencyError, PersonalVizError, StudyError
 from sim.scenes.labels import readable
 from sim.scenes.sources import open_scene
 from sim.tasks.pog import PogScene
@@ -40,7 +41,8 @@ def main() -> None:
         home = open_home(load_study(options.study), PersonalDataset(options.dataset), options.scenes_dir)
         server = serve(home, link)
     except PersonalVizError as error:
-        link.tell_failed(str(error))
+        with contextlib.suppress(StudyError):  # the gateway, once told, does not wait for our thanks
+            link.tell_failed(str(error))
         sys.exit(1)
     link.tell_ready(server.get_port())
     link.is_closed.wait()
