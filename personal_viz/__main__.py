@@ -13,7 +13,7 @@ def main() -> None:
     try:
         code = verb.work()
     except PersonalVizError as error:
-        print(f"personal-viz: {error}", file=sys.stderr)
+        print(f"personal-viz: {' '.join(str(error).split())}", file=sys.stderr)  # one line, whatever a plug-in raised
         code = 1
     except KeyboardInterrupt:
         print("personal-viz: stopped", file=sys.stderr)

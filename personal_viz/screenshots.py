@@ -35,7 +35,7 @@ def _picture_pan(browser: BrowserContext, link: str) -> None:
     page.goto(link)
     page.get_by_role("button", name="Start").click()
     expect(page.get_by_text("Step 0 of 500")).to_be_visible(timeout=60_000)
-    for number, key in enumerate(("a", "a", "w", "w", "w"), start=1):
+    for number, key in enumerate(("d", "a", "w", "w", "w"), start=1):
         page.keyboard.press(key, delay=60)  # sessions drop presses within 50 ms of the last one
         expect(page.get_by_text(f"Step {number} of 500")).to_be_visible()
     expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", "5")

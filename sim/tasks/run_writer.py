@@ -28,7 +28,9 @@ class RunWriter:
         """Episodes that the folder already holds."""
         self._scene_digests: dict[str, str] = {}
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            if not folder.exists():
+                folder.mkdir(parents=True)
+                folder.rmdir()  # it can be written; a run without results leaves nothing
             if (folder / "run.json").exists():
                 self._require_same_run(read_run_info(folder), info)
                 for name in ("steps.jsonl", "answers.jsonl"):

@@ -101,7 +101,10 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], EpisodeRun]:
         episode = episodes[key]
         agent = plugin or _own_agent(job.agent, episode, scene.navigation)
         env = PanEnv(episode.start, scene.navigation, renderer=renderer, camera=Camera())
-        play_episode(agent, env, episode.task("pan", actions=PAPER6), seed=episode_seed(job.seed, key))
+        try:
+            play_episode(agent, env, episode.task("pan", actions=PAPER6), seed=episode_seed(job.seed, key))
+        except AgentError as error:
+            raise AgentError(f"{key}: {error}") from error
         return run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation)
 
     return run_episode

@@ -80,7 +80,7 @@ def test_a_killed_run_goes_on_after_its_last_whole_block(tmp_path: Path) -> None
 
 def test_a_run_without_results_leaves_no_file(tmp_path: Path) -> None:
     RunWriter(tmp_path / "r1", info())
-    assert not list((tmp_path / "r1").iterdir())
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
