@@ -163,3 +163,20 @@ def test_a_killed_server_resumes_every_link_at_the_same_step_and_pose(homes: Pat
         acts = [stored.event for stored in reader.events(trial_id) if isinstance(stored.event, Act)]
     assert [act.action.value for act in acts] == ["left", "forward", "forward", "right"]
     assert acts[3].position == acts[2].position
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the worker through /proc")
+def test_a_worker_that_dies_ends_the_study_with_one_line_and_its_links_work_again(homes: Path, tmp_path: Path) -> None:
+    command = ("study", "serve", "--dataset", str(homes), "--scene", "Demo")
+    study = start_study(tmp_path / "study", *command)
+    children = Path(f"/proc/{study.process.pid}/task/{study.process.pid}/children").read_text().split()
+    assert len(children) == 1
+    os.kill(int(children[0]), signal.SIGKILL)
+    assert study.process.wait(timeout=30) == 1
+    again = start_study(tmp_path / "study", *command)
+    try:
+        with enter(again.links["pog"]) as client:
+            client.press("Start")
+            client.receive_until(lambda message: "Click the object to mark it" in str(message))
+    finally:
+        assert again.end() == 0
