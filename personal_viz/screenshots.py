@@ -6,6 +6,7 @@ from pathlib import Path
 from playwright.sync_api import BrowserContext, expect
 
 from sim.episodes.dataset import PersonalDataset
+from sim.types import Split
 
 from .browser import open_chromium
 from .commands.recordings import replay
@@ -14,7 +15,7 @@ from .screenshots_rerun import screenshot_rrd
 from .served import served_demo
 
 PICTURES = Path(__file__).parent / "pictures"
-EPISODE = "easy"
+SPLIT: Split = "easy"
 """The split whose first episode is replayed."""
 
 
@@ -60,7 +61,7 @@ def _picture_pog(browser: BrowserContext, link: str) -> None:
 def _picture_replay(folder: Path) -> None:
     """Two agents of one episode side by side in Rerun's web viewer."""
     dataset = folder / "demo" / "dataset"
-    key = next(PersonalDataset(dataset).episodes(splits=(EPISODE,))).key  # type: ignore[arg-type]
+    key = next(PersonalDataset(dataset).episodes(splits=(SPLIT,))).key
     for agent in ("shortest-path", "random"):
         run(
             agent=agent,

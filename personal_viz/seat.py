@@ -211,7 +211,8 @@ class Seat:
             except queue.Empty:
                 update = SessionUpdate((), session.view(time.monotonic()))
             else:
-                update = session.handle(item.content, time.monotonic(), busy=item.is_busy)  # type: ignore[arg-type]
+                assert isinstance(item.content, PanCommand), item.content
+                update = session.handle(item.content, time.monotonic(), busy=item.is_busy)
                 self._link.append_many(trial.trial_id, trial.epoch, update.events)
                 self._is_busy = self._is_busy and item.is_busy
             app.show(update.view)
@@ -225,7 +226,8 @@ class Seat:
                 if isinstance(command, ClickRay):
                     storey = update.view.storeys.index(command.storey_y)
                     command = Click(command, self._home.pog_scene.hit(storey, command.origin, command.direction))
-                update = session.handle(command, time.monotonic())  # type: ignore[arg-type]
+                assert isinstance(command, PogCommand), command
+                update = session.handle(command, time.monotonic())
                 self._link.append_many(trial.trial_id, trial.epoch, update.events)
                 app.show(update.view)
         finally:

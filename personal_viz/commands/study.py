@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from pathlib import Path
+from typing import Literal
 
 import uvicorn
 
@@ -63,7 +64,7 @@ def serve(
     split: tuple[Split, ...],
     limit: int | None,
     seed: int,
-    actions: str,
+    actions: Literal["paper4", "paper6"],
     port: int,
 ) -> int:
     """Serves the study until Ctrl-C; a study folder that exists goes on where it was."""
@@ -78,7 +79,7 @@ def serve(
             study=f"{scene[:20]}-{seed}"[:32],
             dataset_digest=episodes.digest(),
             scenes=(StudyScene(name=scene, kind=scene_kind(episodes, scene, scenes_dir)),),
-            actions=actions,  # type: ignore[arg-type]
+            actions=actions,
             seed=seed,
         )
         save_study(folder, config)

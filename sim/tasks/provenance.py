@@ -4,6 +4,7 @@ import datetime
 import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Literal
 
 from sim.types import SceneKind, WhoKind
 
@@ -17,7 +18,7 @@ def make_run_info(
     *,
     who: str,
     who_kind: WhoKind,
-    scene_kind: SceneKind | str,
+    scene_kind: SceneKind | Literal["oracle-map"],
     dataset_digest: str,
     condition: str = "none",
     seed: int | None = None,
@@ -29,7 +30,7 @@ def make_run_info(
         who=who,
         who_kind=who_kind,
         condition=condition,
-        scene_kind=scene_kind,  # type: ignore[arg-type]
+        scene_kind=scene_kind,
         dataset_digest=dataset_digest,
         seed=seed,
         config=config or {},

@@ -18,8 +18,8 @@ from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, read_run
 from sim.types import Action, EpisodeKey
 
 from .small_world import SCENE_DIGEST, SquareRoom, env, episode, plan, study
+from .stores import edit
 from .test_session import FORWARD, LEFT, RAY
-from .test_store import edit
 
 STOREYS = [(0.0, 0.0)]
 SUCCESS: list[PanCommand] = [Start(), *[LEFT] * 3, *[FORWARD] * 5, PressStop(), PressStop()]

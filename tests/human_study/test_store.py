@@ -3,65 +3,24 @@
 import multiprocessing
 import os
 import resource
-import shutil
 import sqlite3
 import threading
 from pathlib import Path
 
 import pytest
 
-from human_study import database as database_module
-from human_study.database import migrate
-from human_study.events import Act, Event, GaveUp, Key, Open, Reconnect, Shown
-from human_study.migrations import MIGRATIONS
+from human_study.events import Act, Event, Reconnect
 from human_study.plan import PlannedTrial
 from human_study.records import read_study
-from human_study.store import StudyStore, SupersededError, Trial, TrialEndedError, open_store
+from human_study.store import SupersededError, TrialEndedError, open_store
 from human_study.tickets import new_token, token_hash
 from human_study.writer import StoreFullError
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import Action
 
-from .small_world import SCENE_DIGEST, plan, study
-
-KEY = Key(code="KeyW", action=Action.FORWARD)
-OPEN = Open(
-    task="pan",
-    split="easy",
-    scene="room",
-    episode_id="0",
-    scene_digest=SCENE_DIGEST,
-    max_steps=500,
-    actions=(Action.STOP,),
-    position=(0.0, 0.0, 0.0),
-    yaw=0.0,
-)
-
-
-def filled(folder: Path) -> StudyStore:
-    """A store with the plan's two participants, whose tokens are `token-p01` and `token-p02`."""
-    store = open_store(folder, study())
-    for person in plan(study()).participants:
-        store.add_participant(person.code, token_hash(f"token-{person.code}"), person.trials)
-    return store
-
-
-def opened(folder: Path) -> tuple[StudyStore, Trial]:
-    """A store with one trial that has its first event."""
-    store = filled(folder)
-    trial = store.open_trial("p02", 1)
-    store.append(trial.trial_id, trial.epoch, OPEN)
-    return store, trial
-
-
-def edit(folder: Path, sql: str) -> None:
-    """Change the database behind the store's back, append-only triggers removed."""
-    database = sqlite3.connect(folder / "study.db")
-    for (name,) in database.execute("SELECT name FROM sqlite_schema WHERE type = 'trigger'").fetchall():
-        database.execute(f"DROP TRIGGER {name}")
-    database.executescript(sql)
-    database.close()
+from .small_world import plan, study
+from .stores import KEY, OPEN, filled, opened
 
 
 def test_stored_events_come_back_as_they_were(tmp_path: Path) -> None:
@@ -314,83 +273,6 @@ def test_a_closed_store_says_so(tmp_path: Path) -> None:
         store.append(trial.trial_id, trial.epoch, KEY)
 
 
-@pytest.mark.parametrize(
-    "content", [b"this is not a database at all, only some text\n" * 50, b"SQLite format 3\0" * 64]
-)
-def test_a_file_that_is_not_a_database_is_one_line(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "study.db").write_bytes(content)
-    with pytest.raises(StudyError, match=r"study\.db: .*expected.*\. .*") as caught:
-        open_store(tmp_path, study())
-    assert "\n" not in str(caught.value)
-    assert (tmp_path / "study.db").read_bytes() == content
-
-
-def test_bytes_overwritten_inside_the_database_are_found_at_opening(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.append_many(trial.trial_id, trial.epoch, [Shown(step=0, frame_hash="a" * 64)] * 200)
-    store.close()
-    path = tmp_path / "study.db"
-    data = bytearray(path.read_bytes())
-    middle = len(data) * 3 // 4 // 4096 * 4096
-    data[middle : middle + 4096] = b"\x55" * 4096
-    path.write_bytes(bytes(data))
-    with pytest.raises(StudyError, match=r"(found a damaged file|SQLite found damage).*Restore the folder"):
-        open_store(tmp_path, study())
-
-
-def test_a_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
-    database = sqlite3.connect(tmp_path / "study.db")
-    database.execute("CREATE TABLE other(x)")
-    database.close()
-    before = (tmp_path / "study.db").read_bytes()
-    with pytest.raises(StudyError, match="database of another program"):
-        open_store(tmp_path, study())
-    assert (tmp_path / "study.db").read_bytes() == before
-
-
-def test_a_newer_version_is_refused(tmp_path: Path) -> None:
-    filled(tmp_path).close()
-    edit(tmp_path, "PRAGMA user_version = 99")
-    for use in (lambda: open_store(tmp_path, study()), lambda: read_study(tmp_path).__enter__()):
-        with pytest.raises(StudyError, match=r"has schema version 99; expected at most 1.*newer personal-viz"):
-            use()
-
-
-def test_another_studys_store_is_refused(tmp_path: Path) -> None:
-    filled(tmp_path).close()
-    with pytest.raises(StudyError, match=r"study\.json was changed after the start"):
-        open_store(tmp_path, study(seed=1))
-
-
-@pytest.mark.parametrize(
-    "sql",
-    [
-        "UPDATE event SET payload = replace(payload, 'KeyW', 'KeyA') WHERE seq = 2",
-        "UPDATE event SET t_srv_ns = t_srv_ns + 1 WHERE seq = 2",
-        "UPDATE event SET epoch = 2 WHERE seq = 2",
-        "DELETE FROM event WHERE seq = 2",
-        "UPDATE event SET seq = seq + 10 WHERE seq = 3",
-    ],
-)
-def test_a_changed_chain_is_found_at_opening(tmp_path: Path, sql: str) -> None:
-    store, trial = opened(tmp_path)
-    store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
-    store.close()
-    edit(tmp_path, sql)
-    with pytest.raises(StudyError, match=rf"trial {trial.trial_id}, event \d+ does not continue the chain"):
-        open_store(tmp_path, study())
-
-
-def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.append(trial.trial_id, trial.epoch, GaveUp())
-    store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
-    store.close()
-    edit(tmp_path, "DELETE FROM event WHERE seq = 2")
-    with pytest.raises(StudyError, match="ends with another event than when it was finished"):
-        open_store(tmp_path, study())
-
-
 def test_an_unwritable_place_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="expected a folder that you can write"):
@@ -422,50 +304,6 @@ def test_the_settings_are_those_of_the_design(tmp_path: Path) -> None:
         "busy_timeout": 5000,
         "cell_size_check": 1,
     }
-
-
-def version_1(folder: Path) -> Path:
-    """A database as version 1 wrote it, by its own SQL."""
-    fixture = Path(__file__).parent / "study_v1.sql"
-    database = sqlite3.connect(folder / "study.db")
-    database.executescript(fixture.read_text())
-    database.close()
-    return folder / "study.db"
-
-
-def test_a_store_of_version_1_opens_and_goes_on(tmp_path: Path) -> None:
-    version_1(tmp_path)
-    with open_store(tmp_path, study()) as store:
-        status = store.trials("p02")
-        assert [trial.outcome for trial in status] == [EpisodeEnd(reason="giveup"), None]
-        assert [stored.event.kind for stored in store.events(status[0].trial_id or "")] == ["open", "key", "giveup"]
-        trial = store.open_trial("p02", 2)
-        assert store.append(trial.trial_id, trial.epoch, OPEN) == 1
-        assert store.check() == 4
-
-
-def test_a_migration_keeps_a_copy_of_what_was_and_moves_the_version(tmp_path: Path) -> None:
-    path = version_1(tmp_path)
-    database = sqlite3.connect(path, isolation_level=None)
-    assert migrate(database, path, steps=(*MIGRATIONS, "ALTER TABLE trial ADD COLUMN phase TEXT")) == [2]
-    assert database.execute("PRAGMA user_version").fetchone()[0] == 2
-    assert database.execute("SELECT phase FROM trial").fetchall() == [(None,)]
-    database.close()
-    (copy,) = (tmp_path / database_module.BACKUP_FOLDER).iterdir()
-    shutil.copy(copy, path)
-    with open_store(tmp_path, study()) as store:
-        assert store.check() == 3
-
-
-def test_a_migration_that_fails_leaves_the_database_as_it_was(tmp_path: Path) -> None:
-    path = version_1(tmp_path)
-    database = sqlite3.connect(path, isolation_level=None)
-    bad = "ALTER TABLE trial ADD COLUMN phase TEXT; INSERT INTO nowhere VALUES (1)"
-    with pytest.raises(StudyError, match="cannot go from schema version 1 to 2"):
-        migrate(database, path, steps=(*MIGRATIONS, bad))
-    database.close()
-    with open_store(tmp_path, study()) as store:
-        assert store.check() == 3
 
 
 def test_two_trials_in_one_place_of_the_order_are_refused(tmp_path: Path) -> None:

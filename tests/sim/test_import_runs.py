@@ -1,6 +1,5 @@
 """Importing runs of another simulator: possible steps only, all measures computed here."""
 
-import gzip
 import json
 import math
 from collections.abc import Callable
@@ -9,70 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
-from personal_viz.commands.import_runs import import_files
 from recordings.habitat_writer import RunWriter as HabitatWriter
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.generation import invent_dataset
 from sim.errors import PersonalVizError, RunFileError
-from sim.frames import forward_from_yaw, glb_zup_from_world
+from sim.frames import forward_from_yaw
 from sim.tasks.import_runs import check_file, import_runs
-from sim.tasks.run_files import EpisodeRun, Measures, read_run
+from sim.tasks.run_files import EpisodeRun
 
-Rows = list[dict[str, Any]]
+from .foreign_runs import Rows, goal_row, quat, write_dataset
+
 START = (1.0, 0.2, -2.0)
-
-
-def quat(yaw_deg: float) -> list[float]:
-    half = math.radians(yaw_deg) / 2
-    return [0.0, math.sin(half), 0.0, math.cos(half)]
-
-
-def write_dataset(root: Path, scene: str, episodes: Rows, *, split: str = "easy") -> PersonalDataset:
-    """A dataset of one scene; each row has id, start, rotation, goals (name, position, view_points)."""
-    goals = {f"{scene}.basis.glb_thing": [goal for row in episodes for goal in row["goals"]]}
-    records = [
-        {
-            "episode_id": row["id"],
-            "scene_id": f"made/{scene}/{scene}.basis.glb",
-            "scene_dataset_config": "",
-            "object_category": "thing",
-            "object_id": [goal["object_name"] for goal in row["goals"]],
-            "description": [["a thing"] for _ in row["goals"]],
-            "owner": "Nell",
-            "floor_id": "0",
-            "summary": "Nell owns things.",
-            "extracted_summary": [],
-            "query": ["Find it."],
-            "start_position": row["start"],
-            "start_rotation": row["rotation"],
-            "info": {"geodesic_distance": 1.0, "euclidean_distance": 1.0, "closest_goal_object_id": 0},
-        }
-        for row in episodes
-    ]
-    content = {
-        "goals_by_category": goals,
-        "episodes": records,
-        "category_to_task_category_id": {},
-        "category_to_scene_annotation_category_id": {},
-    }
-    path = root / split / "content" / f"{scene}.json.gz"
-    path.parent.mkdir(parents=True)
-    path.write_bytes(gzip.compress(json.dumps(content).encode()))
-    return PersonalDataset(root)
-
-
-def goal_row(name: str, position: list[float], view_points: list[list[float]]) -> dict[str, Any]:
-    points = [{"agent_state": {"position": point, "rotation": [0, 0, 0, 1]}, "iou": 0.5} for point in view_points]
-    return {
-        "position": position,
-        "object_id": 1,
-        "object_name": name,
-        "object_category": "thing",
-        "floor_id": "0",
-        "view_points": points,
-    }
 
 
 @pytest.fixture
@@ -314,99 +261,6 @@ def test_an_empty_and_a_missing_file_are_refused(dataset: PersonalDataset, tmp_p
 
 
 # ---- the golden runs of real habitat-lab, imported end to end ----
-
-
-def golden_episodes(golden_root: Path, house: str) -> Rows:
-    """Episodes with view points as targets; POINT targets are habitat-lab's other mode, which PersONAL does not use."""
-    rows = json.loads(gzip.decompress((golden_root / f"{house}.episodes.json.gz").read_bytes()))["episodes"]
-    return [row for row in rows if row["settings"]["distance_to"] == "VIEW_POINTS"]
-
-
-def golden_dataset(rows: Rows, house: str, root: Path) -> PersonalDataset:
-    """The golden episodes in the PersONAL format; names are made unique because goals differ between episodes."""
-    episodes = [
-        {
-            "id": f"{row['id']}",
-            "start": row["start_position"],
-            "rotation": row["start_rotation_xyzw"],
-            "goals": [
-                goal_row(f"{row['id']}-{number}_{number}", goal["position"], goal["view_points"])
-                for number, goal in enumerate(row["goals"])
-            ],
-        }
-        for row in rows
-    ]
-    return write_dataset(root, house, episodes)
-
-
-def play_golden(rows: Rows, house: str, path: Path) -> None:
-    """What a Habitat program does with habitat_writer.py."""
-    writer = HabitatWriter(path)
-    for row in rows:
-        sliding = row["settings"]["rule"] == "slide"
-        poses = np.array(row["trajectory"], np.float32)
-        writer.start_episode("easy", f"x/{house}.basis.glb", row["id"], poses[0, :3], poses[0, 3:], sliding)
-        for action, pose in zip(row["actions"], poses[1:], strict=True):
-            writer.step(np.int64(action), pose[:3], pose[3:])
-        writer.end_episode(None if row["episode_over"] else "abandoned")
-
-
-def as_zup_glb(source: Path, target: Path) -> None:
-    """The golden GLB is y-up; scans are z-up."""
-    scene = trimesh.load_scene(source)
-    for mesh in scene.geometry.values():
-        mesh.vertices = glb_zup_from_world(np.asarray(mesh.vertices))
-    target.parent.mkdir(parents=True)
-    scene.export(str(target))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("house", ["dev_a", "dev_b"])
-def test_imported_golden_runs_have_habitat_labs_measures(golden_root: Path, tmp_path: Path, house: str) -> None:
-    rows = golden_episodes(golden_root, house)
-    dataset = golden_dataset(rows, house, tmp_path / "data")
-    play_golden(rows, house, tmp_path / "habitat.jsonl")
-    as_zup_glb(golden_root / f"{house}.glb", tmp_path / "scans" / house / f"{house}.glb")
-    import_files(
-        files=(tmp_path / "habitat.jsonl",),
-        dataset=dataset.root,
-        scenes_dir=tmp_path / "scans",
-        out=tmp_path / "runs",
-        who="follower",
-        run_id="golden",
-    )
-    run = read_run(tmp_path / "runs" / "golden")
-    assert (run.info.scene_kind, run.info.who_kind, len(run.episodes)) == ("scan", "agent", len(rows))
-    found = [_measures(episode) for episode in run.episodes]
-    assert [got.num_steps for got in found] == [row["measures"]["num_steps"] for row in rows]
-    assert [got.collisions for got in found] == [row["measures"]["collisions"] for row in rows]
-    assert [got.path_m for got in found] == pytest.approx([row["path_length"] for row in rows], abs=1e-6)
-    rules = [got.rules["habitat"] for got in found]
-    assert [rule is not None and rule.success for rule in rules] == [has_stopped_within_10_cm(row) for row in rows]
-    reachable = [(row, rule) for row, rule in zip(rows, rules, strict=True) if rule and rule.start_distance is not None]
-    assert {row["id"] for row, _ in reachable} == {row["id"] for row in rows if row["kind"] != "unreachable"}
-    # Distances are measured on our own grid of 5 cm, habitat-lab's on a navmesh by Detour, which is up to 2 % above the
-    # shortest way on average and 10-20 % in the worst case; most pairs agree to 2 cm, the worst of these by 15 cm.
-    apart = np.abs([rule.dtg - row["measures"]["distance_to_goal"] for row, rule in reachable])
-    assert (apart.mean(), apart.max()) == (pytest.approx(0, abs=0.03), pytest.approx(0, abs=0.2))
-    apart = np.abs([rule.start_distance / row["start_distance"] - 1 for row, rule in reachable])
-    assert (apart.mean(), apart.max()) == (pytest.approx(0, abs=0.01), pytest.approx(0, abs=0.03))
-    strict = [(row, rule) for row, rule in reachable if row["settings"]["success_distance"] == 0.1]
-    assert len(strict) == 24
-    for field in ("spl", "soft_spl"):
-        apart = np.abs([getattr(rule, field) - row["measures"][field] for row, rule in strict])
-        assert (apart.mean(), apart.max()) == (pytest.approx(0, abs=0.005), pytest.approx(0, abs=0.02))
-
-
-def has_stopped_within_10_cm(row: dict[str, Any]) -> bool:
-    """Success of ObjectNav; some golden episodes were played with 1.0 m instead."""
-    distance = row["measures"]["distance_to_goal"]
-    return row["stop_called"] and distance is not None and distance < 0.1
-
-
-def _measures(run: EpisodeRun) -> Measures:
-    assert run.end.measures is not None
-    return run.end.measures
 
 
 def test_a_run_through_a_wall_is_refused_at_the_line_where_it_leaves_the_floor(tmp_path: Path) -> None:

@@ -1,0 +1,49 @@
+"""Stores of a small study, for tests of the store and of what reads it."""
+
+import sqlite3
+from pathlib import Path
+
+from human_study.events import Key, Open
+from human_study.store import StudyStore, Trial, open_store
+from human_study.tickets import token_hash
+from sim.types import Action
+
+from .small_world import SCENE_DIGEST, plan, study
+
+KEY = Key(code="KeyW", action=Action.FORWARD)
+OPEN = Open(
+    task="pan",
+    split="easy",
+    scene="room",
+    episode_id="0",
+    scene_digest=SCENE_DIGEST,
+    max_steps=500,
+    actions=(Action.STOP,),
+    position=(0.0, 0.0, 0.0),
+    yaw=0.0,
+)
+
+
+def filled(folder: Path) -> StudyStore:
+    """A store with the plan's two participants, whose tokens are `token-p01` and `token-p02`."""
+    store = open_store(folder, study())
+    for person in plan(study()).participants:
+        store.add_participant(person.code, token_hash(f"token-{person.code}"), person.trials)
+    return store
+
+
+def opened(folder: Path) -> tuple[StudyStore, Trial]:
+    """A store with one trial that has its first event."""
+    store = filled(folder)
+    trial = store.open_trial("p02", 1)
+    store.append(trial.trial_id, trial.epoch, OPEN)
+    return store, trial
+
+
+def edit(folder: Path, sql: str) -> None:
+    """Change the database behind the store's back, append-only triggers removed."""
+    database = sqlite3.connect(folder / "study.db")
+    for (name,) in database.execute("SELECT name FROM sqlite_schema WHERE type = 'trigger'").fetchall():
+        database.execute(f"DROP TRIGGER {name}")
+    database.executescript(sql)
+    database.close()
