@@ -21,6 +21,7 @@ check: $(VENV)/.dev
 	$(BIN)/python -m pytest -m "not bench and not gpu and not slow and not browser"
 
 bench: $(VENV)/.test
+	$(BIN)/personal-viz bench sim
 	$(BIN)/python -m pytest -m bench
 
 screenshots: $(VENV)/.test

@@ -248,6 +248,34 @@ class Study:
         return self.verb.work()
 
 
+@dataclass
+class CheckHabitat:
+    """Compare navigation, pictures and measures with the answers of a real Habitat, stored in a folder."""
+
+    golden: Annotated[Path, arg(help="Folder as sim/README.md describes; write one on your own scans.")]
+    json: Json = False
+
+    def work(self) -> int:
+        from .commands.check_habitat import check_habitat
+
+        return check_habitat(golden=self.golden, json=self.json)
+
+
+@dataclass
+class Bench:
+    """Measure speed on this machine; each figure stands beside its reference measured in the same run."""
+
+    what: Positional[Literal["sim"]]
+    out: Annotated[Path, arg(help="Folder of the table, the plot and the JSON file.")] = Path("runs/bench")
+    quick: Annotated[bool, arg(help="Fewer and smaller scenes, at most 50 s.")] = False
+    json: Json = False
+
+    def work(self) -> int:
+        from .commands.bench import bench_sim
+
+        return bench_sim(out=self.out, quick=self.quick, json=self.json)
+
+
 Verb = (
     Annotated[Demo, subcommand("demo")]
     | Annotated[Validate, subcommand("validate")]
@@ -259,6 +287,8 @@ Verb = (
     | Annotated[Metrics, subcommand("metrics")]
     | Annotated[Replay, subcommand("replay")]
     | Annotated[Study, subcommand("study")]
+    | Annotated[CheckHabitat, subcommand("check-habitat")]
+    | Annotated[Bench, subcommand("bench")]
 )
 
 

@@ -1,12 +1,14 @@
 """A home in a participant's 3-D view: one cut storey at a time, labels on plain homes, the participant's mark."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import viser
 
 from sim.scenes.browser_glb import browser_glb
-from sim.scenes.scene import CUT_BELOW, CUT_HEIGHT, Scene
+from sim.scenes.cut import storey_cut
+from sim.scenes.scene import Scene
 from sim.tasks.run_files import Vector3
 
 MARK_COLOR = (214, 0, 110)
@@ -18,10 +20,16 @@ class StoreyCopies:
     """The browser copies of one scene's storeys, made once and shared by all participants of a worker."""
 
     def __init__(self, scene: Scene) -> None:
-        """Makes every copy."""
+        """Makes every copy, or reads it from the cache.
+
+        Raises:
+            SceneError: A storey has no faces.
+        """
         self.scene = scene
         self.storeys = scene.navigation.storey_heights
-        self.glbs = tuple(browser_glb(scene, floor_y) for floor_y in self.storeys)
+        self.cuts = tuple(storey_cut(scene, floor_y) for floor_y in self.storeys)
+        with ThreadPoolExecutor() as pool:
+            self.glbs = tuple(pool.map(lambda floor_y: browser_glb(scene, floor_y), self.storeys))
 
 
 class SceneView:
@@ -42,7 +50,7 @@ class SceneView:
         self._nodes.append(self._client.scene.add_glb("/home", self._copies.glbs[index]))
         floor_y = self._copies.storeys[index]
         if scene.kind != "scan":
-            self._label_objects(floor_y)
+            self._label_objects(index)
         if move_camera:
             self._look_at_storey(floor_y)
         self._client.flush()
@@ -61,11 +69,12 @@ class SceneView:
             node.remove()
         self._nodes, self._mark = [], []
 
-    def _label_objects(self, floor_y: float) -> None:
+    def _label_objects(self, index: int) -> None:
         """Category names over the objects of a storey: homes made of boxes cannot be read without."""
+        bottom_y, top_y = self._copies.cuts[index]
         for item in self._copies.scene.objects:
             x, y, z = item.centre
-            if floor_y - CUT_BELOW <= y <= floor_y + CUT_HEIGHT:
+            if bottom_y <= y <= top_y:
                 label = self._client.scene.add_label(
                     f"/labels/{item.instance_id}", item.category, position=(x, y + item.size[1] / 2 + 0.1, z)
                 )

@@ -6,12 +6,14 @@ from pathlib import Path
 from playwright.sync_api import BrowserContext, expect
 
 from sim.episodes.dataset import PersonalDataset
+from sim.scenes.sources import open_scene
 from sim.types import Split
 
 from .browser import open_chromium
 from .commands.recordings import replay
 from .commands.runs import run
 from .screenshots_rerun import screenshot_rrd
+from .screenshots_sim import picture_simulator
 from .served import served_demo
 
 PICTURES = Path(__file__).parent / "pictures"
@@ -20,12 +22,13 @@ SPLIT: Split = "easy"
 
 
 def main() -> None:
-    """Writes study-pan.png, study-pog.png and replay.png into `personal_viz/pictures`."""
+    """Writes study-pan.png, study-pog.png, simulator.png and replay.png into `personal_viz/pictures`."""
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="personal-pictures-") as folder:
         with served_demo(Path(folder) / "demo") as study, open_chromium() as browser:
             _picture_pan(browser, study.links["pan"])
             _picture_pog(browser, study.links["pog"])
+        _picture_simulator(Path(folder))
         _picture_replay(Path(folder))
     print(f"Written to {PICTURES}")
 
@@ -56,6 +59,13 @@ def _picture_pog(browser: BrowserContext, link: str) -> None:
     expect(page.get_by_text("Click again to move your mark")).to_be_visible()
     page.wait_for_timeout(2000)
     page.screenshot(path=PICTURES / "study-pog.png")
+
+
+def _picture_simulator(folder: Path) -> None:
+    """One view and the map of a long way."""
+    dataset = PersonalDataset(folder / "demo" / "dataset")
+    episode = next(dataset.episodes(splits=("hard",)))
+    picture_simulator(open_scene(dataset, episode.key.scene), episode, PICTURES / "simulator.png")
 
 
 def _picture_replay(folder: Path) -> None:

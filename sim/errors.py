@@ -52,9 +52,10 @@ def line_from_validation_error(where: str | Path, error: ValidationError, *, adv
     first = error.errors()[0]
     field = ".".join(str(part) for part in first["loc"]) or "(top level)"
     found = "nothing" if first["type"] == "missing" else repr(first["input"])
-    if first["type"] == "json_invalid":
-        found = "text that is not JSON"
     if len(found) > 80:
         found = found[:77] + "..."
+    expected = first["msg"]
+    if first["type"] == "json_invalid":
+        found, expected = f"text that is not JSON ({first.get('ctx', {}).get('error', expected)})", "whole JSON"
     more = f" (and {error.error_count() - 1} more problems)" if error.error_count() > 1 else ""
-    return f"{where}: {field} is {found}; expected: {first['msg']}{more}. {advice}"
+    return f"{where}: {field} is {found}; expected: {expected}{more}. {advice}"

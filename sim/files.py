@@ -1,11 +1,11 @@
-"""Text files that are never half-written: whole new ones, and blocks added to the end of one."""
+"""Files that are never half-written: whole new ones, and text added to the end of one."""
 
 import os
 from pathlib import Path
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file beside, then rename: readers see the old file or the whole new one. Makes the folder.
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file beside, then rename: readers see the old file or the whole new one. Makes the folder.
 
     Raises:
         OSError: The folder or the file cannot be written; the file is as it was.
@@ -13,8 +13,8 @@ def write_whole(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(path.name + ".part")
     try:
-        with beside.open("w", encoding="utf-8") as file:
-            file.write(text)
+        with beside.open("wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(beside, path)

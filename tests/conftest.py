@@ -1,8 +1,11 @@
 """Fixtures that every test may use; tests on shared data skip with a reason where the folder is absent."""
 
+import os
 from pathlib import Path
 
 import pytest
+
+from sim.cache import VARIABLE
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
@@ -23,3 +26,9 @@ def golden_root() -> Path:
     if not root.is_dir():
         pytest.skip(f"Habitat's golden answers are not at {root}")
     return root
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory) -> None:
+    """Converted textures and browser copies of this run only: nothing of an earlier one is read."""
+    os.environ[VARIABLE] = str(tmp_path_factory.mktemp("cache"))

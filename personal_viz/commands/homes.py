@@ -6,8 +6,8 @@ from pathlib import Path
 from sim.episodes.generation import dataset_files, write_files
 from sim.errors import DatasetError
 from sim.frames import glb_zup_from_world
-from sim.scenes.browser_glb import glb_from_mesh
 from sim.scenes.furnish import mesh_from_plan
+from sim.scenes.glb_writer import glb_from_mesh
 from sim.scenes.plan import HomePlan
 from sim.types import SPLITS
 

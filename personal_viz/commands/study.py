@@ -21,6 +21,7 @@ from human_study.tickets import new_token, token_hash
 from personal_viz.commands.options import check_options
 from personal_viz.gateway import Gateway, Tickets
 from personal_viz.store_link import StoreService
+from sim.cache import cache_dir
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.scenes.kind import scene_kind
@@ -29,7 +30,9 @@ from sim.types import SPLITS, Split
 SECRETS_FILE = "secrets.json"
 """Personal tokens in clear, readable by the owner only; never exported."""
 DEMO_HOME = "DemoHome"
-WORKER_START_S = 120.0
+WORKER_START_S = 600.0
+"""A worker that ends is noticed at once; this is for one that hangs. A scan of a million triangles takes half a minute
+the first time (two cores that do nothing else), then four seconds."""
 HOSTS = frozenset({"127.0.0.1", "localhost"})
 
 
@@ -86,6 +89,7 @@ def serve(
         plan = _plan(folder, config, episodes, scene=scene, split=split, limit=limit)
         with open_store(folder, config) as store:
             tokens = _tokens(folder, store, plan)
+            print(_opening(config.scenes[0]), flush=True)
             _run(store, dataset, scenes_dir, listener, plan, tokens)
     print(f"Stopped. Everything is in {folder}; see it with: personal-viz study export {folder}")
     return 0
@@ -141,6 +145,16 @@ def check_db(*, study: Path) -> int:
         num_events = reader.check()
     print(f"{study}: {num_events} events, database and hash chains are whole")
     return 0
+
+
+def _opening(scene: StudyScene) -> str:
+    """What a person at the terminal reads until the links come."""
+    if scene.kind != "scan":
+        return f"Opening {scene.name} ..."
+    return (
+        f"Opening {scene.name} ... A large scan takes a minute or more the first time; what is made of it for "
+        f"browsers is kept in {cache_dir()}."
+    )
 
 
 def _plan(
@@ -267,7 +281,7 @@ def _worker(
     except FutureTimeoutError:
         raise StudyError(
             f"the viser worker was not ready within {WORKER_START_S:.0f} s; expected a scene that loads faster. "
-            "Use a smaller scene or a faster machine."
+            "Start again when the machine is less busy, or use a smaller scene."
         ) from None
     finally:
         service.close()

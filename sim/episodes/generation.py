@@ -111,14 +111,7 @@ def _home(plan: HomePlan) -> _Home:
     renderer = Raycaster(scene.mesh)
     goals: dict[str, Goal] = {}
     for item, piece in zip(scene.objects, plan.furniture, strict=True):
-        seen = view_points_around(
-            item.centre,
-            item.size,
-            navigation=scene.navigation,
-            renderer=renderer,
-            instance_id=item.instance_id,
-            face_instance=scene.mesh.face_instance,
-        )
+        seen = view_points_around(item, scene.mesh, navigation=scene.navigation, renderer=renderer)
         points = tuple(_view_point(point.position, point.yaw, share=point.visible_share) for point in seen)
         storey = next(room.storey for room in plan.rooms if room.name == piece.room)
         if points:

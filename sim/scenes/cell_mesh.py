@@ -6,9 +6,9 @@ from scipy import ndimage
 
 from sim.types import AGENT_RADIUS
 
+from .cut import CUT_HEIGHT
 from .plan import CellGrid, Cells, HomePlan, Storey, cells_from_runs
 from .quads import QuadBuilder
-from .scene import CUT_HEIGHT
 
 _STAIR_GAP = 0.9
 """Cells farther than this from every storey's floor belong to a stair layer (metres)."""

@@ -5,10 +5,11 @@ import itertools
 import numpy as np
 
 from .cell_mesh import add_cells
+from .cut import CUT_HEIGHT
 from .pieces import parts_of, tinted
 from .plan import Furniture, HomePlan, Opening, Rect, Rgb, Room, Stair, Wall
 from .quads import QuadBuilder
-from .scene import CUT_HEIGHT, SceneObject, TriangleMesh
+from .scene import SceneObject, TriangleMesh
 
 _SKIRTING = 0.08
 _TILE = 0.5

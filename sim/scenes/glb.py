@@ -1,288 +1,230 @@
-"""Reads a GLB file into a `TriangleMesh` in the world frame; every scan enters here."""
+"""Reads a GLB or glTF file into a `TriangleMesh` in the world frame; every scan enters here."""
 
-import struct
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from PIL import Image
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from pydantic.alias_generators import to_camel
-from trimesh.visual import TextureVisuals
 
-from sim.errors import SceneError, line_from_validation_error
-from sim.frames import world_from_glb_zup
+from sim.frames import T_world_glb_zup
 
-from .scene import TriangleMesh
+from .gltf_file import MAX_ELEMENTS, GltfFile, floats, read_gltf
+from .gltf_nodes import placed_meshes
+from .gltf_schema import Primitive
+from .gltf_textures import Look, TextureSet, look_of
+from .scene import FLAT, VERTEX_COLOURS, TriangleMesh
 
-_BASIS = ("GOOGLE_texture_basis", "KHR_texture_basisu")
-_COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
-_JSON_CHUNK = 0x4E4F534A
-_PLAIN_RGB = (200, 200, 200)
-"""Faces without any colour."""
-_COPY = "Copy the file again from its source."
-_DAMAGES = (
-    ValueError, LookupError, TypeError, AttributeError, NameError, OSError, ArithmeticError, AssertionError,
-    RuntimeError, MemoryError, struct.error,
-)  # fmt: skip
-"""What trimesh raises on damaged files: it trusts their numbers and types."""
-_Index = Annotated[int, Field(ge=0)]
-
-
-class _Json(BaseModel):
-    """A part of a GLB's JSON, of which only the fields that we read ourselves are checked."""
-
-    model_config = ConfigDict(frozen=True, strict=True, alias_generator=to_camel)
-
-
-class _TextureInfo(_Json):
-    index: _Index
-
-
-class _Pbr(_Json):
-    base_color_texture: _TextureInfo | None = None
-
-
-class _Material(_Json):
-    pbr_metallic_roughness: _Pbr | None = None
-
-
-class _Texture(_Json):
-    source: _Index | None = None
-
-
-class _Primitive(_Json):
-    attributes: dict[str, _Index]
-    material: _Index | None = None
-
-
-class _Mesh(_Json):
-    primitives: list[_Primitive]
-
-
-class _Node(_Json):
-    mesh: _Index | None = None
-
-
-class _Header(_Json):
-    extensions_used: list[str] = []
-    nodes: list[_Node] = []
-    meshes: list[_Mesh] = []
-    materials: list[_Material] = []
-    textures: list[_Texture] = []
+MAX_PARTS = 1 << 17
+MAX_EXTENT = 1e5
+"""Metres from the origin: beyond, float32 has no centimetres, and no home lies there."""
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_BLOCK = 1 << 16
+"""Vertices that are placed in one go, in float64."""
 
 
 class _Part(NamedTuple):
-    """One mesh of the file at one node."""
+    """One primitive at one node."""
 
-    mesh: trimesh.Trimesh
-    vertices: NDArray[np.float32]
-    """(V, 3) in the file's axes."""
-    corners: list[int]
-    """Order in which a face's corners are taken."""
+    primitive: Primitive
+    T_world_mesh: NDArray[np.float64]
+    """(4, 4)."""
+    look: Look
+    vertices: slice
+    """Of the mesh's vertices; parts of one node with the same positions and vertex colours share them."""
+    faces: slice
+    """Of the mesh's faces."""
 
 
-def load_glb(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
-    """The triangles of a GLB file, with node transforms applied, in the world frame.
+class _Counts(NamedTuple):
+    vertices: int
+    faces: int
+    has_colours: bool
 
-    Colours are unlit, as Habitat shows scans: texture times base colour, else base colour times the mean of a face's
-    vertex colours. Alpha is dropped. All faces have instance 0.
+
+def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linear", "srgb"] = "linear") -> TriangleMesh:
+    """The triangles of a glTF 2.0 file, with node transforms applied, in the world frame.
+
+    Colours are unlit, as Habitat shows scans: texture times base colour, else vertex colours times base colour, else
+    base colour. Alpha, skins, morph targets, points and lines are left out. All faces have instance 0. `face_rgb` is
+    the mean of a face's vertex colours where it has some. Basis textures need the extra `basis`.
 
     Args:
-        path: A binary glTF 2.0 file whose images, if any, are PNG or JPEG inside the file.
+        path: A `.glb`, or a `.gltf` with its buffers and images inside or in the same folder.
         up: The file's up axis; HM3D is z-up, glTF's own convention is y-up.
+        colours: Vertex colours stay the file's numbers, or are encoded from linear light, as glTF says they are.
 
     Raises:
-        SceneError: The file is missing, damaged, without faces, or uses textures or compression we cannot read.
+        SceneError: The file is missing, damaged, without faces, too large, or uses what we cannot read.
+        MissingDependencyError: It has Basis textures and the extra `basis` is not installed.
     """
-    header = _read_header(path)
-    try:
-        with path.open("rb") as file:
-            loaded = trimesh.load_scene(file, file_type="glb", process=False)
-        parts = _placed_parts(path, loaded)
-        num_images = _num_base_images(header)
-    except _DAMAGES as error:
-        raise SceneError(
-            f"{path}: found GLB content that cannot be read ({type(error).__name__}: {_one_line(error)}); "
-            f"expected meshes of binary glTF 2.0. {_COPY}"
-        ) from None
-    if not parts:
-        raise SceneError(f"{path}: found no faces; expected a mesh of triangles. Export the scene with its geometry.")
-    mesh = _joined(path, parts, num_images=num_images)
-    if not np.isfinite(mesh.vertices).all():
-        bad = int(np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))[0])
-        raise SceneError(
-            f"{path}: vertex {bad} is {mesh.vertices[bad].tolist()}; expected finite metres. Export the scene again."
-        )
-    if up == "y":
-        return mesh
-    vertices = world_from_glb_zup(mesh.vertices).astype(np.float32)
-    return TriangleMesh(
-        vertices, mesh.faces, mesh.face_rgb, mesh.face_instance, mesh.face_texture, mesh.face_uv, mesh.textures
-    )
-
-
-def _read_header(path: Path) -> _Header:
-    """The JSON part of a GLB; raises SceneError unless the file is whole and its extensions are ones we can read."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(20)
-            magic, version, length, json_length, kind = struct.unpack("<4sIIII", head.ljust(20, b"\0"))
-            text = file.read(json_length) if kind == _JSON_CHUNK else b""
-        size = path.stat().st_size
-    except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); expected a GLB file. Check the path or --scenes-dir."
-        ) from None
-    if magic != b"glTF" or version != 2:
-        raise SceneError(f"{path}: starts with {head[:8]!r}; expected binary glTF 2.0 (b'glTF', 2). {_COPY}")
-    if size < length or len(text) < json_length:
-        raise SceneError(f"{path}: found {size} bytes of a GLB of {length}; expected the whole file. {_COPY}")
-    try:
-        header = _Header.model_validate_json(text)
-    except ValidationError as error:
-        raise SceneError(line_from_validation_error(f"{path}: JSON part", error, advice=_COPY)) from None
-    for name in header.extensions_used:
-        if name in _BASIS:
-            raise SceneError(
-                f"{path}: found {name}; expected PNG or JPEG textures. Basis textures are not supported yet, "
-                "use the plain <Name>.glb."
-            )
-        if name in _COMPRESSED:
-            raise SceneError(
-                f"{path}: found {name}; expected uncompressed meshes. Export the scene without mesh compression."
-            )
-    return header
-
-
-def _num_base_images(header: _Header) -> int:
-    """How many different images the meshes that the scene shows use as base colour."""
-    shown = {node.mesh for node in header.nodes if node.mesh is not None}
-    found = set()
-    for mesh in shown:
-        for primitive in header.meshes[mesh].primitives:
-            if primitive.material is not None and "TEXCOORD_0" in primitive.attributes:
-                pbr = header.materials[primitive.material].pbr_metallic_roughness
-                if pbr is not None and pbr.base_color_texture is not None:
-                    index = pbr.base_color_texture.index
-                    source = header.textures[index].source
-                    found.add(-1 - index if source is None else source)
-    return len(found)
-
-
-def _placed_parts(path: Path, loaded: trimesh.Scene) -> list[_Part]:
-    """Every mesh of the scene where its nodes put it; a mirroring node turns faces, so that they keep their side."""
-    parts = []
-    for node in sorted(loaded.graph.nodes_geometry):
-        T_glb_mesh, name = loaded.graph[node]
-        geometry = loaded.geometry[name]
-        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
-            _require_vertices(path, str(name), geometry)
-            vertices = geometry.vertices @ T_glb_mesh[:3, :3].T + T_glb_mesh[:3, 3]
-            mirrored = np.linalg.det(T_glb_mesh[:3, :3]) < 0
-            parts.append(_Part(geometry, np.asarray(vertices, np.float32), [0, 2, 1] if mirrored else [0, 1, 2]))
-    return parts
-
-
-def _require_vertices(path: Path, name: str, mesh: trimesh.Trimesh) -> None:
-    """Raises SceneError when a face of the mesh uses a vertex that is not there."""
-    wrong = np.argwhere((mesh.faces < 0) | (mesh.faces >= len(mesh.vertices)))
-    if len(wrong):
-        face, corner = wrong[0]
-        raise SceneError(
-            f"{path}: face {face} of mesh {name[:60]!r} uses vertex {mesh.faces[face, corner]}; "
-            f"expected 0 to {len(mesh.vertices) - 1}, the vertices that it has. {_COPY}"
-        )
-
-
-def _joined(path: Path, parts: list[_Part], *, num_images: int) -> TriangleMesh:
-    """One mesh of all parts; images that several parts share are kept once."""
-    vertices, faces, rgbs, indices, uvs = [], [], [], [], []
-    textures: list[NDArray[np.uint8]] = []
-    known: dict[tuple[int, tuple[float, ...]], int] = {}
-    images: list[Any] = []  # keeps the images alive, so that id() stays theirs
-    count = 0
-    for part, placed, corners in parts:
-        image, factor = _image_and_factor(part)
-        rgb, texture = _face_colours(part, factor), -1
-        uv = getattr(part.visual, "uv", None)
-        if image is not None and uv is not None and len(uv) == len(part.vertices):
-            key = (id(image), tuple(factor))
-            if key not in known:
-                known[key] = len(textures)
-                images.append(image)
-                textures.append(_texels(path, image, factor))
-            texture = known[key]
-            corner_uv = np.asarray(uv, np.float32)[part.faces[:, corners]]
-            corner_uv[..., 1] = 1 - corner_uv[..., 1]  # trimesh counts v from the bottom
+    file = read_gltf(path)
+    parts, counts = _parts(file, T_world_glb_zup if up == "z" else np.eye(4))
+    if not counts.faces:
+        raise file.refused("found no faces", "a mesh of triangles", advice="Export the scene with its geometry.")
+    vertices = np.empty((counts.vertices, 3), np.float32)
+    vertex_rgb = np.full((counts.vertices, 3), 255, np.uint8) if counts.has_colours else None
+    faces = np.empty((counts.faces, 3), np.int32)
+    face_rgb = np.empty((counts.faces, 3), np.uint8)
+    face_texture = np.empty(counts.faces, np.int16)
+    face_uv = np.zeros((counts.faces, 3, 2), np.float32)
+    textures = TextureSet(file)
+    placed, coloured = set[int](), set[int]()
+    for part in parts:
+        if part.vertices.start not in placed:
+            placed.add(part.vertices.start)
+            _place_vertices(file, part, vertices[part.vertices])
+        corners = _corners(file, part)
+        np.add(corners, part.vertices.start, out=faces[part.faces], dtype=np.int32, casting="unsafe")
+        attributes, look = part.primitive.attributes, part.look
+        face_rgb[part.faces] = _bytes(np.array(look.plain))
+        if look.image is not None and look.coordinates in attributes:
+            uv = _texture_coordinates(file, part, corners)
+            face_texture[part.faces] = textures.place(look, uv)
+            face_uv[part.faces] = uv.reshape(-1, 3, 2)
+        elif "COLOR_0" in attributes:
+            assert vertex_rgb is not None
+            if part.vertices.start not in coloured:
+                coloured.add(part.vertices.start)
+                vertex_rgb[part.vertices] = _vertex_colours(file, part, srgb=colours == "srgb")
+            face_texture[part.faces] = VERTEX_COLOURS
+            total = vertex_rgb[faces[part.faces]].sum(axis=1, dtype=np.uint16)
+            face_rgb[part.faces] = (2 * total + 3) // 6
         else:
-            corner_uv = np.zeros((len(part.faces), 3, 2), np.float32)
-        vertices.append(placed)
-        faces.append(np.asarray(part.faces, np.int32)[:, corners] + count)
-        rgbs.append(rgb)
-        indices.append(np.full(len(part.faces), texture, np.int16))
-        uvs.append(corner_uv)
-        count += len(placed)
-    num_found = len({id(image) for image in images})
-    if num_found < num_images:
-        raise SceneError(
-            f"{path}: found {num_found} readable of {num_images} textures; expected PNG or JPEG images "
-            f"inside the file. {_COPY}"
-        )
-    face_instance = np.zeros(sum(map(len, faces)), np.int32)
-    return TriangleMesh(
-        np.concatenate(vertices),
-        np.concatenate(faces),
-        np.concatenate(rgbs),
-        face_instance,
-        np.concatenate(indices),
-        np.nan_to_num(np.concatenate(uvs)),
-        tuple(textures),
-    )
+            face_texture[part.faces] = FLAT
+    _require_a_home(file, vertices)
+    instance = np.zeros(counts.faces, np.int32)
+    return TriangleMesh(vertices, faces, face_rgb, instance, face_texture, face_uv, textures.textures(), vertex_rgb)
 
 
-def _image_and_factor(part: trimesh.Trimesh) -> tuple[Image.Image | None, NDArray[np.float64]]:
-    """Base colour texture (None without) and base colour factor (3,) in [0, 1] of a part's material."""
-    material = getattr(part.visual, "material", None)
-    factor = getattr(material, "baseColorFactor", None)
-    if factor is None:
-        return getattr(material, "baseColorTexture", None), np.ones(3)
-    factor = np.asarray(factor)
-    scale = 255.0 if factor.dtype.kind in "ui" else 1.0
-    return getattr(material, "baseColorTexture", None), factor[:3].astype(float) / scale
+def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part], _Counts]:
+    """All primitives with triangles that the scene shows; nothing large is read or made yet."""
+    parts: list[_Part] = []
+    known: dict[tuple, slice] = {}
+    looks: dict[int | None, Look] = {}
+    num_vertices = num_faces = num_seen = 0
+    for node, mesh, T_glb_mesh in placed_meshes(file):
+        with np.errstate(over="ignore", invalid="ignore"):
+            T_world_mesh = T_world_glb @ T_glb_mesh
+        for primitive in file.document.meshes[mesh].primitives:
+            num_seen += 1
+            if num_seen > MAX_PARTS:
+                raise file.refused(f"shows more than {MAX_PARTS} primitives", "fewer", advice="Join its meshes.")
+            if primitive.mode < _TRIANGLES or "POSITION" not in primitive.attributes:
+                continue
+            if primitive.material not in looks:
+                looks[primitive.material] = look_of(file, primitive.material)
+            look = looks[primitive.material]
+            count = _count(file, primitive.attributes["POSITION"])
+            faces = slice(num_faces, num_faces + _num_faces(file, primitive, count))
+            if faces.stop == faces.start:
+                continue
+            colours = primitive.attributes.get("COLOR_0")
+            key = (node, primitive.attributes["POSITION"], colours, None if colours is None else look.factor)
+            vertices = known.setdefault(key, slice(num_vertices, num_vertices + count))
+            parts.append(_Part(primitive, T_world_mesh, look, vertices, faces))
+            num_vertices, num_faces = max(num_vertices, vertices.stop), faces.stop
+            if max(num_vertices, num_faces) > MAX_ELEMENTS:
+                found = f"announces {num_vertices} vertices and {num_faces} faces"
+                raise file.refused(found, f"at most {MAX_ELEMENTS} of each", advice="Split the scene.")
+    has_colours = any("COLOR_0" in part.primitive.attributes for part in parts)
+    return parts, _Counts(num_vertices, num_faces, has_colours)
 
 
-def _face_colours(part: trimesh.Trimesh, factor: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """(F, 3) flat colours: vertex colours averaged per face, or the material's base colour, or grey."""
-    visual: Any = part.visual
-    if isinstance(visual, TextureVisuals):
-        colours = visual.vertex_attributes.get("color")
+def _count(file: GltfFile, accessor: int) -> int:
+    return file.get("accessors", accessor, of="a primitive").count
+
+
+def _num_faces(file: GltfFile, primitive: Primitive, num_vertices: int) -> int:
+    count = num_vertices if primitive.indices is None else _count(file, primitive.indices)
+    if primitive.mode != _TRIANGLES:
+        return max(count - 2, 0)
+    if count % 3:
+        raise file.refused(f"a primitive has {count} corners of triangles", "a multiple of 3")
+    return count // 3
+
+
+def _place_vertices(file: GltfFile, part: _Part, out: NDArray[np.float32]) -> None:
+    """Write the part's vertices (V, 3) into `out`, world frame."""
+    accessor = part.primitive.attributes["POSITION"]
+    points = _attribute(file, part, "POSITION", widths=(3,))
+    normalized = file.document.accessors[accessor].normalized
+    R, t = part.T_world_mesh[:3, :3], part.T_world_mesh[:3, 3]
+    if not (part.T_world_mesh - np.eye(4)).any():
+        out[...] = floats(points, normalized=normalized)
+        return
+    with np.errstate(over="ignore", invalid="ignore"):
+        for first in range(0, len(points), _BLOCK):
+            block = floats(points[first : first + _BLOCK], normalized=normalized).astype(np.float64)
+            out[first : first + _BLOCK] = block @ R.T + t
+
+
+def _corners(file: GltfFile, part: _Part) -> NDArray[np.integer]:
+    """(F, 3) vertices of each face within the part; a mirroring node turns faces, so that they keep their side."""
+    primitive, count = part.primitive, part.vertices.stop - part.vertices.start
+    if primitive.indices is None:
+        index = np.arange(count, dtype=np.uint32)
     else:
-        colours = visual.vertex_colors if visual.kind == "vertex" else None
-    if colours is not None and len(colours) == len(part.vertices):
-        colours = np.asarray(colours)
-        scale = 1.0 if colours.dtype.kind in "ui" else 255.0
-        mean = colours[part.faces][..., :3].mean(axis=1) * scale * factor
-        return np.clip(mean + 0.5, 0, 255).astype(np.uint8)
-    material = getattr(part.visual, "material", None)
-    plain = _PLAIN_RGB if getattr(material, "baseColorFactor", None) is None else 255 * factor
-    return np.tile(np.clip(np.asarray(plain) + 0.5, 0, 255).astype(np.uint8), (len(part.faces), 1))
+        index = file.elements(primitive.indices, of="a primitive")
+        if index.dtype.kind != "u" or index.shape[1] != 1:
+            raise file.refused(f"accessors.{primitive.indices} holds no indices", "unsigned integers")
+        index = index[:, 0]
+        if len(index) and int(index.max()) >= count:
+            wrong = int(np.argmax(index >= count))
+            found = f"face {wrong // 3} of accessors.{primitive.indices} uses vertex {int(index[wrong])}"
+            raise file.refused(found, f"0 to {count - 1}, the vertices that it has")
+    first = np.arange(max(len(index) - 2, 0))
+    if primitive.mode == _STRIP:
+        corners = index[np.stack([first, first + 1 + first % 2, first + 2 - first % 2], axis=1)]
+    elif primitive.mode == _FAN:
+        corners = index[np.stack([first + 1, first + 2, np.zeros_like(first)], axis=1)]
+    else:
+        corners = index.reshape(-1, 3)
+    with np.errstate(over="ignore", invalid="ignore"):
+        mirrored = np.linalg.det(part.T_world_mesh[:3, :3]) < 0
+    return corners[:, [0, 2, 1]] if mirrored else corners
 
 
-def _texels(path: Path, image: Image.Image, factor: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """(h, w, 3) of an image times its factor."""
-    try:
-        texels = np.asarray(image.convert("RGB"))
-    except (OSError, ValueError) as error:
-        raise SceneError(
-            f"{path}: a texture cannot be read ({_one_line(error)}); expected PNG or JPEG. {_COPY}"
-        ) from None
-    if np.allclose(factor, 1.0):
-        return texels
-    return np.clip(texels * factor + 0.5, 0, 255).astype(np.uint8)
+def _attribute(file: GltfFile, part: _Part, name: str, *, widths: tuple[int, ...]) -> NDArray:
+    """(V, width) of a vertex attribute, as the file has it; as many as the part has vertices."""
+    accessor = part.primitive.attributes[name]
+    count = _count(file, accessor)
+    num_vertices = part.vertices.stop - part.vertices.start
+    if count != num_vertices:
+        raise file.refused(f"{name} (accessors.{accessor}) has {count} elements", f"{num_vertices}, one per vertex")
+    values = file.elements(accessor, of=name)
+    if values.shape[1] not in widths or values.dtype == np.uint32:
+        found = f"{name} (accessors.{accessor}) has {values.shape[1]} numbers of {values.dtype} each"
+        raise file.refused(found, f"{' or '.join(map(str, widths))} that a vertex can have")
+    return values
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:120]
+def _texture_coordinates(file: GltfFile, part: _Part, corners: NDArray[np.integer]) -> NDArray[np.float32]:
+    """(3F, 2) of the corners, as the file has them."""
+    name = part.look.coordinates
+    values = _attribute(file, part, name, widths=(2,))[corners.reshape(-1)]
+    return floats(values, normalized=file.document.accessors[part.primitive.attributes[name]].normalized)
+
+
+def _vertex_colours(file: GltfFile, part: _Part, *, srgb: bool) -> NDArray[np.uint8]:
+    """(V, 3) times the base colour; integers count as shares of their largest value also where the file forgot it."""
+    colours = floats(_attribute(file, part, "COLOR_0", widths=(3, 4))[:, :3], normalized=True)
+    if srgb:
+        low, high = colours * 12.92, 1.055 * np.maximum(colours, 0.0031308) ** (1 / 2.4) - 0.055
+        colours = np.where(colours <= 0.0031308, low, high)
+    return _bytes(colours * np.array(part.look.factor, np.float32))
+
+
+def _bytes(shares: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """0 to 255 of 0 to 1, rounded; what is no number becomes 0."""
+    return (np.clip(np.nan_to_num(shares), 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def _require_a_home(file: GltfFile, vertices: NDArray[np.float32]) -> None:
+    """Raises SceneError unless all vertices are finite and near the origin."""
+    for first in range(0, len(vertices), _BLOCK):
+        usable = (np.abs(vertices[first : first + _BLOCK]) <= MAX_EXTENT).all(axis=1)
+        if not usable.all():
+            wrong = first + int(np.argmin(usable))
+            found = f"vertex {wrong} is {vertices[wrong].tolist()}"
+            expected = f"finite metres within {MAX_EXTENT:.0f} of the origin"
+            raise file.refused(found, expected, advice="Export the scene again.")

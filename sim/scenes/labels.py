@@ -25,12 +25,18 @@ class LabelledRenderer:
 
     def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
         """As the wrapped renderer's, with words in `rgb`; the same pose gives the same bytes."""
-        frame = self._renderer.render(T_world_camera, camera)
-        return Frame(self._named(frame), frame.depth_m, frame.instance_ids)
+        return self._with_words(self._renderer.render(T_world_camera, camera))
+
+    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
+        """The wrapped renderer's frames of poses (B, 4, 4), with words in `rgb`."""
+        return [self._with_words(frame) for frame in self._renderer.render_batch(Ts_world_camera, camera)]
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
         """The wrapped renderer's hits."""
         return self._renderer.cast(origins, directions)
+
+    def _with_words(self, frame: Frame) -> Frame:
+        return Frame(self._named(frame), frame.depth_m, frame.instance_ids)
 
     def _named(self, frame: Frame) -> NDArray[np.uint8]:
         height, width = frame.instance_ids.shape

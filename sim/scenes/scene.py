@@ -9,15 +9,29 @@ from numpy.typing import NDArray
 from sim.types import SceneKind
 from sim.world.navigation_map import NavigationMap
 
-CUT_HEIGHT = 1.9
-"""Storey copies keep faces whose centre is at most this far above the floor (metres): no ceiling, walls up to here."""
-CUT_BELOW = 0.4
-"""... and at most this far below it, so that a storey keeps its floor and the first steps of a stair."""
+FLAT = -1
+"""`face_texture` of faces that show their own colour."""
+VERTEX_COLOURS = -2
+"""`face_texture` of faces that show the colours of their vertices, interpolated."""
+FACE_IDS = -1
+"""`IdImages.face_image` of faces whose object id is `face_instance`."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdImages:
+    """Object ids finer than faces: images of ids laid over the faces, as HM3D's semantic files have them."""
+
+    images: tuple[NDArray[np.uint16], ...]
+    """(h, w) object ids, 0 = none; read without interpolation."""
+    face_image: NDArray[np.int16]
+    """(F,) index into `images`, FACE_IDS = the face has one id."""
+    face_uv: NDArray[np.float32]
+    """(F, 3, 2) as `TriangleMesh.face_uv`."""
 
 
 @dataclass(frozen=True, slots=True)
 class TriangleMesh:
-    """Triangles in the world frame with flat colours or textures."""
+    """Triangles in the world frame with flat colours, vertex colours or textures."""
 
     vertices: NDArray[np.float32]
     """(V, 3) metres."""
@@ -28,14 +42,19 @@ class TriangleMesh:
     face_instance: NDArray[np.int32]
     """(F,) object id, 0 = none."""
     face_texture: NDArray[np.int16]
-    """(F,) index into `textures`, -1 = flat colour."""
+    """(F,) index into `textures`, or FLAT, or VERTEX_COLOURS."""
     face_uv: NDArray[np.float32]
     """(F, 3, 2) texture coordinates per corner; (0, 0) is the top left of the image, values outside 0-1 repeat."""
     textures: tuple[NDArray[np.uint8], ...] = ()
-    """(h, w, 3) images."""
+    """(h, w, 3) images, C-contiguous."""
+    vertex_rgb: NDArray[np.uint8] | None = None
+    """(V, 3); needed where a face has VERTEX_COLOURS."""
+    ids: IdImages | None = None
+    """Object ids finer than faces, or None."""
 
     def select(self, keep: NDArray[np.bool_]) -> "TriangleMesh":
         """The faces where `keep` (F,) is True, with all vertices and textures."""
+        ids = self.ids and IdImages(self.ids.images, self.ids.face_image[keep], self.ids.face_uv[keep])
         return TriangleMesh(
             self.vertices,
             self.faces[keep],
@@ -44,15 +63,21 @@ class TriangleMesh:
             self.face_texture[keep],
             self.face_uv[keep],
             self.textures,
+            self.vertex_rgb,
+            ids,
         )
 
     def digest(self) -> str:
-        """sha256 of all arrays."""
+        """sha256 of all arrays, and of the shapes of those that the faces do not give."""
         total = hashlib.sha256()
         for array in (self.vertices, self.faces, self.face_rgb, self.face_instance, self.face_texture, self.face_uv):
-            total.update(np.ascontiguousarray(array).tobytes())
-        for texture in self.textures:
-            total.update(np.ascontiguousarray(texture).tobytes())
+            total.update(np.ascontiguousarray(array).data)
+        more = (*self.textures, *(() if self.vertex_rgb is None else (self.vertex_rgb,)))
+        if self.ids is not None:
+            more = (*more, self.ids.face_image, self.ids.face_uv, *self.ids.images)
+        for array in more:
+            total.update(f"{array.shape}".encode())
+            total.update(np.ascontiguousarray(array).data)
         return total.hexdigest()
 
 
@@ -92,9 +117,3 @@ class Scene:
             "schematic": f"{self.name} (schematic, not HM3D)",
             "invented": f"{self.name} (invented home)",
         }[self.kind]
-
-
-def cut_storey(mesh: TriangleMesh, floor_y: float) -> TriangleMesh:
-    """The mesh of one storey without ceiling, as browsers get it and as clicks are intersected."""
-    centre_y = mesh.vertices[mesh.faces, 1].mean(axis=1)
-    return mesh.select((centre_y >= floor_y - CUT_BELOW) & (centre_y <= floor_y + CUT_HEIGHT))

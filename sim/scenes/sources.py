@@ -1,20 +1,31 @@
 """Open a scene by name: a scan on disk, the plan of an invented home, or the schematic home of a dataset's scene."""
 
 import hashlib
+import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
-from sim.types import SceneKind
+from sim.types import AGENT_HEIGHT, AGENT_RADIUS, SceneKind
 from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
 
 from .furnish import mesh_from_plan
-from .glb import load_glb
+from .hm3d import find_semantics, load_semantics
 from .kind import plan_of, scene_kind
+from .meshes import load_mesh
 from .plan import HomePlan, cells_from_runs
 from .recover import recover_plan
-from .scene import Scene
+from .scene import Scene, SceneObject, TriangleMesh
+from .up_axis import Up, up_axis
 from .walkable import PLAN_CLIMB
+
+if TYPE_CHECKING:
+    from sim.world.navmesh import NavMesh
+
+_SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
+"""Of a scan's file, in the order in which they are looked for."""
 
 
 def open_scene(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None) -> Scene:
@@ -23,15 +34,20 @@ def open_scene(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None =
     Args:
         dataset: Its folder may hold `scenes/<name>.plan.json`, the plan of an invented home.
         name: Scene name, as in the content files.
-        scenes_dir: Folder of scans; `<scenes_dir>/**/<name>.glb` is loaded. None = a plan, or else a schematic home.
+        scenes_dir: Folder of scans; `<name>.glb` or what `find_scan` says is loaded from any folder below. Beside it,
+            `<name>.semantic.glb` and `.semantic.txt` bring objects, and a `.navmesh` for a robot of our size the
+            navigation map; without one the map is made from the mesh. Files are z-up as HM3D's, unless Habitat's
+            configuration files say otherwise (`up_axis`). None = a plan, or else a schematic home.
 
     Raises:
         DatasetError: The dataset has no such scene.
-        SceneError: The scan or the plan is missing, damaged, or cannot be walked in.
+        SceneError: The scan, a file beside it or the plan is missing, damaged, or cannot be walked in.
+        MissingDependencyError: The scan has Basis textures and the extra `basis` is not installed.
     """
     dataset.require_scene(name)
     if scenes_dir is not None:
-        return _scan(find_scan(name, scenes_dir), name, scene_kind(dataset, name, scenes_dir))
+        scan = find_scan(name, scenes_dir)
+        return _scan(scan, name, scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir))
     return scene_from_plan(plan_of(dataset, name) or recover_plan(dataset, name))
 
 
@@ -53,26 +69,76 @@ def scene_from_plan(plan: HomePlan) -> Scene:
 
 
 def find_scan(name: str, scenes_dir: Path) -> Path:
-    """The file of a scan.
+    """The file of a scan, in any folder below `scenes_dir`, as HM3D's `00800-<name>/<name>.basis.glb`.
+
+    `<name>.glb` goes before `<name>.basis.glb`, which needs the extra `basis`; then come `.gltf`, `.ply` and `.obj`.
+    Links to folders are followed, as Habitat's downloader makes them; of two files, one reached without links goes
+    first, then the first by path. The path is as found, links and all.
 
     Raises:
-        SceneError: No folder below `scenes_dir` holds `<name>.glb`.
+        SceneError: No folder below `scenes_dir` holds any of them.
     """
-    found = sorted(scenes_dir.glob(f"**/{name}.glb"))
-    if not found:
-        basis = sorted(scenes_dir.glob(f"**/{name}.basis.glb"))
-        also = f"; found only {basis[0]}, whose Basis textures are not supported yet" if basis else ""
-        raise SceneError(
-            f"{scenes_dir}: found no {name}.glb in any folder below{also}; expected {scenes_dir}/**/{name}.glb. "
-            "Give --scenes-dir the folder that holds the scans, or leave it out to use the schematic home."
-        )
-    return found[0]
+    order = {f"{name}{suffix}": place for place, suffix in enumerate(_SUFFIXES)}
+    found = [(order[path.name], depth, path) for path, depth in _files_below(scenes_dir, set(order)) if path.exists()]
+    if found:
+        return min(found)[2]
+    raise SceneError(
+        f"{scenes_dir}: found no {name}.glb in any folder below; expected {scenes_dir}/**/{name}.glb "
+        f"(or {', '.join(_SUFFIXES[1:])}). Give --scenes-dir the folder that holds the scans, or leave it out to use "
+        "the schematic home."
+    )
 
 
-def _scan(path: Path, name: str, kind: SceneKind) -> Scene:
-    mesh = load_glb(path)
+def _files_below(root: Path, names: set[str]) -> Iterator[tuple[Path, int]]:
+    """Files of these names in any folder below `root`, each with the number of links to folders that lead to it.
+
+    Each folder is read once, whatever links lead to it: folders reached by fewer links come first.
+    """
+    seen = set[tuple[int, int]]()
+    starts, depth = [str(root)], 0
+    while starts:
+        links: list[str] = []
+        for start in starts:
+            for folder, below, files in os.walk(start):
+                status = os.stat(folder)
+                if (status.st_dev, status.st_ino) in seen:
+                    below.clear()
+                    continue
+                seen.add((status.st_dev, status.st_ino))
+                below.sort()
+                links += [path for name in below if os.path.islink(path := os.path.join(folder, name))]
+                yield from ((Path(folder, name), depth) for name in names.intersection(files))
+        starts, depth = links, depth + 1
+
+
+def _scan(path: Path, name: str, kind: SceneKind, up: Up) -> Scene:
+    mesh = load_mesh(path, up=up)
+    objects: tuple[SceneObject, ...] = ()
+    files = find_semantics(path, name)
+    if files is not None:
+        mesh, objects, _ = load_semantics(*files, mesh, up=up)
+    navmesh = _fitting_navmesh(path, name, mesh)
+    if navmesh is not None:
+        digest = hashlib.sha256(f"{mesh.digest()} {navmesh.digest}".encode()).hexdigest()
+        return Scene(name, kind, mesh, objects, navmesh, digest)
     try:
         navigation = floor_grid_from_mesh(mesh)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
-    return Scene(name, kind, mesh, (), navigation, mesh.digest())
+    return Scene(name, kind, mesh, objects, navigation, mesh.digest())
+
+
+def _fitting_navmesh(path: Path, name: str, mesh: TriangleMesh) -> "NavMesh | None":
+    """The `.navmesh` beside a scan, if made for our robot; HM3D's own, for a taller and thinner one, is not used."""
+    from sim.world.navmesh import load_navmesh
+
+    for beside in (
+        path.with_suffix(".navmesh"),
+        path.with_name(f"{name}.navmesh"),
+        path.with_name(f"{name}.basis.navmesh"),
+    ):
+        if beside.is_file():
+            navmesh = load_navmesh(beside, mesh=mesh)
+            if navmesh.fits(AGENT_RADIUS, AGENT_HEIGHT):
+                return navmesh
+    return None

@@ -1,10 +1,11 @@
-"""POG: point at the object. `PogScene` intersects a person's click with the same cut storey that the browser shows."""
+"""POG: point at the object. `PogScene` intersects a person's click with the cut storey whose copy the browser shows."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sim.scenes.scene import Scene, TriangleMesh, cut_storey
+from sim.scenes.cut import storey_mesh
+from sim.scenes.scene import Scene, TriangleMesh
 from sim.world.renderer import Renderer
 
 
@@ -17,9 +18,12 @@ class PogScene:
         Args:
             scene: The home.
             make_renderer: Builds a renderer of a mesh (`sim.world.raycast.Raycaster`).
+
+        Raises:
+            SceneError: A storey has no faces.
         """
         self.storeys = scene.navigation.storey_heights
-        self._renderers = [make_renderer(cut_storey(scene.mesh, floor_y)) for floor_y in self.storeys]
+        self._renderers = [make_renderer(storey_mesh(scene, floor_y)) for floor_y in self.storeys]
 
     def hit(
         self, storey: int, origin: Sequence[float], direction: Sequence[float]

@@ -10,7 +10,7 @@ from sim.types import SceneKind, WhoKind
 
 from .run_files import RunInfo
 
-_PACKAGES = ("personal-viz", "numpy", "numba", "open3d-cpu", "open3d", "torch", "trimesh")
+_PACKAGES = ("personal-viz", "numpy", "numba", "embreex", "imagecodecs", "open3d-cpu", "open3d", "torch", "trimesh")
 
 
 def make_run_info(

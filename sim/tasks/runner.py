@@ -144,6 +144,7 @@ def _call_agent(method: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
     try:
         return method(*args, **kwargs)
     except Exception as error:  # the plug-in door
+        reason = " ".join(str(error).split())
         raise AgentError(
-            f"{method.__qualname__}() raised {type(error).__name__}: {error}. Correct the agent."
+            f"{method.__qualname__}() raised {type(error).__name__}: {reason}. Correct the agent."
         ) from error

@@ -4,6 +4,7 @@ Made from a mesh (`floor_grid_from_mesh`, Recast's filters) or from known free c
 """
 
 import hashlib
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,17 +13,8 @@ from numpy.typing import NDArray
 from sim.errors import SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, STOREY_GAP, GridSpec
 
-from .grid_kernels import (
-    Cells,
-    Field,
-    lengths_to_goals,
-    linked_layers,
-    nearest_node,
-    snap_all,
-    spread,
-    trace,
-    with_diagonals,
-)
+from .grid_field import Field, lengths_to_goals, path_to_goal, spread
+from .grid_kernels import INSET, Cells, linked_layers, nearest_node, snap_all, with_diagonals
 from .height_field import standing_places
 from .navigation_map import Points, StepResult, TopDown
 from .steps import STOP_MARGIN, end_of_walk, has_collided
@@ -39,6 +31,8 @@ SNAP_CLIMB = 0.2
 """Over a cell, this much height difference counts as none; the nearest storey wins (Detour, walkableClimb)."""
 MAX_CLIMB = 0.2
 """Highest step between neighbouring cells, metres (Habitat's agentMaxClimb)."""
+SLOPE_REACH = 0.3
+"""Distance over which a slope is measured, metres (Recast's detailSampleDist, 6 cells)."""
 _KEPT_FIELDS = 8
 """How many distance fields are remembered: an episode asks again and again for the same goals."""
 
@@ -48,6 +42,8 @@ class _Ends(NamedTuple):
 
     u: NDArray[np.float64]
     v: NDArray[np.float64]
+    h: NDArray[np.float64]
+    """Height from which a path's length counts."""
     nodes: NDArray[np.int32]
     """-1 where no cell is near."""
 
@@ -59,8 +55,7 @@ class FloorGrid:
     Neighbours are joined by the layers' links, so storeys that lie over each other meet only on a stair. The grid is
     immutable and may be read from several threads.
 
-    Query points may lie off the map: they count from their snapped point. This differs from Detour, which adds a
-    point's own height above the floor to the last leg; between points on the floor both agree.
+    Query points may lie off the map: they count from their snapped point, those over free floor also with their height.
     """
 
     def __init__(
@@ -77,6 +72,8 @@ class FloorGrid:
         self.cells = cells
         self.grid = grid
         self.digest = digest
+        self.node_y = cells.h * grid.cell
+        """(N,) floor height of each node, metres."""
         self.islands = connected_parts(cells.links)
         """(N,) number of the connected part each node is on."""
         self.storey_heights: tuple[float, ...] = storey_levels(self.node_y, self.islands, covered)
@@ -113,14 +110,19 @@ class FloorGrid:
         return cls(cells, grid, digest=_digest(cells, grid))
 
     @property
-    def node_y(self) -> NDArray[np.float64]:
-        """(N,) floor height of each node, metres."""
-        return self.cells.h * self.grid.cell
-
-    @property
     def area(self) -> float:
         """Free area in square metres, seen from above, all layers."""
         return len(self.cells.row) * self.grid.cell**2
+
+    @property
+    def surface_area(self) -> float:
+        """Free area in square metres along the floor, all layers: what habitat-sim calls `navigable_area`.
+
+        Stairs count as ramps: slopes are taken over SLOPE_REACH, as Habitat's detail mesh samples them.
+        """
+        count = round(SLOPE_REACH / 2 / self.grid.cell)
+        slopes = [_rise_per_cell(self.cells, side, count) for side in (0, 1)]
+        return float(np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2).sum()) * self.grid.cell**2
 
     def snap(self, point: Points) -> Points | None:
         """Nearest place (3,) to stand within 2 m sideways and 4 m in height, on the floor; None if there is none."""
@@ -169,12 +171,14 @@ class FloorGrid:
         """Geodesic metres from each start (M, 3) to its nearest goal (N, 3), each counted from its snapped point.
 
         The length of `shortest_path`: an any-angle path over the grid, so a little longer than the exact one (mean
-        below 1 %). Its straight pieces are 3-D chords, also over stairs, as in Detour. inf where unreachable, or where
-        a point has no place near.
+        below 1 %). Its straight pieces are 3-D chords, also over stairs, as in Detour. A point over free floor keeps
+        its height, as in Detour: what lies more than SNAP_CLIMB above the floor adds to the path's first or last
+        piece, and nothing if start and goal lie over the same point. inf where unreachable, or where a point has no
+        place near.
         """
         field = self._field(goals)
         ends = self._ends(np.asarray(starts, float).reshape(-1, 3))
-        return lengths_to_goals(self.cells, field, ends.u, ends.v, ends.nodes) * self.grid.cell
+        return lengths_to_goals(self.cells, field, ends.u, ends.v, ends.h, ends.nodes) * self.grid.cell
 
     def shortest_path(self, start: Points, goals: Points) -> Points | None:
         """Polyline (K, 3) on the floor from `start` (3,) to the nearest of `goals` (N, 3); None if unreachable.
@@ -185,7 +189,7 @@ class FloorGrid:
         ends = self._ends(np.asarray(start, float)[None])
         if ends.nodes[0] < 0:
             return None
-        uv, nodes = trace(self.cells, field, ends.u[0], ends.v[0], ends.nodes[0])
+        uv, nodes = path_to_goal(self.cells, field, ends.u[0], ends.v[0], ends.h[0], ends.nodes[0])
         return self._points(uv[:, 0], uv[:, 1], nodes) if len(nodes) else None
 
     def points_within(self, centres: Points, radius: float, *, max_dy: float) -> Points:
@@ -194,26 +198,33 @@ class FloorGrid:
         One per cell: its centre, or where that is too far, the cell's point nearest to the circle's rim (so the
         places reach the rim itself). The boundary counts as inside. (0, 3) when there are none.
         """
-        row, col, cell = self.cells.row, self.cells.col, self.grid.cell
-        found: dict[int, tuple[float, float]] = {}
-        for x, y, z in np.asarray(centres, float).reshape(-1, 3):
-            (u,), _, (v,) = self._grid_units(np.array([[x, y, z]]))
-            reach = radius / cell * (1 - 1e-9)  # so that rounding never puts a place outside
-            near_u, near_v = np.clip(u, col, col + 1 - 1e-9), np.clip(v, row, row + 1 - 1e-9)
-            touches = np.hypot(near_u - u, near_v - v) <= reach
-            nodes = np.flatnonzero(touches & (np.abs(self.node_y - y) <= max_dy))
-            mid_u, mid_v = col[nodes] + 0.5, row[nodes] + 0.5
-            away = np.hypot(mid_u - u, mid_v - v)
-            is_inside = away <= reach
-            share = np.where(is_inside, 1.0, reach / np.maximum(away, 1e-12))
-            rim_u, rim_v = u + share * (mid_u - u), v + share * (mid_v - v)
-            on_cell = (np.floor(rim_u) == col[nodes]) & (np.floor(rim_v) == row[nodes])
-            rim_u, rim_v = np.where(on_cell, rim_u, near_u[nodes]), np.where(on_cell, rim_v, near_v[nodes])
-            for node, at_u, at_v, whole in zip(nodes, rim_u, rim_v, is_inside, strict=True):
-                if whole or int(node) not in found:
-                    found[int(node)] = (float(at_u), float(at_v))
-        at = np.array(list(found.values())).reshape(-1, 2)
-        return self._points(at[:, 0], at[:, 1], np.array(list(found), np.int64))
+        parts = [self._within(centre, radius, max_dy) for centre in np.asarray(centres, float).reshape(-1, 3)]
+        if not parts:
+            return np.empty((0, 3))
+        nodes, u, v, is_rim = (np.concatenate(part) for part in zip(*parts, strict=True))
+        order = np.lexsort((is_rim, nodes))  # a cell's centre before a rim point
+        _, first = np.unique(nodes[order], return_index=True)
+        kept = order[first]
+        return self._points(u[kept], v[kept], nodes[kept])
+
+    def _within(
+        self, centre: Points, radius: float, max_dy: float
+    ) -> tuple[NDArray[np.integer], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """(nodes, u, v, on the rim) of the places within `radius` of one centre (3,)."""
+        (u,), _, (v,) = self._grid_units(centre[None])
+        reach = radius / self.grid.cell * (1 - 1e-9)  # so that rounding never puts a place outside
+        level = np.flatnonzero(np.abs(self.node_y - centre[1]) <= max_dy)
+        row, col = self.cells.row[level], self.cells.col[level]
+        near_u, near_v = (np.clip(at, low + INSET, low + 1 - INSET) for at, low in ((u, col), (v, row)))
+        touches = np.hypot(near_u - u, near_v - v) <= reach
+        nodes, row, col, near_u, near_v = (array[touches] for array in (level, row, col, near_u, near_v))
+        mid_u, mid_v = col + 0.5, row + 0.5
+        away = np.hypot(mid_u - u, mid_v - v)
+        is_rim = away > reach
+        share = np.where(is_rim, reach / np.maximum(away, 1e-12), 1.0)
+        rim_u, rim_v = u + share * (mid_u - u), v + share * (mid_v - v)
+        on_cell = (np.floor(rim_u) == col) & (np.floor(rim_v) == row)
+        return nodes, np.where(on_cell, rim_u, near_u), np.where(on_cell, rim_v, near_v), is_rim
 
     def random_point(self, rng: np.random.Generator, *, storey_y: float | None = None) -> Points:
         """A place (3,) to stand, uniform over the free area of all islands (of one storey if its height is given).
@@ -270,16 +281,15 @@ class FloorGrid:
         kept = np.flatnonzero(ends.nodes >= 0)
         kept = kept[np.argsort(ends.nodes[kept], kind="stable")]
         count = len(self.cells.row)
-        field = Field(
-            np.full(count, np.inf), np.full(count, -1, np.int32), ends.u[kept], ends.v[kept], ends.nodes[kept]
-        )
+        u, v, h, nodes = ends.u[kept], ends.v[kept], ends.h[kept], ends.nodes[kept]
+        field = Field(np.full(count, np.inf), np.full(count, -1, np.int32), u, v, h, nodes)
         spread(self.cells, field)
         self._fields = ((key, field), *self._fields[: _KEPT_FIELDS - 1])
         return field
 
 
 def floor_grid_from_mesh(
-    mesh: "TriangleMesh", *, radius: float = AGENT_RADIUS, height: float = AGENT_HEIGHT
+    mesh: "TriangleMesh", *, radius: float = AGENT_RADIUS, height: float = AGENT_HEIGHT, both_sides: bool = False
 ) -> FloorGrid:
     """Where a robot fits on a mesh, by Recast's rules with Habitat's settings (HABITAT_SEMANTICS.md 2.5).
 
@@ -290,16 +300,22 @@ def floor_grid_from_mesh(
         mesh: World frame; faces are wound counter-clockwise seen from their outside (floors from above).
         radius: Of the robot, rounded up to whole cells (0.18 -> 0.20).
         height: Clearance the robot needs, rounded up to whole 0.2 m (0.88 -> 1.0).
+        both_sides: Whether faces wound downwards are floors too. False is Recast's rule; True is for houses whose
+            winding is mixed, and then the upper sides of ceilings and of table tops without thickness are floors.
 
     Raises:
         SceneError: Nowhere on the mesh can the robot stand, or it is larger than any home.
     """
-    places = standing_places(mesh.vertices, mesh.faces, radius=radius, height=height)
+    find = partial(standing_places, mesh.vertices, mesh.faces, radius=radius, height=height)
+    places = find(both_sides=both_sides)
     if not len(places.row):
+        turned = not both_sides and len(find(both_sides=True).row)
+        hint = " Its faces are wound downwards: turned over it would have some (both_sides=True)." if turned else ""
         raise SceneError(
             f"navigation: found no floor of 1 m2 or more on {len(mesh.faces)} faces where a robot of radius {radius!r} "
             f"and height {height!r} fits; expected a furnished home in metres, y up "
-            "(GLB files are read as z-up, as HM3D's are). Check the file's unit and up axis."
+            f'(files are read as z-up, as HM3D\'s are, unless a <Name>.stage_config.json with "up" says otherwise). '
+            f"Check the file's unit and up axis.{hint}"
         )
     rows, cols = places.grid.shape
     h = places.y / places.grid.cell
@@ -335,6 +351,19 @@ def _check_cells(rc: NDArray[np.int64], y: NDArray[np.float64], grid: GridSpec, 
             )
     if problem:
         raise SceneError(f"navigation: found {problem}. Check the home's plan.")
+
+
+def _rise_per_cell(cells: Cells, side: int, count: int) -> NDArray[np.float64]:
+    """(N,) mean slope from up to `count` linked cells behind a node to as many before it, along `side` (0 u, 1 v)."""
+    ends, taken = [], np.zeros(len(cells.h))
+    for towards in (side, side + 2):
+        node = np.arange(len(cells.h))
+        for _ in range(count):
+            following = cells.links[node, towards]
+            taken += following >= 0
+            node = np.where(following >= 0, following, node)
+        ends.append(cells.h[node])
+    return (ends[0] - ends[1]) / np.maximum(taken, 1)
 
 
 def _digest(cells: Cells, grid: GridSpec) -> str:

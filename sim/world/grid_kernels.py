@@ -1,4 +1,4 @@
-"""Compiled loops over the cells of a floor grid: straight walks, snapping, and the any-angle distance field.
+"""Compiled loops over the cells of a floor grid: links, straight walks, snapping and sliding.
 
 Coordinates here are grid units: u = column axis, v = row axis (cell (r, c) covers [c, c+1) x [r, r+1)), h = height; all
 three are metres divided by the cell size. `FloorGrid` converts. A *node* is one place to stand: a cell on one layer.
@@ -8,15 +8,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from sim.compiled import njit
 
 _TIE = 1e-9
 """Two crossings closer than this (share of the segment) count as passing through the cell's corner."""
 _MARGIN = 2e-3
 """How far inside its cell a clamped point lies, in cells (0.1 mm at 5 cm)."""
-_INSET = 1e-6
-"""How far inside its cell a path's corner lies, in cells."""
+INSET = 1e-6
+"""How far inside its cell a made-up point lies, in cells, so that rounding never moves it to the next one."""
 
 
 class Cells(NamedTuple):
@@ -34,19 +35,6 @@ class Cells(NamedTuple):
     """(rows * cols + 1,) where each column's nodes start; row-major."""
     rows: int
     cols: int
-
-
-class Field(NamedTuple):
-    """Any-angle distances from a set of goals. Anchors are nodes (0..N-1) and goals (N..N+G-1)."""
-
-    distance: NDArray[np.float64]
-    """(N,) grid units from each node's centre to its nearest goal, inf where unreachable."""
-    parent: NDArray[np.int32]
-    """(N,) anchor towards the goal that is in straight reach, -1 where unreachable."""
-    goal_u: NDArray[np.float64]
-    goal_v: NDArray[np.float64]
-    goal_node: NDArray[np.int32]
-    """(G,) goals, sorted by node."""
 
 
 @njit(cache=True, nogil=True)
@@ -166,14 +154,22 @@ def nearest_node(cells, u, h, v, reach, reach_h, climb):
 
 @njit(cache=True, nogil=True)
 def snap_all(cells, u, h, v, reach, reach_h, climb):
-    """Snapped (u, v, node) of points (M,); node -1 where nothing is near."""
+    """Snapped (u, v, h, node) of points (M,); node -1 where nothing is near.
+
+    The height is the floor's; a point over its cell keeps what it has above (or below) the floor beyond `climb`.
+    """
     nodes = np.full(len(u), -1, np.int32)
-    out_u, out_v = u.copy(), v.copy()
+    out_u, out_v, out_h = u.copy(), v.copy(), h.copy()
     for i in range(len(u)):
-        nodes[i] = nearest_node(cells, u[i], h[i], v[i], reach, reach_h, climb)
-        if nodes[i] >= 0:
-            out_u[i], out_v[i] = clamp(cells, nodes[i], u[i], v[i])
-    return out_u, out_v, nodes
+        node = nearest_node(cells, u[i], h[i], v[i], reach, reach_h, climb)
+        if node < 0:
+            continue
+        nodes[i] = node
+        out_u[i], out_v[i] = clamp(cells, node, u[i], v[i])
+        is_over = out_u[i] == u[i] and out_v[i] == v[i]
+        above = h[i] - cells.h[node] if is_over else 0.0
+        out_h[i] = cells.h[node] + math.copysign(max(abs(above) - climb, 0.0), above)
+    return out_u, out_v, out_h, nodes
 
 
 @njit(cache=True, nogil=True)
@@ -206,193 +202,3 @@ def slide_end(cells, u, v, node, end_u, end_v):
             if (near_u - mid_u) ** 2 + (near_v - mid_v) ** 2 <= radius_sq:
                 queue.append(other)
     return best_u, best_v, found
-
-
-@njit(cache=True, nogil=True)
-def _push(keys, values, size, key, value):
-    """Add to a binary heap that has room."""
-    at = size
-    while at > 0:
-        up = (at - 1) // 2
-        if keys[up] <= key:
-            break
-        keys[at], values[at] = keys[up], values[up]
-        at = up
-    keys[at], values[at] = key, value
-    return size + 1
-
-
-@njit(cache=True, nogil=True)
-def _pop(keys, values, size):
-    """Remove the least of a binary heap; (value, new size)."""
-    least = values[0]
-    size -= 1
-    key, value = keys[size], values[size]
-    at = 0
-    while True:
-        down = 2 * at + 1
-        if down >= size:
-            break
-        if down + 1 < size and keys[down + 1] < keys[down]:
-            down += 1
-        if keys[down] >= key:
-            break
-        keys[at], values[at] = keys[down], values[down]
-        at = down
-    keys[at], values[at] = key, value
-    return least, size
-
-
-@njit(cache=True, nogil=True)
-def _anchor(cells, field, anchor):
-    """(u, v, node, distance to go) of an anchor."""
-    count = len(cells.row)
-    if anchor >= count:
-        goal = anchor - count
-        return field.goal_u[goal], field.goal_v[goal], field.goal_node[goal], 0.0
-    return cells.col[anchor] + 0.5, cells.row[anchor] + 0.5, np.int32(anchor), field.distance[anchor]
-
-
-@njit(cache=True, nogil=True)
-def _length(cells, u, v, node, other_u, other_v, other):
-    """Straight 3-D length between two points on nodes."""
-    dh = cells.h[node] - cells.h[other]
-    return math.sqrt((u - other_u) ** 2 + (v - other_v) ** 2 + dh * dh)
-
-
-@njit(cache=True, nogil=True)
-def spread(cells, field):
-    """Fill an empty field (distance inf, parent -1): Dijkstra in which a node may take its parent's parent in sight."""
-    count = len(cells.row)
-    distance, parent = field.distance, field.parent
-    keys = np.empty(8 * count + len(field.goal_node) + 1)
-    values = np.empty(len(keys), np.int32)
-    closed = np.zeros(count, np.bool_)
-    size = 0
-    for goal in range(len(field.goal_node)):
-        node = field.goal_node[goal]
-        away = math.hypot(field.goal_u[goal] - cells.col[node] - 0.5, field.goal_v[goal] - cells.row[node] - 0.5)
-        if away < distance[node]:
-            distance[node], parent[node] = away, count + goal
-            size = _push(keys, values, size, away, node)
-    while size:
-        node, size = _pop(keys, values, size)
-        if closed[node]:
-            continue
-        closed[node] = True
-        from_u, from_v, from_node, to_go = _anchor(cells, field, parent[node])
-        for side in range(8):
-            other = cells.links[node, side]
-            if other < 0 or closed[other]:
-                continue
-            u, v = cells.col[other] + 0.5, cells.row[other] + 0.5
-            total = to_go + _length(cells, from_u, from_v, from_node, u, v, other)
-            if total >= distance[other]:
-                continue
-            via = parent[node]
-            if walk(cells, from_u, from_v, from_node, u, v)[0] != other:
-                via = node
-                total = distance[node] + _length(cells, cells.col[node] + 0.5, cells.row[node] + 0.5, node, u, v, other)
-                if total >= distance[other]:
-                    continue
-            distance[other], parent[other] = total, via
-            size = _push(keys, values, size, total, other)
-
-
-@njit(cache=True, nogil=True)
-def _first_anchor(cells, field, u, v, node):
-    """The anchor to walk to first from a point, -1 if no goal can be reached."""
-    count = len(cells.row)
-    best, found = math.inf, -1
-    for side in range(-1, 8):
-        near = node if side < 0 else cells.links[node, side]
-        if near < 0 or field.parent[near] < 0:
-            continue
-        goal = np.searchsorted(field.goal_node, near)
-        while goal < len(field.goal_node) and field.goal_node[goal] == near:
-            total = _length(cells, u, v, node, field.goal_u[goal], field.goal_v[goal], near)
-            if total < best and walk(cells, u, v, node, field.goal_u[goal], field.goal_v[goal])[0] == near:
-                best, found = total, count + goal
-            goal += 1
-        for anchor in (field.parent[near], near):
-            to_u, to_v, to_node, to_go = _anchor(cells, field, anchor)
-            total = to_go + _length(cells, u, v, node, to_u, to_v, to_node)
-            if total < best and walk(cells, u, v, node, to_u, to_v)[0] == to_node:
-                best, found = total, anchor
-    return found
-
-
-@njit(cache=True, nogil=True)
-def _pull(cells, at_u, at_v, at_node):
-    """Leave out corners of a polyline whose neighbours see each other, in place."""
-    i = 1
-    while i < len(at_u) - 1:
-        if walk(cells, at_u[i - 1], at_v[i - 1], at_node[i - 1], at_u[i + 1], at_v[i + 1])[0] == at_node[i + 1]:
-            at_u.pop(i)
-            at_v.pop(i)
-            at_node.pop(i)
-            i = max(i - 1, 1)
-        else:
-            i += 1
-
-
-@njit(cache=True, nogil=True)
-def _into_corners(cells, at_u, at_v, at_node):
-    """Move corners of a polyline from cell centres to the corner of their cell that is shortest, in place."""
-    moved = False
-    for i in range(1, len(at_u) - 1):
-        before, here, after = at_node[i - 1], at_node[i], at_node[i + 1]
-        best = _length(cells, at_u[i - 1], at_v[i - 1], before, at_u[i], at_v[i], here)
-        best += _length(cells, at_u[i], at_v[i], here, at_u[i + 1], at_v[i + 1], after)
-        for k in range(4):
-            u = cells.col[here] + (_INSET if k % 2 else 1 - _INSET)
-            v = cells.row[here] + (_INSET if k // 2 else 1 - _INSET)
-            total = _length(cells, at_u[i - 1], at_v[i - 1], before, u, v, here)
-            total += _length(cells, u, v, here, at_u[i + 1], at_v[i + 1], after)
-            if total >= best or walk(cells, at_u[i - 1], at_v[i - 1], before, u, v)[0] != here:
-                continue
-            if walk(cells, u, v, here, at_u[i + 1], at_v[i + 1])[0] == after:
-                best, at_u[i], at_v[i], moved = total, u, v, True
-    return moved
-
-
-@njit(cache=True, nogil=True)
-def trace(cells, field, u, v, node):
-    """Taut polyline (K, 2) of u, v and nodes (K,) from a point to its nearest goal; K = 0 if unreachable."""
-    at_u, at_v, at_node = [u], [v], [node]
-    anchor = _first_anchor(cells, field, u, v, node)
-    if anchor < 0:
-        return np.empty((0, 2)), np.empty(0, np.int32)
-    while True:
-        to_u, to_v, to_node, _ = _anchor(cells, field, anchor)
-        at_u.append(to_u)
-        at_v.append(to_v)
-        at_node.append(to_node)
-        if anchor >= len(cells.row):
-            break
-        anchor = field.parent[anchor]
-    _pull(cells, at_u, at_v, at_node)
-    if _into_corners(cells, at_u, at_v, at_node):
-        _pull(cells, at_u, at_v, at_node)
-    points = np.empty((len(at_u), 2))
-    nodes = np.empty(len(at_u), np.int32)
-    for i in range(len(at_u)):
-        points[i, 0], points[i, 1], nodes[i] = at_u[i], at_v[i], at_node[i]
-    return points, nodes
-
-
-@njit(cache=True, nogil=True)
-def lengths_to_goals(cells, field, u, v, nodes):
-    """(M,) lengths in grid units of the traced paths of points on nodes; inf where the node is -1 or unreachable."""
-    lengths = np.full(len(u), math.inf)
-    for i in range(len(u)):
-        if nodes[i] < 0 or field.parent[nodes[i]] < 0:
-            continue
-        points, at = trace(cells, field, u[i], v[i], nodes[i])
-        if len(at) == 0:
-            continue
-        total = 0.0
-        for k in range(len(at) - 1):
-            total += _length(cells, points[k, 0], points[k, 1], at[k], points[k + 1, 0], points[k + 1, 1], at[k + 1])
-        lengths[i] = total
-    return lengths

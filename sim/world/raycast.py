@@ -1,131 +1,238 @@
-"""Renders views of a mesh on the processor: Open3D finds the first hits, a compiled loop colours them."""
+"""Renders views of a mesh on the processor: RGB, planar depth and object ids in one pass over packets of rays.
 
+`Raycaster` is the interface; embree.py finds hits (raycast_open3d.py where it cannot), texels.py and
+raycast_kernels.py tell what they look like.
+"""
+
+import itertools
+import multiprocessing
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from typing import Any, Literal, Protocol
 
 import numpy as np
-import open3d as o3d
-from numba import njit
 from numpy.typing import NDArray
 
-from sim.errors import SceneError
+from sim.errors import MissingDependencyError, SceneError
 from sim.scenes.scene import TriangleMesh
 from sim.types import Camera
 
-from .renderer import Frame, Hits
+from . import embree
+from .cast_kernels import cast_rays, refine_ranges
+from .raycast_kernels import SKY_RGB as SKY_RGB
+from .raycast_kernels import TILES, Picture, Rows, Sampling, View, depth_rows, lanes_dtype, render_rows
+from .renderer import Backend, Frame, Hits
+from .texels import FILTERS, Surfaces, TextureFilter, surfaces_of_mesh
 
-SKY_RGB = (214, 226, 238)
-"""Colour of pixels that see nothing (windows, gaps of a scan)."""
-_MISS = o3d.t.geometry.RaycastingScene.INVALID_ID
+_Over = Callable[[list[Rows], Callable[[Rows], None]], None]
+_PIXELS_PER_TASK = 16_384
+"""Fewer pixels than this are not worth a thread of their own (about 0.5 ms)."""
+_RAYS_PER_TASK = 4_096
+
+
+class _Tracer(Protocol):
+    """What finds hits; all arguments are the kernels'."""
+
+    tile_rows: int
+
+    def render(self, view: View, surfaces: Surfaces, sampling: Sampling, rows: Rows, picture: Picture) -> None: ...
+    def depth(self, view: View, rows: Rows, depth: NDArray[np.float32]) -> None: ...
+    def cast(self, rays: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
 
 
 class Raycaster:
     """Implements `Renderer` for one mesh: unlit colours, no near or far plane, both sides of faces visible.
 
-    Immutable after construction; `render` and `cast` may be called from several threads at once.
+    Immutable after construction; all methods may be called from several threads at once. The same pose gives the same
+    bytes whatever the number of threads, on processors with one instruction set. A child process made by fork may go on
+    using it, though children are better spawned, as sim/tasks/workers.py does.
     """
 
-    def __init__(self, mesh: TriangleMesh) -> None:
-        """Builds the search tree (about 1 s for a million faces).
+    backend: Backend
+    """What finds the hits, and why."""
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        *,
+        texture_filter: TextureFilter = "bilinear",
+        threads: int | None = None,
+        backend: Literal["auto", "embree", "open3d"] = "auto",
+    ) -> None:
+        """Builds the search tree (0.2 s for a million faces with Embree, 1 s with Open3D).
+
+        Args:
+            mesh: What to render; its textures are not copied and must not be changed.
+            texture_filter: `nearest` texel; `bilinear`, as Habitat; `mipmap`, bilinear in the level whose texels are
+                nearest to a pixel in size, which does not shimmer but needs a third more memory.
+            threads: How many work on one call; None = the cores that this process may use, or 1 in a child made by
+                `multiprocessing`, which shares them with its siblings.
+            backend: `auto` is Embree if it passes its self-test, otherwise Open3D and a warning.
 
         Raises:
-            SceneError: The mesh has no faces.
+            SceneError: The mesh has no faces, or an array is damaged.
+            MissingDependencyError: `embree` was asked for and cannot be used.
         """
-        if not len(mesh.faces):
-            raise SceneError("renderer: found a mesh without faces; expected at least one. Check the scene's file.")
-        self._scene = o3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(_tensor(mesh.vertices, np.float32), _tensor(mesh.faces, np.uint32))
-        self._faces = (
-            np.ascontiguousarray(mesh.face_rgb),
-            np.ascontiguousarray(mesh.face_instance),
-            np.ascontiguousarray(mesh.face_texture),
-            np.ascontiguousarray(mesh.face_uv),
-        )
-        sizes = np.array([texture.shape[:2] for texture in mesh.textures], np.int64).reshape(-1, 2)
-        starts = np.concatenate([[0], np.cumsum(sizes[:, 0] * sizes[:, 1])])[:-1]
-        self._layout = np.column_stack([starts, sizes]).astype(np.int64)  # (textures, 3): first texel, height, width
-        self._texels = np.concatenate([np.empty((0, 3), np.uint8), *(t.reshape(-1, 3) for t in mesh.textures)])
-        # The first cast commits the tree, which is not safe from two threads.
-        self._scene.cast_rays(_tensor(np.array([[0, 0, 0, 0, 1, 0]]), np.float32))
+        self._surfaces, self._images = surfaces_of_mesh(mesh, texture_filter=texture_filter)
+        self._mesh = np.ascontiguousarray(mesh.vertices, np.float32), np.ascontiguousarray(mesh.faces, np.int32)
+        self._filter = FILTERS[texture_filter]
+        self._workers = _Workers(_default_threads() if threads is None else max(1, threads))
+        self.backend = chosen_backend() if backend == "auto" else _asked_backend(backend)
+        self._tracer: _Tracer
+        if self.backend.name == "embree":
+            self._tracer = _EmbreeTracer(*self._mesh, width=self.backend.packet_width)
+        else:
+            from .raycast_open3d import Open3dTracer  # takes 2 s to load, and most machines do without
+
+            self._tracer = Open3dTracer(*self._mesh)
 
     def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
         """RGB, planar depth and instance ids seen by a camera at (4, 4); OpenCV axes.
 
         Pixels that see nothing have depth 0, instance 0 and the colour SKY_RGB.
+
+        Raises:
+            SceneError: The pose is not finite.
         """
-        rays = np.empty((camera.height, camera.width, 6), np.float32)
-        rays[..., :3] = T_world_camera[:3, 3]
-        np.matmul(_pixel_directions(camera), T_world_camera[:3, :3].T.astype(np.float32), out=rays[..., 3:])
-        found = self._scene.cast_rays(_tensor(rays, np.float32))
-        depth_m = np.ascontiguousarray(found["t_hit"].numpy())
-        rgb, instance_ids = _shade(
-            found["primitive_ids"].numpy().reshape(-1),
-            found["primitive_uvs"].numpy().reshape(-1, 2),
-            *self._faces,
-            self._texels,
-            self._layout,
-        )
-        shape = (camera.height, camera.width)
-        depth_m[~np.isfinite(depth_m)] = 0.0
-        return Frame(rgb.reshape(*shape, 3), depth_m, instance_ids.reshape(shape))
+        return self._rendered(T_world_camera, camera, self._workers.over)
+
+    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
+        """What `render` gives for each of the poses (B, 4, 4), in order: one view per thread, or all on one view."""
+        if len(Ts_world_camera) < 2 * self._workers.threads:
+            return [self.render(T_world_camera, camera) for T_world_camera in Ts_world_camera]
+        return self._workers.map(lambda T: self._rendered(T, camera, _here), list(Ts_world_camera))
+
+    def depth(self, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:
+        """`render`'s depth alone, (H, W) planar metres, 0 where nothing was hit; takes half the time.
+
+        Raises:
+            SceneError: The pose is not finite.
+        """
+        view = _view(T_world_camera, camera)
+        depth = np.empty((camera.height, camera.width), np.float32)
+        self._workers.over(self._ranges(camera), lambda rows: self._tracer.depth(view, rows, depth))
+        return depth
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
-        """First hits of rays; both (N, 3), directions need not be unit length (a zero direction hits nothing)."""
-        origins = np.asarray(origins, float).reshape(-1, 3)
+        """First hits of rays; both (N, 3), directions need not be unit length.
+
+        Rays with a zero direction, or with nan or inf, hit nothing. The face is found in single precision, its range is
+        that to the face's plane in double precision.
+        """
+        origins = np.ascontiguousarray(origins, np.float64).reshape(-1, 3)
         directions = np.asarray(directions, float).reshape(-1, 3)
-        lengths = np.linalg.norm(directions, axis=1, keepdims=True)
-        unit = directions / np.where(lengths > 0, lengths, 1.0)
-        found = self._scene.cast_rays(_tensor(np.concatenate([origins, unit], axis=1), np.float32))
-        range_m = found["t_hit"].numpy().astype(np.float64)
-        face_ids = found["primitive_ids"].numpy().astype(np.int64)
-        hit = np.isfinite(range_m) & (lengths[:, 0] > 0)
-        positions = origins + np.where(hit, range_m, np.nan)[:, None] * unit
-        return Hits(np.where(hit, range_m, np.inf), positions, np.where(hit, face_ids, -1))
+        with np.errstate(invalid="ignore", over="ignore"):
+            lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+            unit = directions / np.where(lengths > 0, lengths, 1.0)
+            rays = np.concatenate([origins, unit], axis=1).astype(np.float32)
+        count = max(1, min(self._workers.threads, len(rays) // _RAYS_PER_TASK))
+        parts = self._workers.map(self._tracer.cast, np.array_split(rays, count))
+        range_m, face_ids = (np.concatenate(column) for column in zip(*parts, strict=True))
+        refine_ranges(origins, unit, *self._mesh, range_m, face_ids)
+        positions = origins + np.where(face_ids >= 0, range_m, np.nan)[:, None] * unit
+        return Hits(range_m, positions, face_ids)
+
+    def _rendered(self, T_world_camera: NDArray[np.float64], camera: Camera, over: _Over) -> Frame:
+        view, sampling = _view(T_world_camera, camera), (self._filter, camera.focal**2)
+        shape = (camera.height, camera.width)
+        picture = np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32)
+        render, surfaces = self._tracer.render, self._surfaces
+        over(self._ranges(camera), lambda rows: render(view, surfaces, sampling, rows, picture))
+        return Frame(*picture)
+
+    def _ranges(self, camera: Camera) -> list[Rows]:
+        """Rows of tiles, cut so that threads that are done earlier find more to do."""
+        num_rows = -(-camera.height // self._tracer.tile_rows)
+        most = min(num_rows, camera.width * camera.height // _PIXELS_PER_TASK)
+        count = max(1, min(most, 3 * self._workers.threads)) if self._workers.threads > 1 else 1
+        edges = [num_rows * part // count for part in range(count + 1)]
+        return list(itertools.pairwise(edges))
 
 
-def _tensor(array: NDArray, dtype: type) -> o3d.core.Tensor:
-    """Open3D's view of an array; its stubs do not know that it takes numpy arrays."""
-    return o3d.core.Tensor(np.ascontiguousarray(array, dtype))  # pyright: ignore[reportCallIssue]
+def own_cores() -> int:
+    """Processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-@lru_cache(maxsize=8)
-def _pixel_directions(camera: Camera) -> NDArray[np.float32]:
-    """(H, W, 3) directions through the pixel centres in camera axes; forward component 1 makes hits planar depths."""
-    directions = np.ones((camera.height, camera.width, 3), np.float32)
-    directions[..., 0] = (np.arange(camera.width) + 0.5 - camera.width / 2) / camera.focal
-    directions[..., 1] = ((np.arange(camera.height) + 0.5 - camera.height / 2) / camera.focal)[:, None]
-    directions.flags.writeable = False
-    return directions
+def _default_threads() -> int:
+    return own_cores() if multiprocessing.parent_process() is None else 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _shade(face_ids, weights, face_rgb, face_instance, face_texture, face_uv, texels, layout):
-    """Colour (N, 3) and instance (N,) of hits: bilinear texture that repeats, or the face's flat colour."""
-    rgb = np.empty((len(face_ids), 3), np.uint8)
-    instances = np.zeros(len(face_ids), np.int32)
-    for i in range(len(face_ids)):
-        face = face_ids[i]
-        if face == _MISS:
-            for k in range(3):
-                rgb[i, k] = SKY_RGB[k]
-            continue
-        instances[i] = face_instance[face]
-        texture = face_texture[face]
-        if texture < 0:
-            for k in range(3):
-                rgb[i, k] = face_rgb[face, k]
-            continue
-        start, height, width = layout[texture, 0], layout[texture, 1], layout[texture, 2]
-        b, c = weights[i, 0], weights[i, 1]
-        a = 1 - b - c
-        u = a * face_uv[face, 0, 0] + b * face_uv[face, 1, 0] + c * face_uv[face, 2, 0]
-        v = a * face_uv[face, 0, 1] + b * face_uv[face, 1, 1] + c * face_uv[face, 2, 1]
-        x, y = (u - np.floor(u)) * width - 0.5, (v - np.floor(v)) * height - 0.5
-        x0, y0 = int(np.floor(x)), int(np.floor(y))
-        x_share, y_share = x - x0, y - y0
-        left, right = x0 % width, (x0 + 1) % width
-        top, bottom = start + (y0 % height) * width, start + ((y0 + 1) % height) * width
-        for k in range(3):
-            upper = texels[top + left, k] * (1 - x_share) + texels[top + right, k] * x_share
-            lower = texels[bottom + left, k] * (1 - x_share) + texels[bottom + right, k] * x_share
-            rgb[i, k] = int(upper * (1 - y_share) + lower * y_share + 0.5)
-    return rgb, instances
+@lru_cache
+def chosen_backend() -> Backend:
+    """What raycasters of this process use, and why; warns once if that is not the fast way."""
+    try:
+        return embree.self_test()
+    except MissingDependencyError as error:
+        warnings.warn(
+            f"Views are rendered by Open3D, 3-6 times slower than by Embree's packets: {error}",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+        return Backend("open3d", 1, f"Embree's packets cannot be used: {error}")
+
+
+def _asked_backend(name: Literal["embree", "open3d"]) -> Backend:
+    return embree.self_test() if name == "embree" else Backend("open3d", 1, "It was asked for.")
+
+
+class _EmbreeTracer:
+    """Embree's scene with what the kernels want to know of it."""
+
+    def __init__(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], *, width: int) -> None:
+        self.tile_rows = TILES[width][1]
+        self._width = width
+        self._scene = embree.EmbreeScene(vertices, faces)
+
+    def render(self, view: View, surfaces: Surfaces, sampling: Sampling, rows: Rows, picture: Picture) -> None:
+        packet, lanes = embree.new_packet(self._width), np.zeros(1, lanes_dtype(self._width))
+        render_rows(self._scene.coherent, packet, lanes, view, surfaces, sampling, rows, picture)
+
+    def depth(self, view: View, rows: Rows, depth: NDArray[np.float32]) -> None:
+        depth_rows(self._scene.coherent, embree.new_packet(self._width), view, rows, depth)
+
+    def cast(self, rays: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        range_m, face_ids = np.empty(len(rays)), np.empty(len(rays), np.int64)
+        cast_rays(self._scene.incoherent, embree.new_packet(self._width), rays, range_m, face_ids)
+        return range_m, face_ids
+
+
+class _Workers:
+    """Threads that are started when first needed, and anew in a forked child, which inherits none."""
+
+    def __init__(self, threads: int) -> None:
+        self.threads = threads
+        self._pool: tuple[int, ThreadPoolExecutor] | None = None
+
+    def map(self, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+        """The function's results; must not be called from within one of these threads."""
+        if self.threads == 1 or len(items) < 2:
+            return [function(item) for item in items]
+        pool = self._pool
+        if pool is None or pool[0] != os.getpid():
+            pool = self._pool = os.getpid(), ThreadPoolExecutor(self.threads, thread_name_prefix="raycast")
+        return list(pool[1].map(function, items))
+
+    def over(self, ranges: list[Rows], function: Callable[[Rows], None]) -> None:
+        """Calls the function for each range."""
+        self.map(function, ranges)
+
+
+def _here(ranges: list[Rows], function: Callable[[Rows], None]) -> None:
+    function((ranges[0][0], ranges[-1][1]))
+
+
+def _view(T_world_camera: NDArray[np.float64], camera: Camera) -> View:
+    """The kernels' view: for x, y, z one pixel to the right, one down, the ray of pixel (0, 0), and the place."""
+    T_world_camera = np.asarray(T_world_camera, float)
+    if T_world_camera.shape != (4, 4) or not np.isfinite(T_world_camera).all():
+        raise SceneError(
+            f"renderer: the camera's pose is {T_world_camera.tolist()}; expected 4 x 4 finite numbers. "
+            "Check where the robot stands."
+        )
+    right, down = T_world_camera[:3, 0] / camera.focal, T_world_camera[:3, 1] / camera.focal
+    corner = T_world_camera[:3, 2] + (0.5 - camera.width / 2) * right + (0.5 - camera.height / 2) * down
+    return tuple(map(tuple, np.column_stack([right, down, corner, T_world_camera[:3, 3]]).tolist()))

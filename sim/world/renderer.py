@@ -1,7 +1,7 @@
 """What a renderer gives; implemented by sim/world/raycast.py. Light, so that environments and sessions can name it."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +33,26 @@ class Hits:
     """(N,) face of the mesh, -1 where nothing was hit."""
 
 
+@dataclass(frozen=True, slots=True)
+class Backend:
+    """What finds the first hits of rays, and why it was chosen."""
+
+    name: Literal["embree", "open3d"]
+    packet_width: int
+    """Rays that are traced together: 16, 8 or 4; 1 with Open3D."""
+    reason: str
+    """One sentence."""
+
+
 class Renderer(Protocol):
     """Renders views of one scene and casts rays into it."""
 
     def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
         """RGB, planar depth and instance ids seen by a camera at (4, 4)."""
+        ...
+
+    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
+        """What `render` gives for each of the poses (B, 4, 4), in order; faster than one after the other."""
         ...
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:

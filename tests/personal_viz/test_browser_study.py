@@ -17,7 +17,8 @@ from human_study.verify import verify_trial
 from personal_viz.served import ServedStudy, served_demo
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene, cut_storey
+from sim.scenes.cut import storey_mesh
+from sim.scenes.scene import Scene
 from sim.scenes.sources import open_scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
@@ -205,7 +206,7 @@ def test_a_pog_trial_with_real_clicks(served: ServedStudy, browser: BrowserConte
 
 def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> NDArray[np.float64]:
     """Where a stored ray meets the cut storey first, by Moeller and Trumbore's formula instead of our raycaster."""
-    mesh = cut_storey(scene.mesh, floor_y)
+    mesh = storey_mesh(scene, floor_y)
     a, b, c = (mesh.vertices[mesh.faces[:, corner]].astype(float) for corner in range(3))
     origin, direction = np.array(clicked.ray.origin), np.array(clicked.ray.direction)
     normal = np.cross(direction, c - a)

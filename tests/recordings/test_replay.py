@@ -207,7 +207,7 @@ def test_a_scan_without_leave_shows_poses_only(
     assert not [name for columns in found.values() for name in columns if name.startswith("EncodedImage")]
     assert len(found[("/runs/straight.agent/camera", False)]["step"]) == 41
     allowed = record(tmp_path / "b.rrd", [run], episode, scan, renderer=renderer, with_pixels=True)
-    assert ("/scene/mesh/storey_0/flat", True) in allowed
+    assert ("/scene/mesh/storey_0", True) in allowed
     assert "EncodedImage:blob" in allowed[("/runs/straight.agent/camera", False)]
     text = allowed[("/task", True)]["TextDocument:text"][0][0]
     assert "terms of use" in text

@@ -9,13 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from numpy.typing import NDArray
+from PIL import Image
 
+from personal_viz.bench.scenes import bench_mesh
+from sim.cache import VARIABLE
 from sim.errors import SceneError
-from sim.scenes.browser_glb import browser_glb, glb_from_mesh
+from sim.scenes.browser_glb import MAX_BYTES, MAX_FACES, browser_glb, glb_from_mesh
+from sim.scenes.cut import storey_mesh
 from sim.scenes.glb import load_glb
 from sim.scenes.invent import invent_plan
-from sim.scenes.scene import Scene, cut_storey
+from sim.scenes.scene import FLAT, VERTEX_COLOURS, Scene, TriangleMesh
 from sim.scenes.sources import scene_from_plan
+from sim.world.floor_grid import floor_grid_from_mesh
+from sim.world.raycast import Raycaster
 
 from .meshes import floor, mesh_of
 
@@ -25,35 +32,162 @@ def scene() -> Scene:
     return scene_from_plan(invent_plan("Demo", seed=4))
 
 
-def triangles_of(data: bytes) -> np.ndarray:
+@pytest.fixture(scope="module")
+def scan() -> Scene:
+    """A furnished and cluttered house with textures, like a scan."""
+    mesh = bench_mesh(200_000, cluttered=True, texture_size=512, num_textures=12)
+    return Scene("Bench", "scan", mesh, (), floor_grid_from_mesh(mesh), mesh.digest())
+
+
+def header_of(data: bytes) -> dict:
+    return json.loads(data[20 : 20 + struct.unpack("<I", data[12:16])[0]])
+
+
+def triangles_of(data: bytes) -> NDArray[np.float64]:
     """(F, 3, 3) as trimesh reads them."""
     loaded = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False)
     return np.concatenate([mesh.vertices[mesh.faces] for mesh in loaded.geometry.values()])
 
 
-def test_trimesh_reads_back_the_cut_storeys_triangles(scene: Scene) -> None:
-    storey = cut_storey(scene.mesh, 0.0)
-    np.testing.assert_array_equal(triangles_of(browser_glb(scene, 0.0)), storey.vertices[storey.faces])
+def loaded(data: bytes, folder: Path) -> TriangleMesh:
+    (folder / "copy.glb").write_bytes(data)
+    return load_glb(folder / "copy.glb", up="y")
 
 
-def test_the_same_storey_gives_the_same_bytes_and_stays_small(scene: Scene) -> None:
+def rays_from_above(mesh: TriangleMesh, num: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Origins and directions (num, 3) from 3 to 9 m above places of a storey, at all angles down to 25 degrees."""
+    rng = np.random.default_rng(8)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    places = low + rng.random((num, 3)) * (high - low)
+    elevation, azimuth = rng.uniform(np.radians(25), np.pi / 2, num), rng.uniform(0, 2 * np.pi, num)
+    towards = np.stack(
+        [np.cos(elevation) * np.cos(azimuth), np.sin(elevation), np.cos(elevation) * np.sin(azimuth)], axis=1
+    )
+    return places + towards * rng.uniform(3, 9, (num, 1)), -towards
+
+
+def test_trimesh_reads_back_a_mesh_as_it_was(scene: Scene) -> None:
+    storey = storey_mesh(scene, 0.0)
+    np.testing.assert_array_equal(triangles_of(glb_from_mesh(storey)), storey.vertices[storey.faces])
+
+
+def test_the_same_storey_gives_the_same_bytes_and_stays_small(scene: Scene, monkeypatch, tmp_path: Path) -> None:
     data = browser_glb(scene, 2.8)
-    assert data == browser_glb(scene, 2.8)
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    assert data == browser_glb(scene, 2.8), "made again"
+    assert [path.read_bytes() for path in tmp_path.rglob("*.glb")] == [data]
     assert data != browser_glb(scene, 0.0)
-    assert len(data) < 500_000
+    assert len(data) < 200_000
+
+
+def test_a_copy_is_made_once(scene: Scene, monkeypatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    browser_glb(scene, 0.0)
+    (path,) = tmp_path.rglob("*.glb")
+    path.write_bytes(b"kept")
+    assert browser_glb(scene, 0.0) == b"kept"
+    assert browser_glb(replace(scene, digest="another"), 0.0) != b"kept"
+    assert browser_glb(replace(scene, kind="scan"), 0.0) != b"kept", "scans are cut higher"
 
 
 def test_flat_colours_come_back_unlit_and_exact(scene: Scene, tmp_path: Path) -> None:
     data = browser_glb(scene, 0.0)
-    header = json.loads(data[20 : 20 + struct.unpack("<I", data[12:16])[0]])
+    header = header_of(data)
     assert header["extensionsUsed"] == ["KHR_materials_unlit"]
     assert all("KHR_materials_unlit" in material["extensions"] for material in header["materials"])
-    (tmp_path / "storey.glb").write_bytes(data)
-    loaded = load_glb(tmp_path / "storey.glb", up="y")
-    image = loaded.textures[0]
-    uv = loaded.face_uv[:, 0]
+    full, copy = storey_mesh(scene, 0.0), loaded(data, tmp_path)
+    origins, directions = rays_from_above(full, 4000)
+    wanted, found = (Raycaster(mesh).cast(origins, directions) for mesh in (full, copy))
+    hit = np.isfinite(wanted.range_m)
+    np.testing.assert_allclose(found.range_m[hit], wanted.range_m[hit], atol=1e-4)
+    image, uv = copy.textures[0], copy.face_uv[found.face_ids[hit], 0]
     pixels = image[(uv[:, 1] * image.shape[0]).astype(int), (uv[:, 0] * image.shape[1]).astype(int)]
-    np.testing.assert_array_equal(pixels, cut_storey(scene.mesh, 0.0).face_rgb)
+    same = (pixels == full.face_rgb[wanted.face_ids[hit]]).all(axis=1)
+    assert same.mean() > 0.99, "but where walls meet, which have two faces at one place"
+
+
+@pytest.mark.slow
+def test_a_scans_copy_has_its_places_and_colours(scan: Scene, tmp_path: Path) -> None:
+    floor_y = scan.navigation.storey_heights[0]
+    data = browser_glb(scan, floor_y)
+    header = header_of(data)
+    assert len(header["images"]) <= 4
+    assert {image["mimeType"] for image in header["images"]} == {"image/jpeg"}
+    full, copy = storey_mesh(scan, floor_y), loaded(data, tmp_path)
+    assert len(copy.faces) < 0.95 * len(full.faces)
+    assert max(max(image.shape) for image in copy.textures) <= 1024
+    origins, directions = rays_from_above(full, 20_000)
+    wanted, found = (Raycaster(mesh).cast(origins, directions) for mesh in (full, copy))
+    meets = np.isfinite(wanted.range_m) | np.isfinite(found.range_m)
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(wanted.range_m - found.range_m)[meets]
+    assert np.quantile(apart, 0.99) <= 0.02
+    near = np.flatnonzero(meets)[apart < 0.01]
+    seen = [
+        colours_at(mesh, hits.face_ids[near], hits.positions[near]) for mesh, hits in ((full, wanted), (copy, found))
+    ]
+    assert np.median(np.abs(seen[0] - seen[1]).mean(axis=1)) < 14, "noise down to single texels is smoothed"
+    assert np.abs((seen[0] - seen[1]).mean(axis=0)).max() < 2
+
+
+def colours_at(mesh: TriangleMesh, faces: NDArray[np.int64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Nearest texels (N, 3) at points of faces."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces[faces]].astype(float), 1, 0)
+    normal = np.cross(b - a, c - a)
+    size = np.maximum((normal**2).sum(axis=1), 1e-20)
+    s = (np.cross(points - a, c - a) * normal).sum(axis=1) / size
+    t = (np.cross(b - a, points - a) * normal).sum(axis=1) / size
+    uv = (np.stack([1 - s - t, s, t], axis=1)[..., None] * mesh.face_uv[faces]).sum(axis=1)
+    colours = np.empty((len(faces), 3))
+    for texture in np.unique(mesh.face_texture[faces]):
+        here = mesh.face_texture[faces] == texture
+        image = mesh.textures[texture]
+        col, row = (np.clip(uv[here], 0, 0.9999) * image.shape[1::-1]).astype(int).T
+        colours[here] = image[row, col]
+    return colours
+
+
+@pytest.mark.slow
+def test_loose_triangles_do_not_exceed_faces_and_bytes() -> None:
+    num = 320_000
+    corners = np.random.default_rng(2).uniform(0, 1.5, (num, 1, 3)) + np.random.default_rng(3).normal(
+        0, 0.02, (num, 3, 3)
+    )
+    ground = mesh_of(floor(0, 0, 4, 4))
+    soup = TriangleMesh(
+        np.concatenate([ground.vertices, corners.reshape(-1, 3)]).astype(np.float32),
+        np.concatenate([ground.faces, np.arange(3 * num).reshape(-1, 3) + 4]).astype(np.int32),
+        np.full((num + 2, 3), 90, np.uint8),
+        np.zeros(num + 2, np.int32),
+        np.full(num + 2, FLAT, np.int16),
+        np.zeros((num + 2, 3, 2), np.float32),
+    )
+    data = browser_glb(Scene("Soup", "scan", soup, (), floor_grid_from_mesh(ground), "soup"), 0.0)
+    assert 0.9 * MAX_BYTES < len(data) <= MAX_BYTES
+    assert len(triangles_of(data)) <= MAX_FACES
+
+
+def test_vertex_colours_are_written_as_light_and_for_rerun_as_srgb() -> None:
+    mesh = mesh_of(floor(0, 0, 4, 4))
+    rgb = np.array([[0, 0, 0], [255, 128, 10], [255, 128, 10], [255, 255, 255]], np.uint8)
+    mesh = replace(mesh, face_texture=np.full(2, VERTEX_COLOURS, np.int16), vertex_rgb=rgb)
+    scene = Scene("Colours", "scan", mesh, (), floor_grid_from_mesh(mesh), mesh.digest())
+    found = []
+    for srgb in (False, True):
+        data = browser_glb(scene, 0.0, srgb_colours=srgb)
+        header = header_of(data)
+        (primitive,) = header["meshes"][0]["primitives"]
+        accessor = header["accessors"][primitive["attributes"]["COLOR_0"]]
+        assert (accessor["componentType"], accessor["type"], accessor["normalized"]) == (5123, "VEC4", True)
+        view = header["bufferViews"][accessor["bufferView"]]
+        start = 20 + struct.unpack("<I", data[12:16])[0] + 8 + view["byteOffset"]
+        found.append(np.frombuffer(data, "<u2", 4 * accessor["count"], start).reshape(-1, 4) / 0xFFFF)
+    assert len(found[0]) == 4, "corners of one colour are shared"
+    # light of sRGB 128 and 10 (IEC 61966-2-1)
+    np.testing.assert_allclose(np.unique(found[0][:, 1]), [0, 0.215861, 1], atol=2e-5)
+    np.testing.assert_allclose(np.unique(found[0][:, 2]), [0, 0.003035, 1], atol=2e-5)
+    np.testing.assert_allclose(np.unique(found[1][:, 1]), [0, 128 / 255, 1], atol=2e-5)
+    assert (found[0][:, 3] == 1).all()
 
 
 def test_textures_are_downsized_and_keep_their_coordinates() -> None:
@@ -61,8 +195,8 @@ def test_textures_are_downsized_and_keep_their_coordinates() -> None:
     big[:, 512:] = 255
     mesh = mesh_of(floor(0, 0, 2, 2), textures=(big,), texture=0)
     mixed = replace(mesh, face_texture=np.array([0, -1], np.int16))
-    loaded = trimesh.load_scene(io.BytesIO(glb_from_mesh(mixed)), file_type="glb", process=False)
-    images = [part.visual.material.baseColorTexture for part in loaded.geometry.values()]
+    read = trimesh.load_scene(io.BytesIO(glb_from_mesh(mixed)), file_type="glb", process=False)
+    images: list[Image.Image] = [part.visual.material.baseColorTexture for part in read.geometry.values()]
     assert sorted(image.size for image in images) == [(1, 1), (512, 1024)]
     assert triangles_of(glb_from_mesh(mixed)).shape == (2, 3, 3)
 

@@ -116,7 +116,7 @@ def test_text_that_is_not_gzip_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", "not json", '{"episodes": [', "\x00"])
 def test_text_that_is_not_json_is_refused(tmp_path: Path, text: str) -> None:
     path = write_content(tmp_path, "easy", text)
-    with pytest.raises(DatasetError, match="text that is not JSON; expected: Invalid JSON") as caught:
+    with pytest.raises(DatasetError, match=r"text that is not JSON \(.*\); expected: whole JSON") as caught:
         PersonalDataset(tmp_path).content("easy", SCENE)
     assert one_line(caught).startswith(f"{path}: ")
 

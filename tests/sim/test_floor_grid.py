@@ -1,6 +1,7 @@
 """The floor grid as a navigation map: worlds of a few cells whose answers are known by hand."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,27 +11,14 @@ from hypothesis import strategies as st
 from sim.errors import SceneError
 from sim.types import GridSpec
 from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
+from tests.sim.grids import CELL, at, cluttered_home, grid_of
 from tests.sim.meshes import box, floor, mesh_of, ramp
-
-CELL = 0.05
-
-
-def at(x: float, z: float, y: float = 0.0) -> np.ndarray:
-    return np.array([x, y, z])
 
 
 def floor_under(grid: FloorGrid, point: np.ndarray) -> float:
     snapped = grid.snap(point)
     assert snapped is not None
     return float(snapped[1])
-
-
-def grid_of(free, *, size: float = 4.0) -> FloorGrid:
-    """A square of 4 m from (0, 0); `free(x, z)` says which cell centres are free."""
-    spec = GridSpec((0.0, 0.0), CELL, (round(size / CELL), round(size / CELL)))
-    rc = np.argwhere(np.ones(spec.shape, bool))
-    rc = rc[free(*spec.xz_from_rc(rc).T)]
-    return FloorGrid.from_cells(rc, np.zeros(len(rc)), grid=spec)
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +91,17 @@ def test_without_goals_or_far_from_the_map_the_distance_is_infinite(open_floor):
 
 def test_a_goal_off_the_map_counts_from_its_snapped_point(open_floor):
     assert open_floor.distances(np.array([at(1, 1)]), np.array([at(-0.8, 1.0, 0.7)]))[0] == pytest.approx(1, abs=1e-3)
+
+
+def test_a_goal_above_the_floor_adds_its_height_beyond_a_climb_as_in_habitat(open_floor):
+    # 0.8 m above the floor, less the 0.2 m that count as none: 0.6 m over 3 m.
+    assert open_floor.distances(at(0.5, 1)[None], at(3.5, 1, 0.8)[None])[0] == pytest.approx(3.0594117, abs=1e-6)
+    assert open_floor.distances(at(0.5, 1, 0.8)[None], at(3.5, 1)[None])[0] == pytest.approx(3.0594117, abs=1e-6)
+    assert open_floor.distances(at(0.5, 1)[None], at(3.5, 1, 0.2)[None])[0] == pytest.approx(3.0, abs=1e-6)
+    assert open_floor.distances(at(2, 1)[None], at(2, 1, 0.8)[None])[0] == 0.0, "they stand on one point"
+    path = open_floor.shortest_path(at(0.5, 1), at(3.5, 1, 0.8)[None])
+    assert path is not None
+    np.testing.assert_allclose(path, [at(0.5, 1), at(3.5, 1)])
 
 
 def test_cells_that_touch_only_at_a_corner_are_not_joined():
@@ -214,6 +213,30 @@ def test_distances_are_never_below_the_straight_line_and_nearly_symmetric(walled
     assert back == pytest.approx(there, rel=0.02, abs=0.02)
 
 
+@given(places, st.lists(places, min_size=1, max_size=4))
+@settings(deadline=None, max_examples=40)
+def test_the_distance_to_several_goals_is_the_least_of_the_distances_to_each(walled, start, goals):
+    each = [walled.distances(start[None], goal[None])[0] for goal in goals]
+    together = walled.distances(start[None], np.array(goals))[0]
+    assert together == pytest.approx(min(each), rel=0.01, abs=0.01)
+
+
+def test_every_place_that_the_grid_names_is_navigable_at_its_own_height():
+    grid = floor_grid_from_mesh(cluttered_home())
+    rng = np.random.default_rng(4)
+    centres = np.array([grid.random_point(rng) for _ in range(3)])
+    places = [*grid.points_within(centres, 1.0, max_dy=0.5), *centres]
+    places += [grid.snap(centre + rng.uniform(-1, 1, 3)) for centre in centres]
+    places += [np.array(grid.step(place, place + rng.uniform(-0.3, 0.3, 3) * (1, 0, 1)).position) for place in places]
+    assert all(grid.is_navigable(place, max_dy=1e-6) for place in places)
+
+
+def test_the_order_of_the_faces_does_not_matter():
+    mesh = cluttered_home()
+    shuffled = replace(mesh, faces=np.random.default_rng(5).permutation(mesh.faces))
+    assert floor_grid_from_mesh(mesh).digest == floor_grid_from_mesh(shuffled).digest
+
+
 def test_a_bare_floor_loses_the_robots_radius_and_its_ledge_at_each_side():
     # 80 cells, less 1 (ledge) and 4 (0.18 m rounded up) at each side: 70 x 70 cells.
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4)))
@@ -251,6 +274,11 @@ def test_a_low_table_blocks_and_its_top_is_an_island_of_its_own():
     assert found.storey_heights == (0.0,)
 
 
+def test_the_surface_of_a_ramp_is_larger_than_seen_from_above():
+    found = floor_grid_from_mesh(mesh_of(ramp(0, 0, 10, 6, y0=0, y1=5)))
+    assert found.surface_area / found.area == pytest.approx(np.sqrt(1.25), rel=0.005)
+
+
 def test_a_roof_is_walkable_but_no_storey():
     home = mesh_of(floor(0, 0, 6, 6), *box((0, 2.6, 0), (6, 2.8, 6)))
     found = floor_grid_from_mesh(home)
@@ -263,3 +291,14 @@ def test_a_mesh_without_floor_or_in_millimetres_is_refused_with_advice():
         floor_grid_from_mesh(mesh_of(*box((0, 0, 0), (0.5, 0.5, 0.5))))
     with pytest.raises(SceneError, match="found a mesh of 8000 x 9000 m"):
         floor_grid_from_mesh(mesh_of(floor(0, 0, 8000, 9000)))
+    with pytest.raises(SceneError, match="5000 m high"):
+        floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4), floor(0, 0, 4, 4, y=5000)))
+
+
+def test_a_mesh_with_a_corner_at_infinity_or_without_faces_is_refused():
+    home = mesh_of(floor(0, 0, 4, 4), floor(9, 9, 10, 10))
+    home.vertices[5, 1] = np.nan
+    with pytest.raises(SceneError, match="not finite"):
+        floor_grid_from_mesh(home)
+    with pytest.raises(SceneError, match="no face at all"):
+        floor_grid_from_mesh(home.select(np.zeros(4, bool)))

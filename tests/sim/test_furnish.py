@@ -5,6 +5,7 @@ import pytest
 
 from sim.frames import T_world_camera, forward_from_yaw
 from sim.scenes.arrange import GROUPS
+from sim.scenes.cut import CUT_HEIGHT, cut_storey
 from sim.scenes.furnish import mesh_from_plan
 from sim.scenes.pieces import look_of, parts_of, rgb_from_text
 from sim.scenes.plan import (
@@ -20,7 +21,7 @@ from sim.scenes.plan import (
     Wall,
 )
 from sim.scenes.quads import QuadBuilder
-from sim.scenes.scene import CUT_HEIGHT, TriangleMesh, cut_storey
+from sim.scenes.scene import TriangleMesh
 from sim.types import Camera, Pose
 from sim.world.raycast import Raycaster
 

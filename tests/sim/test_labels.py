@@ -9,8 +9,9 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.generation import invent_dataset
 from sim.frames import T_world_camera
+from sim.scenes.cut import CUT_HEIGHT
 from sim.scenes.labels import LabelledRenderer, readable
-from sim.scenes.scene import CUT_HEIGHT, Scene
+from sim.scenes.scene import Scene
 from sim.scenes.sources import open_scene
 from sim.tasks.pog import PogScene
 from sim.types import Camera, Pose

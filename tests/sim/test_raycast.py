@@ -1,14 +1,21 @@
-"""The raycaster on one or two rectangles: depths, colours, ids and rays that are known by hand."""
+"""The raycaster on small meshes: depths, colours, ids and rays that are known by hand, on both ways to find hits."""
 
 import math
+import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from sim.errors import SceneError
+from sim.errors import MissingDependencyError, SceneError
 from sim.frames import T_world_camera
+from sim.scenes.scene import FACE_IDS, VERTEX_COLOURS, IdImages, TriangleMesh
 from sim.types import Camera, Pose
+from sim.world import embree
 from sim.world.raycast import SKY_RGB, Raycaster
 from tests.sim.meshes import box, floor, mesh_of
 
@@ -16,9 +23,58 @@ LOOK_DOWN = Pose((0.0, 0.0, 0.0), 0.0, -math.pi / 2)
 """Image right = +x, image down = +z; the camera is 0.88 m up."""
 
 
-def test_depth_is_planar_and_0_where_nothing_is_hit():
+def has_embree() -> bool:
+    try:
+        return embree.self_test().name == "embree"
+    except MissingDependencyError:
+        return False
+
+
+@pytest.fixture(params=["embree", "open3d"])
+def make_raycaster(request):
+    """`Raycaster` with one way to find hits."""
+    if request.param == "embree" and not has_embree():
+        pytest.skip("Embree's packets cannot be used here")
+    return partial(Raycaster, backend=request.param)
+
+
+def seen_from_above(raycaster: Raycaster, x: float, z: float, camera: Camera | None = None):
+    """RGB and id of the floor at (x, z), seen by a robot at the origin that looks down."""
+    camera = camera or Camera()
+    frame = raycaster.render(T_world_camera(LOOK_DOWN, camera), camera)
+    f = camera.focal / 0.88
+    row, col = math.floor(camera.height / 2 + f * z), math.floor(camera.width / 2 + f * x)
+    return tuple(frame.rgb[row, col].tolist()), int(frame.instance_ids[row, col])
+
+
+def soup(seed: int, *, faces: int = 200) -> TriangleMesh:
+    """Random triangles round the origin, half of them textured, with an object id each."""
+    rng = np.random.default_rng(seed)
+    mesh = mesh_of(*[floor(0, 0, 1, 1)] * ((faces + 1) // 2))
+    centres = rng.uniform(-3, 3, (len(mesh.faces), 1, 3))
+    return replace(
+        mesh,
+        vertices=(centres + rng.uniform(-1, 1, (len(mesh.faces), 3, 3))).reshape(-1, 3).astype(np.float32),
+        faces=np.arange(3 * len(mesh.faces), dtype=np.int32).reshape(-1, 3),
+        face_rgb=rng.integers(0, 256, (len(mesh.faces), 3), np.uint8),
+        face_instance=np.arange(1, len(mesh.faces) + 1, dtype=np.int32),
+        face_texture=rng.integers(-1, 1, len(mesh.faces)).astype(np.int16),
+        face_uv=rng.uniform(-2, 2, (len(mesh.faces), 3, 2)).astype(np.float32),
+        textures=(rng.integers(0, 256, (13, 10, 3), np.uint8),),
+    )
+
+
+def assert_same(one, other) -> None:
+    np.testing.assert_array_equal(one.rgb, other.rgb)
+    np.testing.assert_array_equal(one.depth_m, other.depth_m)
+    np.testing.assert_array_equal(one.instance_ids, other.instance_ids)
+
+
+def test_depth_is_planar_and_0_where_nothing_is_hit(make_raycaster):
     wall = mesh_of(*box((-1.0, -5.0, -2.5), (1.0, 5.0, -2.0)))
-    frame = Raycaster(wall).render(T_world_camera(Pose((0, 0, 0), 0.0), Camera(90, 60, 90.0)), Camera(90, 60, 90.0))
+    frame = make_raycaster(wall).render(
+        T_world_camera(Pose((0, 0, 0), 0.0), Camera(90, 60, 90.0)), Camera(90, 60, 90.0)
+    )
     # Focal length 45 px, so the wall 2 m away spans 45 columns; every hit has depth 2, also at the picture's edge.
     assert frame.depth_m.dtype == np.float32
     np.testing.assert_allclose(frame.depth_m[:, 23:67], 2.0, atol=1e-5)
@@ -28,9 +84,9 @@ def test_depth_is_planar_and_0_where_nothing_is_hit():
     assert frame.instance_ids[0, 0] == 0
 
 
-def test_flat_colours_and_instances_are_those_of_the_first_face_hit():
+def test_flat_colours_and_instances_are_those_of_the_first_face_hit(make_raycaster):
     mesh = mesh_of(floor(-5, -5, 5, 5, rgb=(10, 20, 30)), *box((-0.1, 0.2, -0.1), (0.1, 0.4, 0.1), instance=7))
-    frame = Raycaster(mesh).render(T_world_camera(LOOK_DOWN, Camera()), Camera())
+    frame = make_raycaster(mesh).render(T_world_camera(LOOK_DOWN, Camera()), Camera())
     assert tuple(frame.rgb[240, 320]) == (200, 30, 30)
     assert frame.instance_ids[240, 320] == 7
     assert frame.depth_m[240, 320] == pytest.approx(0.48, abs=1e-5)
@@ -39,11 +95,11 @@ def test_flat_colours_and_instances_are_those_of_the_first_face_hit():
     assert frame.depth_m[0, 0] == pytest.approx(0.88, abs=1e-5)
 
 
-def test_the_top_left_texel_lies_at_texture_coordinate_0_0():
+def test_the_top_left_texel_lies_at_texture_coordinate_0_0(make_raycaster):
     image = np.zeros((2, 2, 3), np.uint8)
     image[0, 0], image[0, 1], image[1, 0] = (255, 0, 0), (0, 255, 0), (0, 0, 255)
     mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
-    frame = Raycaster(mesh).render(T_world_camera(LOOK_DOWN, Camera()), Camera())
+    frame = make_raycaster(mesh).render(T_world_camera(LOOK_DOWN, Camera()), Camera())
     f = Camera().focal / 0.88
     seen = {(x, z): tuple(frame.rgb[round(240 + f * z), round(320 + f * x)]) for x in (-0.5, 0.5) for z in (-0.5, 0.5)}
     assert seen[-0.5, -0.5][0] > 250
@@ -52,12 +108,12 @@ def test_the_top_left_texel_lies_at_texture_coordinate_0_0():
     assert max(seen[0.5, 0.5]) < 5
 
 
-def test_texels_are_blended_and_repeat_beyond_the_border():
+def test_texels_are_blended_and_repeat_beyond_the_border(make_raycaster):
     image = np.array([[[0, 0, 0], [200, 200, 200]]], np.uint8)
     mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
     mesh.face_uv[..., 0] += 3.0  # whole repeats change nothing
     camera = Camera(hfov_deg=120.0)
-    frame = Raycaster(mesh).render(T_world_camera(LOOK_DOWN, camera), camera)
+    frame = make_raycaster(mesh).render(T_world_camera(LOOK_DOWN, camera), camera)
     f = camera.focal / 0.88
     row = frame.rgb[240, :, 0].astype(int)
     assert row[round(320 + f * -0.5)] == pytest.approx(0, abs=2)
@@ -66,8 +122,8 @@ def test_texels_are_blended_and_repeat_beyond_the_border():
     assert row[round(320 + f * 0.995)] == pytest.approx(101, abs=2)  # ... and round the repeat
 
 
-def test_cast_gives_range_position_and_face_of_the_first_hit():
-    raycaster = Raycaster(mesh_of(floor(-5, -5, 5, 5), floor(-1, -1, 1, 1, y=1.0)))
+def test_cast_gives_range_position_and_face_of_the_first_hit(make_raycaster):
+    raycaster = make_raycaster(mesh_of(floor(-5, -5, 5, 5), floor(-1, -1, 1, 1, y=1.0)))
     origins = np.array([[0.0, 3, 0], [2, 3, 0], [0, 3, 0], [0, 3, 0]])
     directions = np.array([[0.0, -10, 0], [0, -1, 0], [0, 1, 0], [0, 0, 0]])
     hits = raycaster.cast(origins, directions)
@@ -79,25 +135,286 @@ def test_cast_gives_range_position_and_face_of_the_first_hit():
     assert list(hits.face_ids[2:]) == [-1, -1]
 
 
-def test_no_rays_give_no_hits():
-    hits = Raycaster(mesh_of(floor(0, 0, 1, 1))).cast(np.empty((0, 3)), np.empty((0, 3)))
+def test_no_rays_give_no_hits(make_raycaster):
+    hits = make_raycaster(mesh_of(floor(0, 0, 1, 1))).cast(np.empty((0, 3)), np.empty((0, 3)))
     assert hits.range_m.shape == (0,)
     assert hits.positions.shape == (0, 3)
 
 
-def test_several_threads_get_the_frames_that_one_thread_gets():
-    raycaster = Raycaster(mesh_of(floor(-5, -5, 5, 5), *box((1, 0, 1), (2, 2, 2)), *box((-3, 0, -4), (-2, 1, -2))))
-    camera = Camera(160, 120)
-    views = [T_world_camera(Pose((0, 0, 0), yaw), camera) for yaw in np.linspace(0, 6, 24)]
+def test_several_callers_get_the_frames_that_one_gets(make_raycaster):
+    raycaster = make_raycaster(soup(1), threads=2)
+    camera = Camera(320, 240)
+    views = [T_world_camera(Pose((0, 0, 0), yaw), camera) for yaw in np.linspace(0, 6, 12)]
     alone = [raycaster.render(view, camera) for view in views]
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(lambda view: raycaster.render(view, camera), views))
     for one, other in zip(alone, together, strict=True):
-        np.testing.assert_array_equal(one.rgb, other.rgb)
-        np.testing.assert_array_equal(one.depth_m, other.depth_m)
+        assert_same(one, other)
 
 
-def test_a_mesh_without_faces_is_refused():
+@pytest.mark.parametrize("size", [(640, 480), (333, 251), (5, 3), (1, 1)])
+def test_frames_do_not_depend_on_the_number_of_threads(make_raycaster, size):
+    camera = Camera(*size)
+    view = T_world_camera(Pose((0.1, 0, 0.2), 0.3), camera)
+    mesh = soup(2)
+    alone = make_raycaster(mesh, threads=1).render(view, camera)
+    assert alone.rgb.shape == (size[1], size[0], 3)
+    assert_same(alone, make_raycaster(mesh, threads=3).render(view, camera))
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 9])
+def test_a_batch_gives_the_single_frames_in_order(make_raycaster, count):
+    camera = Camera(100, 75)
+    views = np.array([T_world_camera(Pose((0, 0, 0), 0.7 * k), camera) for k in range(count)]).reshape(-1, 4, 4)
+    raycaster = make_raycaster(soup(3), threads=2)
+    frames = raycaster.render_batch(views, camera)
+    assert len(frames) == count
+    for view, frame in zip(views, frames, strict=True):
+        assert_same(raycaster.render(view, camera), frame)
+
+
+@pytest.mark.parametrize("size", [(97, 61), (640, 480)])
+def test_depth_alone_is_that_of_the_frame(make_raycaster, size):
+    camera = Camera(*size)
+    view = T_world_camera(Pose((0, 0, 0), 1.0), camera)
+    raycaster = make_raycaster(soup(4), threads=2)
+    np.testing.assert_array_equal(raycaster.depth(view, camera), raycaster.render(view, camera).depth_m)
+
+
+def test_a_small_picture_is_the_large_one_at_fewer_pixels(make_raycaster):
+    # Every third pixel centre of a picture three times as large in all directions is a pixel centre of the small one.
+    raycaster = make_raycaster(soup(5))
+    small, large = Camera(7, 5), Camera(21, 15)
+    view = T_world_camera(Pose((0, 0, 0), 2.0), small)
+    few, many = raycaster.render(view, small), raycaster.render(view, large)
+    np.testing.assert_array_equal(few.instance_ids, many.instance_ids[1::3, 1::3])
+    np.testing.assert_allclose(few.depth_m, many.depth_m[1::3, 1::3], rtol=1e-5)
+
+
+def test_nearest_shows_texels_as_they_are(make_raycaster):
+    image = np.array([[[10, 20, 30], [200, 210, 220]], [[1, 2, 3], [250, 0, 9]]], np.uint8)
+    raycaster = make_raycaster(mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0), texture_filter="nearest")
+    for x, z, rgb in [
+        (-0.9, -0.3, (10, 20, 30)),
+        (-0.02, -0.02, (10, 20, 30)),
+        (0.02, -0.02, (200, 210, 220)),
+        (-0.02, 0.3, (1, 2, 3)),
+        (0.5, 0.6, (250, 0, 9)),
+    ]:
+        assert seen_from_above(raycaster, x, z, Camera(hfov_deg=120.0))[0] == rgb
+
+
+def test_bilinear_weighs_the_four_texels_by_area(make_raycaster):
+    image = np.array([[[0, 100, 10], [80, 100, 10]], [[160, 100, 90], [240, 100, 90]]], np.uint8)
+    raycaster = make_raycaster(mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0))
+    # Texel centres are at +-0.5, so x grows by 80 and z by 160 (red) or 80 (blue) over a metre.
+    for x, z in [(0.0, 0.0), (-0.25, 0.25), (0.4, -0.1), (-0.45, -0.45)]:
+        red, green, blue = seen_from_above(raycaster, x, z, Camera(hfov_deg=120.0))[0]
+        assert (red, blue) == pytest.approx((120 + 80 * x + 160 * z, 50 + 80 * z), abs=2)
+        assert green == 100
+
+
+@pytest.mark.parametrize(("cell", "smooth"), [(1, True), (2, True), (4, False)])
+@pytest.mark.parametrize("tilt", [-math.pi / 2, -1.0])
+def test_mipmaps_show_the_mean_of_what_a_pixel_covers(make_raycaster, cell, smooth, tilt):
+    board = np.kron(np.indices((256 // cell, 256 // cell)).sum(axis=0) % 2, np.ones((cell, cell), int)) * 200
+    image = np.repeat(board[..., None], 3, axis=2).astype(np.uint8)
+    mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
+    # 0.88 m up a pixel is 3.2 cm wide and covers 4.1 x 4.1 texels; looking forward, 4.8 x 5.7 in the middle: one texel
+    # of the level that is 4 times smaller, which shows cells of 4 texels and the mean of smaller ones.
+    camera = Camera(32, 24, 60.0)
+    rgb = (
+        make_raycaster(mesh, texture_filter="mipmap")
+        .render(T_world_camera(Pose((0.0, 0.0, 0.0 if tilt < -1.5 else 0.5), 0.0, tilt), camera), camera)
+        .rgb[10:14, 14:18]
+    )
+    assert (rgb == 100).all() == smooth
+
+
+def test_mipmaps_show_the_full_texture_close_by(make_raycaster):
+    image = np.random.default_rng(0).integers(0, 256, (16, 12, 3), np.uint8)
+    mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
+    view = T_world_camera(LOOK_DOWN, Camera())  # a texel is 50 pixels wide
+    assert_same(
+        make_raycaster(mesh, texture_filter="mipmap").render(view, Camera()),
+        make_raycaster(mesh).render(view, Camera()),
+    )
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 5), (7, 2), (3, 3)])
+@pytest.mark.parametrize("texture_filter", ["nearest", "bilinear", "mipmap"])
+def test_one_coloured_textures_of_any_size_have_one_colour(make_raycaster, size, texture_filter):
+    image = np.full((*size, 3), (7, 130, 255), np.uint8)
+    mesh = mesh_of(floor(-5, -5, 5, 5), textures=(image,), texture=0)
+    mesh.face_uv[:] *= 97.3
+    camera = Camera(64, 48)
+    frame = make_raycaster(mesh, texture_filter=texture_filter).render(T_world_camera(LOOK_DOWN, camera), camera)
+    assert (frame.rgb == (7, 130, 255)).all()
+
+
+def test_vertex_colours_are_interpolated(make_raycaster):
+    mesh = mesh_of(floor(-1, -1, 1, 1))
+    corners = np.array([[0, 0, 200], [0, 100, 200], [200, 100, 200], [200, 0, 200]], np.uint8)  # red with x, green z
+    mesh = replace(mesh, vertex_rgb=corners, face_texture=np.full(2, VERTEX_COLOURS, np.int16))
+    raycaster = make_raycaster(mesh)
+    for x, z in [(0.0, 0.0), (-0.5, 0.25), (0.3, -0.4), (0.7, 0.2)]:
+        rgb, _ = seen_from_above(raycaster, x, z, Camera(hfov_deg=120.0))
+        assert rgb == pytest.approx((100 + 100 * x, 50 + 50 * z, 200), abs=1.5)
+
+
+def test_id_images_give_ids_within_faces_and_other_faces_keep_theirs(make_raycaster):
+    mesh = mesh_of(floor(-1, -1, 1, 1, instance=5), floor(1, -1, 3, 1, instance=6))
+    images = (np.array([[1, 300], [65535, 0]], np.uint16),)
+    uv = np.concatenate([mesh.face_uv[:2], np.zeros((2, 3, 2), np.float32)])
+    mesh = replace(mesh, ids=IdImages(images, np.array([0, 0, FACE_IDS, FACE_IDS], np.int16), uv))
+    raycaster = make_raycaster(mesh)
+    wide = Camera(hfov_deg=150.0)
+    places = {(-0.5, -0.5): 1, (0.5, -0.5): 300, (-0.5, 0.5): 65535, (0.5, 0.5): 0, (0.02, -0.02): 300, (2.0, 0.0): 6}
+    for (x, z), instance in places.items():
+        assert seen_from_above(raycaster, x, z, wide)[1] == instance
+
+
+def test_textures_are_read_where_they_are(make_raycaster):
+    image = np.full((4, 4, 3), 50, np.uint8)
+    raycaster = make_raycaster(mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0))
+    assert seen_from_above(raycaster, 0.1, 0.1)[0] == (50, 50, 50)
+    image[:] = 60
+    assert seen_from_above(raycaster, 0.1, 0.1)[0] == (60, 60, 60)
+
+
+def test_ranges_are_exact_far_from_the_origin(make_raycaster):
+    raycaster = make_raycaster(mesh_of(floor(-900, -900, 900, 900, y=0.1)))
+    origin = np.array([[812.3456789, 1.7654321, -700.1234567]])
+    hits = raycaster.cast(origin, np.array([[0.3, -1.0, 0.2]]))
+    y = float(np.float32(0.1))
+    assert hits.range_m[0] == pytest.approx((1.7654321 - y) * math.sqrt(1.13), abs=1e-9)
+    assert hits.positions[0, 1] == pytest.approx(y, abs=1e-9)
+
+
+@pytest.mark.filterwarnings("error")
+def test_rays_that_are_no_rays_hit_nothing(make_raycaster):
+    raycaster = make_raycaster(mesh_of(floor(-5, -5, 5, 5)))
+    down = (0, -1, 0)
+    origins = np.array([(0, 1, 0), (0, np.nan, 0), (np.inf, 1, 0), (0, 1, 0), (0, 1, 0), (1e300, 1, 0), (0, 1, 0)])
+    directions = np.array([(0, np.nan, 0), down, down, (0, -np.inf, 0), (0, -1e300, 0), down, down])
+    hits = raycaster.cast(origins, directions)
+    assert list(hits.face_ids[:6]) == [-1] * 6
+    assert np.isinf(hits.range_m[:6]).all()
+    assert np.isnan(hits.positions[:6]).all()
+    assert hits.range_m[6] == 1.0
+
+
+def test_many_rays_hit_what_each_hits_alone(make_raycaster):
+    rng = np.random.default_rng(6)
+    origins, directions = rng.uniform(-4, 4, (9001, 3)), rng.normal(size=(9001, 3))
+    raycaster = make_raycaster(soup(7), threads=2)
+    together = raycaster.cast(origins, directions)
+    assert 0.2 < np.isfinite(together.range_m).mean() < 1
+    assert together.face_ids.dtype == np.int64
+    for first in range(0, 9001, 911):
+        alone = raycaster.cast(origins[first : first + 1], directions[first : first + 1])
+        assert alone.face_ids[0] == together.face_ids[first]
+        assert alone.range_m[0] == together.range_m[first]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
+def test_a_forked_child_renders_the_same_and_ends():
+    raycaster, camera = Raycaster(soup(8), threads=2), Camera(320, 240)
+    view = T_world_camera(Pose((0, 0, 0), 1.0), camera)
+    expected = raycaster.render(view, camera)
+    child = os.fork()
+    if child == 0:
+        frame = raycaster.render(view, camera)
+        os._exit(0 if np.array_equal(frame.rgb, expected.rgb) else 1)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 0
+
+
+@pytest.mark.skipif(not has_embree(), reason="Embree's packets cannot be used here")
+@settings(deadline=None, max_examples=15)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    yaw=st.floats(-3, 3),
+    tilt=st.floats(-1.5, 1.5),
+    texture_filter=st.sampled_from(["bilinear", "mipmap"]),
+)
+def test_both_backends_see_the_same(seed, yaw, tilt, texture_filter):
+    mesh, camera = soup(seed, faces=60), Camera(61, 47)
+    view = T_world_camera(Pose((0, -0.88, 0), yaw, tilt), camera)
+    casters = (Raycaster(mesh, backend=name, texture_filter=texture_filter) for name in ("embree", "open3d"))
+    one, other = (raycaster.render(view, camera) for raycaster in casters)
+    same = one.instance_ids == other.instance_ids
+    assert same.mean() >= 0.995  # rays through an edge may meet either side
+    np.testing.assert_allclose(one.depth_m[same], other.depth_m[same], rtol=1e-4)
+    apart = np.abs(one.rgb[same].astype(int) - other.rgb[same]).max(axis=-1)
+    assert np.mean(apart <= 2) >= 0.995  # between two levels the last bit decides
+
+
+@pytest.mark.skipif(not has_embree(), reason="Embree's packets cannot be used here")
+@pytest.mark.parametrize("texture_filter", ["nearest", "bilinear", "mipmap"])
+def test_packets_of_any_width_see_the_same(monkeypatch, texture_filter):
+    mesh, camera = soup(9), Camera(203, 151)
+    view = T_world_camera(Pose((0, 0, 0), 0.5), camera)
+    frames = {}
+    for width in embree.WIDTHS:
+        monkeypatch.setattr(embree, "self_test", lambda width=width: embree.Backend("embree", width, "A test's."))
+        raycaster = Raycaster(mesh, backend="embree", texture_filter=texture_filter)
+        assert raycaster.backend.packet_width == width
+        frames[width] = raycaster.render(view, camera)
+        rays = np.zeros((5, 3)), np.eye(5, 3) + 0.3
+        expected = Raycaster(mesh, backend="open3d").cast(*rays).face_ids
+        np.testing.assert_array_equal(raycaster.cast(*rays).face_ids, expected)
+    for width in (8, 4):
+        same = frames[width].instance_ids == frames[16].instance_ids
+        assert same.mean() >= 0.9995
+        np.testing.assert_allclose(frames[width].depth_m[same], frames[16].depth_m[same], rtol=1e-5)
+
+
+def test_a_mesh_without_faces_is_refused(make_raycaster):
     empty = mesh_of(floor(0, 0, 1, 1)).select(np.zeros(2, bool))
     with pytest.raises(SceneError, match="without faces"):
-        Raycaster(empty)
+        make_raycaster(empty)
+
+
+def test_a_pose_that_is_not_finite_is_refused(make_raycaster):
+    raycaster = make_raycaster(mesh_of(floor(0, 0, 1, 1)))
+    with pytest.raises(SceneError, match="pose"):
+        raycaster.render(np.full((4, 4), np.nan), Camera())
+    with pytest.raises(SceneError, match="pose"):
+        raycaster.depth(np.eye(3), Camera())
+    with pytest.raises(SceneError, match="pose"):
+        raycaster.render_batch(np.full((2, 4, 4), np.inf), Camera())
+
+
+DAMAGED = {
+    "vertices has the value nan": {"vertices": np.full((4, 3), np.nan, np.float32)},
+    "faces has the index 4": {"faces": np.array([[0, 1, 2], [0, 2, 4]], np.int32)},
+    "faces has the index -1": {"faces": np.array([[0, 1, 2], [0, 2, -1]], np.int32)},
+    "face_texture has the index 1": {"face_texture": np.array([0, 1], np.int16)},
+    "face_uv has the value inf": {"face_uv": np.full((2, 3, 2), np.inf, np.float32)},
+    "face_rgb has 1 rows": {"face_rgb": np.zeros((1, 3), np.uint8)},
+    "a texture has shape": {"textures": (np.zeros((4, 4, 4), np.uint8),)},
+    "a texture has shape (2, 2, 3) of float32": {"textures": (np.zeros((2, 2, 3), np.float32),)},
+    "a texture has shape (0, 2, 3)": {"textures": (np.zeros((0, 2, 3), np.uint8),)},
+    "vertex_rgb has fewer": {"face_texture": np.array([VERTEX_COLOURS, 0], np.int16)},
+    "ids.face_image has the index 0": {
+        "ids": IdImages((), np.array([0, FACE_IDS], np.int16), np.zeros((2, 3, 2), np.float32))
+    },
+    "an id image has shape": {
+        "ids": IdImages(
+            (np.zeros((2, 2), np.int32),),  # pyright: ignore[reportArgumentType]
+            np.array([0, FACE_IDS], np.int16),
+            np.zeros((2, 3, 2), np.float32),
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("message", DAMAGED)
+def test_a_damaged_mesh_is_refused_in_one_line(message):
+    mesh = mesh_of(floor(0, 0, 1, 1), textures=(np.zeros((2, 2, 3), np.uint8),), texture=0)
+    with pytest.raises(SceneError) as caught:
+        Raycaster(replace(mesh, **DAMAGED[message]))
+    assert message in str(caught.value)
+    assert "expected" in str(caught.value)
+    assert "\n" not in str(caught.value)

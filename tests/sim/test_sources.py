@@ -4,6 +4,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
@@ -12,8 +13,12 @@ from sim.errors import DatasetError, SceneError
 from sim.frames import glb_zup_from_world
 from sim.scenes.browser_glb import glb_from_mesh
 from sim.scenes.kind import common_kind, scene_kind
-from sim.scenes.sources import open_scene
+from sim.scenes.sources import find_scan, open_scene
+from sim.scenes.up_axis import up_axis
+from sim.world.floor_grid import FloorGrid
+from sim.world.navmesh import NavMesh
 
+from .gltf_files import DATA, RED, UV, GltfWriter, png
 from .synthetic import SCENE, write_dataset
 
 
@@ -55,12 +60,115 @@ def test_a_missing_scan_is_named_with_the_pattern_looked_for(invented: Path, tmp
     with pytest.raises(SceneError) as error:
         open_scene(PersonalDataset(invented), "Demo", scenes_dir=tmp_path)
     assert f"expected {tmp_path}/**/Demo.glb" in str(error.value)
-    assert "basis" not in str(error.value)
-    basis = tmp_path / "00000-Demo" / "Demo.basis.glb"
-    basis.parent.mkdir()
-    basis.write_bytes(b"")
-    with pytest.raises(SceneError, match=r"found only .*Demo\.basis\.glb, whose Basis textures are not supported yet"):
-        open_scene(PersonalDataset(invented), "Demo", scenes_dir=tmp_path)
+
+
+@pytest.fixture(scope="module")
+def episodes(invented: Path, tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
+    """The invented home's episodes without its plan: only a scan can show it."""
+    root = tmp_path_factory.mktemp("plain") / "episodes"
+    shutil.copytree(invented, root, ignore=shutil.ignore_patterns("*.plan.json"))
+    return PersonalDataset(root)
+
+
+def room(name: str = "corners_etc1s.ktx2", *, extension: str = "KHR_texture_basisu") -> GltfWriter:
+    """A z-up floor of 6 x 6 m with a Basis texture."""
+    points = np.array([[-3.0, -3, 0], [3, -3, 0], [3, 3, 0], [-3, 3, 0]], np.float32)
+    writer = GltfWriter()
+    source = writer.add("images", {"bufferView": writer.view((DATA / name).read_bytes())})
+    texture = writer.add("textures", {"extensions": {extension: {"source": source}}})
+    writer.show(writer.square(points=points, uv=UV, material=writer.material(texture)))
+    return writer
+
+
+def test_hm3d_folders_are_read_with_basis_textures_and_semantics(episodes: PersonalDataset, tmp_path: Path) -> None:
+    folder = tmp_path / "hm3d" / "val" / "00800-Demo"
+    folder.mkdir(parents=True)
+    room("corners_etc1s.basis", extension="GOOGLE_texture_basis").save(folder / "Demo.basis.glb")
+    without = open_scene(episodes, "Demo", scenes_dir=tmp_path)
+    semantic = room()
+    semantic.json["textures"] = [{"source": 0}]
+    semantic.json["images"] = [{"bufferView": semantic.view(png(np.full((4, 4, 3), (1, 2, 3), np.uint8)))}]
+    semantic.save(folder / "Demo.semantic.glb")
+    (folder / "Demo.semantic.txt").write_text('HM3D Semantic Annotations\n5,010203,"floor",4\n')
+    scene = open_scene(episodes, "Demo", scenes_dir=tmp_path)
+    assert (scene.kind, [item.name for item in scene.objects]) == ("scan", ["floor_5"])
+    assert scene.mesh.ids is not None
+    assert scene.objects[0].size == pytest.approx((6, 0, 6))
+    np.testing.assert_allclose(scene.mesh.textures[0][5, 5].astype(int), RED, atol=4)
+    assert isinstance(scene.navigation, FloorGrid)
+    assert scene.navigation.is_navigable(np.array([0.0, 0, 0]))
+    assert without.digest != scene.digest
+    (folder / "Demo.semantic.txt").unlink()
+    with pytest.raises(SceneError, match=r"found without Demo\.semantic\.txt"):
+        open_scene(episodes, "Demo", scenes_dir=tmp_path)
+
+
+def test_the_plain_file_goes_before_the_basis_one_and_others_come_last(tmp_path: Path) -> None:
+    names = ["Demo.glb", "Demo.basis.glb", "Demo.gltf", "Demo.ply", "Demo.obj"]
+    for folder, name in zip("edcba", names, strict=True):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / name).touch()
+    for name in names:
+        found = find_scan("Demo", tmp_path)
+        assert found.name == name
+        found.unlink()
+    with pytest.raises(SceneError, match=r"expected .*/\*\*/Demo\.glb \(or \.basis\.glb, \.gltf, \.ply, \.obj\)"):
+        find_scan("Demo", tmp_path)
+    (tmp_path / "a" / "x[1].glb").touch()
+    assert find_scan("x[1]", tmp_path).name == "x[1].glb"
+
+
+def test_links_to_folders_are_followed_once_and_real_folders_go_first(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "versioned" / "hm3d-0.2" / "val" / "00800-Demo"
+    elsewhere.mkdir(parents=True)
+    (elsewhere / "Demo.basis.glb").touch()
+    scans = tmp_path / "scene_datasets"
+    scans.mkdir()
+    (scans / "hm3d").symlink_to(tmp_path / "versioned" / "hm3d-0.2")
+    (elsewhere / "up").symlink_to(scans)  # a circle
+    (scans / "gone").symlink_to(tmp_path / "gone")
+    y_up(scans)
+    linked = scans / "hm3d" / "val" / "00800-Demo" / "Demo.basis.glb"
+    assert find_scan("Demo", scans) == linked
+    assert up_axis(linked, root=scans) == "y"
+    (scans / "real").mkdir()
+    (scans / "real" / "Demo.basis.glb").touch()
+    assert find_scan("Demo", scans) == scans / "real" / "Demo.basis.glb"
+    (elsewhere / "Demo.glb").touch()
+    assert find_scan("Demo", scans) == linked.with_name("Demo.glb")
+    assert find_scan("Demo", elsewhere) == elsewhere / "Demo.glb"
+
+
+def y_up(folder: Path) -> None:
+    """What Habitat reads beside scans whose floor lies in x and z."""
+    text = '{"stages": {"default_attributes": {"up": [0, 1, 0], "shader_type": "flat"}}}'
+    (folder / "own.scene_dataset_config.json").write_text(text)
+
+
+def test_the_up_axis_is_the_one_of_habitats_configuration(episodes: PersonalDataset, tmp_path: Path) -> None:
+    (tmp_path / "Demo.obj").write_text("v -3 0 -3\nv -3 0 3\nv 3 0 3\nv 3 0 -3\nf 1 2 3\nf 1 3 4\n")
+    with pytest.raises(SceneError, match=r"Demo\.obj: .*stage_config\.json"):  # lying on its side there is no floor
+        open_scene(episodes, "Demo", scenes_dir=tmp_path)
+    y_up(tmp_path)
+    scene = open_scene(episodes, "Demo", scenes_dir=tmp_path)
+    assert scene.navigation.storey_heights == pytest.approx((0.0,), abs=0.01)
+
+
+def test_a_navmesh_beside_the_scan_is_used_if_it_fits_the_robot(
+    episodes: PersonalDataset, golden_root: Path, tmp_path: Path
+) -> None:
+    shutil.copy(golden_root / "dev_b.glb", tmp_path / "Demo.glb")
+    shutil.copy(golden_root / "dev_b.default.navmesh", tmp_path / "Demo.navmesh")
+    y_up(tmp_path)
+    own = open_scene(episodes, "Demo", scenes_dir=tmp_path)
+    assert isinstance(own.navigation, FloorGrid)  # the file is for another robot, like those of HM3D
+    shutil.copy(golden_root / "dev_b.navmesh", tmp_path / "Demo.basis.navmesh")
+    given = open_scene(episodes, "Demo", scenes_dir=tmp_path)
+    assert isinstance(given.navigation, NavMesh)
+    assert len({own.digest, given.digest, own.mesh.digest()}) == 2
+    (tmp_path / "Demo.basis.navmesh").write_bytes(b"TESM")
+    with pytest.raises(SceneError, match=r"Demo\.basis\.navmesh"):
+        open_scene(episodes, "Demo", scenes_dir=tmp_path)
 
 
 def test_an_unknown_scene_is_a_dataset_error(invented: Path) -> None:

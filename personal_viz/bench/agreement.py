@@ -1,0 +1,236 @@
+"""How closely navigation, depth and measures agree with a real Habitat's answers: figures of any golden folder."""
+
+import hashlib
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from .compare import DEPTH_BINS, STEP_CLOSE, Samples, merged, samples_of
+from .golden import read_houses
+
+TARGETS: dict[str, tuple[str, float]] = {
+    "geodesic_within_1e-4": (">=", 0.995),
+    "reachability": (">=", 1.0),
+    "steps_within_1mm": (">=", 0.995),
+    "snap": (">=", 0.995),
+    "navigable": (">=", 0.995),
+    "grid_mean_rel_error": ("<=", 0.01),
+    "grid_reachability": (">=", 0.99),
+    "grid_area_rel_error": ("<=", 0.01),
+    "depth_median_mm": ("<=", 0.1),
+    "depth_within_1mm": (">=", 0.999),
+    "measures_max_abs_error": ("<=", 1e-5),
+}
+"""What issue 3 asks for, by JSON key."""
+
+
+class Rows(BaseModel):
+    """How many rows each figure was counted on."""
+
+    model_config = ConfigDict(frozen=True)
+    geodesic: int
+    reachability: int
+    """Pairs in both directions and queries with several goals, reachable or not."""
+    steps: int
+    sensitive: int
+    """Forwards left out, because two micrometres decide them."""
+    snap: int
+    grid: int
+    grid_off_mesh: int
+    depth_pixels: int
+    episodes: int
+
+
+class Further(BaseModel):
+    """More figures; shares 0-1, None = nothing to compare."""
+
+    model_config = ConfigDict(frozen=True)
+    reverse_within_1e_4: float | None = Field(serialization_alias="reverse_within_1e-4")
+    multi_goal_within_1e_4: float | None = Field(serialization_alias="multi_goal_within_1e-4")
+    step_flags: float | None
+    """Forwards whose `collided` is the same."""
+    slide_steps_within_1mm: float | None
+    slide_flags: float | None
+    navigable_dy_0_1: float | None
+    island_radius: float | None
+    obstacle_distance: float | None
+    grid_mean_signed_rel_error: float | None
+    """Positive = our ways are longer."""
+    grid_off_mesh_mean_rel_error: float | None
+    """Pairs with an end off the navmesh, where Detour counts heights above the floor."""
+    grid_off_mesh_reachability: float | None
+    depth_same_holes: float | None
+    """Pixels that both or neither see something at."""
+    success_exact: float | None
+    num_steps_exact: float | None
+    collisions_exact: float | None
+    nonfinite_exact: float | None
+    """distance_to_goal, spl and soft_spl that are both finite, both inf or both nan."""
+    distance_after_step_within_1e_4: float | None = Field(serialization_alias="distance_after_step_within_1e-4")
+
+
+class Figures(BaseModel):
+    """The figures of issue 3; shares 0-1, None = nothing to compare."""
+
+    model_config = ConfigDict(frozen=True)
+    geodesic_within_1e_4: float | None = Field(serialization_alias="geodesic_within_1e-4")
+    """Pairs that Habitat finds a way for and whose distance differs by at most 1e-4 m."""
+    reachability: float | None
+    """Queries for which both find a way, or neither."""
+    steps_within_1mm: float | None
+    """Forwards under the old no-sliding rule, without sensitive ones."""
+    snap: float | None
+    navigable: float | None
+    grid_mean_rel_error: float | None
+    """Mean of |ours / Habitat's - 1| over pairs on the mesh, the grid made from the mesh file alone."""
+    grid_reachability: float | None
+    grid_area_rel_error: float | None
+    """The largest over houses and robots."""
+    depth_median_mm: float | None
+    """Over pixels that both see something at."""
+    depth_within_1mm: float | None
+    """Of pixels that either sees something at; one that only one sees is no agreement."""
+    measures_max_abs_error: float | None
+    """Largest error of distance_to_goal, spl and soft_spl. None where nothing is compared, and where a value is finite,
+    inf or nan on one side only (`further.nonfinite_exact` below 1): `targets_met` then says False."""
+    further: Further
+    rows: Rows
+
+
+class HouseFigures(Figures):
+    """Figures of one house."""
+
+    house: str
+    missing: tuple[str, ...]
+    """Parts that are not in the folder; their figures are None."""
+
+
+class Agreement(Figures):
+    """Figures of all rows of all houses together, with what a reader needs to trust them. Holds no geometry."""
+
+    missing: tuple[str, ...]
+    houses: tuple[HouseFigures, ...]
+    made_with: tuple[str, ...]
+    """Habitat's versions, as the folder says."""
+    compared_with: str
+    files: dict[str, str]
+    """sha256 of every file that was read, by name."""
+
+
+def agreement(golden: Path, *, on_house: Callable[[str], None] = lambda name: None) -> Agreement:
+    """Compares everything that a folder of Habitat's answers holds.
+
+    Args:
+        golden: Layout of recordings/habitat_golden.py; houses are its `*.info.json`.
+        on_house: Called with the name of each house before its comparison, which takes some seconds.
+
+    Raises:
+        SceneError: The folder is missing or empty, or a file in it is damaged or contradicts another one.
+    """
+    houses = read_houses(golden)
+    samples, reports = [], []
+    for house in houses:
+        on_house(house.name)
+        found, missing = samples_of(house)
+        samples.append(found)
+        reports.append(HouseFigures(house=house.name, missing=tuple(missing), **_figures(found)))
+    names = {house.name for house in houses}
+    return Agreement(
+        missing=tuple(name for report in reports for name in report.missing),
+        houses=tuple(reports),
+        made_with=tuple(dict.fromkeys(house.info.made_with for house in houses if house.info.made_with)),
+        compared_with=f"personal-viz {version('personal-viz')}",
+        files={
+            path.name: _sha256(path)
+            for path in sorted(golden.iterdir())
+            if path.is_file() and path.name.split(".")[0] in names
+        },
+        **_figures(merged(samples)),
+    )
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def targets_met(figures: Figures) -> dict[str, bool | None]:
+    """By JSON key: whether the target is met; None = nothing was compared.
+
+    The measures' target asks for the exact ones too: success, steps, collisions and which values are not finite.
+    """
+    values = figures.model_dump(by_alias=True)
+    met = {
+        key: None if values[key] is None else values[key] >= limit if sign == ">=" else values[key] <= limit
+        for key, (sign, limit) in TARGETS.items()
+    }
+    further = figures.further
+    exact = (further.success_exact, further.num_steps_exact, further.collisions_exact, further.nonfinite_exact)
+    if any(share is not None and share < 1 for share in exact):
+        met["measures_max_abs_error"] = False
+    return met
+
+
+def _figures(samples: Samples) -> dict:
+    """Fields of `Figures`."""
+    bins = samples.get("depth_bins", np.zeros(DEPTH_BINS, np.int64))
+    single = int(samples.get("depth_single", np.zeros(1, np.int64)).sum())
+    both = int(bins.sum())
+    close = int(bins[: round(STEP_CLOSE * 1e6)].sum())
+    errors = samples.get("measures", np.zeros(0))
+    areas = samples.get("grid_area", np.zeros(0))
+    return {
+        "geodesic_within_1e_4": _mean(samples, "geodesic"),
+        "reachability": _mean(samples, "reachability"),
+        "steps_within_1mm": _mean(samples, "steps"),
+        "snap": _mean(samples, "snap"),
+        "navigable": _mean(samples, "navigable"),
+        "grid_mean_rel_error": _mean(samples, "grid", absolute=True),
+        "grid_reachability": _mean(samples, "grid_reachability"),
+        "grid_area_rel_error": float(areas.max()) if len(areas) else None,
+        "depth_median_mm": int(np.searchsorted(np.cumsum(bins), both / 2)) / 1000 if both else None,
+        "depth_within_1mm": close / (both + single) if both + single else None,
+        "measures_max_abs_error": float(errors.max()) if len(errors) and np.isfinite(errors).all() else None,
+        "further": _further(samples, same_holes=both / (both + single) if both + single else None),
+        "rows": Rows(
+            **{
+                name: len(samples.get(name, ()))
+                for name in ("geodesic", "reachability", "steps", "snap", "grid", "grid_off_mesh")
+            },
+            sensitive=int(samples.get("sensitive", np.zeros(0)).sum()),
+            depth_pixels=both + single,
+            episodes=len(samples.get("success", ())),
+        ),
+    }
+
+
+def _further(samples: Samples, *, same_holes: float | None) -> Further:
+    return Further(
+        reverse_within_1e_4=_mean(samples, "reverse"),
+        multi_goal_within_1e_4=_mean(samples, "multi_goal"),
+        step_flags=_mean(samples, "step_flags"),
+        slide_steps_within_1mm=_mean(samples, "slide_steps"),
+        slide_flags=_mean(samples, "slide_flags"),
+        navigable_dy_0_1=_mean(samples, "navigable_dy_0_1"),
+        island_radius=_mean(samples, "island_radius"),
+        obstacle_distance=_mean(samples, "obstacle_distance"),
+        grid_mean_signed_rel_error=_mean(samples, "grid"),
+        grid_off_mesh_mean_rel_error=_mean(samples, "grid_off_mesh", absolute=True),
+        grid_off_mesh_reachability=_mean(samples, "grid_off_mesh_reachability"),
+        depth_same_holes=same_holes,
+        success_exact=_mean(samples, "success"),
+        num_steps_exact=_mean(samples, "num_steps"),
+        collisions_exact=_mean(samples, "collisions"),
+        nonfinite_exact=_mean(samples, "nonfinite"),
+        distance_after_step_within_1e_4=_mean(samples, "on_the_way"),
+    )
+
+
+def _mean(samples: Samples, name: str, *, absolute: bool = False) -> float | None:
+    values = samples.get(name)
+    if values is None or not len(values):
+        return None
+    return float(np.mean(np.abs(values) if absolute else values))

@@ -1,0 +1,214 @@
+"""Checks that users run on their own agents; ours pass the same ones. Needs no dataset: the home is made from a seed.
+
+from sim.checks import check_agent
+
+problems = check_agent("my_package.my_agent:make")
+assert not problems, "\\n".join(problems)
+"""
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from sim.errors import AgentError
+from sim.scenes.invent import invent_plan
+from sim.scenes.scene import Scene
+from sim.scenes.sources import scene_from_plan
+from sim.tasks.agents import Agent, load_agent
+from sim.tasks.pan import PanEnv
+from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Observation, Pose, Task
+from sim.world.raycast import Raycaster
+
+STEPS = 20
+"""Actions of each of the agent's trial episodes, unless it stops before."""
+SLOW_S = 2.0
+"""A mean time per action above this is worth a note: 500 steps then take a quarter of an hour."""
+_HOME_SEED = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One short episode of a check."""
+
+    name: str
+    task: Task
+    start: Pose
+    seed: int
+
+
+def check_agent(
+    agent: Agent | Callable[[], Agent] | str,
+    *,
+    steps: int = STEPS,
+    camera: Camera = Camera(),  # noqa: B008 - frozen value
+) -> list[str]:
+    """Runs an agent for a few steps in a small invented home and lists how it breaks the contract of `Agent`.
+
+    What is checked: `reset` and `act` exist and take their arguments; every answer is an `Action` of the task, with six
+    actions and with four; observation arrays stay as they were; the same task, seed and observations give the same
+    actions, also after another episode (nothing is kept without `keep_memory`); nothing is raised. A slow agent breaks
+    no rule: it causes a `UserWarning`.
+
+    Args:
+        agent: An agent, a function without arguments that makes one, or its name as package.module:factory. With a
+            function or a name, new agents are made for comparison, so that lack of determinism and memory that
+            outlives a reset can be told apart.
+        steps: Actions per trial episode.
+        camera: What it sees with; the default is what runs use.
+
+    Returns:
+        One sentence per violation; empty = the contract is kept.
+    """
+    try:
+        first = _made(agent)
+    except AgentError as error:
+        return [str(error)]
+    missing = [method for method in ("reset", "act") if not callable(getattr(first, method, None))]
+    if missing:
+        return [f"found no method {method}(); expected an Agent (sim.tasks.agents)." for method in missing]
+    scene = check_home()
+    six, four = check_trials(scene)
+    checkup = _Checkup(scene, camera, steps)
+    before = checkup.actions_of(first, six)
+    if before is not None:
+        checkup.actions_of(first, four)
+        again = checkup.actions_of(first, six)
+        fresh = None if first is agent else checkup.actions_of_new(agent, six)
+        checkup.problems += _differences(six, before, again=again, fresh=fresh)
+        checkup.actions_of(first, six, keep_memory=True)
+    return list(dict.fromkeys(checkup.problems))
+
+
+def check_home() -> Scene:
+    """The small invented home in which agents are checked."""
+    return scene_from_plan(invent_plan("Check", seed=_HOME_SEED))
+
+
+def check_trials(scene: Scene) -> tuple[Trial, Trial]:
+    """Two different tasks at two different places: one with all six actions, one with four."""
+    thing = scene.objects[0].category
+    trials = []
+    for number, (name, actions) in enumerate((("Ada", PAPER6), ("Tom", PAPER4))):
+        rng = np.random.default_rng([_HOME_SEED, number])
+        x, y, z = scene.navigation.random_point(rng, storey_y=scene.navigation.storey_heights[0]).tolist()
+        task = Task("pan", f"{name} owns the {thing} in this home.", (f"Find {name}'s {thing}",), actions=actions)
+        trials.append(
+            Trial(f"task with {len(actions)} actions", task, Pose((x, y, z), number * TURN_STEP), seed=number)
+        )
+    return trials[0], trials[1]
+
+
+class _Checkup:
+    """Plays trials and collects violations."""
+
+    def __init__(self, scene: Scene, camera: Camera, steps: int) -> None:
+        self.problems: list[str] = []
+        self._scene, self._renderer = scene, Raycaster(scene.mesh)
+        self._camera, self._steps = camera, steps
+
+    def actions_of(self, agent: Agent, trial: Trial, *, keep_memory: bool = False) -> list[Action] | None:
+        """What the agent does in the trial; None when a violation ended it."""
+        env = PanEnv(
+            trial.start, self._scene.navigation, renderer=self._renderer, camera=self._camera, max_steps=self._steps
+        )
+        more = {"keep_memory": True} if keep_memory else {}
+        where = f"{trial.name}{', keep_memory=True' if keep_memory else ''}"
+        actions: list[Action] = []
+        spent_s = -time.perf_counter()
+        try:
+            _called("reset", agent.reset, trial.task, self._camera, seed=trial.seed, **more)
+            spent_s += time.perf_counter()
+            observation = env.reset()
+            while not env.is_over:
+                arrays = _copied_arrays(observation)
+                spent_s -= time.perf_counter()
+                action = _called("act", agent.act, observation)
+                spent_s += time.perf_counter()
+                self._require_unchanged(arrays, observation)
+                actions.append(_required_action(action, trial.task))
+                observation = env.step(action)
+        except AgentError as error:
+            self.problems.append(f"{where}, step {len(actions) + 1}: {error}")
+            return None
+        if spent_s / len(actions) > SLOW_S:
+            warnings.warn(f"{where}: {spent_s / len(actions):.1f} s per action; runs will take long.", stacklevel=3)
+        return actions
+
+    def actions_of_new(self, agent: Agent | Callable[[], Agent] | str, trial: Trial) -> list[Action] | None:
+        """What another agent of this kind does in the trial; None when it cannot be made, or a violation ended it."""
+        try:
+            made = _made(agent)
+        except AgentError as error:
+            self.problems.append(f"{trial.name}, a second agent: {error}")
+            return None
+        return self.actions_of(made, trial)
+
+    def _require_unchanged(self, before: dict[str, np.ndarray], observation: Observation) -> None:
+        for name, array in before.items():
+            if not np.array_equal(array, getattr(observation, name)):
+                self.problems.append(
+                    f"act() changed the array observation.{name}; expected it to be left as it is. Work on a copy."
+                )
+
+
+def _made(agent: Agent | Callable[[], Agent] | str) -> Agent:
+    """The agent itself, or a new one.
+
+    Raises:
+        AgentError: It cannot be imported or built.
+    """
+    if isinstance(agent, str):
+        return load_agent(agent)
+    if isinstance(agent, type) or (callable(agent) and not hasattr(agent, "act")):
+        return _called("the factory", agent)
+    return agent  # type: ignore[return-value] - whatever it is, its methods are looked at next
+
+
+def _called(name: str, method: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    try:
+        return method(*args, **kwargs)
+    except Exception as error:  # the plug-in door
+        reason = " ".join(str(error).split())
+        raise AgentError(f"{name}() raised {type(error).__name__}: {reason}. Correct the agent.") from error
+
+
+def _required_action(action: object, task: Task) -> Action:
+    if isinstance(action, Action) and action in task.actions:
+        return action
+    allowed = [item.value for item in task.actions]
+    kind = "" if isinstance(action, Action) else f" of type {type(action).__name__}"
+    raise AgentError(f"act() returned {action!r}{kind}; expected an Action of {allowed}. Correct its act().")
+
+
+def _copied_arrays(observation: Observation) -> dict[str, np.ndarray]:
+    values = {field.name: getattr(observation, field.name) for field in fields(observation)}
+    return {name: value.copy() for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+def _differences(
+    trial: Trial, before: list[Action], *, again: list[Action] | None, fresh: list[Action] | None
+) -> list[str]:
+    """What unequal repetitions of one trial say: by the same agent after another episode, and by a new agent."""
+    if fresh is not None and fresh != before:
+        return [_difference(trial, before, fresh, "a new agent does something else", "the same seed to decide all")]
+    if again is None or again == before:
+        return []
+    if fresh is None:
+        what, wanted = "it does something else when reset again", "determinism, and nothing kept without keep_memory"
+    else:
+        what, wanted = "after another episode it does something else", "reset() to forget without keep_memory"
+    return [_difference(trial, before, again, what, wanted)]
+
+
+def _difference(trial: Trial, before: list[Action], after: list[Action], what: str, wanted: str) -> str:
+    same = next(
+        (i for i, (a, b) in enumerate(zip(before, after, strict=False)) if a is not b), min(len(before), len(after))
+    )
+    return (
+        f"{trial.name}, seed {trial.seed}: from step {same + 1} on {what}, with the same observations; "
+        f"expected {wanted}. Draw from np.random.default_rng(seed) made in reset(), and clear everything else there."
+    )

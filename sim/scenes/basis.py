@@ -1,0 +1,169 @@
+"""Basis Universal textures (`.basis` and KTX2), which HM3D's small files have, as arrays. Needs the extra `basis`.
+
+Transcoding and turning one of HM3D's 2048 x 2048 textures takes 25 core-ms, its zstd copy in the cache 6 (an eighth of
+its size, nothing lost).
+"""
+
+import binascii
+import hashlib
+import math
+import struct
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.cache import cached_bytes
+from sim.errors import MissingDependencyError
+
+from .scene_files import Bytes, refused
+
+_KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
+_VERSION = "rgb-1"
+"""Part of the cache's key; changes with anything that changes the texels."""
+_BASIS_HEADER = 77
+_SLICE = 23
+_KTX2_HEADER = 80
+_BLOCK_BYTES = 16
+"""Of the largest kind of block, 4 x 4 texels."""
+_MAX_LEVELS = 16
+_CODEC_NAMES = ("ETC1S", "UASTC")
+_EXPECTED = "a whole Basis image"
+_LEVEL = 1
+"""Of zstd; higher ones gain little here."""
+
+
+def is_basis(data: Bytes) -> bool:
+    """Whether a file starts as `.basis` or KTX2."""
+    return bytes(data[:12]) == _KTX2 or bytes(data[:2]) == b"sB"
+
+
+def basis_size(data: Bytes, *, path: Path, what: str) -> tuple[int, int]:
+    """(width, height) of the largest level, from the header alone.
+
+    Args:
+        data: (N,) the image's file.
+        path: The scene file, for errors.
+        what: The image's name, for errors.
+
+    Raises:
+        SceneError: The header is damaged, or the file holds something else than one image with its mip levels.
+    """
+    if bytes(data[:12]) == _KTX2:
+        if len(data) < _KTX2_HEADER:
+            raise refused(path, f"{what} has {len(data)} bytes", _EXPECTED)
+        width, height, depth, layers, faces, levels = struct.unpack("<6I", bytes(data[20:44]))
+        if depth or layers > 1 or faces != 1:
+            found = f"{what} is a KTX2 file of depth {depth}, {layers} layers and {faces} faces"
+            raise refused(path, found, "one image", advice="Export the scene with plain textures.")
+        _require_honest_levels(data, (width, height, levels), path=path, what=what)
+        return width, height
+    if len(data) < _BASIS_HEADER + _SLICE:
+        raise refused(path, f"{what} has {len(data)} bytes", _EXPECTED)
+    data = _basis_file(data, path=path, what=what)
+    (start,) = struct.unpack("<I", bytes(data[65:69]))
+    piece = bytes(data[start : start + _SLICE])
+    if len(piece) < _SLICE:
+        raise refused(path, f"{what} has its first level at byte {start}", f"at most {len(data) - _SLICE}")
+    width, height = struct.unpack("<HH", piece[5:9])
+    return width, height
+
+
+def basis_rgb(data: Bytes, size: tuple[int, int], *, path: Path, what: str) -> NDArray[np.uint8]:
+    """The largest level (height, width, 3) of a Basis image, top row first; made once and kept in the cache folder.
+
+    A `.basis` file has its bottom row first: HM3D's have, and Habitat takes all for such, whatever their flag says.
+    A KTX2 file has its top row first unless its `KTXorientation` says that y points up.
+
+    Args:
+        data: (N,) the image's file.
+        size: Its (width, height) of `basis_size`, which checks the file.
+        path: The scene file, for errors.
+        what: The image's name, for errors.
+
+    Raises:
+        SceneError: The content is damaged.
+        MissingDependencyError: The image is not in the cache and the extra `basis` is not installed.
+    """
+    width, height = size
+    if bytes(data[:2]) == b"sB":
+        data = data[: _BASIS_HEADER + struct.unpack("<I", bytes(data[8:12]))[0]]
+
+    def packed() -> bytes:
+        texels = _transcoded(bytes(data), path=path, what=what)
+        return bytes(imagecodecs.zstd_encode(texels.tobytes(), level=_LEVEL))
+
+    key = f"{_VERSION} {hashlib.sha256(data.data).hexdigest()}"
+    texels = _unpacked(cached_bytes("texels", key, packed), (height, width, 3))
+    if texels is None:  # a damaged copy costs time, nothing else
+        texels = _unpacked(packed(), (height, width, 3))
+    if texels is None:
+        raise refused(path, f"{what} is not {width} x {height}", "the size in its header")
+    return texels
+
+
+def _transcoded(data: bytes, *, path: Path, what: str) -> NDArray[np.uint8]:
+    """(height, width, 3), top row first."""
+    try:
+        import opengl_basisu
+    except ImportError:
+        raise MissingDependencyError(
+            f"{path}: {what} is a Basis texture, which needs the package opengl_basisu; expected the extra `basis`. "
+            'Install it with: pip install "personal-viz[basis]"; or use the plain <name>.glb.'
+        ) from None
+    try:
+        texture = opengl_basisu.open(data)
+        if texture.codec.name.split("_")[0] not in _CODEC_NAMES or texture.is_video:
+            raise refused(path, f"{what} is of Basis kind {texture.codec.name}", "ETC1S or UASTC")
+        rgba = np.asarray(texture.transcode(opengl_basisu.Target.RGBA8).data, np.uint8)
+    except (opengl_basisu.BasisuError, IndexError) as error:
+        raise refused(path, f"{what} cannot be decoded ({error})", _EXPECTED) from None
+    rows = rgba[::-1] if texture.container == "basis" or _points_up(data) else rgba
+    return np.ascontiguousarray(rows[..., :3])
+
+
+def _unpacked(content: bytes, shape: tuple[int, int, int]) -> NDArray[np.uint8] | None:
+    """The texels of a packed image; None unless there are as many as there should be."""
+    try:
+        texels = np.frombuffer(imagecodecs.zstd_decode(content, out=math.prod(shape)), np.uint8)
+    except imagecodecs.ZstdError:
+        return None
+    return texels.reshape(shape) if texels.size == math.prod(shape) else None
+
+
+def _points_up(data: bytes) -> bool:
+    """Whether the key-value data of a KTX2 file says that the first row is the bottom one."""
+    start, length = struct.unpack("<II", data[56:64])
+    block = data[start : start + length]
+    at = 0
+    while at + 4 <= len(block):
+        (size,) = struct.unpack("<I", block[at : at + 4])
+        name, _, value = block[at + 4 : at + 4 + size].partition(b"\0")
+        if name == b"KTXorientation":
+            return value[1:2] == b"u"
+        at += 4 + size + -size % 4
+    return False
+
+
+def _require_honest_levels(data: Bytes, size: tuple[int, int, int], *, path: Path, what: str) -> None:
+    """Raises SceneError when a level of a KTX2 file lies outside it, or unpacks to more than its blocks are."""
+    width, height, levels = size
+    blocks = (width + 3) // 4 * ((height + 3) // 4) * _BLOCK_BYTES
+    for level in range(min(max(levels, 1), _MAX_LEVELS + 1)):
+        piece = bytes(data[_KTX2_HEADER + 24 * level : _KTX2_HEADER + 24 * (level + 1)])
+        start, length, unpacked = struct.unpack("<3Q", piece.ljust(24, b"\xff"))
+        if level >= _MAX_LEVELS or start + length > len(data) or unpacked > blocks:
+            found = f"{what} has a level {level} of {length} bytes at {start}, {unpacked} unpacked"
+            raise refused(path, found, f"at most {_MAX_LEVELS} levels in {len(data)} bytes, {blocks} unpacked")
+
+
+def _basis_file(data: Bytes, *, path: Path, what: str) -> Bytes:
+    """A `.basis` file without what is padded to it; raises SceneError unless its content's checksum is right."""
+    header_size, _, size, crc = struct.unpack("<HHIH", bytes(data[4:14]))
+    content = data[_BASIS_HEADER : _BASIS_HEADER + size]
+    if header_size != _BASIS_HEADER or len(content) < size:
+        raise refused(path, f"{what} has {len(data)} bytes", f"{_BASIS_HEADER} + {size}")
+    if binascii.crc_hqx(content.data, 0xFFFF) ^ 0xFFFF != crc:  # CRC-16 with all bits turned at both ends
+        raise refused(path, f"{what} has a wrong checksum", _EXPECTED)
+    return data[: _BASIS_HEADER + size]

@@ -1,0 +1,165 @@
+"""PNG, JPEG and Basis images as arrays; sizes are read from the headers first, so that no image is a surprise."""
+
+import io
+import struct
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import imagecodecs
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from .basis import basis_rgb, basis_size, is_basis
+from .scene_files import Bytes, refused
+
+MAX_SIDE = 16384
+MAX_TEXELS = 3 << 27
+"""Texels of all textures of one scene together, 1.2 GB: 96 of 2048 x 2048."""
+MAX_WORK = 1 << 29
+"""Bytes that an image may take while it is decoded, and all that are decoded at once."""
+_PNG_CHANNELS = {0: 2, 2: 4, 3: 4, 4: 2, 6: 4}
+"""By colour type; those without alpha may have a transparent colour, which becomes one."""
+_BASIS_WORK = 8
+"""Bytes a texel: RGBA, its rows turned, and what is kept packed."""
+_CMYK_WORK = 12
+_PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
+_MAX_SCANS = 100
+"""A progressive JPEG of more scans than any encoder makes takes minutes to decode."""
+_SIZE_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
+_KIND = "a PNG, JPEG or Basis image"
+
+
+class EncodedImage(NamedTuple):
+    """An image as it lies in a file."""
+
+    data: Bytes
+    kind: Literal["png", "jpeg", "basis"]
+    width: int
+    height: int
+    work: int
+    """Bytes that decoding it takes at most, the texels that stay and their copy in another tint among them."""
+
+
+def measured(data: Bytes, *, path: Path, what: str) -> EncodedImage:
+    """An image's kind and size, from its first bytes.
+
+    Args:
+        data: (N,) the image's file.
+        path: The scene file, for errors.
+        what: The image's name, for errors.
+
+    Raises:
+        SceneError: The kind is unknown, the header is damaged, or the image is larger than 16384 a side or takes more
+            than `MAX_WORK` to decode, which small files of large images do.
+    """
+    head = bytes(data[:32])
+    kind = "basis"
+    if head.startswith(b"\x89PNG\r\n\x1a\n") and len(head) >= 24:
+        kind, size, each = "png", struct.unpack(">II", head[16:24]), _png_work(head)
+    elif head.startswith(b"\xff\xd8"):
+        kind, (*size, each) = "jpeg", _jpeg_size(data, path=path, what=what)
+    elif is_basis(data):
+        size, each = basis_size(data, path=path, what=what), _BASIS_WORK
+    else:
+        raise refused(path, f"{what} starts with {head[:8]!r}", _KIND, advice="Export the scene with such textures.")
+    width, height = size
+    work = int(width * height * each)
+    if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and work <= MAX_WORK):
+        expected = f"at least 1, at most {MAX_SIDE} a side and {MAX_WORK} bytes while it is decoded, not {work}"
+        raise refused(path, f"{what} has {width} x {height} texels", expected, advice="Make the texture smaller.")
+    return EncodedImage(data, kind, width, height, work)
+
+
+def decoded(image: EncodedImage, *, path: Path, what: str) -> NDArray[np.uint8]:
+    """The texels (height, width, 3) of an image, top row first, alpha dropped. Runs without the interpreter lock.
+
+    Args:
+        image: Of `measured`.
+        path: The scene file, for errors.
+        what: The image's name, for errors.
+
+    Raises:
+        SceneError: The content is damaged.
+        MissingDependencyError: A Basis image, and the extra `basis` is not installed.
+    """
+    try:
+        if image.kind == "basis":
+            texels = basis_rgb(image.data, (image.width, image.height), path=path, what=what)
+        elif image.kind == "png":
+            texels = _rgb(imagecodecs.png_decode(bytes(image.data)))
+        else:
+            texels = _jpeg(bytes(image.data))
+    except (imagecodecs.PngError, imagecodecs.Jpeg8Error, OSError, ValueError) as error:
+        reason = " ".join(str(error).split())[:80]
+        raise refused(path, f"{what} cannot be decoded ({reason})", f"a whole {image.kind.upper()} image") from None
+    if texels.shape != (image.height, image.width, 3):
+        raise refused(
+            path, f"{what} decodes to {texels.shape}", f"{(image.height, image.width, 3)}, as its header says"
+        )
+    return texels
+
+
+def _rgb(texels: NDArray) -> NDArray[np.uint8]:
+    """(h, w, 3) uint8 of grey, grey with alpha, RGB or RGBA of 8 or 16 bits."""
+    if texels.ndim == 2:
+        texels = texels[..., None]
+    texels = texels[..., : 3 if texels.shape[2] >= 3 else 1]
+    if texels.shape[2] == 3 and texels.dtype == np.uint8:
+        return np.ascontiguousarray(texels)
+    rgb = np.empty((*texels.shape[:2], 3), np.uint8)
+    np.right_shift(texels, 8 if texels.dtype == np.uint16 else 0, out=rgb, casting="unsafe")
+    return rgb
+
+
+def _jpeg(data: bytes) -> NDArray[np.uint8]:
+    if data.rfind(b"\xff\xd9") < 0:  # the decoder would make up what is missing
+        raise ValueError("it has no end")
+    texels = imagecodecs.jpeg8_decode(data)
+    if texels.ndim == 3 and texels.shape[2] == 4:  # CMYK, of which only Pillow knows whether it is inverted
+        del texels
+        with Image.open(io.BytesIO(data), formats=["JPEG"]) as image:
+            return np.array(image.convert("RGB"))
+    return _rgb(texels)
+
+
+def _png_work(head: bytes) -> int:
+    """Bytes a texel that decoding takes, by the depth and colour type in a PNG's header; unknown ones do not decode."""
+    depth, colour_type = head[24:26].ljust(2, b"\0")
+    return _PNG_CHANNELS.get(colour_type, 4) * (2 if depth > 8 else 1) + 3
+
+
+def _jpeg_work(content: bytes, at: int) -> float:
+    """Bytes a texel that decoding takes, by the frame header at `at`.
+
+    A decoder keeps all coefficients of an image whose scans each bring a part of them, two bytes for each.
+    """
+    count = content[at + 9] if len(content) > at + 9 else 0
+    if count > 3:
+        return _CMYK_WORK
+    each = 6.0
+    if content[at + 1] in _PROGRESSIVE or content.count(b"\xff\xda", at) > 1:
+        sampling = [(value >> 4) * (value & 15) for value in content[at + 11 : at + 10 + 3 * count : 3]]
+        each += 2 * sum(sampling) / max(*sampling, 1)
+    return each
+
+
+def _jpeg_size(data: Bytes, *, path: Path, what: str) -> tuple[int, int, float]:
+    """(width, height, work per texel) by the frame header, found by walking over the segments before it."""
+    content = bytes(data)
+    if content.count(b"\xff\xda") > _MAX_SCANS:
+        raise refused(path, f"{what} has more than {_MAX_SCANS} scans", "an ordinary JPEG image")
+    at = 2
+    while at + 9 <= len(content) and content[at] == 0xFF:
+        marker = content[at + 1]
+        if marker == 0:  # decoders would look for the next segment inside this one
+            break
+        if marker in _SIZE_MARKERS:
+            height, width = struct.unpack(">HH", content[at + 5 : at + 9])
+            return width, height, _jpeg_work(content, at)
+        if marker == 0xFF or marker in _WITHOUT_LENGTH:
+            at += 1 if marker == 0xFF else 2
+        else:
+            at += 2 + struct.unpack(">H", content[at + 2 : at + 4])[0]
+    raise refused(path, f"{what} is a JPEG without size", _KIND)

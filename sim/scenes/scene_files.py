@@ -1,0 +1,107 @@
+"""Files of scenes as they lie on disk: mapped into memory, found beside each other, refused in one line."""
+
+import base64
+import binascii
+import mmap
+import re
+import stat
+from pathlib import Path
+from urllib.parse import unquote, unquote_to_bytes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import SceneError
+
+Bytes = NDArray[np.uint8]
+COPY_AGAIN = "Copy the file again from its source."
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]*:")
+
+
+def refused(path: Path, found: str, expected: str, *, advice: str = COPY_AGAIN) -> SceneError:
+    """The error of a file that cannot be used, as one line.
+
+    Args:
+        path: The file that the user named.
+        found: What is in it; quoted text is cut by `short`.
+        expected: What should be.
+        advice: What to do, a full sentence.
+    """
+    return SceneError(f"{path}: {' '.join(found.split())}; expected {expected}. {advice}")
+
+
+def short(text: object) -> str:
+    """Text out of a file, quoted, at most 60 characters."""
+    quoted = repr(text)
+    return quoted if len(quoted) <= 60 else quoted[:57] + "..."
+
+
+def mapped(path: Path, *, what: str) -> Bytes:
+    """The bytes of a file (N,), read-only, read from disk where they are used.
+
+    Args:
+        path: A regular file; anything else could block or never end.
+        what: What the file should be, for the error.
+
+    Raises:
+        SceneError: The file is missing, cannot be read, or is no regular file.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise refused(path, "is no regular file", what, advice="Check the path or --scenes-dir.")
+        with path.open("rb") as file:
+            if not path.stat().st_size:
+                return np.zeros(0, np.uint8)
+            return np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise refused(path, f"cannot be read ({reason})", what, advice="Check the path or --scenes-dir.") from None
+
+
+def resource(path: Path, uri: str, *, what: str) -> Bytes:
+    """The bytes that a URI in the scene file `path` names: inside the URI itself, or in a file of the same folder.
+
+    Args:
+        path: The scene file.
+        uri: `data:` with the content, or the name of a file in the folder of `path` or below it.
+        what: What is named, for the error: `buffers.0`.
+
+    Raises:
+        SceneError: The URI names another place, or there is nothing to read.
+    """
+    if not uri.startswith("data:"):
+        return mapped(file_beside(path, uri, what=what), what=f"the file that {what} of {path.name} names")
+    head, comma, content = uri[5:].partition(",")
+    try:
+        if not comma:
+            raise ValueError("no comma")
+        data = base64.b64decode(content, validate=True) if head.endswith(";base64") else unquote_to_bytes(content)
+    except (binascii.Error, ValueError) as error:
+        raise refused(path, f"{what} has a damaged data: URI ({error})", "base64") from None
+    return np.frombuffer(data, np.uint8)
+
+
+def file_beside(path: Path, uri: str, *, what: str) -> Path:
+    """The file that a relative URI names, in the folder of `path` or below it.
+
+    A scene from elsewhere must not make us read other files: other schemes, absolute names, `..` and links that lead
+    out of the folder are refused.
+
+    Raises:
+        SceneError: The URI names another place, or no file.
+    """
+    name = unquote(uri)
+    folder = path.parent.resolve()
+    target = folder / name.replace("\\", "/")
+    outside = bool(_SCHEME.match(name)) or name.startswith(("/", "\\")) or ".." in target.parts
+    found = False
+    try:
+        if not outside:
+            outside = not target.resolve().is_relative_to(folder)
+            found = not outside and target.is_file()
+    except (OSError, RuntimeError, ValueError):  # a name too long or with zeros, a circle of links
+        outside = True
+    if not found:
+        expected = "a file in the folder of the scene" if outside else "a file, but there is none of this name"
+        raise refused(path, f"{what} names {short(uri)}", expected, advice="Put the file beside the scene.")
+    return target

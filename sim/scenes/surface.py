@@ -1,0 +1,143 @@
+"""A surface of triangles that share vertices, and what its faces show at a place; compiled loops of `decimate`."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.compiled import njit
+
+NO_AREA = 1e-14
+"""Square metres below which a face has no direction."""
+_FOLD_COS = 0.7
+"""Faces whose angle at an edge has a larger cosine are folded onto each other."""
+
+
+class Surface(NamedTuple):
+    """Faces whose corners are moved; `start` and `ring` are those of `rings`."""
+
+    points: NDArray[np.float64]
+    """(V, 3) metres."""
+    faces: NDArray[np.int32]
+    """(F, 3)."""
+    look: NDArray[np.int32]
+    """(F,) which texture or colour; different numbers never flow into each other."""
+    shown: NDArray[np.float32]
+    """(F, 3, 3) texture coordinates (and 0) or a colour at each corner."""
+    scale: NDArray[np.float32]
+    """(F,) metres that a change of 1 in `shown` counts for."""
+    start: NDArray[np.int64]
+    """(V + 1,) where each vertex' faces begin in `ring`."""
+    ring: NDArray[np.int32]
+    """(3 F,) faces."""
+
+
+@njit(cache=True, nogil=True)
+def rings(faces, num_vertices):
+    """(start (V + 1,), faces around each vertex one vertex after the other (3 F,))."""
+    start = np.zeros(num_vertices + 1, np.int64)
+    for f in range(len(faces)):
+        for k in range(3):
+            start[faces[f, k] + 1] += 1
+    start = np.cumsum(start)
+    at = start[:-1].copy()
+    ring = np.empty(3 * len(faces), np.int32)
+    for f in range(len(faces)):
+        for k in range(3):
+            v = faces[f, k]
+            ring[at[v]] = f
+            at[v] += 1
+    return start, ring
+
+
+@njit(cache=True, nogil=True)
+def shows_same(surface, f, g, v):
+    """Whether two faces show the same at their common vertex."""
+    if surface.look[f] != surface.look[g]:
+        return False
+    i, j = corner_of(surface.faces, f, v), corner_of(surface.faces, g, v)
+    a, b = surface.shown[f, i], surface.shown[g, j]
+    return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
+
+
+@njit(cache=True, nogil=True)
+def value_at(surface, f, u, v, value):
+    """Writes what face `f` shows at its corner `u` once that is moved onto `v`.
+
+    The faces at the edge from `u` to `v` go with the move; one that shows the same as `f` at `u` says what comes at
+    `v`. False where there is none: then the move is across a seam.
+    """
+    for k in range(surface.start[u], surface.start[u + 1]):
+        g = surface.ring[k]
+        if has(surface.faces, g, v) and shows_same(surface, f, g, u):
+            corner = corner_of(surface.faces, g, v)
+            for channel in range(3):
+                value[channel] = surface.shown[g, corner, channel]
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def plane_at(surface, f, i, p, value):
+    """Writes what face `f` would show at `p` if it went on endlessly; returns its area (0: its corner `i` instead)."""
+    j, m = (i + 1) % 3, (i + 2) % 3
+    faces, points = surface.faces, surface.points
+    a, b, c = points[faces[f, i]], points[faces[f, j]], points[faces[f, m]]
+    nx, ny, nz = normal(a, b, c)
+    squared = nx * nx + ny * ny + nz * nz
+    s = t = 0.0
+    if squared > NO_AREA * NO_AREA:
+        x, y, z = normal(a, p, c)
+        s = (x * nx + y * ny + z * nz) / squared
+        x, y, z = normal(a, b, p)
+        t = (x * nx + y * ny + z * nz) / squared
+    for channel in range(3):
+        own = surface.shown[f, i, channel]
+        value[channel] = own + s * (surface.shown[f, j, channel] - own) + t * (surface.shown[f, m, channel] - own)
+    return math.sqrt(squared) / 2
+
+
+@njit(cache=True, nogil=True)
+def is_folded(surface, f, g, u, v):
+    """Whether two faces at an edge lie nearly on each other, so that their planes do not hold the edge in place."""
+    p, q = surface.points[u], surface.points[v]
+    a = surface.points[third(surface.faces, f, u, v)]
+    b = surface.points[third(surface.faces, g, u, v)]
+    ax, ay, az = normal(p, q, a)
+    bx, by, bz = normal(p, q, b)
+    lengths = math.sqrt((ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz))
+    return ax * bx + ay * by + az * bz > _FOLD_COS * lengths
+
+
+@njit(cache=True, nogil=True)
+def third(faces, f, u, v):
+    """The vertex of a face that is neither `u` nor `v`."""
+    for corner in range(2):
+        if faces[f, corner] != u and faces[f, corner] != v:
+            return faces[f, corner]
+    return faces[f, 2]
+
+
+@njit(cache=True, nogil=True)
+def has(faces, f, v):
+    return faces[f, 0] == v or faces[f, 1] == v or faces[f, 2] == v
+
+
+@njit(cache=True, nogil=True)
+def corner_of(faces, f, v):
+    """Which corner of a face a vertex is."""
+    return 0 if faces[f, 0] == v else (1 if faces[f, 1] == v else 2)
+
+
+@njit(cache=True, nogil=True)
+def normal(a, b, c):
+    """Normal of a triangle, twice its area long."""
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@njit(cache=True, nogil=True)
+def squared(a, b):
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

@@ -1,0 +1,83 @@
+"""Which axis of a scan's file points up, as Habitat's own configuration files beside the scans say."""
+
+from pathlib import Path
+from typing import Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from sim.errors import SceneError, line_from_validation_error
+
+Up = Literal["z", "y"]
+HM3D_UP: Up = "z"
+"""Of scans without such a file."""
+_ADVICE = "Correct the file, or take it away for z-up scans such as HM3D's."
+
+
+class _Part(BaseModel):
+    """Only what we need of Habitat's files is checked."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+
+_AnyPart = TypeVar("_AnyPart", bound=_Part)
+
+
+class _Stage(_Part):
+    up: tuple[float, float, float] | None = None
+
+
+class _Stages(_Part):
+    default_attributes: _Stage = _Stage()
+
+
+class _Dataset(_Part):
+    stages: _Stages = _Stages()
+
+
+def up_axis(scan: Path, *, root: Path) -> Up:
+    """The up axis that Habitat would use for a scan.
+
+    Args:
+        scan: The file; `<its name>.stage_config.json` beside it counts first.
+        root: Then the nearest folder between the scan and this one that holds `*.scene_dataset_config.json` files
+            with a `stages.default_attributes.up` counts. HM3D's says z; scans without any file are taken as HM3D's.
+
+    Raises:
+        SceneError: A file is damaged, names another axis, or two in one folder differ.
+    """
+    own = scan.with_name(f"{scan.name.split('.')[0]}.stage_config.json")
+    if own.is_file():
+        found = _axis(own, _read(own, _Stage).up)
+        if found is not None:
+            return found
+    for folder in scan.parents:
+        files = sorted(folder.glob("*.scene_dataset_config.json"))
+        ups = {path: _read(path, _Dataset).stages.default_attributes.up for path in files}
+        axes: dict[Path, Up] = {path: axis for path, up in ups.items() if (axis := _axis(path, up)) is not None}
+        if len(set(axes.values())) > 1:
+            named = ", ".join(f"{path.name} says {axis}" for path, axis in axes.items())
+            raise SceneError(f"{folder}: {named}; expected one up axis for {scan.name}. Keep one of the files.")
+        if axes:
+            return next(iter(axes.values()))
+        if folder == root:
+            break
+    return HM3D_UP
+
+
+def _read(path: Path, model: type[_AnyPart]) -> _AnyPart:
+    try:
+        return model.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror}); expected Habitat's JSON. {_ADVICE}") from None
+    except ValidationError as error:
+        raise SceneError(line_from_validation_error(str(path), error, advice=_ADVICE)) from None
+
+
+def _axis(path: Path, up: tuple[float, float, float] | None) -> Up | None:
+    if up is None:
+        return None
+    if up == (0.0, 1.0, 0.0):
+        return "y"
+    if up == (0.0, 0.0, 1.0):
+        return "z"
+    raise SceneError(f"{path}: up is {list(up)}; expected [0, 1, 0] or [0, 0, 1]. {_ADVICE}")

@@ -1,0 +1,181 @@
+"""`check_agent`: our agents keep the contract, and each kind of breach is named."""
+
+import math
+import random
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sim.checks
+from sim.checks import check_agent, check_home, check_trials
+from sim.tasks.agents import RandomAgent, ShortestPathAgent
+from sim.types import Action, Camera
+from tests.sim.worlds import episode, goal, view_point
+
+QUICK = {"steps": 6, "camera": Camera(32, 24)}
+
+
+class Walker:
+    """Keeps the contract: turns and walks as the seed says, and remembers only when asked to."""
+
+    def reset(self, task, camera, *, seed, keep_memory=False) -> None:
+        self.task, self.rng = task, np.random.default_rng(seed)
+
+    def act(self, observation):
+        return self.task.actions[int(self.rng.integers(1, 4))]
+
+
+def test_the_random_agent_passes() -> None:
+    assert check_agent(RandomAgent) == []
+    assert check_agent(RandomAgent(), **QUICK) == []
+
+
+def test_the_shortest_path_agent_passes() -> None:
+    scene = check_home()
+    start = check_trials(scene)[0].start
+    places = scene.navigation.points_within(np.array([start.position]), 4.0, max_dy=1.0)
+    x, y, z = places[np.argmax(np.hypot(*(places - start.position).T[[0, 2]]))].tolist()
+    search = episode(goal((x, y + 0.5, z), (view_point((x, y, z)),)), start=start.position, yaw=start.yaw)
+    assert check_agent(lambda: ShortestPathAgent(search, scene.navigation), **QUICK) == []
+
+
+def test_an_agent_that_stops_at_once_passes() -> None:
+    class Stopper(Walker):
+        def act(self, observation):
+            return Action.STOP
+
+    assert check_agent(Stopper) == []
+
+
+class Words(Walker):
+    def act(self, observation):
+        return "forward"
+
+
+class Nothing(Walker):
+    def act(self, observation):
+        return None
+
+
+class AlwaysLooks(Walker):
+    def act(self, observation):
+        return Action.LOOK_UP
+
+
+class Paints(Walker):
+    def act(self, observation):
+        observation.rgb[:] = 0
+        return super().act(observation)
+
+
+class ClipsDepth(Walker):
+    def act(self, observation):
+        np.clip(observation.depth_m, 0.5, 5.0, out=observation.depth_m)
+        return super().act(observation)
+
+
+class Divides(Walker):
+    def act(self, observation):
+        return 1 / observation.step
+
+
+class OldSignature(Walker):
+    def reset(self, task, camera, *, seed) -> None:
+        super().reset(task, camera, seed=seed)
+
+
+class NoSeed(Walker):
+    def reset(self, task, camera) -> None:
+        super().reset(task, camera, seed=0)
+
+
+class OwnDice(Walker):
+    def act(self, observation):
+        return random.choice((Action.FORWARD, Action.LEFT, Action.RIGHT))
+
+
+class Counts(Walker):
+    """Alternates over all episodes of its life."""
+
+    def __init__(self) -> None:
+        self.acted = 0
+
+    def act(self, observation):
+        self.acted += 1
+        return Action.LEFT if self.acted <= 3 else Action.RIGHT
+
+
+@pytest.mark.parametrize(
+    ("agent", "found"),
+    [
+        (Words, "task with 6 actions, step 1: act() returned 'forward' of type str; expected an Action of ['stop', "),
+        (Nothing, "step 1: act() returned None of type NoneType; expected an Action"),
+        (AlwaysLooks, "task with 4 actions, step 1: act() returned <Action.LOOK_UP: 'look_up'>; expected an Action of"),
+        (Paints, "act() changed the array observation.rgb; expected it to be left as it is"),
+        (ClipsDepth, "act() changed the array observation.depth_m"),
+        (Divides, "step 1: act() raised ZeroDivisionError: division by zero. Correct the agent."),
+        (OldSignature, "keep_memory=True, step 1: reset() raised TypeError"),
+        (NoSeed, "task with 6 actions, step 1: reset() raised TypeError"),
+        (OwnDice, "a new agent does something else, with the same observations; expected the same seed to decide all"),
+        (
+            Counts,
+            "after another episode it does something else, with the same observations; expected reset() to forget",
+        ),
+    ],
+)
+def test_each_breach_is_named_and_nothing_else(agent: type, found: str) -> None:
+    problems = check_agent(agent, **QUICK)
+    assert len(problems) == 1, problems
+    assert found in problems[0]
+
+
+def test_an_instance_that_repeats_itself_badly_is_named_without_guessing_why() -> None:
+    for agent in (Counts(), OwnDice()):
+        problems = check_agent(agent, **{**QUICK, "steps": 20})
+        assert len(problems) == 1
+        assert "it does something else when reset again" in problems[0]
+        assert "expected determinism, and nothing kept without keep_memory" in problems[0]
+
+
+def test_missing_methods_and_broken_factories_are_named() -> None:
+    assert check_agent(object()) == [
+        "found no method reset(); expected an Agent (sim.tasks.agents).",
+        "found no method act(); expected an Agent (sim.tasks.agents).",
+    ]
+    assert check_agent(lambda: 1 / 0) == [
+        "the factory() raised ZeroDivisionError: division by zero. Correct the agent."
+    ]
+    assert "expected random, shortest-path, or your own agent as package.module:factory" in check_agent("walker")[0]
+    (problem,) = check_agent("no_such_package.agent:make")
+    assert "ModuleNotFoundError" in problem
+
+
+def test_a_factory_that_works_only_once_is_named() -> None:
+    made = [Walker()]
+    (problem,) = check_agent(made.pop, **QUICK)
+    assert "a second agent: the factory() raised IndexError: pop from empty list. Correct the agent." in problem
+
+
+def test_an_agent_is_loaded_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my_walker.py").write_text("from tests.sim.test_checks import Walker as make\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    try:
+        assert check_agent("my_walker:make", **QUICK) == []
+    finally:
+        sys.modules.pop("my_walker", None)
+
+
+def test_a_slow_agent_breaks_no_rule_but_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Thinks(Walker):
+        def act(self, observation):
+            begin = time.perf_counter()
+            while time.perf_counter() - begin < 0.02:
+                math.sqrt(2)
+            return super().act(observation)
+
+    monkeypatch.setattr(sim.checks, "SLOW_S", 0.01)
+    with pytest.warns(UserWarning, match="s per action; runs will take long"):
+        assert check_agent(Thinks, **{**QUICK, "steps": 2}) == []

@@ -1,0 +1,157 @@
+"""Storeys are cut at level planes: what is clipped, what it carries, and where the planes are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.errors import SceneError
+from sim.scenes.cut import CUT_BELOW, CUT_HEIGHT, cut_storey, storey_cut, storey_mesh
+from sim.scenes.scene import VERTEX_COLOURS, IdImages, Scene, TriangleMesh
+from sim.types import SceneKind
+from sim.world.floor_grid import floor_grid_from_mesh
+
+from .meshes import Quad, box, floor, mesh_of, ramp
+
+
+def scene_of(*quads: Quad, kind: SceneKind = "scan") -> Scene:
+    mesh = mesh_of(*quads)
+    return Scene("Room", kind, mesh, (), floor_grid_from_mesh(mesh), mesh.digest())
+
+
+def ceiling(x0: float, z0: float, x1: float, z1: float, *, y: float) -> Quad:
+    corners, rgb, instance = floor(x0, z0, x1, z1, y=y)
+    return corners[::-1], rgb, instance
+
+
+def area(mesh: TriangleMesh) -> float:
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def triangle(corners: list[list[float]]) -> TriangleMesh:
+    """One triangle whose texture coordinates are (x + 2 y, z - y)."""
+    points = np.array(corners, np.float32)
+    uv = np.stack([points[:, 0] + 2 * points[:, 1], points[:, 2] - points[:, 1]], axis=1)
+    texture = np.zeros((4, 4, 3), np.uint8)
+    return TriangleMesh(
+        points,
+        np.array([[0, 1, 2]], np.int32),
+        np.array([[9, 9, 9]], np.uint8),
+        np.array([7], np.int32),
+        np.array([0], np.int16),
+        uv[None].astype(np.float32),
+        (texture,),
+    )
+
+
+def test_a_face_through_the_plane_ends_there() -> None:
+    cut = cut_storey(triangle([[0, 0, 0], [2, 0, 0], [0, 2, 0]]), 0.0, cut_y=1.0)
+    assert len(cut.faces) == 2
+    assert area(cut) == pytest.approx(1.5)
+    assert sorted(cut.vertices.tolist()) == [[0, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0]]
+    tip = cut_storey(triangle([[0, 0, 0], [2, 3, 0], [0, 3, 0]]), 0.0, cut_y=1.5)
+    assert len(tip.faces) == 1
+    assert area(tip) == pytest.approx(3 / 4)
+
+
+coordinate = st.floats(-2, 2, allow_nan=False, width=32)
+
+
+@given(st.lists(st.lists(coordinate, min_size=3, max_size=3), min_size=3, max_size=3), coordinate)
+def test_both_sides_of_a_plane_make_the_whole_and_carry_its_coordinates(corners: list, height: float) -> None:
+    whole = triangle(corners)
+    low = cut_storey(whole, 0.0, cut_y=height, bottom_y=-9.0)
+    high = cut_storey(whole, 0.0, cut_y=9.0, bottom_y=height)
+    flat_there = (whole.vertices[:, 1] == height).all()
+    assert area(low) + area(high) == pytest.approx((1 + flat_there) * area(whole), abs=1e-4)
+    for part in (low, high):
+        points = part.vertices[part.faces].astype(float)
+        wanted = np.stack([points[..., 0] + 2 * points[..., 1], points[..., 2] - points[..., 1]], axis=-1)
+        np.testing.assert_allclose(part.face_uv, wanted, atol=1e-4)
+        turn = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+        a, b, c = whole.vertices.astype(float)
+        assert (turn @ np.cross(b - a, c - a) >= -1e-4).all(), "no face is turned over"
+    assert (low.vertices[:, 1] <= np.float32(height)).all()
+    assert (high.vertices[:, 1] >= np.float32(height)).all()
+
+
+def test_colours_of_vertices_and_ids_of_faces_are_cut_along() -> None:
+    whole = triangle([[0, 0, 0], [2, 0, 0], [0, 2, 0]])
+    ids = IdImages((np.ones((2, 2), np.uint16),), np.array([0], np.int16), whole.face_uv * 3)
+    rgb = np.array([[0, 0, 0], [0, 0, 0], [200, 100, 50]], np.uint8)
+    coloured = replace(whole, face_texture=np.array([VERTEX_COLOURS], np.int16), vertex_rgb=rgb, ids=ids)
+    cut = cut_storey(coloured, 0.0, cut_y=0.5)
+    assert cut.vertex_rgb is not None
+    assert cut.ids is not None
+    np.testing.assert_array_equal(cut.vertex_rgb[cut.vertices[:, 1] == 0.5], [[50, 25, 12]] * 2)
+    np.testing.assert_array_equal(cut.vertex_rgb[cut.vertices[:, 1] == 0], [[0, 0, 0]] * 2)
+    np.testing.assert_allclose(cut.ids.face_uv, cut.face_uv * 3, atol=1e-6)
+    np.testing.assert_array_equal(cut.face_instance, [7, 7])
+
+
+def test_neighbours_stay_joined_along_the_cut() -> None:
+    mesh = mesh_of(*box((0, 0, 0), (1, 2, 1)))
+    keys, joined = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    cut = cut_storey(
+        replace(mesh, vertices=keys, faces=joined.reshape(-1)[mesh.faces].astype(np.int32)), 0.0, cut_y=1.3
+    )
+    edges = np.sort(cut.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    pairs, count = np.unique(edges, axis=0, return_counts=True)
+    open_edges = pairs[count == 1]
+    assert len(open_edges) == 8, "the rim: four sides of two pieces each"
+    assert (cut.vertices[open_edges, 1] == np.float32(1.3)).all()
+
+
+ROOM = box((0, 0, 0), (6, 3, 4))[2:]
+"""Four walls, 3 m high."""
+
+
+@pytest.mark.parametrize(
+    ("ceiling_y", "top"), [(1.7, 1.6), (2.0, 1.85), (2.2, 2.05), (2.5, 2.2), (4.0, 2.2), (None, 1.9)]
+)
+def test_the_cut_is_under_the_ceiling_over_an_eye_and_around_door_heads(ceiling_y: float | None, top: float) -> None:
+    lid = [] if ceiling_y is None else [ceiling(0, 0, 6, 4, y=ceiling_y)]
+    scene = scene_of(floor(0, 0, 6, 4), *ROOM, *lid)
+    assert storey_cut(scene, 0.0) == pytest.approx((-CUT_BELOW, top), abs=0.02)
+
+
+def test_homes_built_from_plans_are_cut_at_the_rim_of_their_walls() -> None:
+    quads = (floor(0, 0, 6, 4), *ROOM)
+    assert storey_cut(scene_of(*quads, ceiling(0, 0, 6, 4, y=2.6), kind="invented"), 0.0).top_y == CUT_HEIGHT
+    assert storey_cut(scene_of(*quads, ceiling(0, 0, 6, 4, y=1.9), kind="schematic"), 0.0).top_y == pytest.approx(1.75)
+
+
+def test_one_low_room_lowers_the_cut_but_lamps_and_door_heads_do_not() -> None:
+    lamps = [quad for x in (1, 2, 3, 4) for quad in box((x, 1.6, 2.0), (x + 0.4, 1.8, 2.4))]
+    high = [floor(0, 0, 6, 4), *ROOM, ceiling(2, 0, 6, 4, y=2.5)]
+    assert storey_cut(scene_of(*high, ceiling(0, 0, 2, 4, y=2.5), *lamps), 0.0).top_y == pytest.approx(2.2, abs=0.02)
+    low = storey_cut(scene_of(*high, ceiling(0, 0, 2, 4, y=1.95), *lamps), 0.0).top_y
+    assert low == pytest.approx(1.8, abs=0.02)
+
+
+def test_split_levels_platforms_and_slopes_stay_visible() -> None:
+    quads = [
+        floor(0, 0, 6, 4),
+        ceiling(0, 0, 6, 4, y=2.6),
+        ramp(6, 0, 9, 4, y0=0.0, y1=-1.2),
+        ceiling(6, 0, 13, 4, y=1.1),
+        floor(9, 0, 13, 4, y=-1.2),
+        *box((1, 0, 1), (3, 0.7, 3)),
+    ]
+    scene = scene_of(*quads)
+    heights = storey_cut(scene, 0.0)
+    assert heights.bottom_y == pytest.approx(-1.2 - CUT_BELOW, abs=0.1)
+    assert 0.999 <= heights.top_y < 1.1, "over the platform, under the lower part's ceiling"
+    seen = storey_mesh(scene, 0.0)
+    flat = seen.vertices[seen.faces][..., 1]
+    assert {0.0, -1.2, 0.7} <= {round(float(y), 3) for y in flat[np.ptp(flat, axis=1) == 0][:, 0]}
+    assert flat.max() < 1.1
+
+
+def test_a_height_without_faces_is_refused_with_the_heights_there_are() -> None:
+    scene = scene_of(floor(0, 0, 6, 4), *ROOM)
+    with pytest.raises(SceneError, match=r"^Room: found no face on a storey at 9.0 m; .* near one of \[0.00\]"):
+        storey_mesh(scene, 9.0)

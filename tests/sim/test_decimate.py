@@ -1,0 +1,189 @@
+"""Fewer triangles that look the same: shapes, borders, seams and colours that must stay, and the number that must not
+be exceeded."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from sim.scenes.decimate import decimated
+from sim.scenes.scene import FLAT, VERTEX_COLOURS, TriangleMesh
+from sim.world.raycast import Raycaster
+
+WHITE = np.full((4, 4, 3), 255, np.uint8)
+
+
+def sheet(count: int, *, height=lambda x, z: 0 * x, texture=lambda x, z: 0 * x) -> TriangleMesh:
+    """A surface of 2 count^2 triangles over [0, 1]^2, whose texture coordinates are (x, z); vertices are not shared."""
+    x, z = np.meshgrid(np.linspace(0, 1, count + 1), np.linspace(0, 1, count + 1), indexing="ij")
+    points = np.stack([x, height(x, z), z], axis=-1).reshape(-1, 3).astype(np.float32)
+    first = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).reshape(-1, 1)
+    quads = first + np.array([0, 1, count + 2, 0, count + 2, count + 1])
+    faces = quads.reshape(-1, 3)
+    corners = points[faces]
+    middle = corners.mean(axis=1)
+    num = len(faces)
+    return TriangleMesh(
+        corners.reshape(-1, 3),
+        np.arange(3 * num, dtype=np.int32).reshape(-1, 3),
+        np.full((num, 3), 90, np.uint8),
+        np.zeros(num, np.int32),
+        np.asarray(texture(middle[:, 0], middle[:, 2])).astype(np.int16),
+        corners[..., [0, 2]],
+        (WHITE, WHITE),
+    )
+
+
+def area(mesh: TriangleMesh) -> float:
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def from_above(mesh: TriangleMesh, *, num: int = 4000) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Heights (num,) and faces (num,) at random places of [0, 1]^2."""
+    xz = np.random.default_rng(0).random((num, 2))
+    origins = np.stack([xz[:, 0], np.full(num, 5.0), xz[:, 1]], axis=1)
+    hits = Raycaster(mesh).cast(origins, np.tile([0.0, -1.0, 0.0], (num, 1)))
+    return hits.positions[:, 1], hits.face_ids
+
+
+def test_a_flat_sheet_keeps_its_outline_and_coordinates_and_little_else() -> None:
+    few = decimated(sheet(30), max_faces=10_000)
+    assert len(few.faces) < 60
+    assert area(few) == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(few.face_uv, few.vertices[few.faces][..., [0, 2]])
+    assert {(0, 0), (0, 1), (1, 0), (1, 1)} <= {(float(x), float(z)) for x, _, z in few.vertices}
+
+
+def test_a_wavy_sheet_stays_within_the_tolerance_and_the_limit_wins_over_it() -> None:
+    waves = sheet(60, height=lambda x, z: 0.05 * np.sin(6 * x) * np.cos(5 * z))
+    wanted, _ = from_above(waves)
+    fine, coarse = decimated(waves, max_faces=10_000, tolerance=0.001), decimated(waves, max_faces=100)
+    assert len(fine.faces) < 1500
+    assert np.abs(from_above(fine)[0] - wanted).max() < 0.004
+    assert 90 <= len(coarse.faces) <= 100
+    assert np.quantile(np.abs(from_above(coarse)[0] - wanted), 0.99) < 0.02
+
+
+def test_a_seam_between_textures_and_one_between_colours_stay_where_they_are() -> None:
+    seamed = sheet(40, texture=lambda x, z: np.where(z > 0.5, FLAT, x > 0.3))
+    rgb = np.where(seamed.vertices[seamed.faces][:, :, 0].mean(axis=1) > 0.7, 200, 50)[:, None]
+    seamed = replace(seamed, face_rgb=np.repeat(rgb, 3, axis=1).astype(np.uint8))
+    few = decimated(seamed, max_faces=10_000)
+    assert len(few.faces) < 200
+    _, before = from_above(seamed)
+    _, after = from_above(few)
+    np.testing.assert_array_equal(few.face_texture[after], seamed.face_texture[before])
+    flat = few.face_texture[after] == FLAT
+    np.testing.assert_array_equal(few.face_rgb[after][flat], seamed.face_rgb[before][flat])
+
+
+def test_texture_coordinates_that_jump_are_a_seam_too() -> None:
+    cut = sheet(40)
+    jumps = cut.face_uv + np.where(cut.face_uv.mean(axis=1) > 0.5, 7.0, 0.0)[:, None]
+    few = decimated(replace(cut, face_uv=jumps.astype(np.float32)), max_faces=10_000)
+    assert len(few.faces) < 300
+    shift = few.face_uv - few.vertices[few.faces][..., [0, 2]]
+    np.testing.assert_allclose(shift, np.round(shift / 7) * 7, atol=1e-5)
+    assert np.ptp(shift, axis=1).max() < 1e-5
+
+
+def test_vertex_colours_stay_where_they_change() -> None:
+    blended = sheet(40, texture=lambda x, z: 0 * x + VERTEX_COLOURS)
+    inside = np.hypot(blended.vertices[:, 0] - 0.5, blended.vertices[:, 2] - 0.5) < 0.3
+    blended = replace(blended, vertex_rgb=np.where(inside[:, None], [220, 30, 30], [20, 20, 200]).astype(np.uint8))
+    few = decimated(blended, max_faces=1200)
+    assert few.vertex_rgb is not None
+    _, before = from_above(blended)
+    _, after = from_above(few)
+    assert blended.vertex_rgb is not None
+    reds = [mesh.vertex_rgb[mesh.faces[face], 0].mean(axis=1) for mesh, face in ((blended, before), (few, after))]  # type: ignore[index]
+    assert np.abs(reds[0] - reds[1]).mean() < 12
+
+
+def test_a_sheet_folded_onto_itself_keeps_its_outline() -> None:
+    up = sheet(1)
+    over = replace(up, faces=up.faces[:, ::-1], vertices=up.vertices[:, [2, 1, 0]])  # the other diagonal
+    both = replace(
+        up,
+        vertices=np.concatenate([up.vertices, over.vertices]),
+        faces=np.concatenate([up.faces, over.faces + len(up.vertices)]),
+        **{name: np.concatenate([getattr(up, name)] * 2) for name in ("face_rgb", "face_instance", "face_texture")},
+        face_uv=np.concatenate([up.face_uv, over.face_uv]),
+    )
+    heights, _ = from_above(decimated(both, max_faces=1000))
+    assert np.isfinite(heights).all()
+
+
+def test_faces_that_lie_on_each_other_are_kept_once() -> None:
+    one = sheet(3)
+    twice = replace(
+        one,
+        faces=np.concatenate([one.faces, one.faces[:, ::-1]]),
+        face_rgb=np.tile(one.face_rgb, (2, 1)),
+        face_instance=np.tile(one.face_instance, 2),
+        face_texture=np.tile(one.face_texture, 2),
+        face_uv=np.concatenate([one.face_uv, one.face_uv[:, ::-1]]),
+    )
+    assert decimated(twice, max_faces=1000).digest() == decimated(one, max_faces=1000).digest()
+
+
+def test_loose_triangles_are_dropped_the_smallest_first() -> None:
+    rng = np.random.default_rng(1)
+    sizes = rng.permutation(np.linspace(0.1, 1, 400))
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1]]) * sizes[:, None, None] + rng.uniform(0, 90, (400, 1, 3))
+    soup = TriangleMesh(
+        corners.reshape(-1, 3).astype(np.float32),
+        np.arange(1200, dtype=np.int32).reshape(-1, 3),
+        np.zeros((400, 3), np.uint8),
+        np.arange(400, dtype=np.int32),
+        np.full(400, FLAT, np.int16),
+        np.zeros((400, 3, 2), np.float32),
+    )
+    left = decimated(soup, max_faces=100)
+    assert set(left.face_instance) == set(np.argsort(-sizes)[:100])
+
+
+def test_a_sphere_keeps_its_silhouette() -> None:
+    ball = sheet(100)
+    u, v = ball.vertices[:, 0] * np.pi, ball.vertices[:, 2] * 2 * np.pi
+    ball = replace(ball, vertices=np.stack([np.sin(u) * np.cos(v), np.cos(u), np.sin(u) * np.sin(v)], 1).astype("f4"))
+    few = decimated(ball, max_faces=2000)
+    radius = np.linalg.norm(few.vertices[few.faces].mean(axis=1), axis=1)
+    assert len(few.faces) <= 2000
+    assert radius.min() > 0.98
+
+
+meshes = st.builds(
+    lambda seed, num, places: (np.random.default_rng(seed).integers(0, places, (num, 3, 3)), seed),
+    st.integers(0, 2**16),
+    st.integers(0, 60),
+    st.integers(1, 5),
+)
+
+
+@settings(deadline=None)
+@given(meshes, st.integers(0, 40))
+def test_any_mesh_comes_back_sound_within_the_limit_and_the_same_twice(made: tuple, limit: int) -> None:
+    corners, seed = made
+    num = len(corners)
+    rng = np.random.default_rng(seed)
+    mesh = TriangleMesh(
+        corners.reshape(-1, 3).astype(np.float32),
+        np.arange(3 * num, dtype=np.int32).reshape(-1, 3),
+        rng.integers(0, 2, (num, 3)).astype(np.uint8),
+        np.arange(num, dtype=np.int32),
+        rng.integers(-2, 2, num).astype(np.int16),
+        rng.integers(0, 3, (num, 3, 2)).astype(np.float32),
+        (WHITE, WHITE),
+        rng.integers(0, 2, (3 * num, 3)).astype(np.uint8),
+    )
+    few = decimated(mesh, max_faces=limit)
+    assert len(few.faces) <= limit
+    assert few.digest() == decimated(mesh, max_faces=limit).digest()
+    assert {tuple(point) for point in few.vertices} <= {tuple(point) for point in mesh.vertices}
+    a, b, c = few.faces.T
+    assert not ((a == b) | (b == c) | (c == a)).any()

@@ -1,0 +1,141 @@
+"""Where a glTF material puts its images, and images of every kind in it. Basis images: test_basis.py."""
+
+import io
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from .gltf_files import BLUE, DATA, GREEN, RED, UV, YELLOW, GltfWriter, four_colours, loaded, png, shown
+
+
+def test_the_material_chooses_its_texture_coordinates(tmp_path):
+    writer = GltfWriter()
+    texture = writer.image(png(four_colours()))
+    primitives = []
+    infos: list[dict[str, Any]] = [{"texCoord": 1}, {"extensions": {"KHR_texture_transform": {"texCoord": 1}}}, {}]
+    for info in infos:
+        primitive = writer.square(uv=UV, material=writer.material(texture, **info))
+        primitive["attributes"]["TEXCOORD_1"] = writer.accessor(UV[::-1].copy())
+        primitives.append(primitive)
+    writer.show(*primitives)
+    mesh = loaded(writer, tmp_path)
+    assert len(mesh.textures) == 1
+    for face, corners in ((0, UV[::-1]), (2, UV[::-1]), (4, UV)):
+        np.testing.assert_array_equal(mesh.face_uv[face], corners[:3])
+
+
+@pytest.mark.parametrize(
+    ("transform", "expected"),
+    [
+        ({"offset": [0.5, 0.25]}, [[0.5, 1.25], [1.5, 1.25], [1.5, 0.25]]),
+        ({"scale": [2, 3]}, [[0, 3], [2, 3], [2, 0]]),
+        # the extension's own example: the lower left quarter of the image, turned clockwise
+        ({"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5]}, [[0.5, 1], [0.5, 0.5], [0, 0.5]]),
+        ({"scale": [1, -1], "offset": [0, 1]}, [[0, 0], [1, 0], [1, 1]]),
+    ],
+)
+def test_texture_transforms_scale_then_turn_then_shift(tmp_path, transform, expected):
+    writer = GltfWriter()
+    material = writer.material(writer.image(png(four_colours())), extensions={"KHR_texture_transform": transform})
+    writer.json["extensionsRequired"] = ["KHR_texture_transform", "KHR_materials_unlit"]
+    writer.show(writer.square(uv=UV, material=material))
+    np.testing.assert_allclose(loaded(writer, tmp_path).face_uv[0], expected, atol=1e-6)
+
+
+def test_one_image_in_two_tints_is_two_textures_and_in_one_tint_one(tmp_path):
+    writer = GltfWriter()
+    texture = writer.image(png(four_colours()))
+    materials = [writer.material(texture, factor) for factor in (None, [1, 1, 1, 0.5], [0.5, 0.5, 0.5, 1])]
+    writer.show(*(writer.square(uv=UV, material=material) for material in materials))
+    mesh = loaded(writer, tmp_path)
+    assert mesh.face_texture.tolist() == [0, 0, 0, 0, 1, 1]
+    assert mesh.textures[1][0, 0].tolist() == [100, 20, 20]
+
+
+def test_images_that_lie_at_one_place_of_the_file_are_one_texture(tmp_path):
+    writer = GltfWriter()
+    first = writer.image(png(four_colours()))
+    second = writer.add("textures", {"source": writer.add("images", dict(writer.json["images"][0]))})
+    writer.show(*(writer.square(uv=UV, material=writer.material(texture)) for texture in (first, second)))
+    assert len(loaded(writer, tmp_path).textures) == 1
+
+
+@pytest.mark.parametrize("mode", ["L", "1", "P", "LA", "RGBA", "I;16"])
+def test_png_images_of_every_kind(tmp_path, mode):
+    image = Image.fromarray(four_colours()).convert("L" if mode == "I;16" else mode)
+    expected = np.array(image.convert("RGB"))
+    if mode == "I;16":
+        image = Image.fromarray(np.array(image, np.uint16) * 257)
+    file = io.BytesIO()
+    image.save(file, "PNG")
+    writer = GltfWriter()
+    writer.show(writer.square(uv=UV, material=writer.material(writer.image(file.getvalue()))))
+    np.testing.assert_array_equal(loaded(writer, tmp_path).textures[0], expected)
+
+
+@pytest.mark.parametrize("mode", ["L", "RGB", "CMYK"])
+def test_jpeg_images_of_every_kind(tmp_path, mode):
+    file = io.BytesIO()
+    Image.fromarray(four_colours(32)).convert(mode).save(file, "JPEG", quality=95)
+    writer = GltfWriter()
+    writer.show(writer.square(uv=UV, material=writer.material(writer.image(file.getvalue(), "image/jpeg"))))
+    texture = loaded(writer, tmp_path).textures[0]
+    expected = np.array(Image.fromarray(four_colours(32)).convert(mode).convert("RGB"))
+    np.testing.assert_allclose(texture[8, 8].astype(int), expected[8, 8], atol=6)
+    assert texture.flags.c_contiguous
+
+
+CLAMP, MIRROR = 33071, 33648
+
+
+@pytest.mark.parametrize(
+    ("reach", "wrap", "corners"),
+    [
+        (0.4, {"wrapS": CLAMP, "wrapT": CLAMP}, [BLUE, YELLOW, GREEN]),
+        (0.4, {"wrapS": MIRROR, "wrapT": MIRROR}, [BLUE, YELLOW, GREEN]),
+        (0.4, {}, [GREEN, RED, BLUE]),
+        (0.8, {"wrapS": CLAMP, "wrapT": CLAMP}, [BLUE, YELLOW, GREEN]),
+        (0.8, {"wrapS": MIRROR, "wrapT": MIRROR}, [GREEN, RED, BLUE]),
+        (0.8, {}, [BLUE, YELLOW, GREEN]),
+        (0.8, {"wrapS": MIRROR, "wrapT": CLAMP}, [YELLOW, BLUE, RED]),
+        (9.8, {"wrapS": MIRROR, "wrapT": MIRROR}, [BLUE, YELLOW, GREEN]),  # repeats: the copy would be too large
+    ],
+)
+def test_images_are_clamped_or_mirrored_where_faces_show_more_than_them(tmp_path, reach, wrap, corners):
+    """The square shows from `reach` before the image to `reach` after it, each way."""
+    writer = GltfWriter()
+    material = writer.material(writer.image(png(four_colours(80)), **wrap))
+    writer.show(writer.square(uv=(UV - 0.5) * (1 + 2 * reach) + 0.5, material=material))
+    mesh = loaded(writer, tmp_path)
+    side = 80 + 2 * 80 * reach if wrap and reach < 1 else 80
+    assert mesh.textures[0].shape == pytest.approx((side, side, 3), abs=1)
+    assert shown(mesh) == corners
+
+
+def test_a_clamped_image_that_is_shown_within_its_edges_is_kept_as_it_is(tmp_path):
+    writer = GltfWriter()
+    material = writer.material(writer.image(png(four_colours()), wrapS=CLAMP, wrapT=CLAMP))
+    writer.show(writer.square(uv=UV * 1.01 - 0.005, material=material))
+    mesh = loaded(writer, tmp_path)
+    assert mesh.textures[0].shape == (8, 8, 3)
+    np.testing.assert_allclose(mesh.face_uv[0], UV[:3] * 1.01 - 0.005, atol=1e-6)
+
+
+def test_texture_coordinates_that_are_no_place_become_zero(tmp_path):
+    writer = GltfWriter()
+    uv = np.array([[np.nan, 1], [np.inf, 0.5], [1e30, -np.inf], [0.25, 3]], np.float32)
+    writer.show(writer.square(uv=uv, material=writer.material(writer.image(png(four_colours())))))
+    mesh = loaded(writer, tmp_path)
+    np.testing.assert_array_equal(mesh.face_uv[1], [[0, 1], [0, 0], [0.25, 3]])
+
+
+def test_a_plain_image_goes_before_a_basis_one(tmp_path):
+    writer = GltfWriter()
+    basis = writer.add("images", {"bufferView": writer.view((DATA / "corners_etc1s.ktx2").read_bytes())})
+    texture = writer.image(png(four_colours()))
+    writer.json["textures"][texture]["extensions"] = {"KHR_texture_basisu": {"source": basis}}
+    writer.show(writer.square(uv=UV, material=writer.material(texture)))
+    np.testing.assert_array_equal(loaded(writer, tmp_path).textures[0], four_colours())

@@ -1,0 +1,55 @@
+"""Whose surface a place on a mesh is, by faces and by id images, and points spread over one object."""
+
+import numpy as np
+import pytest
+
+from sim.scenes.scene import IdImages, TriangleMesh
+from sim.world.object_surface import object_ids_at, object_surface
+from tests.sim.meshes import box, floor, mesh_of
+
+PAINTED = np.zeros((25, 60), np.uint16)
+PAINTED[6:10, 28:32] = 7
+"""Object ids laid over a wall of 6 x 2.5 m, a texel per decimetre: a picture at x = 2.8-3.2, y = 1.5-1.9."""
+
+
+def painted_wall() -> TriangleMesh:
+    """A room whose one wall is two large triangles; the picture on it exists in the id image only."""
+    wall = (np.array([[0, 2.5, 0], [0, 0, 0], [6, 0, 0], [6, 2.5, 0]]), (200, 200, 200), 0)
+    mesh = mesh_of(wall, floor(0, 0, 6, 6))
+    ids = IdImages((PAINTED,), np.array([0, 0, -1, -1], np.int16), mesh.face_uv)
+    return TriangleMesh(
+        mesh.vertices,
+        mesh.faces,
+        mesh.face_rgb,
+        mesh.face_instance,
+        mesh.face_texture,
+        mesh.face_uv,
+        ids=ids,
+    )
+
+
+def test_ids_are_read_from_images_where_faces_have_them_and_else_from_the_face():
+    mesh = painted_wall()
+    places = np.array([[3.0, 1.7, 0], [3.3, 1.7, 0], [3.0, 1.45, 0], [2.85, 1.85, 0], [1, 0, 1], [0, 0, 0]])
+    faces = np.array([0, 0, 0, 1, 2, -1])
+    faces[:4] = np.where(places[:4, 1] < 2.5 - places[:4, 0] * 2.5 / 6, 0, 1)
+    # Which of the wall's two triangles a place is on: the first lies below the diagonal from (0, 2.5) to (6, 0).
+    assert object_ids_at(mesh, faces, places).tolist() == [7, 0, 0, 7, 0, 0]
+    crate = mesh_of(floor(0, 0, 6, 6), *box((2.7, 0.0, 2.7), (3.3, 0.5, 3.3), instance=7))
+    assert object_ids_at(crate, np.array([0, 2, -1]), np.zeros((3, 3))).tolist() == [0, 7, 0]
+
+
+def test_points_of_a_surface_are_spread_by_area_and_always_the_same():
+    flat = ((0.0, 0.0, 0.0), (2.0, 1.0, 0.5))  # areas 2 x (2 x 1, 2 x 0.5, 1 x 0.5)
+    mesh = mesh_of(*box(*flat, instance=7), *box((5, 0, 5), (6, 1, 6), instance=3))
+    points = object_surface(mesh, 7, centre=(1.0, 0.5, 0.25), size=(2.0, 1.0, 0.5), count=700)
+    assert np.array_equal(points, object_surface(mesh, 7, centre=(1.0, 0.5, 0.25), size=(2.0, 1.0, 0.5), count=700))
+    on = {
+        axis: np.isclose(points[:, axis], low) | np.isclose(points[:, axis], high)
+        for axis, low, high in ((0, 0.0, 2.0), (1, 0.0, 1.0), (2, 0.0, 0.5))
+    }
+    assert (on[0] | on[1] | on[2]).all()
+    assert [on[axis].mean() for axis in range(3)] == pytest.approx([1 / 7, 2 / 7, 4 / 7], abs=0.02)
+    top = points[np.isclose(points[:, 1], 1.0)]
+    assert top.mean(axis=0) == pytest.approx([1.0, 1.0, 0.25], abs=0.05)
+    assert len(object_surface(mesh, 9, centre=(1, 1, 1), size=(1, 1, 1), count=9)) == 0
