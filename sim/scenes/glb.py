@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from sim.frames import T_world_glb_zup
 
-from .gltf_file import MAX_ELEMENTS, GltfFile, floats, read_gltf
-from .gltf_nodes import placed_meshes
-from .gltf_schema import Primitive
-from .gltf_textures import Look, TextureSet, look_of
+from .gltf.file import MAX_ELEMENTS, GltfFile, floats, read_gltf
+from .gltf.nodes import placed_meshes
+from .gltf.schema import Primitive
+from .gltf.textures import Look, TextureSet, look_of
 from .scene import FLAT, VERTEX_COLOURS, TriangleMesh
 
 MAX_PARTS = 1 << 17

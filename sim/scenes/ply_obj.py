@@ -16,7 +16,7 @@ from sim.errors import SceneError
 from sim.frames import world_from_glb_zup
 
 from .glb import MAX_EXTENT
-from .gltf_file import MAX_ELEMENTS
+from .gltf.file import MAX_ELEMENTS
 from .images import MAX_SIDE, MAX_TEXELS, measured
 from .scene import FLAT, VERTEX_COLOURS, TriangleMesh
 from .scene_files import Bytes, file_beside, mapped, refused, short

@@ -11,8 +11,8 @@ from pydantic.alias_generators import to_camel
 
 from sim.errors import SceneError, line_from_validation_error
 
-from .gltf_schema import Accessor, Document
-from .scene_files import COPY_AGAIN, Bytes, mapped, refused, resource, short
+from ..scene_files import COPY_AGAIN, Bytes, mapped, refused, resource, short
+from .schema import Accessor, Document
 
 MAX_ELEMENTS = 1 << 25
 """Vertices, faces or elements of one accessor at most: ten times the largest scans that we know of."""

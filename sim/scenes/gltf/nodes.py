@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .gltf_file import GltfFile
-from .gltf_schema import Node
+from .file import GltfFile
+from .schema import Node
 
 MAX_NODES = 1 << 18
 

@@ -12,10 +12,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .gltf_file import GltfFile
-from .gltf_schema import CLAMP_TO_EDGE, MIRRORED_REPEAT, REPEAT, Sampler, TextureInfo
-from .images import MAX_TEXELS, MAX_WORK, EncodedImage, decoded, measured
-from .scene_files import Bytes, resource
+from ..images import MAX_TEXELS, MAX_WORK, EncodedImage, decoded, measured
+from ..scene_files import Bytes, resource
+from .file import GltfFile
+from .schema import CLAMP_TO_EDGE, MIRRORED_REPEAT, REPEAT, Sampler, TextureInfo
 
 MAX_TEXTURES = 1 << 15
 _MAX_ENCODED = 1 << 30

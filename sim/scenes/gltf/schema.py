@@ -1,4 +1,4 @@
-"""The JSON part of glTF 2.0, as far as pictures without lights and navigation need it. Read by gltf_file.py."""
+"""The JSON part of glTF 2.0, as far as pictures without lights and navigation need it. Read by file.py."""
 
 from typing import Annotated, Literal, TypeVar
 
