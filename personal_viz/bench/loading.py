@@ -95,6 +95,7 @@ def _load_ours(path: Path) -> _Loaded:
 
     from sim.frames import T_world_camera
     from sim.scenes.glb import load_glb
+    from sim.scenes.plan import Finish
     from sim.scenes.quads import QuadBuilder
     from sim.types import Camera, Pose
     from sim.world.raycast import Raycaster
@@ -104,7 +105,7 @@ def _load_ours(path: Path) -> _Loaded:
     decoder = imagecodecs.jpeg8_decode  # imagecodecs imports a codec when it is first named
     assert callable(decoder)
     warm_up = QuadBuilder()
-    warm_up.add_box((0, 0, 0), (1, 1, 1), rgb=(128, 128, 128))
+    warm_up.add_box((0, 0, 0), (1, 1, 1), finish=Finish(rgb=(128, 128, 128)))
     Raycaster(warm_up.mesh()).render(T, camera)  # fetches compiled code from numba's cache
     wall, core = time.perf_counter(), time.process_time()
     mesh = load_glb(path)

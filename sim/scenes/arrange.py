@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .pieces import COLOURS, look_of
-from .plan import Furniture, Opening, Rect, Rgb, Room, Wall
+from .furniture.appearance import COLOURS
+from .furniture.families import look_of
+from .plan import Finish, Furniture, Material, Opening, Rect, Room, Wall
 
 GAP = 0.65
 """Least distance between pieces that stand free of each other (metres); the robot needs 0.36."""
@@ -86,27 +87,34 @@ RECIPES: dict[str, tuple[tuple[str, float], ...]] = {
 """(group, chance) of each kind of room."""
 
 
-class Finish(NamedTuple):
-    """What a piece looks like, in words and as a colour."""
+class Look(NamedTuple):
+    """What a piece looks like, in words and as a finish."""
 
     words: str
-    material: str
-    rgb: Rgb
+    finish: Finish
 
 
-def _finishes(colours: Sequence[str], materials: Sequence[str]) -> tuple[Finish, ...]:
-    return tuple(Finish(f"{c} {m}", m, COLOURS[c]) for m in materials for c in colours)
+_MATERIALS: dict[str, Material] = {
+    "fabric": "fabric", "velvet": "fabric", "wooden": "wood", "enamel": "metal", "ceramic": "ceramic",
+    "painted": "picture", "framed": "picture", "woven": "carpet", "paper": "paper",
+}  # fmt: skip
+
+
+def _finishes(colours: Sequence[str], words: Sequence[str]) -> tuple[Look, ...]:
+    return tuple(
+        Look(f"{c} {word}", Finish(material=_MATERIALS[word], rgb=COLOURS[c])) for word in words for c in colours
+    )
 
 
 _FABRIC = _finishes(("green", "red", "blue", "grey", "yellow", "purple", "teal", "beige"), ("fabric", "velvet"))
 _WOODS = (
-    *(Finish(wood, wood, COLOURS[wood]) for wood in ("oak", "walnut")),
+    *(Look(wood, Finish(material="wood", rgb=COLOURS[wood])) for wood in ("oak", "walnut")),
     *_finishes(("white", "black", "blue", "red", "green", "yellow", "grey"), ("wooden",)),
 )
 _ENAMEL = _finishes(("white", "silver", "red", "black", "cream"), ("enamel",))
 _GLAZED = _finishes(("blue", "red", "white", "turquoise", "orange", "black"), ("ceramic",))
 _PAINTED = _finishes(("blue", "red", "green", "orange", "purple", "yellow", "grey"), ("painted", "framed"))
-_BY_FAMILY: dict[str, tuple[Finish, ...]] = {
+_BY_FAMILY: dict[str, tuple[Look, ...]] = {
     "sofa": _FABRIC, "bed": _FABRIC, "flat": _finishes(("red", "blue", "green", "beige", "purple", "grey"), ("woven",)),
     "lamp": _finishes(("yellow", "white", "red", "green", "orange", "blue"), ("paper",)), "plant": _GLAZED,
     "toilet": _ENAMEL, "tub": _ENAMEL, "panel": _PAINTED,
@@ -195,10 +203,10 @@ def _drawn_size(member: Member, rng: np.random.Generator) -> tuple[float, float,
     return (round(width * factor, 3), height, round(depth * factor, 3))
 
 
-def _drawn_finishes(members: Sequence[Member], taken: list[Furniture], rng: np.random.Generator) -> list[Finish]:
+def _drawn_finishes(members: Sequence[Member], taken: list[Furniture], rng: np.random.Generator) -> list[Look]:
     """One finish per member; none twice within a category of the home while there are others."""
     used = {(piece.category, piece.caption) for piece in taken}
-    found: list[Finish] = []
+    found: list[Look] = []
     for member in members:
         family = look_of(member.category)[0]
         choices = _ENAMEL if member.category in _APPLIANCES else _BY_FAMILY.get(family, _WOODS)
@@ -209,7 +217,7 @@ def _drawn_finishes(members: Sequence[Member], taken: list[Furniture], rng: np.r
     return found
 
 
-def _caption(finish: Finish, category: str) -> str:
+def _caption(finish: Look, category: str) -> str:
     if category == "plant":
         return f"plant with a {finish.words} pot"
     return f"{finish.words} {category}"
@@ -219,7 +227,7 @@ def _at_a_wall(
     group: str,
     members: Sequence[Member],
     sizes: list[tuple[float, float, float]],
-    finishes: list[Finish],
+    finishes: list[Look],
     room: Room,
     floor_y: float,
     space: _Space,
@@ -253,8 +261,7 @@ def _at_a_wall(
                 centre=(round(x, 4), round(y, 4), round(z, 4)),
                 size=size,
                 yaw=yaw + math.pi if member.turned else yaw,
-                rgb=finish.rgb,
-                material=finish.material,
+                finish=finish.finish,
                 caption=_caption(finish, member.category),
                 room=room.name,
             )

@@ -6,8 +6,9 @@ from scipy import ndimage
 
 from sim.types import AGENT_RADIUS
 
+from .cells import CellGrid, Cells, cells_from_runs
 from .cut import CUT_HEIGHT
-from .plan import CellGrid, Cells, HomePlan, Storey, cells_from_runs
+from .plan import Finish, HomePlan, Storey
 from .quads import QuadBuilder
 
 _STAIR_GAP = 0.9
@@ -67,9 +68,16 @@ def add_cells(builder: QuadBuilder, plan: HomePlan) -> None:
         storey = plan.storeys[layer // 2]
         room = next(room for room in plan.rooms if room.storey == layer // 2)
         level = np.where(np.abs(surface - storey.floor_y) < _FLAT, storey.floor_y, np.round(surface / 0.05) * 0.05)
-        _add_tops(builder, plan.cells, level, is_plinth[layer], room.floor_rgb)
-        _add_risers(builder, plan.cells, level, is_plinth[layer], room.floor_rgb)
-        _add_walls(builder, plan.cells, level, heights, storey, room.wall_rgb, is_stair=layer % 2 == 1)
+        _add_tops(builder, plan.cells, level, is_plinth[layer], room.floor.rgb)
+        _add_risers(builder, plan.cells, level, is_plinth[layer], room.floor.rgb)
+        _add_walls(builder, plan.cells, level, heights, storey, room.wall.rgb, is_stair=layer % 2 == 1)
+
+
+def _add_coloured(builder: QuadBuilder, quads: Heights, rgb: NDArray[np.floating]) -> None:
+    """Quads (Q, 4, 3) with a colour each."""
+    colours, which = np.unique(np.clip(rgb, 0, 255).round().astype(int), axis=0, return_inverse=True)
+    for number, (red, green, blue) in enumerate(colours.tolist()):
+        builder.add_quads(quads[which == number], Finish(rgb=(red, green, blue)))
 
 
 def _merged(keys: NDArray[np.int64], along: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -101,7 +109,7 @@ def _add_tops(
     quads = np.stack([np.stack(corner, axis=1) for corner in ((x0, y, z0), (x0, y, z1), (x1, y, z1), (x1, y, z0))], 1)
     checker = (rows[pick] // _TILE + cols[pick] // _TILE) % 2
     rgb = np.where(is_plinth[rows[pick], cols[pick], None], _PLINTH_RGB, floor_rgb) * (0.96 + 0.06 * checker[:, None])
-    builder.add_quads(quads, rgb)
+    _add_coloured(builder, quads, rgb)
 
 
 def _corner(grid: CellGrid, rows: NDArray, cols: NDArray) -> tuple[Heights, Heights]:
@@ -149,7 +157,7 @@ def _add_risers(
             continue
         quads, first = _side_quads(grid, rows, cols, neighbour[rows, cols], level[rows, cols], (dr, dc))
         from_plinth = is_plinth[rows[first], cols[first], None]
-        builder.add_quads(quads, np.where(from_plinth, np.array(_PLINTH_RGB) * 0.8, np.array(floor_rgb) * 0.85))
+        _add_coloured(builder, quads, np.where(from_plinth, np.array(_PLINTH_RGB) * 0.8, np.array(floor_rgb) * 0.85))
 
 
 def _add_walls(
@@ -164,7 +172,6 @@ def _add_walls(
 ) -> None:
     """Walls where a cell has no neighbour at its height in any layer; parapets along stairs."""
     neighbours = [_edges(layer) for layer in heights]
-    inward = _inward_normals(level)
     for side, (dr, dc, beside) in enumerate(_edges(level)):
         near = np.zeros(level.shape, bool)
         ceiling = np.full(level.shape, np.inf)
@@ -191,17 +198,9 @@ def _add_walls(
             quads, first = _side_quads(grid, rows, cols, low, high, (dr, dc))
             quads = quads[:, [1, 0, 3, 2]]  # a wall looks towards the cell
             shade = _wall_tint(grid, rows[first], cols[first]) * (0.62 if part == 0 and not is_stair else 1.0)
-            builder.add_quads(quads, np.array(wall_rgb) * shade, normals=inward[rows[first], cols[first]])
+            _add_coloured(builder, quads, np.array(wall_rgb) * shade)
             if part == 1:
                 _add_caps(builder, grid, quads, (dr, dc))
-
-
-def _inward_normals(level: Heights) -> Heights:
-    """(rows, cols, 3) level directions from the nearest walls into the open, smooth over the steps of the cells."""
-    smooth = ndimage.gaussian_filter((~np.isnan(level)).astype(float), 4.0)
-    d_row, d_col = np.gradient(smooth)
-    normals = np.stack([d_col, np.zeros_like(d_row), d_row], axis=-1)
-    return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
 
 
 def _wall_tint(grid: CellGrid, rows: NDArray, cols: NDArray) -> Heights:
@@ -217,4 +216,4 @@ def _add_caps(builder: QuadBuilder, grid: CellGrid, quads: Heights, step: tuple[
     inner = quads[:, [2, 3]] - [0, 0.005, 0]
     rim = np.concatenate([inner, inner[:, ::-1] + outward], axis=1)
     normal_y = np.cross(rim[:, 2] - rim[:, 0], rim[:, 3] - rim[:, 1])[:, 1]
-    builder.add_quads(np.where((normal_y < 0)[:, None, None], rim[:, ::-1], rim), _CAP_RGB)
+    builder.add_quads(np.where((normal_y < 0)[:, None, None], rim[:, ::-1], rim), Finish(rgb=_CAP_RGB))

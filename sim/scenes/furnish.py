@@ -6,8 +6,9 @@ import numpy as np
 
 from .cell_mesh import add_cells
 from .cut import CUT_HEIGHT
-from .pieces import parts_of, tinted
-from .plan import Furniture, HomePlan, Opening, Rect, Rgb, Room, Stair, Wall
+from .furniture.appearance import tinted
+from .furniture.parts import parts_of
+from .plan import Finish, Furniture, HomePlan, Opening, Rect, Rgb, Room, Stair, Wall
 from .quads import QuadBuilder
 from .scene import SceneObject, TriangleMesh
 
@@ -16,7 +17,7 @@ _TILE = 0.5
 _SLAB = 0.2
 _FRAME_RGB: Rgb = (120, 92, 66)
 _PANE_RGB: Rgb = (176, 206, 226)
-_CEILING_RGB: Rgb = (244, 243, 238)
+_CEILING = Finish(material="plaster", rgb=(244, 243, 238))
 _OUTSIDE_RGB: Rgb = (186, 178, 166)
 _CAP_RGB: Rgb = (70, 70, 76)
 _STAIR_RGB: Rgb = (166, 128, 88)
@@ -48,11 +49,13 @@ def add_piece(builder: QuadBuilder, piece: Furniture, *, instance: int) -> None:
     """Adds the solids of one piece at its place."""
     cos, sin = np.cos(piece.yaw), np.sin(piece.yaw)
     bottom = piece.centre[1] - piece.size[1] / 2
-    for part in parts_of(piece.category, piece.size, piece.rgb):
+    for part in parts_of(piece):
         x, y, z = part.centre
         centre = (piece.centre[0] + cos * x + sin * z, bottom + y, piece.centre[2] - sin * x + cos * z)
         size = tuple(max(0.004, value) for value in part.size)
-        builder.add_box(centre, size, rgb=part.rgb, yaw=piece.yaw, is_round=part.is_round, instance=instance)
+        builder.add_box(
+            centre, size, finish=Finish(rgb=part.rgb), yaw=piece.yaw, is_round=part.is_round, instance=instance
+        )
 
 
 def _add_floor_and_ceiling(builder: QuadBuilder, plan: HomePlan, room: Room, rect: Rect) -> None:
@@ -61,12 +64,12 @@ def _add_floor_and_ceiling(builder: QuadBuilder, plan: HomePlan, room: Room, rec
     holes_below = [stair.rect for stair in plan.stairs if stair.storey == room.storey - 1]
     holes_above = [stair.rect for stair in plan.stairs if stair.storey == room.storey]
     for index, tile in enumerate(_tiles(rect, holes_below)):
-        rgb = tinted(room.floor_rgb, 1.0 if index % 2 else 0.95)
-        builder.add_quads(_flat_quad(tile, storey.floor_y), rgb)
+        rgb = tinted(room.floor.rgb, 1.0 if index % 2 else 0.95)
+        builder.add_quads(_flat_quad(tile, storey.floor_y), Finish(rgb=rgb))
         if room.storey > 0:
-            builder.add_quads(_flat_quad(tile, storey.floor_y - _SLAB + 0.001)[::-1], _CEILING_RGB, normals=[_LIT])
+            builder.add_quads(_flat_quad(tile, storey.floor_y - _SLAB + 0.001)[::-1], _CEILING, normals=[_LIT])
     for piece in _without(rect, holes_above):
-        builder.add_quads(_flat_quad(piece, storey.floor_y + storey.ceiling)[::-1], _CEILING_RGB, normals=[_LIT])
+        builder.add_quads(_flat_quad(piece, storey.floor_y + storey.ceiling)[::-1], _CEILING, normals=[_LIT])
 
 
 def _tiles(rect: Rect, holes: list[Rect]) -> list[Rect]:
@@ -159,13 +162,13 @@ def _add_span(
             a, b = (span[1], span[0]) if sign > 0 else (span[0], span[1])
             side = start + left * sign * wall.thickness / 2
             quad = [side + along * s + up * h for s, h in ((a, low), (b, low), (b, high), (a, high))]
-            builder.add_quads(np.array(quad), tinted(rgb, 0.6) if is_skirting else rgb)
+            builder.add_quads(np.array(quad), Finish(rgb=tinted(rgb, 0.6) if is_skirting else rgb))
         for at, sign in ((span[0], -1), (span[1], 1)):
             middle = start + along * at
             a, b = (1, -1) if sign > 0 else (-1, 1)
             half = left * wall.thickness / 2
             quad = [middle + half * s + up * h for s, h in ((a, low), (b, low), (b, high), (a, high))]
-            builder.add_quads(np.array(quad)[:, :], _FRAME_RGB if high > low else _CAP_RGB)
+            builder.add_quads(np.array(quad)[:, :], Finish(rgb=_FRAME_RGB if high > low else _CAP_RGB))
     caps = [(heights[1], _CAP_RGB if heights[1] < wall.height else tinted(sides[0], 0.9))]
     if heights[0] < CUT_HEIGHT < heights[1]:
         caps.append((CUT_HEIGHT - 0.004, _CAP_RGB))
@@ -174,14 +177,14 @@ def _add_span(
     for height, rgb in caps:
         rim = [(span[0], 1), (span[0], -1), (span[1], -1), (span[1], 1)]
         quad = np.array([start + along * s + left * t * wall.thickness / 2 + up * height for s, t in rim])
-        builder.add_quads(quad if height != heights[0] else quad[::-1], rgb)
+        builder.add_quads(quad if height != heights[0] else quad[::-1], Finish(rgb=rgb))
 
 
 def _side_rgb(plan: HomePlan, wall: Wall, point: np.ndarray) -> Rgb:
     """Wall colour of the room at a point (3,); facade colour outside."""
     for room in plan.rooms:
         if room.storey == wall.storey and room.rect is not None and room.rect.holds(float(point[0]), float(point[2])):
-            return room.wall_rgb
+            return room.wall.rgb
     return _OUTSIDE_RGB
 
 
@@ -194,14 +197,14 @@ def _add_opening(builder: QuadBuilder, plan: HomePlan, wall: Wall, opening: Open
     foot = np.array([wall.start[0], floor_y, wall.start[1]]) + along * opening.offset
     middle = foot + np.array([0, (opening.sill + opening.top) / 2, 0])
     if opening.kind == "window":
-        builder.add_box(middle, (opening.width, height, 0.02), rgb=_PANE_RGB, yaw=yaw)
-        builder.add_box(middle, (0.05, height, 0.05), rgb=_FRAME_RGB, yaw=yaw)
-        builder.add_box(middle, (opening.width, 0.05, 0.05), rgb=_FRAME_RGB, yaw=yaw)
+        builder.add_box(middle, (opening.width, height, 0.02), finish=Finish(rgb=_PANE_RGB), yaw=yaw)
+        builder.add_box(middle, (0.05, height, 0.05), finish=Finish(rgb=_FRAME_RGB), yaw=yaw)
+        builder.add_box(middle, (opening.width, 0.05, 0.05), finish=Finish(rgb=_FRAME_RGB), yaw=yaw)
         return
     for side in (-1, 1):
         low = min(height, CUT_HEIGHT)
         post = foot + along * side * (opening.width / 2 - 0.02) + np.array([0, low / 2, 0])
-        builder.add_box(post, (0.04, low, wall.thickness + 0.03), rgb=_FRAME_RGB, yaw=yaw)
+        builder.add_box(post, (0.04, low, wall.thickness + 0.03), finish=Finish(rgb=_FRAME_RGB), yaw=yaw)
 
 
 def _add_stair(builder: QuadBuilder, plan: HomePlan, stair: Stair) -> None:
@@ -217,16 +220,18 @@ def _add_stair(builder: QuadBuilder, plan: HomePlan, stair: Stair) -> None:
         centre = (rect.centre[0] + offset, rect.centre[1]) if along_x else (rect.centre[0], rect.centre[1] + offset)
         size = (run, rect.z1 - rect.z0) if along_x else (rect.x1 - rect.x0, run)
         top = low + (step + 1) * rise
-        rgb = tinted(_STAIR_RGB, 1.06 if step % 2 else 0.94)
+        finish = Finish(rgb=tinted(_STAIR_RGB, 1.06 if step % 2 else 0.94))
         for bottom, upper in _storey_pieces(low, top):
-            builder.add_box((centre[0], (bottom + upper) / 2, centre[1]), (size[0], upper - bottom, size[1]), rgb=rgb)
+            builder.add_box(
+                (centre[0], (bottom + upper) / 2, centre[1]), (size[0], upper - bottom, size[1]), finish=finish
+            )
     sides = (
         ((rect.x0, rect.z0), (rect.x1, rect.z0)), ((rect.x1, rect.z0), (rect.x1, rect.z1)),
         ((rect.x1, rect.z1), (rect.x0, rect.z1)), ((rect.x0, rect.z1), (rect.x0, rect.z0)),
     )  # fmt: skip
     for (xa, za), (xb, zb) in sides:
         rim = [(xa, high - _SLAB, za), (xb, high - _SLAB, zb), (xb, high, zb), (xa, high, za)]
-        builder.add_quads(np.array(rim), _CEILING_RGB)
+        builder.add_quads(np.array(rim), _CEILING)
 
 
 def _storey_pieces(low: float, top: float) -> list[tuple[float, float]]:

@@ -7,7 +7,7 @@ import numpy as np
 from sim.errors import SceneError
 
 from .arrange import furnish_room
-from .plan import Furniture, HomePlan, Opening, Rect, Rgb, Room, Stair, Storey, Wall
+from .plan import Finish, Furniture, HomePlan, Opening, Rect, Rgb, Room, Stair, Storey, Wall
 
 DOOR_WIDTH = 0.95
 MIN_PIECES, MAX_PIECES = 25, 40
@@ -79,8 +79,8 @@ def _drawn_plan(name: str, rng: np.random.Generator) -> HomePlan:
                 name=room_name,
                 storey=k,
                 rect=rect,
-                floor_rgb=_floor_rgb(room_name, rng),
-                wall_rgb=_WALLS[tints[(len(rooms) + i) % len(_WALLS)]],
+                floor=Finish(material="wood", rgb=_floor_rgb(room_name, rng)),
+                wall=Finish(material="plaster", rgb=_WALLS[tints[(len(rooms) + i) % len(_WALLS)]]),
             )
             for i, (room_name, rect) in enumerate(zip(names, rects, strict=True))
         ]

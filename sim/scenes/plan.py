@@ -5,25 +5,23 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from sim.errors import SceneError, line_from_validation_error
-from sim.types import GridSpec
 
-SCHEMA_VERSION = 1
-CELL = 0.05
-"""Side of a plan's cells (metres)."""
+from .cells import AreaRun, CellGrid, Metres, Positive, Xz
+from .plan_versions import current
+
+SCHEMA_VERSION = 2
 Finite = Annotated[float, AllowInfNan(False)]
-Metres = Annotated[float, AllowInfNan(False), Field(ge=-10_000, le=10_000)]
-"""A coordinate; no home is larger."""
-Positive = Annotated[float, AllowInfNan(False), Field(gt=0, le=10_000)]
-Xz = tuple[Metres, Metres]
-Index = Annotated[int, Field(ge=0, le=1_000_000)]
-Count = Annotated[int, Field(ge=1, le=1_000_000)]
 Byte = Annotated[int, Field(ge=0, le=255)]
 Rgb = tuple[Byte, Byte, Byte]
+Material = Literal[
+    "wood", "fabric", "leather", "metal", "ceramic", "stone", "glass", "plastic", "paper", "leaf", "wicker", "plaster",
+    "tile", "carpet", "picture",
+]  # fmt: skip
+Pattern = Literal["plain", "striped", "plaid", "floral", "dotted", "checked", "patterned"]
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 _ADVICE = "Make the plan again with personal-viz invent, or restore the file."
 
@@ -58,6 +56,17 @@ class Rect(NamedTuple):
         return self.holds(other.x0, other.z0) and self.holds(other.x1, other.z1)
 
 
+class Finish(BaseModel):
+    """What a surface is made of."""
+
+    model_config = _MODEL
+    material: Material = "plastic"
+    pattern: Pattern = "plain"
+    rgb: Rgb
+    rgb2: Rgb | None = None
+    """Second colour of the pattern; None = a shade of `rgb`."""
+
+
 class Storey(BaseModel):
     """One level of a home."""
 
@@ -70,7 +79,7 @@ class Storey(BaseModel):
 
 
 class Room(BaseModel):
-    """A named part of a storey; schematic homes have one per storey."""
+    """A named part of a storey."""
 
     model_config = _MODEL
     name: str = Field(min_length=1)
@@ -78,8 +87,10 @@ class Room(BaseModel):
     """Index into `HomePlan.storeys`."""
     rect: Rect | None = None
     """Middle lines of its walls; None where the plan's cells say where floor is."""
-    floor_rgb: Rgb
-    wall_rgb: Rgb
+    area: tuple[AreaRun, ...] = ()
+    """Its cells where it has no `rect`; cells of the storey that no room names belong to the nearest one."""
+    floor: Finish
+    wall: Finish
 
 
 class Opening(BaseModel):
@@ -138,10 +149,11 @@ class Furniture(BaseModel):
     """Width, height, depth in its own axes, metres."""
     yaw: Finite = 0.0
     """Radians about +y; at 0 its front looks along +z."""
-    rgb: Rgb
-    material: str = ""
+    finish: Finish
     caption: str = ""
     room: str = ""
+    role: Literal["captioned", "clutter", "decoy"] = "captioned"
+    """Clutter and decoys are in no caption; a decoy has the category of a captioned object."""
 
     @property
     def rect(self) -> Rect:
@@ -159,43 +171,11 @@ class Furniture(BaseModel):
         return (rect.x1 - rect.x0, self.size[1], rect.z1 - rect.z0)
 
 
-class CellRun(NamedTuple):
-    """Neighbouring cells of one row at one height."""
-
-    row: Index
-    col: Index
-    """First column."""
-    length: Count
-    y_cm: Annotated[int, Field(ge=-1_000_000, le=1_000_000)]
-    """Height in centimetres."""
-    guessed: bool = False
-    """Nobody was recorded here; the recovery put a bridge."""
-
-
-class CellGrid(BaseModel):
-    """Cells with heights, several per column allowed, stored as runs."""
-
-    model_config = _MODEL
-    origin_xz: Xz
-    shape: tuple[Count, Count]
-    """(rows, cols)."""
-    cell: Positive = CELL
-    walkable: tuple[CellRun, ...]
-    """Where the robot's centre can be."""
-    plinth: tuple[CellRun, ...] = ()
-    """Open but not walkable space: tops of low blocks."""
-
-    @property
-    def grid(self) -> GridSpec:
-        """The cells' place in the world."""
-        return GridSpec(self.origin_xz, self.cell, self.shape)
-
-
 class HomePlan(BaseModel):
     """A home: its levels, rooms, walls, stairs and furniture."""
 
     model_config = _MODEL
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[2] = SCHEMA_VERSION
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     kind: Literal["schematic", "invented"]
     storeys: tuple[Storey, ...] = Field(min_length=1)
@@ -205,6 +185,8 @@ class HomePlan(BaseModel):
     furniture: tuple[Furniture, ...] = ()
     cells: CellGrid | None = None
     """Floor of a schematic home; None for invented homes, whose mesh says where one can walk."""
+    clutter: Literal[0, 1, 2] = 0
+    """How much furniture without a caption was added."""
 
     @model_validator(mode="after")
     def _every_storey_exists(self) -> "HomePlan":
@@ -228,46 +210,6 @@ def _no_storey(last: int, highest: int) -> PydanticCustomError:
     return PydanticCustomError("no_storey", template, {"last": last, "above": above})
 
 
-class Cells(NamedTuple):
-    """Cells as arrays."""
-
-    rc: NDArray[np.int64]
-    """(N, 2) row and column."""
-    y: NDArray[np.float64]
-    """(N,) heights in metres."""
-    guessed: NDArray[np.bool_]
-    """(N,)."""
-
-
-def cells_from_runs(runs: tuple[CellRun, ...]) -> Cells:
-    """The single cells of runs, in the runs' order."""
-    if not runs:
-        return Cells(np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0, bool))
-    table = np.array(runs, np.int64)  # (R, 5)
-    lengths = table[:, 2]
-    first = np.repeat(np.cumsum(lengths) - lengths, lengths)
-    cols = np.repeat(table[:, 1], lengths) + np.arange(lengths.sum()) - first
-    rc = np.stack([np.repeat(table[:, 0], lengths), cols], axis=1)
-    return Cells(rc, np.repeat(table[:, 3], lengths) / 100, np.repeat(table[:, 4], lengths).astype(bool))
-
-
-def runs_from_cells(cells: Cells) -> tuple[CellRun, ...]:
-    """Runs of cells, sorted by height, row and column; heights are rounded to a centimetre."""
-    if not len(cells.rc):
-        return ()
-    y_cm = np.round(cells.y * 100).astype(np.int64)
-    order = np.lexsort((cells.rc[:, 1], cells.rc[:, 0], cells.guessed, y_cm))
-    rows, cols, y_cm, guessed = cells.rc[order, 0], cells.rc[order, 1], y_cm[order], cells.guessed[order]
-    new = np.ones(len(rows), bool)
-    new[1:] = (np.diff(rows) != 0) | (np.diff(cols) != 1) | (np.diff(y_cm) != 0) | (guessed[1:] != guessed[:-1])
-    firsts = np.flatnonzero(new)
-    lengths = np.diff(np.append(firsts, len(rows)))
-    return tuple(
-        CellRun(int(rows[k]), int(cols[k]), int(length), int(y_cm[k]), bool(guessed[k]))
-        for k, length in zip(firsts, lengths, strict=True)
-    )
-
-
 def load_plan(path: Path) -> HomePlan:
     """Read and check a plan.
 
@@ -279,7 +221,7 @@ def load_plan(path: Path) -> HomePlan:
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error}); expected a home plan. {_ADVICE}") from None
     try:
-        return HomePlan.model_validate_json(data)
+        return HomePlan.model_validate_json(current(data))
     except ValidationError as error:
         raise SceneError(line_from_validation_error(path, error, advice=_ADVICE)) from None
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .plan import Finish
 from .scene import TriangleMesh
 
 _LIGHT = np.array([0.35, 0.8, 0.25])  # not along any axis, so that the walls of a room differ
@@ -22,7 +23,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 
 
 class QuadBuilder:
-    """Grows a mesh of quads; every add takes world metres and sRGB."""
+    """Grows a mesh of quads; every add takes world metres and a finish."""
 
     def __init__(self) -> None:
         self._corners: list[NDArray[np.float64]] = []
@@ -30,11 +31,23 @@ class QuadBuilder:
         self._instance: list[NDArray[np.int32]] = []
 
     def add_quads(
-        self, corners: ArrayLike, rgb: ArrayLike, *, normals: ArrayLike | None = None, instance: int = 0
+        self,
+        corners: ArrayLike,
+        finish: Finish,
+        *,
+        uv: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        instance: int = 0,
     ) -> None:
-        """Quads (N, 4, 3), counter-clockwise from their front, in one colour (3,) or one each (N, 3).
+        """Adds quads of one finish.
 
-        `normals` (N, 3) light the quads instead of their own unit normals.
+        Args:
+            corners: (N, 4, 3) world metres, counter-clockwise from their front.
+            finish: Of all of them.
+            uv: (N, 4, 2) places on the finish in metres; None = laid on from the side that the quad faces, by world
+                coordinates, so that neighbours in one plane fit together.
+            normals: (N, 3) unit vectors that light the quads instead of their own normals.
+            instance: Object id, 0 = none.
         """
         quads = np.asarray(corners, np.float64).reshape(-1, 4, 3)
         if normals is None:
@@ -42,7 +55,7 @@ class QuadBuilder:
             normals = crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), 1e-12)
         shade = 0.82 + 0.22 * np.asarray(normals, float) @ _LIGHT
         self._corners.append(quads)
-        self._rgb.append(np.asarray(rgb, float) * shade[:, None])
+        self._rgb.append(np.array(finish.rgb, float) * shade[:, None])
         self._instance.append(np.full(len(quads), instance, np.int32))
 
     def add_box(
@@ -50,7 +63,7 @@ class QuadBuilder:
         centre: ArrayLike,
         size: ArrayLike,
         *,
-        rgb: ArrayLike,
+        finish: Finish,
         yaw: float = 0.0,
         is_round: bool = False,
         instance: int = 0,
@@ -60,7 +73,7 @@ class QuadBuilder:
         local = corners * np.asarray(size, float) / 2
         cos, sin = np.cos(yaw), np.sin(yaw)
         turned = local @ np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]).T
-        self.add_quads(turned + np.asarray(centre, float), rgb, instance=instance)
+        self.add_quads(turned + np.asarray(centre, float), finish, instance=instance)
 
     def mesh(self) -> TriangleMesh:
         """Everything added so far; two triangles per quad, colours shaded by direction."""

@@ -17,8 +17,10 @@ from sim.frames import yaw_towards
 from sim.types import AGENT_RADIUS, CAMERA_HEIGHT, STOREY_GAP
 
 from .cell_mesh import floor_layers, grown
-from .pieces import COLOURS, look_of, rgb_from_text
-from .plan import CELL, CellGrid, Cells, Furniture, HomePlan, Rect, Room, Storey, runs_from_cells
+from .cells import CELL, CellGrid, Cells, runs_from_cells
+from .furniture.appearance import COLOURS, rgb_from_text
+from .furniture.families import look_of
+from .plan import Finish, Furniture, HomePlan, Rect, Room, Storey
 from .walkable import walkable_cells
 
 MARGIN = 2.0
@@ -58,7 +60,7 @@ def recover_plan(dataset: PersonalDataset, scene: str) -> HomePlan:
     furniture = tuple(_furniture(goal, recorded, storeys) for _, goal in sorted(recorded.goals.items()))
     grid = grid.model_copy(update={"plinth": runs_from_cells(_plinth_cells(recorded, furniture, grid, storeys))})
     rooms = tuple(
-        Room(name=storey.label, storey=k, floor_rgb=_FLOOR_RGB[k % 3], wall_rgb=_WALL_RGB[k % 3])
+        Room(name=storey.label, storey=k, floor=Finish(rgb=_FLOOR_RGB[k % 3]), wall=Finish(rgb=_WALL_RGB[k % 3]))
         for k, storey in enumerate(storeys)
     )
     return HomePlan(name=scene, kind="schematic", storeys=storeys, rooms=rooms, furniture=furniture, cells=grid)
@@ -144,7 +146,7 @@ def _furniture(goal: Goal, recorded: Recorded, storeys: tuple[Storey, ...]) -> F
         centre=(x, y, z),
         size=(width, height, depth),
         yaw=(yaw + math.pi) % (2 * math.pi) - math.pi,
-        rgb=rgb_from_text(caption) or rgb_from_text(goal.object_category) or _usual_rgb(goal),
+        finish=Finish(rgb=rgb_from_text(caption) or rgb_from_text(goal.object_category) or _usual_rgb(goal)),
         caption=caption,
         room=storey.label,
     )

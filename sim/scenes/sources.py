@@ -11,11 +11,12 @@ from sim.errors import SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, SceneKind
 from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
 
+from .cells import cells_from_runs
 from .furnish import mesh_from_plan
 from .hm3d import find_semantics, load_semantics
 from .kind import plan_of, scene_kind
 from .meshes import load_mesh
-from .plan import HomePlan, cells_from_runs
+from .plan import HomePlan
 from .recover import recover_plan
 from .scene import Scene, SceneObject, TriangleMesh
 from .up_axis import Up, up_axis

@@ -11,7 +11,8 @@ from scipy.spatial import KDTree
 from sim.types import AGENT_RADIUS
 from sim.world.floor_grid import FloorGrid
 
-from .plan import CELL, CellGrid, Cells, Storey
+from .cells import CELL, CellGrid, Cells
+from .plan import Storey
 
 LINK = 2 * AGENT_RADIUS
 """Standing points this close are joined without a guess (metres; the view points' lattice is 0.25)."""

@@ -7,14 +7,18 @@ from sim.frames import T_world_camera, forward_from_yaw
 from sim.scenes.arrange import GROUPS
 from sim.scenes.cut import CUT_HEIGHT, cut_storey
 from sim.scenes.furnish import mesh_from_plan
-from sim.scenes.pieces import look_of, parts_of, rgb_from_text
+from sim.scenes.furniture.appearance import rgb_from_text
+from sim.scenes.furniture.families import look_of
+from sim.scenes.furniture.parts import parts_of
 from sim.scenes.plan import (
     CellGrid,
     CellRun,
+    Finish,
     Furniture,
     HomePlan,
     Opening,
     Rect,
+    Rgb,
     Room,
     Stair,
     Storey,
@@ -27,8 +31,12 @@ from sim.world.raycast import Raycaster
 
 GROUND = Storey(label="ground floor", floor_y=0.0, ceiling=2.6)
 RED_CHAIR = Furniture(
-    name="chair_7", category="chair", centre=(2.0, 0.45, 1.5), size=(0.5, 0.9, 0.5), rgb=(178, 44, 40)
+    name="chair_7", category="chair", centre=(2.0, 0.45, 1.5), size=(0.5, 0.9, 0.5), finish=Finish(rgb=(178, 44, 40))
 )
+
+
+def _room(name: str, rect: Rect, floor: Rgb, wall: Rgb) -> Room:
+    return Room(name=name, storey=0, rect=rect, floor=Finish(rgb=floor), wall=Finish(rgb=wall))
 
 
 def two_rooms() -> HomePlan:
@@ -43,8 +51,20 @@ def two_rooms() -> HomePlan:
         kind="invented",
         storeys=(GROUND,),
         rooms=(
-            Room(name="left", storey=0, rect=Rect(0, 0, 3, 3), floor_rgb=(150, 100, 60), wall_rgb=(240, 200, 200)),
-            Room(name="right", storey=0, rect=Rect(3, 0, 6, 3), floor_rgb=(90, 90, 90), wall_rgb=(200, 200, 240)),
+            Room(
+                name="left",
+                storey=0,
+                rect=Rect(0, 0, 3, 3),
+                floor=Finish(rgb=(150, 100, 60)),
+                wall=Finish(rgb=(240, 200, 200)),
+            ),
+            Room(
+                name="right",
+                storey=0,
+                rect=Rect(3, 0, 6, 3),
+                floor=Finish(rgb=(90, 90, 90)),
+                wall=Finish(rgb=(200, 200, 240)),
+            ),
         ),
         walls=(*walls, Wall(storey=0, start=(3, 0), end=(3, 3), height=2.6, openings=(door,))),
         furniture=(RED_CHAIR,),
@@ -99,7 +119,7 @@ def test_a_storey_cut_leaves_no_wall_above_the_cut_and_no_ceiling() -> None:
 
 def test_a_stair_has_steps_of_its_rise_and_a_hole_above() -> None:
     upper = Storey(label="first floor", floor_y=2.8, ceiling=2.6)
-    colours = {"floor_rgb": (100, 100, 100), "wall_rgb": (200, 200, 200)}
+    colours = {"floor": Finish(rgb=(100, 100, 100)), "wall": Finish(rgb=(200, 200, 200))}
     plan = HomePlan(
         name="Up",
         kind="invented",
@@ -122,7 +142,7 @@ def test_cells_become_floor_walls_and_plinths() -> None:
         name="Cells",
         kind="schematic",
         storeys=(Storey(label="ground floor", floor_y=0.0, ceiling=2.5),),
-        rooms=(Room(name="all", storey=0, floor_rgb=(100, 100, 100), wall_rgb=(200, 200, 200)),),
+        rooms=(Room(name="all", storey=0, floor=Finish(rgb=(100, 100, 100)), wall=Finish(rgb=(200, 200, 200))),),
         cells=CellGrid(
             origin_xz=(0.0, 0.0),
             shape=(60, 60),
@@ -144,7 +164,9 @@ def test_cells_become_floor_walls_and_plinths() -> None:
 )
 def test_every_piece_stays_inside_its_box(category: str) -> None:
     _, size = look_of(category)
-    for part in parts_of(category, size, (120, 80, 40)):
+    finish = Finish(rgb=(120, 80, 40))
+    piece = Furniture(name="x_1", category=category, centre=(0, 0, 0), size=size, finish=finish)
+    for part in parts_of(piece):
         low = np.array(part.centre) - np.array(part.size) / 2
         high = np.array(part.centre) + np.array(part.size) / 2
         assert (low >= [-size[0] / 2 - 0.021, -0.021, -size[2] / 2 - 0.021]).all(), part
@@ -154,7 +176,7 @@ def test_every_piece_stays_inside_its_box(category: str) -> None:
 def test_solids_are_closed_and_face_outwards() -> None:
     for is_round, volume in ((False, 2 * 3 * 4.0), (True, 3 * 5 * np.sin(2 * np.pi / 10) * 2)):
         builder = QuadBuilder()
-        builder.add_box((1, 2, 3), (2, 3, 4), rgb=(9, 9, 9), yaw=0.4, is_round=is_round)
+        builder.add_box((1, 2, 3), (2, 3, 4), finish=Finish(rgb=(9, 9, 9)), yaw=0.4, is_round=is_round)
         mesh = builder.mesh()
         a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
         assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(volume, rel=1e-5)
@@ -162,7 +184,7 @@ def test_solids_are_closed_and_face_outwards() -> None:
 
 def test_a_piece_turned_by_its_yaw_shows_its_front_there() -> None:
     cabinet = Furniture(
-        name="tv_1", category="tv", centre=(0, 0.3, 0), size=(1, 0.6, 0.1), rgb=(9, 9, 9), yaw=np.pi / 2
+        name="tv_1", category="tv", centre=(0, 0.3, 0), size=(1, 0.6, 0.1), finish=Finish(rgb=(9, 9, 9)), yaw=np.pi / 2
     )
     plan = two_rooms().model_copy(update={"furniture": (cabinet,), "rooms": (), "walls": ()})
     mesh, objects = mesh_from_plan(plan)

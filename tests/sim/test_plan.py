@@ -8,29 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.errors import SceneError
-from sim.scenes.plan import (
-    CellGrid,
-    CellRun,
-    Cells,
-    Furniture,
-    HomePlan,
-    Rect,
-    Room,
-    Stair,
-    Storey,
-    Wall,
-    cells_from_runs,
-    load_plan,
-    runs_from_cells,
-    save_plan,
-)
+from sim.scenes.cells import CellGrid, CellRun, Cells, cells_from_runs, runs_from_cells
+from sim.scenes.plan import Finish, Furniture, HomePlan, Rect, Room, Stair, Storey, Wall, load_plan, save_plan
 
-CHAIR = Furniture(name="chair_1", category="chair", centre=(1.0, 0.45, 2.0), size=(0.5, 0.9, 0.4), rgb=(200, 30, 30))
+CHAIR = Furniture(
+    name="chair_1", category="chair", centre=(1.0, 0.45, 2.0), size=(0.5, 0.9, 0.4), finish=Finish(rgb=(200, 30, 30))
+)
+WOOD = Finish(material="wood", rgb=(150, 120, 90))
+PLASTER = Finish(material="plaster", rgb=(220, 220, 210))
 PLAN = HomePlan(
     name="Tiny",
     kind="schematic",
     storeys=(Storey(label="ground floor", floor_y=0.0),),
-    rooms=(Room(name="all", storey=0, floor_rgb=(150, 120, 90), wall_rgb=(220, 220, 210)),),
+    rooms=(Room(name="all", storey=0, floor=WOOD, wall=PLASTER),),
     furniture=(CHAIR,),
     cells=CellGrid(
         origin_xz=(0.0, 0.0),
@@ -143,6 +133,6 @@ def test_a_plan_as_version_1_wrote_it_still_reads_and_a_newer_one_is_refused(tmp
     path = tmp_path / "Tiny.plan.json"
     path.write_text(VERSION_1)
     assert load_plan(path) == PLAN
-    path.write_text(VERSION_1.replace('"schema_version":1', '"schema_version":2'))
-    with pytest.raises(SceneError, match=r"Tiny\.plan\.json: schema_version is 2; expected"):
+    path.write_text(VERSION_1.replace('"schema_version":1', '"schema_version":3'))
+    with pytest.raises(SceneError, match=r"Tiny\.plan\.json: schema_version is 3; expected"):
         load_plan(path)

@@ -8,7 +8,8 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.frames import T_world_camera, quat_xyzw_from_yaw, yaw_towards
-from sim.scenes.plan import HomePlan, cells_from_runs, plan_bytes
+from sim.scenes.cells import cells_from_runs
+from sim.scenes.plan import HomePlan, plan_bytes
 from sim.scenes.recover import recover_plan
 from sim.scenes.sources import scene_from_plan
 from sim.types import AGENT_RADIUS, Camera, Pose

@@ -1,86 +1,11 @@
-"""What furniture looks like: typical sizes, colour words, and a few boxes per family of categories."""
+"""What furniture looks like: a few solids per family of categories."""
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
-from .plan import Rgb
+from sim.scenes.plan import Furniture, Rgb
 
-Family = Literal[
-    "table",
-    "seat",
-    "sofa",
-    "bed",
-    "cabinet",
-    "shelf",
-    "lamp",
-    "panel",
-    "plant",
-    "flat",
-    "toilet",
-    "tub",
-    "cloth",
-    "box",
-]
-Vec = tuple[float, float, float]
-
-COLOURS: dict[str, Rgb] = {
-    "red": (178, 44, 40), "green": (66, 128, 70), "blue": (52, 92, 164), "yellow": (226, 186, 58),
-    "orange": (222, 124, 44), "purple": (118, 72, 148), "pink": (226, 150, 170), "brown": (122, 82, 50),
-    "beige": (214, 196, 162), "grey": (140, 142, 146), "gray": (140, 142, 146), "white": (236, 234, 228),
-    "black": (44, 44, 48), "teal": (40, 132, 132), "turquoise": (64, 190, 184), "cream": (238, 226, 196),
-    "silver": (186, 190, 196), "golden": (202, 160, 66), "gold": (202, 160, 66), "wooden": (156, 110, 66),
-    "wood": (156, 110, 66), "oak": (184, 142, 90), "walnut": (98, 66, 44), "violet": (118, 72, 148),
-}  # fmt: skip
-"""sRGB of the colour (and wood) words that captions use."""
-
-_LOOKS: tuple[tuple[str, Family, Vec], ...] = (
-    # words of a category, its family, typical width, height, depth in metres; the first line that fits counts
-    ("nightstand/bed table/lamp table", "cabinet", (0.45, 0.55, 0.4)),
-    ("dining table", "table", (1.5, 0.75, 0.9)),
-    ("coffee table", "table", (0.9, 0.42, 0.55)),
-    ("tv stand/cabinet table/chest/drawer/dresser/sideboard", "cabinet", (1.0, 0.7, 0.45)),
-    ("desk chair/office chair/computer chair", "seat", (0.52, 0.95, 0.52)),
-    ("armchair/sofa chair", "sofa", (0.85, 0.85, 0.8)),
-    ("bar chair/stool/ottoman/footrest", "table", (0.42, 0.45, 0.42)),
-    ("chair", "seat", (0.46, 0.9, 0.46)),
-    ("couch/sofa", "sofa", (1.9, 0.8, 0.85)),
-    ("table lamp", "lamp", (0.26, 0.45, 0.26)),
-    ("lamp", "lamp", (0.36, 1.4, 0.36)),
-    ("bed sheet/blanket/bathrobe/clothes rack", "cloth", (0.7, 0.5, 0.4)),
-    ("crib/bed", "bed", (1.5, 0.75, 2.0)),
-    ("desk/table/worktop/countertop/counter/island", "table", (1.2, 0.75, 0.6)),
-    ("bench", "table", (1.1, 0.45, 0.4)),
-    ("refrigerator cabinet/wardrobe", "cabinet", (1.1, 2.0, 0.6)),
-    ("refrigerator/freezer", "cabinet", (0.65, 1.75, 0.65)),
-    ("washer/washing/dryer/dishwasher/oven/stove/cooker/kitchen appliance/furnace", "cabinet", (0.6, 0.86, 0.6)),
-    ("kitchen lower cabinet/bathroom cabinet/bath cabinet/sink cabinet", "cabinet", (0.8, 0.8, 0.45)),
-    ("kitchen cabinet", "cabinet", (0.9, 0.7, 0.4)),
-    ("display cabinet/cabinet", "cabinet", (0.9, 1.5, 0.4)),
-    ("kitchen shelf/closet shelf/shower soap shelf/rack", "shelf", (0.7, 0.5, 0.25)),
-    ("shelf", "shelf", (0.9, 1.7, 0.3)),
-    ("iron board/ironing board", "table", (1.1, 0.85, 0.35)),
-    ("tv", "panel", (1.0, 0.6, 0.07)),
-    ("monitor/computer", "panel", (0.55, 0.4, 0.1)),
-    ("mirror", "panel", (0.6, 0.9, 0.04)),
-    ("picture/photo/calendar/board/electric box", "panel", (0.6, 0.5, 0.04)),
-    ("window/shower glass/shower cabin", "panel", (0.9, 1.2, 0.05)),
-    ("rug/carpet", "flat", (1.6, 0.016, 1.1)),
-    ("plant/flowerpot", "plant", (0.45, 0.9, 0.45)),
-    ("vase", "plant", (0.2, 0.4, 0.2)),
-    ("toilet", "toilet", (0.4, 0.75, 0.65)),
-    ("bathtub/tub/spa bench", "tub", (1.6, 0.55, 0.75)),
-    ("sink/washbasin", "tub", (0.55, 0.2, 0.42)),
-    ("towel/cloth/clothes/hanger/curtain", "cloth", (0.45, 0.7, 0.12)),
-    ("pillow/cushion", "box", (0.5, 0.2, 0.35)),
-    ("radiator/heater", "cabinet", (0.8, 0.6, 0.14)),
-    ("fireplace", "cabinet", (1.2, 1.1, 0.4)),
-    ("piano", "cabinet", (1.4, 1.05, 0.6)),
-    ("railing/balustrade/parapet/handrail", "box", (1.2, 0.9, 0.08)),
-    ("stair", "box", (0.9, 0.9, 1.2)),
-    ("bicycle/bike", "box", (1.2, 0.9, 0.35)),
-    ("book", "box", (0.26, 0.07, 0.2)),
-    ("microwave", "cabinet", (0.5, 0.3, 0.36)),
-)  # fmt: skip
-_DEFAULT: tuple[Family, Vec] = ("box", (0.4, 0.4, 0.4))
+from .appearance import tinted
+from .families import Vec, look_of
 
 
 class Part(NamedTuple):
@@ -93,34 +18,10 @@ class Part(NamedTuple):
     """An upright drum with the box's width as diameter, instead of the box."""
 
 
-def look_of(category: str) -> tuple[Family, Vec]:
-    """Family and typical (width, height, depth) of a category; unknown ones are a 0.4 m box."""
-    padded = f" {category.replace('-', ' ')} "
-    for names, family, size in _LOOKS:
-        if any(f" {name} " in padded or f" {name}s " in padded for name in names.split("/")):
-            return family, size
-    for names, family, size in _LOOKS:  # compounds: "flowerpots", "bathtubs", "plush toy"
-        if any(name in category for name in names.split("/")):
-            return family, size
-    return _DEFAULT
-
-
-def rgb_from_text(text: str) -> Rgb | None:
-    """The first colour word of a text as sRGB; None when it has none."""
-    words = "".join(letter if letter.isalpha() else " " for letter in text.lower()).split()
-    return next((COLOURS[word] for word in words if word in COLOURS), None)
-
-
-def tinted(rgb: Rgb, factor: float) -> Rgb:
-    """A lighter (> 1) or darker (< 1) colour."""
-    red, green, blue = (max(0, min(255, round(value * factor))) for value in rgb)
-    return (red, green, blue)
-
-
-def parts_of(category: str, size: Vec, rgb: Rgb) -> list[Part]:
-    """The solids of one piece; all lie inside its box of width, height, depth `size` (metres)."""
-    family, _ = look_of(category)
-    return _BUILDERS[family](category, size, rgb)
+def parts_of(piece: Furniture) -> list[Part]:
+    """The solids of one piece; all lie inside its box of width, height and depth (metres)."""
+    family, _ = look_of(piece.category)
+    return _BUILDERS[family](piece.category, piece.size, piece.finish.rgb)
 
 
 def _legs(size: Vec, height: float, side: float, rgb: Rgb) -> list[Part]:
