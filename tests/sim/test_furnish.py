@@ -5,14 +5,13 @@ import pytest
 
 from sim.frames import T_world_camera, forward_from_yaw
 from sim.scenes.arrange import GROUPS
+from sim.scenes.cells import CellGrid, CellRun
 from sim.scenes.cut import CUT_HEIGHT, cut_storey
 from sim.scenes.furnish import mesh_from_plan
 from sim.scenes.furniture.appearance import rgb_from_text
 from sim.scenes.furniture.families import look_of
 from sim.scenes.furniture.parts import parts_of
 from sim.scenes.plan import (
-    CellGrid,
-    CellRun,
     Finish,
     Furniture,
     HomePlan,
