@@ -63,9 +63,9 @@ def test_cells_survive_as_runs(cells: list[tuple[int, int, int, bool]]) -> None:
     ("text", "wanted"),
     [
         ("not json", "text that is not JSON"),
-        ('{"schema_version": 2}', "schema_version is 2"),
+        ('{"schema_version": 3}', "schema_version is 3"),
         (PLAN.model_dump_json().replace('"chair_1"', '"chair"'), "furniture.0.name is 'chair'"),
-        (PLAN.model_dump_json().replace("[200,30,30]", "[200,30,300]"), "furniture.0.rgb.2 is 300"),
+        (PLAN.model_dump_json().replace("[200,30,30]", "[200,30,300]"), "furniture.0.finish.rgb.2 is 300"),
         (PLAN.model_dump_json().replace('"kind":"schematic"', '"kind":"scan"'), "kind is 'scan'"),
         (
             PLAN.model_dump_json().replace('"storey":0', '"storey":7'),
