@@ -113,6 +113,7 @@ def _run_info(config: StudyConfig, status: TrialStatus, *, created_utc: str, app
             "actions": config.actions,
             "max_steps": config.max_steps,
             "query_index": config.query_index,
+            "clutter": config.scene(status.key.scene).clutter,
         },
         versions={"personal-viz": app_version},
         created_utc=created_utc,

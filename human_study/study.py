@@ -24,6 +24,8 @@ class StudyScene(BaseModel):
     model_config = _MODEL
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     kind: SceneKind
+    clutter: Literal[0, 1, 2] = 0
+    """How much furniture without a caption stands in it."""
 
 
 class StudyCamera(BaseModel):
@@ -93,9 +95,17 @@ class StudyConfig(BaseModel):
         Raises:
             StudyError: The study does not have the scene.
         """
+        return self.scene(scene).kind
+
+    def scene(self, scene: str) -> StudyScene:
+        """One of the study's scenes.
+
+        Raises:
+            StudyError: The study does not have the scene.
+        """
         for known in self.scenes:
             if known.name == scene:
-                return known.kind
+                return known
         names = ", ".join(known.name for known in self.scenes)
         raise StudyError(f"study {self.study}: scene is {scene!r}; expected one of: {names}. Make the plan again.")
 

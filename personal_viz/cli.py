@@ -18,6 +18,9 @@ Json = Annotated[bool, arg(help="Print one JSON document instead of tables.")]
 Scenes = Annotated[tuple[str, ...], arg(help="Scene names; all by default.")]
 Splits = Annotated[tuple[Split, ...], arg(help="Splits; all by default.")]
 Limit = Annotated[int | None, arg(help="At most this many episodes per split, in dataset order.")]
+Clutter = Annotated[
+    Literal[0, 1, 2], arg(help="How much furniture and small things without a caption stand in homes without a scan.")
+]
 RunId = Annotated[str | None, arg(help="Folder name below --out; made from the options by default.")]
 
 
@@ -56,9 +59,46 @@ class Invent:
     seed: int = 0
 
     def work(self) -> int:
-        from .commands.homes import invent
+        from .commands.invent import invent
 
         return invent(homes=self.homes, seed=self.seed, out=self.out)
+
+
+@dataclass
+class Homes:
+    """Report how well homes without a scan serve their episodes: paths, view points, what can be told apart."""
+
+    dataset: Dataset
+    scene: Scenes = ()
+    json: Json = False
+    out: Annotated[Path | None, arg(help="Folder for the homes' plans, to be corrected by hand.")] = None
+    jobs: Annotated[int, arg(help="Worker processes, one scene each.")] = 1
+    folds: Annotated[bool, arg(help="Recover each home from two splits alone as well (held-out figures).")] = True
+
+    def work(self) -> int:
+        from .commands.homes import homes
+
+        return homes(**vars(self))
+
+
+@dataclass
+class ContactSheet:
+    """Draw one picture of a home: plans, views of rooms, and one of each category of objects."""
+
+    scene: Positional[Annotated[str | None, arg(help="Scene name; left out with --invent.")]] = None
+    out: Annotated[Path, arg(help="A PNG file.")] = Path("runs/contact-sheet.png")
+    dataset: Annotated[Path | None, arg(help="Folder of the episodes.")] = None
+    scenes_dir: ScenesDir = None
+    invent: Annotated[int | None, arg(help="Seed of an invented home, instead of SCENE and --dataset.")] = None
+    clutter: Clutter = 0
+    crops: Annotated[
+        Path | None, arg(help="Folder for 256 x 256 crops without labels and their key, to let people name them.")
+    ] = None
+
+    def work(self) -> int:
+        from .commands.contact_sheet import contact_sheet
+
+        return contact_sheet(**vars(self))
 
 
 @dataclass
@@ -75,6 +115,7 @@ class Run:
     seed: int = 0
     jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
     run_id: RunId = None
+    clutter: Clutter = 0
 
     def work(self) -> int:
         from .commands.runs import run
@@ -187,6 +228,7 @@ class StudyServe:
     seed: int = 0
     actions: Literal["paper4", "paper6"] = "paper4"
     port: int = 8080
+    clutter: Clutter = 0
 
     def work(self) -> int:
         from .commands.study import serve
@@ -281,6 +323,8 @@ Verb = (
     | Annotated[Validate, subcommand("validate")]
     | Annotated[Stats, subcommand("stats")]
     | Annotated[Invent, subcommand("invent")]
+    | Annotated[Homes, subcommand("homes")]
+    | Annotated[ContactSheet, subcommand("contact-sheet")]
     | Annotated[Run, subcommand("run")]
     | Annotated[Ground, subcommand("ground")]
     | Annotated[Import, subcommand("import")]

@@ -63,7 +63,7 @@ def open_home(config: StudyConfig, dataset: PersonalDataset, scenes_dir: Path | 
             "Install them: apt-get install -y libgl1 libegl1 libx11-6 libusb-1.0-0 libudev1 libgomp1"
         ) from None
     name = config.scenes[0].name
-    scene = open_scene(dataset, name, scenes_dir=scenes_dir)
+    scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=config.scenes[0].clutter)
     return Home(
         scene=scene,
         renderer=readable(Raycaster(scene.mesh), scene),

@@ -4,6 +4,7 @@ import re
 
 from sim.errors import PersonalVizError
 from sim.tasks.run_files import RUN_ID
+from sim.types import SceneKind
 
 
 def check_options(*, run_id: str | None, limit: int | None = None, jobs: int = 1, seed: int = 0) -> None:
@@ -27,4 +28,20 @@ def check_options(*, run_id: str | None, limit: int | None = None, jobs: int = 1
         raise PersonalVizError(
             f"--run-id is {run_id!r}; expected 1 to 80 letters, digits, '.', '_' or '-', not starting with '.'. "
             "Give another, or leave it out; --out says in which folder."
+        )
+
+
+def require_no_scan(kind: SceneKind, *, clutter: int) -> None:
+    """Refuses clutter in scans, which have their own.
+
+    Args:
+        kind: Of the homes that are opened.
+        clutter: `--clutter`.
+
+    Raises:
+        PersonalVizError: Both are asked for.
+    """
+    if clutter and kind == "scan":
+        raise PersonalVizError(
+            f"--clutter is {clutter} beside --scenes-dir; expected 0 in scans. Leave one of the two out."
         )

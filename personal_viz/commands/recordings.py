@@ -1,14 +1,15 @@
 """Worker of `personal-viz replay`: run folders become one Rerun recording of one episode."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
+from typing import Literal, cast
 
 from recordings.replay import common_episode, log_comparison
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 from sim.scenes.labels import readable
 from sim.scenes.sources import open_scene
-from sim.tasks.run_files import read_run
+from sim.tasks.run_files import Run, read_run
 from sim.types import SPLITS, EpisodeKey, Split
 from sim.world.raycast import Raycaster
 
@@ -39,7 +40,7 @@ def replay(
     key = common_episode(read) if episode is None else key_from_text(episode)
     episodes = PersonalDataset(dataset)
     found = episodes.episode(key)
-    scene = open_scene(episodes, key.scene, scenes_dir=scenes_dir)
+    scene = open_scene(episodes, key.scene, scenes_dir=scenes_dir, clutter=_common_clutter(read))
     has_pictures = scene.kind != "scan" or with_pixels
     log_comparison(
         read,
@@ -55,6 +56,23 @@ def replay(
             "Geometry and pictures of the scan are left out; --with-pixels writes them, under the scan's terms of use."
         )
     return 0
+
+
+def _common_clutter(runs: Sequence[Run]) -> Literal[0, 1, 2]:
+    """The clutter level on which all runs were made; answers on oracle maps have none.
+
+    Raises:
+        RecordingError: They were made on several levels.
+    """
+    levels: dict[str, str] = {}
+    for run in runs:
+        if run.info.scene_kind != "oracle-map":
+            levels.setdefault(str(run.info.config.get("clutter", 0)), run.info.run_id)
+    if len(levels) > 1:
+        found = ", ".join(f"{level} ({run_id})" for level, run_id in sorted(levels.items()))
+        raise RecordingError(f"runs: found clutter levels {found}; expected one in a recording. Leave the others out.")
+    level = next(iter(levels), "0")
+    return 1 if level == "1" else 2 if level == "2" else 0
 
 
 def key_from_text(text: str) -> EpisodeKey:

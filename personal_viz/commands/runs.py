@@ -4,6 +4,7 @@ import json as json_module
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -20,7 +21,7 @@ from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
 from sim.types import SPLITS, EpisodeKey, Split, SuccessRule
 
-from .options import check_options
+from .options import check_options, require_no_scan
 
 MIN_TABLE_WIDTH = 150
 """Columns that the paper's table needs; narrower terminals wrap it, files and pipes do not."""
@@ -38,8 +39,12 @@ def run(
     seed: int,
     jobs: int,
     run_id: str | None,
+    clutter: Literal[0, 1, 2] = 0,
 ) -> int:
-    """Runs an agent over episodes into `out/<run_id>`; a second call goes on where the first stopped."""
+    """Runs an agent over episodes into `out/<run_id>`; a second call goes on where the first stopped.
+
+    Runs with clutter are a condition of their own: tables never pool them with runs without.
+    """
     if agent not in ("random", "shortest-path") and ":" not in agent:
         raise AgentError(
             f"--agent is {agent!r}; expected random, shortest-path, or your own as package.module:factory."
@@ -50,6 +55,7 @@ def run(
     if not chosen:
         raise PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
     kind = common_kind(episodes, {episode.key.scene for episode in chosen}, scenes_dir)
+    require_no_scan(kind, clutter=clutter)
     by_scene: dict[str, list[EpisodeKey]] = {}
     for episode in chosen:
         by_scene.setdefault(episode.key.scene, []).append(episode.key)
@@ -58,20 +64,22 @@ def run(
 
         for name in by_scene:
             find_scan(name, scenes_dir)
-    run_id = run_id or f"{agent.replace(':', '.')}-{kind}-seed{seed}"
+    level = f"-clutter{clutter}" if clutter else ""
+    run_id = run_id or f"{agent.replace(':', '.')}-{kind}{level}-seed{seed}"
     check_options(run_id=run_id)
     info = make_run_info(
         run_id,
         who=agent,
         who_kind="agent",
+        condition=f"clutter {clutter}" if clutter else "none",
         scene_kind=kind,
         dataset_digest=episodes.digest(),
         seed=seed,
-        config={"actions": "paper6"},
+        config={"actions": "paper6", "clutter": clutter},
     )
     writer = RunWriter(out / run_id, info)
     work = [
-        AgentJob(dataset, name, tuple(keys), scenes_dir=scenes_dir, agent=agent, seed=seed)
+        AgentJob(dataset, name, tuple(keys), scenes_dir=scenes_dir, agent=agent, seed=seed, clutter=clutter)
         for name, keys in sorted(by_scene.items())
     ]
     left = sum(episode.key not in writer.done for episode in chosen)

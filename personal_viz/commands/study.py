@@ -18,7 +18,7 @@ from human_study.plan import PLAN_FILE, StudyPlan, load_plan, make_plan, save_pl
 from human_study.store import StudyStore, open_store
 from human_study.study import StudyConfig, StudyScene, save_study
 from human_study.tickets import new_token, token_hash
-from personal_viz.commands.options import check_options
+from personal_viz.commands.options import check_options, require_no_scan
 from personal_viz.gateway import Gateway, Tickets
 from personal_viz.store_link import StoreService
 from sim.cache import cache_dir
@@ -69,6 +69,7 @@ def serve(
     seed: int,
     actions: Literal["paper4", "paper6"],
     port: int,
+    clutter: Literal[0, 1, 2] = 0,
 ) -> int:
     """Serves the study until Ctrl-C; a study folder that exists goes on where it was."""
     check_options(run_id=None, limit=limit, seed=seed)
@@ -78,10 +79,12 @@ def serve(
     listener = _listen(port)
     with contextlib.closing(listener):
         _require_writable(folder)
+        kind = scene_kind(episodes, scene, scenes_dir)
+        require_no_scan(kind, clutter=clutter)
         config = StudyConfig(
             study=f"{scene[:20]}-{seed}"[:32],
             dataset_digest=episodes.digest(),
-            scenes=(StudyScene(name=scene, kind=scene_kind(episodes, scene, scenes_dir)),),
+            scenes=(StudyScene(name=scene, kind=kind, clutter=clutter),),
             actions=actions,
             seed=seed,
         )
@@ -114,7 +117,8 @@ def verify(*, study: Path, dataset: Path, scenes_dir: Path | None) -> int:
     episodes = PersonalDataset(dataset)
     found: dict[str, int] = {}
     with read_study(study) as reader:
-        scene = open_scene(episodes, reader.config.scenes[0].name, scenes_dir=scenes_dir)
+        home = reader.config.scenes[0]
+        scene = open_scene(episodes, home.name, scenes_dir=scenes_dir, clutter=home.clutter)
         storeys = scene_storeys(episodes.goals(scene.name).values())
         for status in (status for code in reader.codes() for status in reader.trials(code)):
             if status.outcome is None or status.trial_id is None:

@@ -1,15 +1,18 @@
-"""Words for invented homes: what an object is called, ownership sentences, scene descriptions, queries."""
+"""Words for invented homes: what an object is called, ownership sentences, queries."""
 
 import re
-from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from sim.scenes.plan import Furniture, HomePlan
+from sim.scenes.looks import with_article
+from sim.scenes.plan import Furniture, HomePlan, Rect
 
-_NEAR = 2.0
-"""A neighbour this close (planar metres) is worth a mention."""
+_NEXT_TO, _NEAR = 0.35, 1.2
+"""Gaps between two pieces that a caption calls "next to" and "near" (planar metres)."""
+_NEAR_WINDOW = 0.7
+_ABOVE = 0.6
+"""What begins this high above the floor and stands on nothing hangs at a wall (metres)."""
+_TOUCH = 0.03
 _QUERIES = (
     "Find {}", "Where is {}?", "Locate {}", "Retrieve {} position", "Identify the position of {}",
     "Give me the coordinates of {}",
@@ -17,39 +20,29 @@ _QUERIES = (
 """The six sentences of the release (DATA_FORMAT.md, section 3)."""
 
 
-class OwnedItem(NamedTuple):
-    """An object with the names of the people it belongs to."""
-
-    phrase: str
-    """Without article: "green velvet armchair near the oak bookshelf"."""
-    room: str
-    owners: tuple[str, ...]
-
-
-def with_article(phrase: str) -> str:
-    """ "a green armchair", "an oak desk"."""
-    return f"{'an' if phrase[0] in 'aeiou' else 'a'} {phrase}"
-
-
 def caption_of(piece: Furniture, plan: HomePlan) -> str:
-    """What a person would call the piece: colour, material, category, and what it stands on or near; no article."""
-    own = piece.caption or piece.category
+    """What a person would call the piece: size, colour, pattern, material, category, and where it is; no article.
+
+    All that it says holds in the plan. It never contains " in ", behind which ownership sentences name the room.
+    """
     others = [other for other in plan.furniture if other.room == piece.room and other.category != piece.category]
-    below = next((other for other in others if _stands_on(piece, other)), None)
-    if below is not None:
-        return f"{own} on the {below.caption or below.category}"
-    near = [
-        (_planar(piece, other), other.name, other) for other in others if abs(other.centre[1] - piece.centre[1]) < 2
-    ]
-    if near and min(near)[0] <= _NEAR:
-        neighbour = min(near)[2]
-        return f"{own} next to the {neighbour.caption or neighbour.category}"
-    return f"{own} against the wall" if _near_edge(piece, plan) else f"{own} with space around it"
+    places = [text for text in (_carried(piece, others), _hung(piece, others, plan)) if text][:1]
+    used = " ".join(places)
+    for text in (*_beside(piece, others), _at_window(piece, plan)):
+        if text and len(places) < 2 and text.split(" the ", 1)[1] not in used:
+            places.append(text)
+            used = " ".join(places)
+    if not places:
+        places = ["located against the wall" if _is_at_wall(piece, plan) else "located with space all around it"]
+    if len(places) == 2 and all(place.startswith("near ") for place in places):
+        places[1] = places[1].removeprefix("near ")
+    return f"{piece.caption or piece.category} {' and '.join(places)}"
 
 
 def are_mixed_up(first: str, second: str) -> bool:
-    """Whether one category's word is part of the other's ("chair" of "desk chair"), so that a query could mean both."""
-    return any(re.search(rf"\b{re.escape(a)}s?\b", b) is not None for a, b in ((first, second), (second, first)))
+    """Whether a query for one category could mean the other: "chair" of "desk chair", "armchair"."""
+    short, long = sorted((first, second), key=len)
+    return re.search(rf"\b{re.escape(short)}s?\b", long) is not None or long.endswith(short)
 
 
 def ownership_sentence(owner: str, phrase: str, room: str) -> str:
@@ -57,82 +50,92 @@ def ownership_sentence(owner: str, phrase: str, room: str) -> str:
     return f"{owner} owns {with_article(phrase)} in the {room}"
 
 
-def queries_for(owner: str, category: str) -> tuple[str, ...]:
-    """The six equivalent questions for one object."""
-    return tuple(query.format(f"{owner}'s {category}") for query in _QUERIES)
+def queries_for(owner: str, category: str, *, one_of: bool = False) -> tuple[str, ...]:
+    """The six equivalent questions for one object, or for one of several of a category."""
+    asked = f"one of {owner}'s {category}s" if one_of else f"{owner}'s {category}"
+    return tuple(query.format(asked) for query in _QUERIES)
 
 
-def write_description(items: Sequence[OwnedItem], *, floor: str, rng: np.random.Generator) -> str:
-    """A paragraph that says, with varied syntax, on which floor and in which room everything is and whose it is."""
-    order = [items[k] for k in rng.permutation(len(items))]
-    if rng.random() < 0.5:
-        sentences = _by_person(order, rng)
-    else:
-        rooms = list(dict.fromkeys(item.room for item in order))
-        sentences = [s for room in rooms for s in _of_room(room, [i for i in order if i.room == room], rng)]
-    openings = (
-        f"We are on the {floor} of the home.", f"This is about the {floor}.", f"Everything here is on the {floor}.",
-        f"Walking through the {floor}, one meets the things of several people.",
-    )  # fmt: skip
-    return " ".join([str(rng.choice(openings)), *sentences])
+def _called(piece: Furniture) -> str:
+    return f"the {piece.caption or piece.category}"
 
 
-def _planar(a: Furniture, b: Furniture) -> float:
-    return float(np.hypot(a.centre[0] - b.centre[0], a.centre[2] - b.centre[2]))
+def _carried(piece: Furniture, others: list[Furniture]) -> str:
+    """ "on the oak desk"; or, of rugs, what stands on them."""
+    bottom = piece.centre[1] - piece.size[1] / 2
+    for other in others:
+        low, high = other.centre[1] - other.size[1] / 2, other.centre[1] + other.size[1] / 2
+        is_inside = other.rect.holds(piece.centre[0], piece.centre[2])
+        if is_inside and other.size[1] > 0.1 and low + 0.1 < bottom <= high + _TOUCH:
+            return f"on {_called(other)}"
+    if piece.size[1] > 0.1:
+        return ""
+    above = [o for o in others if o.size[1] > 0.1 and piece.rect.holds_rect(o.rect) and _stands_by(o, piece)]
+    return f"located under {_called(min(above, key=lambda o: o.name))}" if above else ""
 
 
-def _stands_on(piece: Furniture, other: Furniture) -> bool:
-    gap = (piece.centre[1] - piece.size[1] / 2) - (other.centre[1] + other.size[1] / 2)
-    return abs(gap) < 0.03 and other.rect.holds(piece.centre[0], piece.centre[2])
+def _hung(piece: Furniture, others: list[Furniture], plan: HomePlan) -> str:
+    """ "located above the red couch" of what hangs at a wall."""
+    bottom = piece.centre[1] - piece.size[1] / 2
+    if bottom < _floor_y(piece, plan) + _ABOVE:
+        return ""
+    below = [
+        other
+        for other in others
+        if other.centre[1] + other.size[1] / 2 <= bottom
+        and other.size[1] > 0.1
+        and _gap(piece.rect, other.rect) < 0.15
+        and other.rect.grown(0.3).holds(piece.centre[0], piece.centre[2])
+    ]
+    return f"located above {_called(min(below, key=lambda o: (-o.size[1], o.name)))}" if below else ""
 
 
-def _near_edge(piece: Furniture, plan: HomePlan) -> bool:
+def _beside(piece: Furniture, others: list[Furniture]) -> list[str]:
+    """ "next to the oak bookshelf", "near ...", nearest first; pieces of much the same height only."""
+    found = []
+    for other in others:
+        overlap_y = (piece.size[1] + other.size[1]) / 2 - abs(piece.centre[1] - other.centre[1])
+        gap = _gap(piece.rect, other.rect)
+        if 0 < gap <= _NEAR and overlap_y > -0.3 and other.size[1] > 0.1:
+            found.append((gap, other.name, f"{'next to' if gap <= _NEXT_TO else 'near'} {_called(other)}"))
+    return [text for _, _, text in sorted(found)]
+
+
+def _at_window(piece: Furniture, plan: HomePlan) -> str:
+    storey = next(room.storey for room in plan.rooms if room.name == piece.room)
+    room = next(room for room in plan.rooms if room.name == piece.room)
+    for wall in plan.walls:
+        for opening in wall.openings:
+            if wall.storey != storey or opening.kind != "window" or room.rect is None:
+                continue
+            share = opening.offset / wall.length
+            x = wall.start[0] + (wall.end[0] - wall.start[0]) * share
+            z = wall.start[1] + (wall.end[1] - wall.start[1]) * share
+            is_along_x = wall.start[1] == wall.end[1]
+            half = opening.width / 2
+            pane = Rect(x - half, z, x + half, z) if is_along_x else Rect(x, z - half, x, z + half)
+            if room.rect.grown(0.01).holds(x, z) and _gap(piece.rect, pane) <= _NEAR_WINDOW:
+                return "near the window"
+    return ""
+
+
+def _stands_by(other: Furniture, rug: Furniture) -> bool:
+    """Whether a piece stands on the floor that the rug lies on."""
+    return abs((other.centre[1] - other.size[1] / 2) - (rug.centre[1] - rug.size[1] / 2)) < 0.05
+
+
+def _floor_y(piece: Furniture, plan: HomePlan) -> float:
+    storey = next(room.storey for room in plan.rooms if room.name == piece.room)
+    return plan.storeys[storey].floor_y
+
+
+def _gap(first: Rect, second: Rect) -> float:
+    """Planar metres between two rectangles, 0 where they meet."""
+    dx = max(first.x0 - second.x1, second.x0 - first.x1, 0.0)
+    dz = max(first.z0 - second.z1, second.z0 - first.z1, 0.0)
+    return float(np.hypot(dx, dz))
+
+
+def _is_at_wall(piece: Furniture, plan: HomePlan) -> bool:
     rects = [room.rect for room in plan.rooms if room.name == piece.room and room.rect is not None]
     return any(not rect.grown(-0.3).holds_rect(piece.rect) for rect in rects)
-
-
-def _joined(parts: Sequence[str]) -> str:
-    """ "a", "a and b", "a, b and c"."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
-
-
-def _by_person(items: Sequence[OwnedItem], rng: np.random.Generator) -> list[str]:
-    """One sentence per group of owners, with all that is theirs."""
-    found = []
-    for owners in dict.fromkeys(item.owners for item in items):
-        things = _joined([f"the {item.phrase} in the {item.room}" for item in items if item.owners == owners])
-        people, verb = _joined(owners), "owns" if len(owners) == 1 else "own"
-        several = sum(item.owners == owners for item in items) > 1
-        found.append(
-            str(
-                rng.choice(
-                    [
-                        f"{people} {verb} {things}.",
-                        f"To {people} {'belong' if several else 'belongs'} {things}.",
-                        f"Ask {people} before you use {things}: {'they are' if several else 'it is'} theirs alone.",
-                    ]
-                )
-            )
-        )
-    return found
-
-
-def _of_room(room: str, items: Sequence[OwnedItem], rng: np.random.Generator) -> list[str]:
-    """Sentences about one room's objects."""
-    found = []
-    for k, item in enumerate(items):
-        people, verb = _joined(item.owners), "owns" if len(item.owners) == 1 else "own"
-        place = f"the {room}" if k == 0 else str(rng.choice([f"the {room}", "the same room"]))
-        found.append(
-            str(
-                rng.choice(
-                    [
-                        f"In {place}, the {item.phrase} belongs to {people}.",
-                        f"There is {with_article(item.phrase)} in {place}, which {people} {verb}.",
-                        f"{people} {verb} the {item.phrase}, which one finds in {place}.",
-                        f"Whoever looks around {place} sees {with_article(item.phrase)}; it is owned by {people}.",
-                    ]
-                )
-            )
-        )
-    return found

@@ -12,11 +12,21 @@ from sim.types import Split
 NAMES = (
     "Ada", "Bruno", "Carmen", "Dmitri", "Elif", "Farid", "Greta", "Hiro", "Ingrid", "Jonas", "Kofi", "Leila", "Mateo",
     "Nadia", "Oskar", "Priya", "Quentin", "Rosalind", "Sven", "Tamara", "Umar", "Viola", "Wanda", "Xenia", "Yusuf",
-    "Zelda", "Anselm", "Beatriz", "Cosima", "Emeka",
+    "Zelda", "Anselm", "Beatriz", "Cosima", "Emeka", "Fiona", "Gustav", "Hanako", "Idris", "Jelena", "Kamal", "Lorenzo",
+    "Mirela", "Nils", "Olga", "Pavel", "Ravi", "Sofia", "Thiago", "Ulrike", "Valentin", "Winston", "Yara", "Zoltan",
+    "Amara", "Benedikt", "Chiara", "Diego", "Estelle", "Florian", "Gwen", "Haruto", "Imani", "Jakub", "Katarina",
+    "Lucas", "Malik", "Noemi", "Omar", "Petra", "Rafael", "Selma", "Tobias", "Ursula", "Vikram", "Wilhelm", "Yasmin",
+    "Zainab", "Alba", "Bjorn", "Camille", "Dagny", "Ezra", "Freya", "Giulia", "Henrik", "Ismail", "Joaquin", "Keiko",
+    "Ludmila", "Marisol", "Nkechi", "Orla", "Pascal", "Rashid", "Svetlana", "Teodora", "Usha", "Veronika", "Wojtek",
+    "Yannick", "Zora",
 )  # fmt: skip
 """No name begins another one, and none is a word of the templates."""
 MAX_OBJECTS_PER_PERSON = 3
-_TRIES = 300
+_TRIES = 400
+_GREED = 0.75
+"""Chance of each object that a person has beyond the first, in hard."""
+_SHARING = 2.0
+"""Concentration of the weights by which people choose objects in hard (upstream draws 1.5 to 4)."""
 
 
 class Edge(NamedTuple):
@@ -34,9 +44,10 @@ class _Range(NamedTuple):
 
 _SIZES: dict[Split, _Range] = {
     "easy": _Range((3, 5), (3, 5)),
-    "medium": _Range((2, 4), (4, 7)),
-    "hard": _Range((4, 6), (5, 8)),
+    "medium": _Range((2, 5), (4, 7)),
+    "hard": _Range((4, 8), (5, 9)),
 }
+"""About those of the release (DATA_FORMAT.md, section 10)."""
 
 
 def draw_ownership(split: Split, conflicts: NDArray[np.bool_], *, rng: np.random.Generator) -> list[Edge]:
@@ -58,9 +69,9 @@ def draw_ownership(split: Split, conflicts: NDArray[np.bool_], *, rng: np.random
     for _ in range(_TRIES if most >= sizes.items[0] else 0):
         num_items = int(rng.integers(sizes.items[0], min(sizes.items[1], most) + 1))
         num_people = num_items if split == "easy" else int(rng.integers(sizes.people[0], sizes.people[1] + 1))
-        edges = _drawn(split, num_people, num_items, rng)
-        if broken_rule(split, edges) is None and not _has_conflict(edges, conflicts):
-            return edges
+        drawn = _drawn_hard(num_people, num_items, rng) if split == "hard" else _drawn(num_people, num_items, rng)
+        if drawn is not None and broken_rule(split, drawn) is None and not _has_conflict(drawn, conflicts):
+            return drawn
     raise DatasetError(
         f"ownership graph: found no graph for split {split!r} over {most} objects in {_TRIES} tries; expected at least "
         f"{sizes.items[0]} objects of different categories on one storey. Take another --seed."
@@ -85,16 +96,28 @@ def broken_rule(split: Split, edges: list[Edge]) -> str | None:
     return None
 
 
-def _drawn(split: Split, num_people: int, num_items: int, rng: np.random.Generator) -> list[Edge]:
-    """Every object gets an owner, everybody an object; in hard some objects get more owners."""
-    owners = np.concatenate([np.arange(num_people), rng.integers(num_people, size=max(0, num_items - num_people))])
-    owners = rng.permutation(owners)[: max(num_items, num_people)]
-    items = np.arange(len(owners)) % num_items
-    edges = {Edge(int(person), int(item)) for person, item in zip(owners, items, strict=True)}
-    if split == "hard":
-        for _ in range(int(rng.integers(2, 6))):
-            edges.add(Edge(int(rng.integers(num_people)), int(rng.integers(num_items))))
-    return sorted(edges)
+def _drawn(num_people: int, num_items: int, rng: np.random.Generator) -> list[Edge] | None:
+    """Every object has one owner, everybody an object; None where there are more people than objects."""
+    if num_people > num_items:
+        return None
+    owners = np.concatenate([np.arange(num_people), rng.integers(num_people, size=num_items - num_people)])
+    return sorted(Edge(int(person), item) for item, person in enumerate(rng.permutation(owners)))
+
+
+def _drawn_hard(num_people: int, num_items: int, rng: np.random.Generator) -> list[Edge] | None:
+    """Everybody owns up to three objects, some of which many people like; None where objects would be left over."""
+    counts = np.minimum(1 + rng.binomial(MAX_OBJECTS_PER_PERSON - 1, _GREED, size=num_people), num_items)
+    if counts.sum() < num_items:
+        return None
+    weights = rng.dirichlet(np.full(num_items, _SHARING))
+    slots = rng.permutation(np.repeat(np.arange(num_people), counts))
+    owned: dict[int, set[int]] = {person: set() for person in range(num_people)}
+    for item, person in enumerate(slots[:num_items].tolist()):  # every object gets one owner first
+        owned[person].add(item)
+    for person in slots[num_items:].tolist():
+        left = np.array([0.0 if item in owned[person] else weights[item] for item in range(num_items)])
+        owned[person].add(int(rng.choice(num_items, p=left / left.sum())))
+    return sorted(Edge(person, item) for person, items in owned.items() for item in items)
 
 
 def _has_conflict(edges: list[Edge], conflicts: NDArray[np.bool_]) -> bool:

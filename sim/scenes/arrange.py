@@ -6,314 +6,308 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .furniture.appearance import COLOURS
+from .free_space import FRONT, Body, FreeSpace, Pane, bounds
 from .furniture.families import look_of
-from .plan import Finish, Furniture, Material, Opening, Rect, Room, Wall
+from .looks import Look, described, looks_of
+from .plan import Furniture, Rect, Room
+from .recipes import BY_WINDOWS, DISTANCES, FLAT, GROUPS, INSTEAD, RECIPES, SEATS, SIZED, SIZES, SMALL, Member, Small
 
-GAP = 0.65
-"""Least distance between pieces that stand free of each other (metres); the robot needs 0.36."""
-FRONT = 0.75
-"""Free depth in front of a piece."""
-_TRIES = 80
-_HALF_WALL = 0.06
-_TALL = 1.0
+_TRIES, _NEEDED_TRIES = 120, 500
+"""Places tried for a group; for those that every such room has."""
+_SMALL_TRIES = 20
+_AT_WALL = (0.005, 0.005)
+_SIDE_GAP = 0.02
+"""Between pieces of a group that stand side by side at the wall (metres)."""
+_HANG_GAP = 0.04
+"""Between what hangs at the wall and the pieces of its group below (metres)."""
+_YAWS = (0.0, math.pi, math.pi / 2, -math.pi / 2)
+"""Front of a piece whose back is at the wall at -z, +z, -x, +x."""
 
 
-class Member(NamedTuple):
-    """One piece of a group, in the group's frame: x along the wall, z from the wall into the room (metres)."""
+class UsedLooks:
+    """The looks that a home has given away: no two pieces of a category look alike."""
+
+    def __init__(self) -> None:
+        """Nothing is used yet."""
+        self._words: set[tuple[str, str]] = set()
+        self._colours: set[tuple[str, str]] = set()
+
+    def draw(self, category: str, rng: np.random.Generator) -> Look | None:
+        """A look that no piece of the category has, in a new colour where there is one; None when all are used."""
+        free = [look for look in looks_of(category) if (category, look.words) not in self._words]
+        fresh = [look for look in free if (category, look.colour) not in self._colours] or free
+        if not fresh:
+            return None
+        look = fresh[int(rng.integers(len(fresh)))]
+        self._words.add((category, look.words))
+        self._colours.add((category, look.colour))
+        return look
+
+
+class _Piece(NamedTuple):
+    """A piece before it is written into the plan."""
 
     category: str
-    x: float = 0.0
-    z: float | None = None
-    """Middle of the piece; None = its back against the wall."""
-    turned: bool = False
-    """Looks at the wall instead of into the room."""
-    on: int | None = None
-    """Index of the member that it stands on."""
-    hangs_at: float | None = None
-    """Height of its middle when it hangs on the wall."""
+    size: tuple[float, float, float]
+    x: float
+    y: float
+    z: float
+    """Centre; y above the room's floor."""
+    yaw: float
+
+    @property
+    def body(self) -> Body:
+        is_turned = round(abs(math.sin(self.yaw))) == 1
+        w, d = (self.size[2], self.size[0]) if is_turned else (self.size[0], self.size[2])
+        rect = Rect(self.x - w / 2, self.z - d / 2, self.x + w / 2, self.z + d / 2)
+        return Body(rect, self.y - self.size[1] / 2, self.y + self.size[1] / 2)
 
 
-GROUPS: dict[str, tuple[Member, ...]] = {
-    "sofa set": (
-        Member("couch"), Member("rug", z=1.55), Member("coffee table", z=1.55), Member("vase", x=0.2, on=2),
-    ),
-    "tv set": (Member("tv stand"), Member("tv", on=0)),
-    "armchair": (Member("armchair"),),
-    "bookshelf": (Member("bookshelf"),),
-    "lamp": (Member("lamp"),),
-    "plant": (Member("plant"),),
-    "bench": (Member("bench"),),
-    "dresser": (Member("dresser"), Member("vase", x=0.25, on=0)),
-    "wardrobe": (Member("wardrobe"),),
-    "bed set": (
-        Member("bed"), Member("nightstand", x=-1.05), Member("nightstand", x=1.05), Member("table lamp", on=1),
-    ),
-    "guest bed": (Member("bed"), Member("nightstand", x=1.05), Member("table lamp", on=1)),
-    "desk set": (Member("desk"), Member("desk chair", z=0.95, turned=True), Member("table lamp", x=-0.4, on=0)),
-    "computer desk": (Member("desk"), Member("desk chair", z=0.95, turned=True), Member("monitor", on=0)),
-    "kitchen row": (Member("kitchen lower cabinet", x=-0.72), Member("stove"), Member("kitchen lower cabinet", x=0.72)),
-    "refrigerator": (Member("refrigerator"),),
-    "dining set": (
-        Member("dining table", z=1.1), Member("chair", x=-0.4, z=0.35), Member("chair", x=0.4, z=1.85, turned=True),
-        Member("chair", x=-0.4, z=1.85, turned=True), Member("vase", on=0),
-    ),
-    "breakfast table": (Member("table", z=0.33), Member("chair", z=0.95, turned=True)),
-    "bathtub": (Member("bathtub"),),
-    "toilet": (Member("toilet"),),
-    "wash place": (Member("bathroom cabinet"), Member("mirror", hangs_at=1.35)),
-    "washing machine": (Member("washing machine"),),
-    "picture": (Member("picture", hangs_at=1.45),),
-    "rug": (Member("rug", z=1.4),),
-}  # fmt: skip
-CENTRED = {"dining set"}
-"""Groups that stand free in the room."""
-RECIPES: dict[str, tuple[tuple[str, float], ...]] = {
-    "entrance hall": (("bench", 0.7), ("picture", 1.0), ("plant", 0.6)),
-    "upper hall": (("plant", 0.7), ("picture", 1.0)),
-    "kitchen": (("kitchen row", 1.0), ("refrigerator", 1.0), ("breakfast table", 0.7)),
-    "dining room": (("dining set", 1.0), ("picture", 0.7)),
-    "living room": (
-        ("sofa set", 1.0), ("tv set", 1.0), ("armchair", 1.0), ("armchair", 0.7), ("lamp", 0.7), ("picture", 1.0),
-        ("bookshelf", 0.5),
-    ),
-    "study": (("desk set", 1.0), ("bookshelf", 1.0), ("armchair", 0.5)),
-    "office": (("computer desk", 1.0), ("bookshelf", 0.7), ("picture", 0.7)),
-    "playroom": (("armchair", 1.0), ("breakfast table", 1.0), ("rug", 1.0), ("picture", 0.6)),
-    "main bedroom": (("bed set", 1.0), ("wardrobe", 1.0), ("picture", 0.7), ("armchair", 0.4)),
-    "guest bedroom": (("guest bed", 1.0), ("dresser", 0.8), ("wardrobe", 0.5), ("picture", 0.5)),
-    "bathroom": (("bathtub", 1.0), ("toilet", 1.0), ("wash place", 1.0), ("washing machine", 0.6)),
-}  # fmt: skip
-"""(group, chance) of each kind of room."""
-
-
-class Look(NamedTuple):
-    """What a piece looks like, in words and as a finish."""
-
-    words: str
-    finish: Finish
-
-
-_MATERIALS: dict[str, Material] = {
-    "fabric": "fabric", "velvet": "fabric", "wooden": "wood", "enamel": "metal", "ceramic": "ceramic",
-    "painted": "picture", "framed": "picture", "woven": "carpet", "paper": "paper",
-}  # fmt: skip
-
-
-def _finishes(colours: Sequence[str], words: Sequence[str]) -> tuple[Look, ...]:
-    return tuple(
-        Look(f"{c} {word}", Finish(material=_MATERIALS[word], rgb=COLOURS[c])) for word in words for c in colours
-    )
-
-
-_FABRIC = _finishes(("green", "red", "blue", "grey", "yellow", "purple", "teal", "beige"), ("fabric", "velvet"))
-_WOODS = (
-    *(Look(wood, Finish(material="wood", rgb=COLOURS[wood])) for wood in ("oak", "walnut")),
-    *_finishes(("white", "black", "blue", "red", "green", "yellow", "grey"), ("wooden",)),
-)
-_ENAMEL = _finishes(("white", "silver", "red", "black", "cream"), ("enamel",))
-_GLAZED = _finishes(("blue", "red", "white", "turquoise", "orange", "black"), ("ceramic",))
-_PAINTED = _finishes(("blue", "red", "green", "orange", "purple", "yellow", "grey"), ("painted", "framed"))
-_BY_FAMILY: dict[str, tuple[Look, ...]] = {
-    "sofa": _FABRIC, "bed": _FABRIC, "flat": _finishes(("red", "blue", "green", "beige", "purple", "grey"), ("woven",)),
-    "lamp": _finishes(("yellow", "white", "red", "green", "orange", "blue"), ("paper",)), "plant": _GLAZED,
-    "toilet": _ENAMEL, "tub": _ENAMEL, "panel": _PAINTED,
-}  # fmt: skip
-_APPLIANCES = ("refrigerator", "stove", "washing machine")
+class _Sized(NamedTuple):
+    word: str
+    """"small", "large" or ""."""
+    size: tuple[float, float, float]
 
 
 def furnish_room(
-    room: Room,
-    floor_y: float,
-    *,
-    walls: Sequence[Wall],
-    blocked: Sequence[Rect],
-    taken: Sequence[Furniture],
-    rng: np.random.Generator,
+    room: Room, floor_y: float, *, space: FreeSpace, used: UsedLooks, rng: np.random.Generator
 ) -> list[Furniture]:
     """Pieces for a room by its kind (name); groups that find no place are left out.
+
+    The pieces are named `<category>_0`; who puts the home together numbers them.
 
     Args:
         room: A room with a rectangle.
         floor_y: Height of its floor, metres.
-        walls: Walls of its storey, for doors and windows.
-        blocked: Where nothing may stand (stairs and their ends).
-        taken: Pieces of the home so far: names go on counting, and no finish repeats within a category.
+        space: The room, empty; is filled.
+        used: Looks of the home so far; grows.
         rng: Draws kinds, finishes and places.
     """
-    assert room.rect is not None
-    inner = room.rect.grown(-_HALF_WALL)
-    doors = [_door_zone(wall, opening) for wall in walls for opening in wall.openings if opening.kind == "door"]
-    panes = [_pane_zone(wall, opening) for wall in walls for opening in wall.openings if opening.kind == "window"]
-    space = _Space(inner, [*blocked, *doors], [*panes, *doors], [], [])
-    pieces: list[Furniture] = []
+    found: list[Furniture] = []
+    placed: list[_Piece] = []
     for group, chance in RECIPES[room.name]:
-        if rng.random() < chance:
-            pieces += _placed_group(group, room, floor_y, space, [*taken, *pieces], rng)
-    return pieces
-
-
-class _Space(NamedTuple):
-    """What is where in the room while it is being furnished."""
-
-    inner: Rect
-    keep_free: list[Rect]
-    """Doors, stairs."""
-    holes: list[Rect]
-    """Windows and doors, where nothing tall or hanging may be."""
-    bodies: list[Rect]
-    fronts: list[Rect]
-
-
-def _door_zone(wall: Wall, opening: Opening) -> Rect:
-    """The way through a door, 1.1 m deep on both sides."""
-    return _zone(wall, opening, depth=1.1, margin=0.15)
-
-
-def _pane_zone(wall: Wall, opening: Opening) -> Rect:
-    return _zone(wall, opening, depth=0.3, margin=0.1)
-
-
-def _zone(wall: Wall, opening: Opening, *, depth: float, margin: float) -> Rect:
-    share = opening.offset / wall.length
-    x = wall.start[0] + (wall.end[0] - wall.start[0]) * share
-    z = wall.start[1] + (wall.end[1] - wall.start[1]) * share
-    half = opening.width / 2 + margin
-    along_x = wall.start[1] == wall.end[1]
-    return Rect(x - half, z - depth, x + half, z + depth) if along_x else Rect(x - depth, z - half, x + depth, z + half)
-
-
-def _placed_group(
-    group: str, room: Room, floor_y: float, space: _Space, taken: list[Furniture], rng: np.random.Generator
-) -> list[Furniture]:
-    """The group's pieces at a free place, which is then taken; nothing after _TRIES tries."""
-    members = GROUPS[group]
-    sizes = [_drawn_size(member, rng) for member in members]
-    finishes = _drawn_finishes(members, taken, rng)
-    for _ in range(_TRIES):
-        pieces = _at_a_wall(group, members, sizes, finishes, room, floor_y, space, taken, rng)
-        if _fits(group, pieces, space):
-            return pieces
-    return []
-
-
-def _drawn_size(member: Member, rng: np.random.Generator) -> tuple[float, float, float]:
-    width, height, depth = look_of(member.category)[1]
-    factor = float(rng.uniform(0.94, 1.0))
-    return (round(width * factor, 3), height, round(depth * factor, 3))
-
-
-def _drawn_finishes(members: Sequence[Member], taken: list[Furniture], rng: np.random.Generator) -> list[Look]:
-    """One finish per member; none twice within a category of the home while there are others."""
-    used = {(piece.category, piece.caption) for piece in taken}
-    found: list[Look] = []
-    for member in members:
-        family = look_of(member.category)[0]
-        choices = _ENAMEL if member.category in _APPLIANCES else _BY_FAMILY.get(family, _WOODS)
-        free = [choice for choice in choices if (member.category, _caption(choice, member.category)) not in used]
-        finish = (free or choices)[int(rng.integers(len(free or choices)))]
-        used.add((member.category, _caption(finish, member.category)))
-        found.append(finish)
+        if rng.random() >= chance:
+            continue
+        pieces, words = _placed_or_instead(group, space, tries=_NEEDED_TRIES if chance == 1 else _TRIES, rng=rng)
+        if pieces is not None:
+            placed += pieces
+            found += _finished(pieces, words, room, floor_y, used, rng)
+    for small in SMALL.get(room.name, ()):
+        if rng.random() < small.chance:
+            sized_one = _drawn_size(small.category, (1.0, 1.0, 1.0), rng)
+            piece = _placed_small(small, sized_one.size, placed, rng)
+            if piece is not None:
+                placed.append(piece)
+                found += _finished([piece], [sized_one.word], room, floor_y, used, rng)
     return found
 
 
-def _caption(finish: Look, category: str) -> str:
-    if category == "plant":
-        return f"plant with a {finish.words} pot"
-    return f"{finish.words} {category}"
+def _finished(
+    pieces: Sequence[_Piece],
+    words: Sequence[str],
+    room: Room,
+    floor_y: float,
+    used: UsedLooks,
+    rng: np.random.Generator,
+) -> list[Furniture]:
+    """The pieces with looks of their own; pieces of which every look is used are left out."""
+    found: list[Furniture] = []
+    for piece, word in zip(pieces, words, strict=True):
+        look = used.draw(piece.category, rng)
+        if look is not None:
+            found.append(
+                Furniture(
+                    name=f"{piece.category}_0",
+                    category=piece.category,
+                    centre=(round(piece.x, 4), round(floor_y + piece.y, 4), round(piece.z, 4)),
+                    size=piece.size,
+                    yaw=piece.yaw,
+                    finish=look.finish,
+                    caption=described(piece.category, look.words, word),
+                    room=room.name,
+                )
+            )
+    return found
+
+
+def _drawn_size(category: str, scale: tuple[float, float, float], rng: np.random.Generator) -> _Sized:
+    """Usual size times the group's scale; categories of SIZED are small or large now and then."""
+    usual = SIZES.get(category) or look_of(category)[1]
+    word, factor = "", float(rng.uniform(0.94, 1.0))
+    if category in SIZED:
+        word, factor = (("small", 0.72), ("", 1.0), ("", 1.0), ("large", 1.32))[int(rng.integers(4))]
+    grows_up = category in SIZED and category != "rug"
+    w, h, d = (usual[k] * scale[k] for k in range(3))
+    return _Sized(word, (round(w * factor, 3), round(h * (factor if grows_up else 1.0), 3), round(d * factor, 3)))
+
+
+def _placed_or_instead(
+    group: str, space: FreeSpace, *, tries: int, rng: np.random.Generator
+) -> tuple[list[_Piece] | None, list[str]]:
+    """A group, or the smaller one that stands in for it, with the words for its sizes; None where neither fits."""
+    choice: str | None = group
+    while choice is not None:
+        sized = [_drawn_size(member.category, member.scale, rng) for member in GROUPS[choice]]
+        pieces = _placed_group(choice, [item.size for item in sized], space, tries=tries, rng=rng)
+        if pieces is not None:
+            return pieces, [item.word for item in sized]
+        choice = INSTEAD.get(choice)
+    return None, []
+
+
+def _placed_group(
+    group: str, sizes: Sequence[tuple[float, float, float]], space: FreeSpace, *, tries: int, rng: np.random.Generator
+) -> list[_Piece] | None:
+    """The group's pieces at a free place, which is then taken; None after so many tries."""
+    members = GROUPS[group]
+    if group in BY_WINDOWS:
+        return _beside_a_window(members[0], sizes[0], space, rng)
+    for _ in range(tries):
+        pieces = _at_a_wall(members, sizes, space.inner, out=DISTANCES.get(group, _AT_WALL), rng=rng)
+        if _take(group, members, pieces, space):
+            return pieces
+    return None
 
 
 def _at_a_wall(
-    group: str,
     members: Sequence[Member],
-    sizes: list[tuple[float, float, float]],
-    finishes: list[Look],
-    room: Room,
-    floor_y: float,
-    space: _Space,
-    taken: list[Furniture],
+    sizes: Sequence[tuple[float, float, float]],
+    inner: Rect,
+    *,
+    out: tuple[float, float],
     rng: np.random.Generator,
-) -> list[Furniture]:
-    """The group with its back at a random place of a random wall (or somewhere in the room)."""
-    inner = space.inner
+) -> list[_Piece]:
+    """The group with its back at a random place of a random wall, or so far before it."""
     side = int(rng.integers(4))
-    yaw = (0.0, math.pi, math.pi / 2, -math.pi / 2)[side]
-    along = float(rng.uniform(0, 1))
-    out = float(rng.uniform(0.4, 1.2)) if group in CENTRED else 0.005
-    x0 = (inner.x0 + along * (inner.x1 - inner.x0), inner.x0)[side // 2]
-    z0 = (inner.z0, inner.z0 + along * (inner.z1 - inner.z0))[side // 2]
-    origin = ((x0, z0), (x0, inner.z1), (x0, z0), (inner.x1, z0))[side]
+    x = inner.x0 + float(rng.uniform(0, 1)) * (inner.x1 - inner.x0)
+    z = inner.z0 + float(rng.uniform(0, 1)) * (inner.z1 - inner.z0)
+    origin = ((x, inner.z0), (x, inner.z1), (inner.x0, z), (inner.x1, z))[side]
+    yaw = _YAWS[side]
     cos, sin = round(math.cos(yaw)), round(math.sin(yaw))
-    pieces: list[Furniture] = []
-    for member, size, finish in zip(members, sizes, finishes, strict=True):
-        local_x, local_z = member.x, out + (size[2] / 2 if member.z is None else member.z)
-        y = floor_y + size[1] / 2 if member.hangs_at is None else floor_y + member.hangs_at
-        if member.on is not None:
-            below = members[member.on]
-            local_x += below.x
-            local_z = out + (sizes[member.on][2] / 2 if below.z is None else below.z)
-            y = floor_y + sizes[member.on][1] + size[1] / 2
-        x, z = origin[0] + cos * local_x + sin * local_z, origin[1] - sin * local_x + cos * local_z
-        pieces.append(
-            Furniture(
-                name=f"{member.category}_{len(taken) + len(pieces) + 1}",
-                category=member.category,
-                centre=(round(x, 4), round(y, 4), round(z, 4)),
-                size=size,
-                yaw=yaw + math.pi if member.turned else yaw,
-                finish=finish.finish,
-                caption=_caption(finish, member.category),
-                room=room.name,
-            )
+    away = float(rng.uniform(*out))
+    return [
+        _Piece(
+            member.category,
+            size,
+            origin[0] + cos * local_x + sin * (local_z + away),
+            y,
+            origin[1] - sin * local_x + cos * (local_z + away),
+            yaw + math.pi if member.turned else yaw,
         )
-    return pieces
+        for member, size, (local_x, y, local_z) in zip(members, sizes, _in_frame(members, sizes), strict=True)
+    ]
 
 
-def _fits(group: str, pieces: list[Furniture], space: _Space) -> bool:
-    """Whether the group stands free in the room; if so its place is noted in `space`."""
-    hanging = all(GROUPS[group][k].hangs_at is not None for k in range(len(pieces)))
-    solid = [piece for piece in pieces if look_of(piece.category)[0] != "flat"]
-    whole = _bounds([piece.rect for piece in (solid or pieces)])
-    if not all(space.inner.holds_rect(piece.rect) for piece in pieces):
+def _in_frame(
+    members: Sequence[Member], sizes: Sequence[tuple[float, float, float]]
+) -> list[tuple[float, float, float]]:
+    """Centres in the group's frame: x along the wall, y above the floor, z from the wall into the room (metres)."""
+    at_wall = [k for k, member in enumerate(members) if (member.before, member.behind, member.on) == (None, None, None)]
+    standing = [k for k in at_wall if members[k].hangs_at is None]
+    left = -sum(sizes[k][0] + _SIDE_GAP for k in standing) / 2
+    found: dict[int, tuple[float, float, float]] = {}
+    for k, (member, (w, h, d)) in enumerate(zip(members, sizes, strict=True)):
+        base = next((index for index in (member.before, member.behind, member.on) if index is not None), None)
+        if base is None:
+            x = 0.0 if member.hangs_at is not None else left + (w + _SIDE_GAP) / 2
+            left += 0.0 if member.hangs_at is not None else w + _SIDE_GAP
+            top = max((found[i][1] + sizes[i][1] / 2 for i in found), default=0.0)  # a large mirror hangs higher
+            y = h / 2 if member.hangs_at is None else max(member.hangs_at, top + _HANG_GAP + h / 2)
+            found[k] = (x, y, d / 2)
+            continue
+        base_x, _, base_z = found[base]
+        base_w, base_h, base_d = sizes[base]
+        off = 0.0 if member.on is not None else base_d / 2 + member.gap + d / 2
+        z = base_z - off if member.behind is not None else base_z + off
+        found[k] = (base_x + member.x * base_w, h / 2 + (base_h if member.on is not None else 0.0), z)
+    return [found[k] for k in range(len(members))]
+
+
+def _take(group: str, members: Sequence[Member], pieces: Sequence[_Piece], space: FreeSpace) -> bool:
+    """Whether the group stands free in the room; if so its place is taken."""
+    if members[0].hangs_at is not None:
+        return space.take_wall(pieces[0].body)
+    solid = [piece.body for piece in pieces if piece.category not in FLAT]
+    if not solid:
+        return space.take_flat(pieces[0].body.rect)
+    if not all(space.inner.holds_rect(piece.body.rect) for piece in pieces):
         return False
-    is_tall = hanging or any(piece.centre[1] + piece.size[1] / 2 - _floor_of(pieces) > _TALL for piece in pieces)
-    if is_tall and any(whole.grown(0.05).overlaps(hole) for hole in space.holes):
-        return False
-    if hanging:
-        if any(whole.grown(0.1).overlaps(body) for body in space.bodies):
-            return False
-        space.bodies.append(whole)
-        return True
-    if not solid:  # a rug: one walks over it
-        return not any(whole.overlaps(zone) for zone in (*space.keep_free, *space.bodies))
-    front = whole.grown(GAP) if group in CENTRED else _front(pieces[0], whole)
-    if not space.inner.grown(0.01).holds_rect(front):
-        return False
-    near = whole.grown(GAP)
-    if any(near.overlaps(body) for body in space.bodies) or any(whole.overlaps(free) for free in space.fronts):
-        return False
-    if any(whole.overlaps(zone) for zone in space.keep_free) or any(front.overlaps(body) for body in space.bodies):
-        return False
-    space.bodies.append(whole)
-    space.fronts.append(front)
-    return True
+    whole = bounds([body.rect for body in solid])
+    front = whole.grown(FRONT) if group in DISTANCES else _front(pieces[0].yaw, whole)
+    return space.take_floor(solid, front)
 
 
-def _floor_of(pieces: list[Furniture]) -> float:
-    return min(piece.centre[1] - piece.size[1] / 2 for piece in pieces)
-
-
-def _bounds(rects: list[Rect]) -> Rect:
-    x0, z0, x1, z1 = zip(*rects, strict=True)
-    return Rect(min(x0), min(z0), max(x1), max(z1))
-
-
-def _front(anchor: Furniture, whole: Rect) -> Rect:
+def _front(yaw: float, whole: Rect) -> Rect:
     """The strip before a group that stays free so that one can walk up to it."""
-    dx, dz = round(math.sin(anchor.yaw)), round(math.cos(anchor.yaw))
-    return Rect(
-        whole.x1 if dx > 0 else whole.x0 - FRONT * (dx < 0),
-        whole.z1 if dz > 0 else whole.z0 - FRONT * (dz < 0),
-        whole.x1 + FRONT * (dx > 0) if dx >= 0 else whole.x0,
-        whole.z1 + FRONT * (dz > 0) if dz >= 0 else whole.z0,
+    dx, dz = round(math.sin(yaw)), round(math.cos(yaw))
+    x0, x1 = (
+        (whole.x0, whole.x1) if dx == 0 else (whole.x1, whole.x1 + FRONT) if dx > 0 else (whole.x0 - FRONT, whole.x0)
     )
+    z0, z1 = (
+        (whole.z0, whole.z1) if dz == 0 else (whole.z1, whole.z1 + FRONT) if dz > 0 else (whole.z0 - FRONT, whole.z0)
+    )
+    return Rect(x0, z0, x1, z1)
+
+
+def _beside_a_window(
+    member: Member, size: tuple[float, float, float], space: FreeSpace, rng: np.random.Generator
+) -> list[_Piece] | None:
+    """A curtain at the left or right of some window of the room."""
+    choices = [(pane, side) for pane in space.windows for side in (-1, 1)]
+    for k in rng.permutation(len(choices)):
+        pane, side = choices[int(k)]
+        piece = _hung_beside(member, size, pane, side, space.inner)
+        if space.take_wall(piece.body, beside_window=True):
+            return [piece]
+    return None
+
+
+def _hung_beside(member: Member, size: tuple[float, float, float], pane: Pane, side: int, inner: Rect) -> _Piece:
+    x, z = pane.middle
+    off = side * (pane.width / 2 + size[0] / 2 - 0.12)
+    depth = size[2] / 2 + 0.005
+    sides = {
+        0: (abs(z - inner.z0), (x + off, inner.z0 + depth)), 1: (abs(z - inner.z1), (x + off, inner.z1 - depth)),
+        2: (abs(x - inner.x0), (inner.x0 + depth, z + off)), 3: (abs(x - inner.x1), (inner.x1 - depth, z + off)),
+    }  # fmt: skip
+    nearest = min(sides, key=lambda k: sides[k][0])
+    (at_x, at_z) = sides[nearest][1]
+    assert member.hangs_at is not None
+    return _Piece(member.category, size, at_x, member.hangs_at, at_z, _YAWS[nearest])
+
+
+def _placed_small(
+    small: Small, size: tuple[float, float, float], placed: Sequence[_Piece], rng: np.random.Generator
+) -> _Piece | None:
+    """The thing on a random piece of the room that it may lie on and that has space left; None when there is none."""
+    for _ in range(_SMALL_TRIES):
+        supports = [piece for piece in placed if piece.category in small.supports]
+        if not supports:
+            return None
+        piece = _on_top(small.category, size, supports[int(rng.integers(len(supports)))], rng)
+        others = [other.body for other in placed if other.category not in SEATS and other.y - other.size[1] / 2 > 0.05]
+        if piece is not None and not any(_meet(piece.body, other) for other in others):
+            return piece
+    return None
+
+
+def _on_top(category: str, size: tuple[float, float, float], below: _Piece, rng: np.random.Generator) -> _Piece | None:
+    """The thing at a random place of the piece below, turned as it is; None when it is too large."""
+    upholstery = below.category in SEATS and SEATS[below.category] < 1
+    side = 0.18 if upholstery and below.category != "bed" else 0.03
+    room_x, room_z = below.size[0] / 2 - side - size[0] / 2, below.size[2] / 2 - 0.03 - size[2] / 2
+    if room_x < 0 or room_z < 0:
+        return None
+    local_x, local_z = float(rng.uniform(-room_x, room_x)), float(rng.uniform(-room_z, room_z))
+    if category == "cushion":  # leans where the back or the pillows are
+        local_z = -0.12 * below.size[2] if below.category == "bed" else -0.02
+    if category == "throw blanket":
+        local_z = room_z if below.category == "bed" else max(-room_z, 0.05)
+    cos, sin = round(math.cos(below.yaw)), round(math.sin(below.yaw))
+    y = below.y - below.size[1] / 2 + below.size[1] * SEATS.get(below.category, 1.0) + size[1] / 2
+    x, z = below.x + cos * local_x + sin * local_z, below.z - sin * local_x + cos * local_z
+    return _Piece(category, size, x, y, z, below.yaw)
+
+
+def _meet(first: Body, second: Body) -> bool:
+    return first.rect.grown(0.02).overlaps(second.rect) and first.low < second.high and second.low < first.high

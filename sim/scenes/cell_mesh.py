@@ -1,219 +1,212 @@
-"""Floors, plinths, steps and walls of a home that is given as cells (schematic homes); used by recover and furnish."""
+"""Rooms of a home that is given as cells (schematic homes): floors, ceilings, straight walls, openings, stairs."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from sim.types import AGENT_RADIUS
-
-from .cells import CellGrid, Cells, cells_from_runs
+from .cell_openings import add_door_frames, add_windows, lamp_cells
+from .cell_quads import level_quads, neighbours, side_quads
+from .cell_spaces import floor_layers as floor_layers
+from .cell_spaces import grown as grown
+from .cell_spaces import layer_heights as layer_heights
+from .cell_spaces import padded
 from .cut import CUT_HEIGHT
-from .plan import Finish, HomePlan, Storey
+from .flights import add_railings, add_strings, flight_surface
+from .furniture.appearance import tinted
+from .openings import Spot, add_ceiling_lamp
+from .outlines import Straight
+from .plan import Finish, HomePlan
 from .quads import QuadBuilder
+from .rasters import cells_of, parts_of
+from .stairs_mesh import add_steps, stepped, with_whole_flights
+from .storey_cells import StoreyCells, storeys_of_cells
+from .walls import WallPiece, add_wall_piece
 
-_STAIR_GAP = 0.9
-"""Cells farther than this from every storey's floor belong to a stair layer (metres)."""
-_SAME_FLOOR = 0.4
-"""No wall stands between neighbouring cells whose heights differ by less (metres)."""
-_PARAPET = 0.9
-_FLAT = 0.17
-"""Recorded heights this near a storey's floor are drawn as that floor (metres)."""
-_PLINTH_RGB = (204, 160, 104)
-_CAP_RGB = (70, 70, 76)
-_TILE = 10  # cells per floor tile, for a pattern that shows motion
+WALL = 0.1
+"""Thickness of walls between rooms (metres)."""
+_SHELL = 0.14
+"""How thick walls to the unknown look from above (metres)."""
+RAISED = 0.02
+"""How far the floor rises where nobody was recorded (metres)."""
+CEILING_FINISH = Finish(material="plaster", rgb=(244, 243, 238))
+_LOW_BLOCK, _HIGH_BLOCK = 0.15, 1.3
+"""Floor so far above the storey's (metres) is a flight of steps, a platform, or the top of a bed or table."""
+_LARGEST_BLOCK = 5.0
+"""Platforms are larger than beds (m2)."""
+_LEVEL, _LEVEL_SHARE = 0.15, 0.7
+"""Flights have fewer cells than this share so near to their median height (metres)."""
+_MIN_RUN = 10
+"""A wall changes its colour with the rooms along it, but not for fewer cells."""
 
-Heights = NDArray[np.float64]
-
-
-def layer_heights(cells: Cells, shape: tuple[int, int], storeys: tuple[Storey, ...]) -> Heights:
-    """Heights of the cells as images, nan where there is none: (2 * S - 1, rows, cols).
-
-    Layer 2 * k is storey k, layer 2 * k + 1 the stairs from there up. The highest cell of a column counts.
-    """
-    floors = np.array([storey.floor_y for storey in storeys])
-    nearest = np.abs(cells.y[:, None] - floors).argmin(axis=1)
-    layer = 2 * nearest
-    above = cells.y - floors[nearest]
-    between = (np.abs(above) > _STAIR_GAP) & (cells.y > floors[0]) & (cells.y < floors[-1])
-    layer = np.where(between, layer + np.where(above > 0, 1, -1), layer)
-    heights = np.full((2 * len(storeys) - 1, *shape), -np.inf)
-    np.maximum.at(heights, (layer, cells.rc[:, 0], cells.rc[:, 1]), cells.y)
-    heights[np.isneginf(heights)] = np.nan
-    return heights
+Numbers = NDArray[np.int64]
 
 
-def grown(heights: Heights, radius_cells: float) -> Heights:
-    """One layer (rows, cols) with every gap within `radius_cells` filled from the nearest cell."""
-    empty = np.isnan(heights)
-    if empty.all():
-        return heights
-    distance, (rows, cols) = ndimage.distance_transform_edt(empty, return_indices=True)  # type: ignore[misc]
-    return np.where(distance <= radius_cells, heights[rows, cols], np.nan)
-
-
-def floor_layers(grid: CellGrid, storeys: tuple[Storey, ...]) -> Heights:
-    """Layers of `layer_heights` with the floor under the robot's whole body, not only under its centre."""
-    walkable = layer_heights(cells_from_runs(grid.walkable), grid.shape, storeys)
-    return np.stack([grown(layer, AGENT_RADIUS / grid.cell) for layer in walkable])
-
-
-def add_cells(builder: QuadBuilder, plan: HomePlan) -> None:
-    """Adds floors, plinths, risers and walls of the plan's cells."""
+def add_cells(builder: QuadBuilder, plan: HomePlan) -> list[tuple[float, float, float]]:
+    """Adds all that is built of the plan's cells; returns the places of its ceiling lamps."""
     assert plan.cells is not None
-    floor = floor_layers(plan.cells, plan.storeys)
-    plinth = layer_heights(cells_from_runs(plan.cells.plinth), plan.cells.shape, plan.storeys)
-    is_plinth = np.isnan(floor) & ~np.isnan(plinth)
-    heights = np.where(is_plinth, plinth, floor)
-    for layer, surface in enumerate(heights):
-        storey = plan.storeys[layer // 2]
-        room = next(room for room in plan.rooms if room.storey == layer // 2)
-        level = np.where(np.abs(surface - storey.floor_y) < _FLAT, storey.floor_y, np.round(surface / 0.05) * 0.05)
-        _add_tops(builder, plan.cells, level, is_plinth[layer], room.floor.rgb)
-        _add_risers(builder, plan.cells, level, is_plinth[layer], room.floor.rgb)
-        _add_walls(builder, plan.cells, level, heights, storey, room.wall.rgb, is_stair=layer % 2 == 1)
+    floors_y = [storey.floor_y for storey in plan.storeys]
+    floors = with_whole_flights(padded(floor_layers(plan.cells, plan.storeys), np.nan), floors_y)
+    storeys = storeys_of_cells(plan, floors)
+    surfaces = _surfaces(plan, storeys, floors)
+    lamps: list[tuple[float, float, float]] = []
+    for k, storey in enumerate(storeys):
+        _add_floor(builder, storey, surfaces[2 * k])
+        ceiling = storey.ceiling_under(storeys[k + 1] if k + 1 < len(storeys) else None)
+        _add_ceiling(builder, storey, ceiling)
+        for line in storey.lines:
+            _add_wall(builder, storey, line, surfaces[2 * k])
+        add_windows(builder, storey)
+        add_door_frames(builder, storey)
+        _add_rim(builder, storey)
+        for xz in lamp_cells(storey, ceiling):
+            spot = Spot(np.array([xz[0], storey.ceiling_y, xz[1]]), 0.0)
+            lamps.append(add_ceiling_lamp(builder, spot))
+    add_steps(builder, storeys[0].grid, surfaces)
+    for k in range(len(storeys) - 1):
+        add_strings(builder, storeys[k], surfaces, 2 * k + 1, walked=~np.isnan(floors[2 * k]))
+    add_railings(builder, storeys, surfaces)
+    return lamps
 
 
-def _add_coloured(builder: QuadBuilder, quads: Heights, rgb: NDArray[np.floating]) -> None:
-    """Quads (Q, 4, 3) with a colour each."""
-    colours, which = np.unique(np.clip(rgb, 0, 255).round().astype(int), axis=0, return_inverse=True)
-    for number, (red, green, blue) in enumerate(colours.tolist()):
-        builder.add_quads(quads[which == number], Finish(rgb=(red, green, blue)))
+def _surfaces(plan: HomePlan, storeys: list[StoreyCells], floors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Heights of all that is drawn as floor or step; layers as those of `floors`."""
+    found = np.full_like(floors, np.nan)
+    for k, storey in enumerate(storeys):
+        floor = np.where(_on_furniture(storey), storey.floor_y, storey.space.floor)
+        height = stepped(floor, storey.floor_y) + RAISED * storey.space.raised
+        found[2 * k] = np.where(storey.covered, height, np.nan)
+        if 2 * k + 1 < len(floors):
+            found[2 * k + 1] = flight_surface(floors[2 * k + 1], storey.floor_y)
+    return found
 
 
-def _merged(keys: NDArray[np.int64], along: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Merge entries with equal `keys` (N, K) and consecutive `along` (N,): (index of each first entry, lengths)."""
-    order = np.lexsort((along, *keys.T[::-1]))
-    keys, along = keys[order], along[order]
-    new = np.ones(len(order), bool)
-    new[1:] = (np.diff(along) != 1) | (np.diff(keys, axis=0) != 0).any(axis=1)
-    firsts = np.flatnonzero(new)
-    return order[firsts], np.diff(np.append(firsts, len(order)))
+def _on_furniture(storey: StoreyCells) -> NDArray[np.bool_]:
+    """(rows, cols) where somebody was recorded on top of a bed or the like: no block of floor is drawn there."""
+    above = np.nan_to_num(storey.space.floor - storey.floor_y)
+    parts, count = parts_of((above > _LOW_BLOCK) & (above < _HIGH_BLOCK))
+    middle = np.append(0.0, ndimage.median(above, parts, np.arange(1, count + 1)))[parts]
+    cells, level = (
+        np.bincount(parts.ravel(), weights, count + 1) for weights in (None, (np.abs(above - middle) < _LEVEL).ravel())
+    )
+    largest = np.full(count + 1, _LARGEST_BLOCK)
+    largest[parts[_under_pieces(storey)]] *= 3  # two beds and what stands between them
+    is_block = (cells * storey.grid.cell**2 < largest) & (level > _LEVEL_SHARE * cells)
+    is_block[0] = False
+    return is_block[parts]
 
 
-def _add_tops(
-    builder: QuadBuilder, grid: CellGrid, level: Heights, is_plinth: NDArray[np.bool_], floor_rgb: tuple[int, int, int]
-) -> None:
-    rows, cols = np.nonzero(~np.isnan(level))
-    if not len(rows):
+def _under_pieces(storey: StoreyCells) -> tuple[Numbers, Numbers]:
+    """Rows and columns of the cells under the middles of the pieces that stand on the storey's floor."""
+    pieces = [
+        piece.centre[::2]
+        for piece in storey.plan.furniture
+        if abs(piece.centre[1] - piece.size[1] / 2 - storey.floor_y) < _LOW_BLOCK
+    ]
+    rows, cols = storey.grid.rc_from_xz(np.array(pieces).reshape(-1, 2)).T
+    return rows, cols
+
+
+def _add_floor(builder: QuadBuilder, storey: StoreyCells, surface: NDArray[np.float64]) -> None:
+    """The floor, each room in its finish; darker where nobody was recorded, lighter where the way is a guess."""
+    space = storey.space
+    shade = np.where(space.raised, 1, np.where(space.guessed, 2, 0))
+    quads, kinds = level_quads(storey.grid, surface, storey.rooms * 3 + shade)
+    for kind in np.unique(kinds).tolist():
+        floor = storey.room(kind // 3).floor
+        factor = (1.0, 0.86, 1.1)[kind % 3]
+        mine = quads[kinds == kind]
+        uv = floor_uv(mine, is_deep=_is_deep(storey, kind // 3))
+        builder.add_quads(mine, floor.model_copy(update={"rgb": tinted(floor.rgb, factor)}), uv=uv)
+    _add_raised_edges(builder, storey, surface)
+
+
+def _add_raised_edges(builder: QuadBuilder, storey: StoreyCells, surface: NDArray[np.float64]) -> None:
+    """The low upright edges of raised floor."""
+    for step, beside in neighbours(surface):
+        cells = cells_of(storey.space.raised & (np.abs(surface - beside - RAISED) < 1e-6))
+        if len(cells[0]):
+            quads, first = side_quads(storey.grid, cells, (beside[cells], surface[cells]), step)
+            rooms = storey.rooms[cells][first]
+            for number in np.unique(rooms).tolist():
+                floor = storey.room(number).floor
+                builder.add_quads(quads[rooms == number], Finish(material=floor.material, rgb=tinted(floor.rgb, 0.8)))
+
+
+def _is_deep(storey: StoreyCells, room: int) -> bool:
+    """Whether a room is longer along z than along x."""
+    rows, cols = np.nonzero((storey.rooms == room) & storey.space.inside)
+    return len(rows) > 0 and float(np.ptp(rows)) > float(np.ptp(cols))
+
+
+def floor_uv(quads: NDArray[np.floating], *, is_deep: bool) -> NDArray[np.floating]:
+    """(N, 4, 2) world places on a floor whose planks run along z where the room is deep, else along x."""
+    return quads[..., [2, 0]] if is_deep else quads[..., [0, 2]]
+
+
+def _add_ceiling(builder: QuadBuilder, storey: StoreyCells, covered: NDArray[np.bool_]) -> None:
+    """One level ceiling, seen from below."""
+    heights = np.where(covered, storey.ceiling_y, np.nan)
+    quads, _ = level_quads(storey.grid, heights, np.zeros(heights.shape, np.int64))
+    builder.add_quads(quads[:, ::-1], CEILING_FINISH)
+
+
+def _add_rim(builder: QuadBuilder, storey: StoreyCells) -> None:
+    """The cut through floor and ceiling around the well, where no wall stands."""
+    if storey.ceiling_below is None:
         return
-    y_mm = np.round(level[rows, cols] * 1000).astype(np.int64)
-    keys = np.stack([y_mm, is_plinth[rows, cols], cols // _TILE, rows // _TILE, rows], axis=1).astype(np.int64)
-    first, width = _merged(keys, cols)
-    # runs of one row become rectangles where the next row has the same run
-    wide_keys = np.column_stack([keys[first][:, :4], cols[first], width])
-    top, height = _merged(wide_keys, rows[first])
-    pick = first[top]
-    x0, z0 = _corner(grid, rows[pick], cols[pick])
-    x1, z1 = x0 + width[top] * grid.cell, z0 + height * grid.cell
-    y = y_mm[pick] / 1000
-    quads = np.stack([np.stack(corner, axis=1) for corner in ((x0, y, z0), (x0, y, z1), (x1, y, z1), (x1, y, z0))], 1)
-    checker = (rows[pick] // _TILE + cols[pick] // _TILE) % 2
-    rgb = np.where(is_plinth[rows[pick], cols[pick], None], _PLINTH_RGB, floor_rgb) * (0.96 + 0.06 * checker[:, None])
-    _add_coloured(builder, quads, rgb)
+    well, inside = storey.space.well, storey.space.inside
+    floors = neighbours(np.where(inside, storey.space.floor, np.nan))
+    for (step, beside), (_, floor_beside) in zip(neighbours(well), floors, strict=True):
+        cells = cells_of(well & ~beside & ~np.isnan(floor_beside))
+        if len(cells[0]):
+            high = np.fmin(floor_beside[cells], storey.floor_y)
+            low = np.minimum(storey.ceiling_below, high)
+            quads, _ = side_quads(storey.grid, cells, (low, high), step)
+            builder.add_quads(quads[:, ::-1], CEILING_FINISH)
 
 
-def _corner(grid: CellGrid, rows: NDArray, cols: NDArray) -> tuple[Heights, Heights]:
-    return grid.origin_xz[0] + cols * grid.cell, grid.origin_xz[1] + rows * grid.cell
+def _add_wall(builder: QuadBuilder, storey: StoreyCells, line: Straight, surface: NDArray[np.float64]) -> None:
+    """One straight wall, in as many pieces as there are rooms along it."""
+    inside, rooms = storey.space.inside, storey.rooms
+    left, right = tuple(line.left.T), tuple(line.right.T)
+    is_left, is_right = inside[left].mean() >= 0.5, inside[right].mean() >= 0.5
+    if not is_left and not is_right:
+        return
+    half = WALL / 2 / storey.grid.cell
+    left_by = half if is_right and is_left else 0.0 if is_left else _SHELL / storey.grid.cell
+    right_by = half if is_right and is_left else 0.0 if is_right else _SHELL / storey.grid.cell
+    keys = rooms[left] * len(storey.plan.rooms) + rooms[right]
+    for low, high in _runs(keys):
+        a, b = low / len(keys), high / len(keys)
+        ends, miters = [line.at(share) for share in (a, b)], [line.miter_at(share) for share in (a, b)]
+        corners = [storey.xz(p + m * by) for by in (left_by, -right_by) for p, m in zip(ends, miters, strict=True)]
+        beside = tuple(np.concatenate([line.left[low:high], line.right[low:high]]).T)
+        floors = surface[beside]
+        floors = floors[~np.isnan(floors)]
+        bottom = float(floors.min()) if len(floors) else storey.floor_y
+        is_level = len(floors) > 0 and float(np.ptp(floors)) < 0.1 and bottom <= storey.floor_y + 0.5
+        if storey.space.well[beside].any() and storey.ceiling_below is not None:
+            is_level, bottom = False, storey.ceiling_below  # down to where the walls of the storey below end
+        middle = (low + high) // 2
+        add_wall_piece(
+            builder,
+            WallPiece(
+                *corners,
+                bottom=min(bottom, storey.floor_y) if not is_level else bottom,
+                top=storey.ceiling_y,
+                left=storey.room(int(rooms[left][middle])).wall if is_left else None,
+                right=storey.room(int(rooms[right][middle])).wall if is_right else None,
+                skirting=is_level,
+                rims=(storey.floor_y + CUT_HEIGHT - 0.004,) if storey.ceiling_y > storey.floor_y + CUT_HEIGHT else (),
+                ends=(line.is_free[0] and low == 0, line.is_free[1] and high == len(keys)),
+            ),
+        )
 
 
-def _edges(level: Heights) -> list[tuple[int, int, Heights]]:
-    """(row step, col step, level of the neighbour in that direction) for the four sides of every cell."""
-    padded = np.pad(level, 1, constant_values=np.nan)
-    rows, cols = level.shape
-    steps = ((1, 0), (-1, 0), (0, 1), (0, -1))
-    return [(dr, dc, padded[1 + dr : 1 + dr + rows, 1 + dc : 1 + dc + cols]) for dr, dc in steps]
-
-
-def _side_quads(
-    grid: CellGrid, rows: NDArray, cols: NDArray, low: Heights, high: Heights, step: tuple[int, int]
-) -> tuple[Heights, NDArray[np.int64]]:
-    """Upright quads (Q, 4, 3) on the given side of cells, merged along the side, facing away from the cell."""
-    along, across = (cols, rows) if step[0] else (rows, cols)
-    keys = np.column_stack([np.round(low * 1000), np.round(high * 1000), across]).astype(np.int64)
-    first, length = _merged(keys, along)
-    x, z = _corner(grid, rows[first], cols[first])
-    run = length * grid.cell
-    if step[0]:
-        z = z + (grid.cell if step[0] > 0 else 0.0)
-        x_a, x_b, z_a, z_b = x, x + run, z, z
-        flip = step[0] < 0
-    else:
-        x = x + (grid.cell if step[1] > 0 else 0.0)
-        x_a, x_b, z_a, z_b = x, x, z, z + run
-        flip = step[1] > 0
-    if flip:
-        x_a, x_b, z_a, z_b = x_b, x_a, z_b, z_a
-    lo, hi = low[first], high[first]
-    corners = ((x_a, lo, z_a), (x_b, lo, z_b), (x_b, hi, z_b), (x_a, hi, z_a))
-    return np.stack([np.stack(corner, axis=1) for corner in corners], axis=1), first
-
-
-def _add_risers(
-    builder: QuadBuilder, grid: CellGrid, level: Heights, is_plinth: NDArray[np.bool_], floor_rgb: tuple[int, int, int]
-) -> None:
-    for dr, dc, neighbour in _edges(level):
-        rows, cols = np.nonzero(level > neighbour + 0.001)
-        if not len(rows):
-            continue
-        quads, first = _side_quads(grid, rows, cols, neighbour[rows, cols], level[rows, cols], (dr, dc))
-        from_plinth = is_plinth[rows[first], cols[first], None]
-        _add_coloured(builder, quads, np.where(from_plinth, np.array(_PLINTH_RGB) * 0.8, np.array(floor_rgb) * 0.85))
-
-
-def _add_walls(
-    builder: QuadBuilder,
-    grid: CellGrid,
-    level: Heights,
-    heights: Heights,
-    storey: Storey,
-    wall_rgb: tuple[int, int, int],
-    *,
-    is_stair: bool,
-) -> None:
-    """Walls where a cell has no neighbour at its height in any layer; parapets along stairs."""
-    neighbours = [_edges(layer) for layer in heights]
-    for side, (dr, dc, beside) in enumerate(_edges(level)):
-        near = np.zeros(level.shape, bool)
-        ceiling = np.full(level.shape, np.inf)
-        for layer_sides in neighbours:
-            other = layer_sides[side][2]
-            near |= np.abs(other - level) < _SAME_FLOOR
-            ceiling = np.where(other > level + _SAME_FLOOR, np.fmin(ceiling, other), ceiling)
-        rows, cols = np.nonzero(~np.isnan(level) & np.isnan(beside) & ~near)
-        if not len(rows):
-            continue
-        y = level[rows, cols]
-        if is_stair:
-            top = np.minimum(y + _PARAPET, ceiling[rows, cols] - 0.05)
-            fits = top > y
-            rows, cols, y = rows[fits], cols[fits], y[fits]
-            spans = [(y, top[fits])]
-        else:
-            cut = np.full(y.shape, storey.floor_y + CUT_HEIGHT)
-            base = np.minimum(y + 0.08, cut)
-            spans = [(y, base), (base, cut), (cut, cut - CUT_HEIGHT + storey.ceiling)]
-        for part, (low, high) in enumerate(spans):
-            if not len(rows):
-                continue
-            quads, first = _side_quads(grid, rows, cols, low, high, (dr, dc))
-            quads = quads[:, [1, 0, 3, 2]]  # a wall looks towards the cell
-            shade = _wall_tint(grid, rows[first], cols[first]) * (0.62 if part == 0 and not is_stair else 1.0)
-            _add_coloured(builder, quads, np.array(wall_rgb) * shade)
-            if part == 1:
-                _add_caps(builder, grid, quads, (dr, dc))
-
-
-def _wall_tint(grid: CellGrid, rows: NDArray, cols: NDArray) -> Heights:
-    """(N, 3) factors that change slowly over the home, so that places differ."""
-    x, z = cols * grid.cell, rows * grid.cell
-    red, green, blue = np.sin(x * 0.9), np.sin(z * 0.8 + 2.0), np.sin((x + z) * 0.6 + 4.0)
-    return 1 + 0.09 * np.round(np.stack([red, green, blue], axis=1) * 2) / 2
-
-
-def _add_caps(builder: QuadBuilder, grid: CellGrid, quads: Heights, step: tuple[int, int]) -> None:
-    """A dark rim on the wall just under the cut, which shows the wall from above."""
-    outward = np.array([step[1], 0, step[0]]) * grid.cell
-    inner = quads[:, [2, 3]] - [0, 0.005, 0]
-    rim = np.concatenate([inner, inner[:, ::-1] + outward], axis=1)
-    normal_y = np.cross(rim[:, 2] - rim[:, 0], rim[:, 3] - rim[:, 1])[:, 1]
-    builder.add_quads(np.where((normal_y < 0)[:, None, None], rim[:, ::-1], rim), Finish(rgb=_CAP_RGB))
+def _runs(keys: Numbers) -> list[tuple[int, int]]:
+    """Stretches of equal keys; short ones join the one before."""
+    cuts = [0]
+    for place in (np.flatnonzero(np.diff(keys)) + 1).tolist():
+        if place - cuts[-1] >= _MIN_RUN and len(keys) - place >= _MIN_RUN:
+            cuts.append(place)
+    return list(zip(cuts, [*cuts[1:], len(keys)], strict=True))

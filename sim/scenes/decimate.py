@@ -1,7 +1,7 @@
 """Fewer triangles that look the same: vertices move onto neighbours while the surface stays where it was.
 
-Half-edge collapses ordered by quadric error (Garland and Heckbert 1997). No new vertex is made, so texture coordinates
-and colours stay exact, and seams of the texture move along themselves only.
+Half-edge collapses ordered by quadric error (Garland and Heckbert 1997). No new vertex is made, so texture coordinates,
+colours and baked light stay exact there, and seams of the texture move along themselves only.
 """
 
 from dataclasses import replace
@@ -83,13 +83,17 @@ def _surface_of(mesh: TriangleMesh) -> tuple[Surface, NDArray[np.int64]]:
     texture, faces = mesh.face_texture[origin], np.ascontiguousarray(faces[origin])
     packed = (mesh.face_rgb[origin].astype(np.int32) << np.array([16, 8, 0], np.int32)).sum(axis=1, dtype=np.int32)
     look = np.where(texture >= 0, texture, np.where(texture == VERTEX_COLOURS, -1, -2 - packed)).astype(np.int32)
-    shown = np.zeros((len(origin), 3, 3), np.float32)
+    rgb = None if mesh.vertex_rgb is None else mesh.vertex_rgb[mesh.faces[origin]]
+    is_lit = rgb is not None and bool((rgb[look >= 0] != 255).any())
+    shown = np.zeros((len(origin), 3, 6 if is_lit else 3), np.float32)
     shown[..., :2] = np.where((texture >= 0)[:, None, None], mesh.face_uv[origin], 0)
     scale = np.zeros(len(origin), np.float32)
-    if mesh.vertex_rgb is not None:
-        shown[look == -1] = mesh.vertex_rgb[mesh.faces[origin[look == -1]]]
+    if rgb is not None:
+        shown[look == -1, :, :3] = rgb[look == -1]
         scale[look == -1] = _COLOUR_METRES / 255
-    area_uv = _areas(shown)
+        if is_lit:
+            shown[look >= 0, :, 3:] = rgb[look >= 0]
+    area_uv = _areas(shown[..., :3])
     scaled = (look >= 0) & (area_uv > 0)
     scale[scaled] = np.sqrt(_areas(points[faces[scaled]]) / area_uv[scaled])
     return Surface(points, faces, look, shown, scale, *rings(faces, len(points))), origin
@@ -110,9 +114,12 @@ def _kept(surface: Surface, origin: NDArray[np.int64], keep: NDArray[np.bool_]) 
 
 
 def _mesh_of(surface: Surface, origin: NDArray[np.int64], mesh: TriangleMesh) -> TriangleMesh:
-    """Vertices are shared where place and vertex colour agree."""
-    rgb = np.rint(surface.shown).astype(np.int32)
-    rgb[surface.look != -1] = 0
+    """Vertices are shared where place and vertex colour agree; white is what changes no texture."""
+    is_lit = surface.shown.shape[2] > 3
+    rgb = np.full((len(origin), 3, 3), 255, np.int32)
+    rgb[surface.look == -1] = np.rint(surface.shown[surface.look == -1, :, :3])
+    if is_lit:
+        rgb[surface.look >= 0] = np.rint(surface.shown[surface.look >= 0, :, 3:])
     packed = (rgb << np.array([16, 8, 0], np.int32)).sum(axis=2, dtype=np.int32)
     first, number = numbered(np.stack([surface.faces.reshape(-1), packed.reshape(-1)], axis=1))
     return replace(

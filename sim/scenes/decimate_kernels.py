@@ -18,6 +18,9 @@ _BORDER_WEIGHT, _SEAM_WEIGHT = 4.0, 1.0
 """How much the lines of open borders and of seams count against the shape of surfaces."""
 _SHIFT_WEIGHT = 0.05
 """How much a shift of the texture counts against the same shift of the surface (both squared)."""
+_LIGHT_METRES = 1.0
+"""Light on a texture that changes from none to full counts as much as a texture that shifts by this: with a tolerance
+of 3 mm it moves by 3 of 255 levels."""
 _LENGTH_WEIGHT = 1e-7
 """Makes short edges go first where all else is flat."""
 
@@ -84,7 +87,7 @@ def price_moves(surface, quadric, is_stale, is_loose, price, target):
     """
     near, count = np.empty(_MAX_RING, np.int32), np.empty(_MAX_RING, np.int32)
     seen = np.empty(_MAX_RING, np.bool_)
-    plane, value = np.empty(3), np.empty(3)
+    plane, value = np.empty(surface.shown.shape[2]), np.empty(surface.shown.shape[2])
     for u in range(len(is_stale)):
         if not is_stale[u]:
             continue
@@ -118,7 +121,7 @@ def move(surface, quadric, order, target, num_wanted, is_loose, is_touched, is_g
     `num_wanted` faces.
     """
     faces, start, ring = surface.faces, surface.start, surface.ring
-    plane, value = np.empty(3), np.empty(3)
+    plane, value = np.empty(surface.shown.shape[2]), np.empty(surface.shown.shape[2])
     removed = 0
     for u in order:
         v = target[u]
@@ -135,7 +138,7 @@ def move(surface, quadric, order, target, num_wanted, is_loose, is_touched, is_g
                 plane_at(surface, f, i, surface.points[v], plane)
                 if not value_at(surface, f, u, v, value):
                     value[:] = plane
-                for channel in range(3):
+                for channel in range(len(value)):
                     surface.shown[f, i, channel] = value[channel]
         for k in range(start[u], start[u + 1]):
             f = ring[k]
@@ -222,8 +225,9 @@ def _shift(surface, u, v, is_loose, plane, value):
             return np.inf
         if value_at(surface, f, u, v, value):
             area = plane_at(surface, f, i, p, plane)
-            for channel in range(3):
-                total += ((plane[channel] - value[channel]) * surface.scale[f]) ** 2 * area
+            for channel in range(len(value)):
+                scale = surface.scale[f] if channel < 3 else _LIGHT_METRES / 255
+                total += ((plane[channel] - value[channel]) * scale) ** 2 * area
             total_area += area
         elif not is_loose:
             return np.inf

@@ -29,6 +29,7 @@ class _Part(NamedTuple):
     T_world_mesh: NDArray[np.float64]
     """(4, 4)."""
     look: Look
+    is_textured: bool
     vertices: slice
     """Of the mesh's vertices; parts of one node with the same positions and vertex colours share them."""
     faces: slice
@@ -44,9 +45,10 @@ class _Counts(NamedTuple):
 def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linear", "srgb"] = "linear") -> TriangleMesh:
     """The triangles of a glTF 2.0 file, with node transforms applied, in the world frame.
 
-    Colours are unlit, as Habitat shows scans: texture times base colour, else vertex colours times base colour, else
-    base colour. Alpha, skins, morph targets, points and lines are left out. All faces have instance 0. `face_rgb` is
-    the mean of a face's vertex colours where it has some. Basis textures need the extra `basis`.
+    Colours are unlit, as Habitat shows scans: the product of base colour, texture and vertex colours, of those that a
+    primitive has. Vertices of a mesh with such colours are white where their primitive has none. Alpha, skins,
+    morph targets, points and lines are left out. All faces have instance 0. `face_rgb` is the mean of a face's vertex
+    colours where it shows them alone. Basis textures need the extra `basis`.
 
     Args:
         path: A `.glb`, or a `.gltf` with its buffers and images inside or in the same folder.
@@ -77,15 +79,14 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linea
         np.add(corners, part.vertices.start, out=faces[part.faces], dtype=np.int32, casting="unsafe")
         attributes, look = part.primitive.attributes, part.look
         face_rgb[part.faces] = _bytes(np.array(look.plain))
-        if look.image is not None and look.coordinates in attributes:
+        if vertex_rgb is not None and "COLOR_0" in attributes and part.vertices.start not in coloured:
+            coloured.add(part.vertices.start)
+            vertex_rgb[part.vertices] = _vertex_colours(file, part, srgb=colours == "srgb")
+        if part.is_textured:
             uv = _texture_coordinates(file, part, corners)
             face_texture[part.faces] = textures.place(look, uv)
             face_uv[part.faces] = uv.reshape(-1, 3, 2)
-        elif "COLOR_0" in attributes:
-            assert vertex_rgb is not None
-            if part.vertices.start not in coloured:
-                coloured.add(part.vertices.start)
-                vertex_rgb[part.vertices] = _vertex_colours(file, part, srgb=colours == "srgb")
+        elif vertex_rgb is not None and "COLOR_0" in attributes:
             face_texture[part.faces] = VERTEX_COLOURS
             total = vertex_rgb[faces[part.faces]].sum(axis=1, dtype=np.uint16)
             face_rgb[part.faces] = (2 * total + 3) // 6
@@ -119,9 +120,11 @@ def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part
             if faces.stop == faces.start:
                 continue
             colours = primitive.attributes.get("COLOR_0")
-            key = (node, primitive.attributes["POSITION"], colours, None if colours is None else look.factor)
+            is_textured = look.image is not None and look.coordinates in primitive.attributes
+            tint = None if colours is None or is_textured else look.factor  # else the texels have it, or nothing has
+            key = (node, primitive.attributes["POSITION"], colours, tint)
             vertices = known.setdefault(key, slice(num_vertices, num_vertices + count))
-            parts.append(_Part(primitive, T_world_mesh, look, vertices, faces))
+            parts.append(_Part(primitive, T_world_mesh, look, is_textured, vertices, faces))
             num_vertices, num_faces = max(num_vertices, vertices.stop), faces.stop
             if max(num_vertices, num_faces) > MAX_ELEMENTS:
                 found = f"announces {num_vertices} vertices and {num_faces} faces"
@@ -206,12 +209,15 @@ def _texture_coordinates(file: GltfFile, part: _Part, corners: NDArray[np.intege
 
 
 def _vertex_colours(file: GltfFile, part: _Part, *, srgb: bool) -> NDArray[np.uint8]:
-    """(V, 3) times the base colour; integers count as shares of their largest value also where the file forgot it."""
+    """(V, 3) times the base colour, unless the texture has it.
+
+    Integers count as shares of their largest value also where the file forgot it.
+    """
     colours = floats(_attribute(file, part, "COLOR_0", widths=(3, 4))[:, :3], normalized=True)
     if srgb:
         low, high = colours * 12.92, 1.055 * np.maximum(colours, 0.0031308) ** (1 / 2.4) - 0.055
         colours = np.where(colours <= 0.0031308, low, high)
-    return _bytes(colours * np.array(part.look.factor, np.float32))
+    return _bytes(colours if part.is_textured else colours * np.array(part.look.factor, np.float32))
 
 
 def _bytes(shares: NDArray[np.floating]) -> NDArray[np.uint8]:

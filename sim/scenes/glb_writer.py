@@ -17,13 +17,14 @@ MAX_TEXTURE = 1024
 _JPEG_QUALITY = 85
 _MAX_COLOURS = 1 << 16
 _NEAREST, _LINEAR, _CLAMP, _REPEAT = 9728, 9729, 33071, 10497
-_ARRAY_BUFFER, _INDEX_BUFFER, _FLOAT, _UINT16, _UINT32 = 34962, 34963, 5126, 5123, 5125
+_ARRAY_BUFFER, _INDEX_BUFFER, _FLOAT, _UINT8, _UINT16, _UINT32 = 34962, 34963, 5126, 5121, 5123, 5125
 
 
 def glb_from_mesh(mesh: TriangleMesh, *, srgb_colours: bool = False) -> bytes:
     """A mesh as binary glTF 2.0 in the axes of its vertices; the same mesh gives the same bytes.
 
     One primitive per texture (JPEG, at most MAX_TEXTURE), one for flat colours (a palette), one for vertex colours.
+    Textured ones have vertex colours too where these change anything.
 
     Args:
         mesh: Any mesh with faces; object ids are not written.
@@ -47,7 +48,8 @@ def glb_from_mesh(mesh: TriangleMesh, *, srgb_colours: bool = False) -> bytes:
     for texture in np.unique(mesh.face_texture[mesh.face_texture >= 0]):
         uses = mesh.face_texture == texture
         image = _encoded(_downsized(mesh.textures[texture]), "JPEG")
-        writer.add_textured(mesh.vertices[mesh.faces[uses]], mesh.face_uv[uses], image, mime="image/jpeg")
+        light = _light(mesh, mesh.faces[uses], srgb=srgb_colours)
+        writer.add_textured(mesh.vertices[mesh.faces[uses]], mesh.face_uv[uses], image, mime="image/jpeg", light=light)
     return writer.glb()
 
 
@@ -55,6 +57,16 @@ def linear_from_srgb(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Light (0-1) of sRGB colours; vertex colours are stored so (glTF 2.0, 3.7.2.1)."""
     share = rgb / 255.0
     return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+
+
+def _light(mesh: TriangleMesh, faces: NDArray[np.int32], *, srgb: bool) -> NDArray[np.uint8] | None:
+    """(N, 3, 3) light at the corners of textured faces, 255 = full; None where they have no other.
+
+    Bytes are as fine as what is shown but for very dark places, and half as large as what `add_coloured` writes.
+    """
+    if mesh.vertex_rgb is None or (rgb := mesh.vertex_rgb[faces]).min(initial=255) == 255:
+        return None
+    return rgb if srgb else np.rint(255 * linear_from_srgb(rgb)).astype(np.uint8)
 
 
 def _palette(face_rgb: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
@@ -93,22 +105,35 @@ class _GlbWriter:
         self._textures: list[dict] = []
         self._images: list[dict] = []
 
-    def add_textured(self, corners: NDArray[np.float32], uv: NDArray[np.floating], image: bytes, *, mime: str) -> None:
-        """Triangles (N, 3, 3) with texture coordinates (N, 3, 2) into an encoded image; PNG is a palette."""
-        (points, coordinates), index = _shared(corners.reshape(-1, 3), uv.reshape(-1, 2).astype("<f4"))
-        attributes = {"TEXCOORD_0": self._accessor(coordinates, "VEC2", _FLOAT, _ARRAY_BUFFER)}
+    def add_textured(
+        self,
+        corners: NDArray[np.float32],
+        uv: NDArray[np.floating],
+        image: bytes,
+        *,
+        mime: str,
+        light: NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Triangles (N, 3, 3) with texture coordinates (N, 3, 2) into an encoded image; PNG is a palette.
+
+        `light` (N, 3, 3) is what the image is multiplied by, 255 = it stays as it is.
+        """
+        values = [uv.reshape(-1, 2).astype("<f4")]
+        if light is not None:
+            values.append(_four(light, 0xFF))
+        (points, *values), index = _shared(corners.reshape(-1, 3), *values)
+        attributes = {"TEXCOORD_0": self._accessor(values[0], "VEC2", _FLOAT, _ARRAY_BUFFER)}
+        if light is not None:
+            attributes["COLOR_0"] = self._colours(values[1], _UINT8)
         self._textures.append({"source": len(self._images), "sampler": 0 if mime == "image/png" else 1})
         self._images.append({"bufferView": self._view(image), "mimeType": mime})
         self._add(points, attributes, index, baseColorTexture={"index": len(self._textures) - 1})
 
     def add_coloured(self, corners: NDArray[np.float32], colours: NDArray[np.float64]) -> None:
         """Triangles (N, 3, 3) with colours (N, 3, 3) in 0-1 at their corners."""
-        light = np.full((len(colours) * 3, 4), 0xFFFF, "<u2")  # four, since attributes are aligned to 4 bytes
-        light[:, :3] = np.rint(colours.reshape(-1, 3) * 0xFFFF)
+        light = _four(np.rint(colours * 0xFFFF).astype("<u2"), 0xFFFF)
         (points, light), index = _shared(corners.reshape(-1, 3), light)
-        colour = self._accessor(light, "VEC4", _UINT16, _ARRAY_BUFFER)
-        self._accessors[colour]["normalized"] = True
-        self._add(points, {"COLOR_0": colour}, index)
+        self._add(points, {"COLOR_0": self._colours(light, _UINT16)}, index)
 
     def glb(self) -> bytes:
         """The file."""
@@ -151,6 +176,11 @@ class _GlbWriter:
             }
         )
 
+    def _colours(self, array: NDArray, component: int) -> int:
+        colour = self._accessor(array, "VEC4", component, _ARRAY_BUFFER)
+        self._accessors[colour]["normalized"] = True
+        return colour
+
     def _accessor(self, array: NDArray, kind: str, component: int, target: int) -> int:
         view = self._view(array.tobytes(), target=target)
         self._accessors.append({"bufferView": view, "componentType": component, "count": len(array), "type": kind})
@@ -165,8 +195,15 @@ class _GlbWriter:
         return len(self._views) - 1
 
 
-def _shared(points: NDArray[np.float32], values: NDArray) -> tuple[tuple[NDArray, NDArray], NDArray[np.int32]]:
+def _four(colours: NDArray, full: int) -> NDArray:
+    """(N, 4) of colours (..., 3): four, since attributes are aligned to 4 bytes."""
+    result = np.full((colours.size // 3, 4), full, colours.dtype)
+    result[:, :3] = colours.reshape(-1, 3)
+    return result
+
+
+def _shared(points: NDArray[np.float32], *values: NDArray) -> tuple[list[NDArray], NDArray[np.int32]]:
     """Different (points, values) in the order in which they first come, and which of them each row is."""
-    parts = [np.ascontiguousarray(array) for array in (points.astype("<f4"), values)]
+    parts = [np.ascontiguousarray(array) for array in (points.astype("<f4"), *values)]
     first, number = numbered(np.concatenate([array.view("<i4") for array in parts], axis=1))
-    return (parts[0][first], parts[1][first]), number
+    return [part[first] for part in parts], number

@@ -1,185 +1,165 @@
-"""An invented home from a seed: two storeys with a hall each, a stair between them, rooms with doors, and furniture."""
+"""An invented home from a seed: one or two storeys of rooms, doors and windows, a stair, and furniture."""
 
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from sim.errors import SceneError
 
-from .arrange import furnish_room
-from .plan import Finish, Furniture, HomePlan, Opening, Rect, Rgb, Room, Stair, Storey, Wall
+from .arrange import UsedLooks, furnish_room
+from .clearance import unseen_pieces, walkable_ground
+from .free_space import FreeSpace
+from .layouts import Home, draw_home, landings
+from .partitions import CEILING, build_partition, draw_doors, railings
+from .plan import Furniture, HomePlan, Rect, Room, Stair, Storey, Wall
+from .recipes import NEEDED
+from .room_kinds import draw_finishes, draw_names
 
-DOOR_WIDTH = 0.95
-MIN_PIECES, MAX_PIECES = 25, 40
-_STOREY_HEIGHT = 2.8
-_CEILING = 2.6
-_NUM_STEPS = 16
-"""Rise 0.175 m per step, under the robot's 0.2 m."""
-_TREAD = 0.28
-_STAIR_WIDTH = 1.0
-_RAILING = 0.95
-_ATTEMPTS = 40
-_ROOM_COUNTS = ((2, 2, 2, 1), (2, 1, 2, 2), (2, 2, 1, 2), (2, 1, 2, 1), (2, 2, 1, 1))
-"""Rooms north and south of the hall, ground floor then first floor."""
+MIN_PIECES, MAX_PIECES = 35, 80
+MIN_ROOMS, MAX_ROOMS = 5, 9
+STOREY_HEIGHT = 2.8
+_ATTEMPTS = 60
 _LABELS = ("ground floor", "first floor")
-_FLOORS: tuple[Rgb, ...] = ((176, 132, 88), (198, 176, 142), (150, 152, 156), (140, 96, 64), (186, 164, 150))
-_WALLS: tuple[Rgb, ...] = (
-    (226, 214, 188), (196, 212, 222), (208, 222, 196), (228, 202, 196), (214, 204, 226), (226, 224, 216),
-    (236, 220, 176), (190, 214, 208), (222, 210, 202),
-)  # fmt: skip
-
-
-class _Layout(NamedTuple):
-    """Rooms around one storey's hall; all rectangles are middle lines of walls."""
-
-    hall: Rect
-    north: tuple[Rect, ...]
-    south: tuple[Rect, ...]
+_ONE_STOREY_EVERY = 4
 
 
 def invent_plan(name: str, *, seed: int) -> HomePlan:
-    """A furnished home of two storeys with 8 or 9 rooms; the same name and seed give the same plan.
+    """A furnished home of 5 to 9 rooms and 35 to 80 pieces; the same name and seed give the same plan.
 
-    Every pair of rooms is joined by openings of at least 0.9 m, and every floor-standing piece can be walked up to.
+    This is the `DemoHome(seed)` of the project's requirements; `scene_from_plan` gives it a mesh, and
+    `sim.episodes.generation.dataset_files` people and searches as well. Seeds 3, 7, 11, ... have one storey, all others
+    two. Every room can be walked to by a robot of our radius, and every piece can be seen from nearby.
 
     Raises:
-        SceneError: No arrangement was found (does not happen for seeds that were tried; another seed helps).
+        SceneError: No attempt gave such a home; another seed helps.
     """
+    return next(invented_plans(name, seed=seed))
+
+
+def invented_plans(name: str, *, seed: int) -> Iterator[HomePlan]:
+    """The homes that a seed gives, the first one being `invent_plan`'s; for callers that ask more of a home.
+
+    Raises:
+        SceneError: There are no more.
+    """
+    found = 0
     for attempt in range(_ATTEMPTS):
-        rng = np.random.default_rng([seed, attempt])
-        plan = _drawn_plan(name, rng)
-        if MIN_PIECES <= len(plan.furniture) <= MAX_PIECES:
-            return plan
+        plan = _drawn_plan(name, num_storeys(seed), np.random.default_rng([seed, attempt]))
+        if plan is not None:
+            found += 1
+            yield plan
     raise SceneError(
-        f"invented home {name!r}: seed {seed} gave no home with {MIN_PIECES} to {MAX_PIECES} pieces in {_ATTEMPTS} "
-        "tries; expected one. Take another --seed."
+        f"invented home {name!r}: seed {seed} gave {found} homes in {_ATTEMPTS} tries, none fit to be used; expected "
+        f"one of {MIN_ROOMS} to {MAX_ROOMS} rooms and {MIN_PIECES} to {MAX_PIECES} pieces that can all be seen. Take "
+        "another --seed."
     )
 
 
-def _drawn_plan(name: str, rng: np.random.Generator) -> HomePlan:
-    width = round(float(rng.uniform(8.8, 10.2)), 1)
-    depths = [round(float(rng.uniform(3.2, 3.8)), 1) for _ in range(2)]
-    hall = Rect(0.0, depths[0], width, depths[0] + 2.8)
-    stair = _stair(hall)
-    storeys = tuple(
-        Storey(label=label, floor_y=k * _STOREY_HEIGHT, ceiling=_CEILING) for k, label in enumerate(_LABELS)
-    )
+def num_storeys(seed: int) -> int:
+    """1 or 2."""
+    return 1 if seed % _ONE_STOREY_EVERY == _ONE_STOREY_EVERY - 1 else 2
+
+
+def _drawn_plan(name: str, storeys: int, rng: np.random.Generator) -> HomePlan | None:
+    """One attempt; None where it is not a whole home."""
+    home = draw_home(storeys, rng)
+    if not MIN_ROOMS <= sum(len(layout.rects) for layout in home.storeys) <= MAX_ROOMS:
+        return None
     rooms: list[Room] = []
     walls: list[Wall] = []
     furniture: list[Furniture] = []
-    counts = _ROOM_COUNTS[int(rng.integers(len(_ROOM_COUNTS)))]
-    tints = rng.permutation(len(_WALLS))
-    for k in range(len(storeys)):
-        num_north, num_south = counts[2 * k : 2 * k + 2]
-        layout = _layout(hall, depths, stair, num_north=num_north, num_south=num_south, rng=rng)
-        names = _room_names(k, len(layout.north) + len(layout.south), rng)
-        rects = (layout.hall, *layout.north, *layout.south)
-        new_rooms = [
-            Room(
-                name=room_name,
-                storey=k,
-                rect=rect,
-                floor=Finish(material="wood", rgb=_floor_rgb(room_name, rng)),
-                wall=Finish(material="plaster", rgb=_WALLS[tints[(len(rooms) + i) % len(_WALLS)]]),
-            )
-            for i, (room_name, rect) in enumerate(zip(names, rects, strict=True))
-        ]
-        new_walls = _walls(k, layout, stair, rng)
-        blocked = [stair.rect.grown(0.1)]
-        for room in new_rooms:
-            furniture += furnish_room(
-                room, storeys[k].floor_y, walls=new_walls, blocked=blocked, taken=tuple(furniture), rng=rng
-            )
-        rooms += new_rooms
-        walls += new_walls
-    walls += _railings(stair)
-    return HomePlan(
-        name=name, kind="invented", storeys=storeys, rooms=tuple(rooms), walls=tuple(walls), stairs=(stair,),
+    used = UsedLooks()
+    for storey in range(storeys):
+        built = _storey(home, storey, rng, used)
+        if built is None:
+            return None
+        rooms += built[0]
+        walls += built[1]
+        furniture += built[2]
+    stairs = () if home.stair is None else (home.stair,)
+    plan = HomePlan(
+        name=name,
+        kind="invented",
+        storeys=tuple(Storey(label=_LABELS[k], floor_y=k * STOREY_HEIGHT, ceiling=CEILING) for k in range(storeys)),
+        rooms=tuple(rooms),
+        walls=tuple(walls),
+        stairs=stairs,
         furniture=tuple(furniture),
-    )  # fmt: skip
+    )
+    return _checked(plan)
 
 
-def _stair(hall: Rect) -> Stair:
-    """A flight along the hall's north wall, with room to step on and off at both ends."""
-    x0 = hall.x0 + 2.4
-    rect = Rect(x0, hall.z0 + 0.06, round(x0 + _NUM_STEPS * _TREAD, 3), hall.z0 + 0.06 + _STAIR_WIDTH)
-    return Stair(storey=0, rect=rect, towards="+x", num_steps=_NUM_STEPS)
-
-
-def _layout(
-    hall: Rect, depths: list[float], stair: Stair, *, num_north: int, num_south: int, rng: np.random.Generator
-) -> _Layout:
-    """One or two rooms on each side of the hall; north rooms split where both keep a door beside the stair."""
-    z_north, z_south = hall.z0 - depths[0], hall.z1 + depths[1]
-    middle = round(float(rng.uniform(stair.rect.x0 + 1.4, stair.rect.x0 + 3.0)), 1)
-    north = (Rect(hall.x0, z_north, middle, hall.z0), Rect(middle, z_north, hall.x1, hall.z0))
-    if num_north == 1:
-        north = (Rect(hall.x0, z_north, hall.x1, hall.z0),)
-    split = round(float(rng.uniform(hall.x1 * 0.42, hall.x1 * 0.58)), 1)
-    south = (Rect(hall.x0, hall.z1, split, z_south), Rect(split, hall.z1, hall.x1, z_south))
-    if num_south == 1:
-        south = (Rect(hall.x0, hall.z1, hall.x1, z_south),)
-    return _Layout(hall, north, south)
-
-
-def _room_names(storey: int, num: int, rng: np.random.Generator) -> list[str]:
-    """The hall's name and `num` others, all with a recipe; the last ones are for the south side's larger rooms."""
-    if storey == 0:
-        pool = ["kitchen", "dining room", "living room", "study"] if num == 4 else ["kitchen", "study", "living room"]
-        return ["entrance hall", *pool]
-    pool = ["bathroom", "guest bedroom", "main bedroom", str(rng.choice(["playroom", "office"]))]
-    return ["upper hall", *pool[:num]]
-
-
-def _floor_rgb(name: str, rng: np.random.Generator) -> Rgb:
-    if name in ("kitchen", "bathroom"):
-        return (170, 178, 184)
-    return _FLOORS[int(rng.integers(len(_FLOORS)))]
-
-
-def _walls(storey: int, layout: _Layout, stair: Stair, rng: np.random.Generator) -> list[Wall]:
-    """Outer walls with windows, and inner walls with a door from every room to the hall."""
-    hall = layout.hall
-    z0, z1 = layout.north[0].z0, layout.south[0].z1
-    found = [
-        _wall(storey, (hall.x0, z0), (hall.x1, z0), _windows([(rect.x0, rect.x1) for rect in layout.north])),
-        _wall(storey, (hall.x0, z1), (hall.x1, z1), _windows([(rect.x0, rect.x1) for rect in layout.south])),
-        _wall(storey, (hall.x0, z0), (hall.x0, z1), _windows([(0.0, hall.z0 - z0)])),
-        _wall(storey, (hall.x1, z0), (hall.x1, z1), _windows([(hall.z1 - z0, z1 - z0)])),
+def _storey(
+    home: Home, storey: int, rng: np.random.Generator, used: UsedLooks
+) -> tuple[list[Room], list[Wall], list[Furniture]] | None:
+    """Rooms, walls and furniture of one storey; None where its rooms cannot all be joined or named."""
+    layout, stair = home.storeys[storey], home.stair
+    doors = draw_doors(layout, stair, rng)
+    if doors is None:
+        return None
+    degrees = [sum(k in pair for pair in (*doors, *layout.open_pairs)) for k in range(len(layout.rects))]
+    names = draw_names(layout.names, layout.rects, degrees, storey=(len(home.storeys), storey), rng=rng)
+    if names is None:
+        return None
+    partition = build_partition(layout, names, doors, storey=storey, stair=stair, rng=rng)
+    finishes = draw_finishes(names, rng)
+    rooms = [
+        Room(name=room_name, storey=storey, rect=rect, floor=floor, wall=wall)
+        for room_name, rect, (floor, wall) in zip(names, layout.rects, finishes, strict=True)
     ]
-    before = (hall.x0 + 0.2, stair.rect.x0 - 0.35)
-    after = (stair.rect.x1 + 0.35, hall.x1 - 0.2)
-    # one room gets one of the two places beside the stair
-    spans = (before, after) if len(layout.north) == 2 else (before if rng.random() < 0.5 else after,)
-    north = [_door(*span, rng) for span in spans]
-    found.append(_wall(storey, (hall.x0, hall.z0), (hall.x1, hall.z0), north))
-    south = [_door(rect.x0 + 0.3, rect.x1 - 0.3, rng) for rect in layout.south]
-    found.append(_wall(storey, (hall.x0, hall.z1), (hall.x1, hall.z1), south))
-    for rects in (layout.north, layout.south):
-        found += [_wall(storey, (rect.x0, rect.z0), (rect.x0, rect.z1), []) for rect in rects[1:]]
-    return found
+    furniture: list[Furniture] = []
+    for room in rooms:
+        assert room.rect is not None
+        space = FreeSpace(room.rect, partition, blocked=_blocked(stair))
+        furniture += furnish_room(room, storey * STOREY_HEIGHT, space=space, used=used, rng=rng)
+    walls = list(partition.walls)
+    if stair is not None and storey == stair.storey + 1:
+        walls += railings(stair, partition.walls)
+    return rooms, walls, furniture
 
 
-def _wall(storey: int, start: tuple[float, float], end: tuple[float, float], openings: list[Opening]) -> Wall:
-    return Wall(storey=storey, start=start, end=end, height=_CEILING, openings=tuple(openings))
+def _blocked(stair: Stair | None) -> list[Rect]:
+    """The stair and the floor at both of its ends."""
+    return [] if stair is None else [stair.rect.grown(0.1), *landings(stair)]
 
 
-def _door(low: float, high: float, rng: np.random.Generator) -> Opening:
-    """A door anywhere between two offsets along the wall."""
-    half = DOOR_WIDTH / 2
-    return Opening(kind="door", offset=round(float(rng.uniform(low + half, high - half)), 2), width=DOOR_WIDTH)
+def _checked(plan: HomePlan) -> HomePlan | None:
+    """The plan with the pieces that can be seen, numbered; None where rooms are shut off or pieces too few or many."""
+    if not MIN_PIECES <= len(plan.furniture) <= MAX_PIECES or not _is_whole(plan.rooms, plan.furniture):
+        return None
+    ground = walkable_ground(plan)
+    if ground is None:
+        return None
+    unseen = unseen_pieces(plan, ground)
+    kept = [piece for k, piece in enumerate(plan.furniture) if k not in unseen]
+    kept = [piece for piece in kept if _is_supported(piece, kept, plan)]
+    if len(kept) < MIN_PIECES or not _is_whole(plan.rooms, kept):
+        return None
+    numbered = tuple(
+        piece.model_copy(update={"name": f"{piece.category}_{number}"}) for number, piece in enumerate(kept, start=1)
+    )
+    return plan.model_copy(update={"furniture": numbered})
 
 
-def _windows(spans: list[tuple[float, float]]) -> list[Opening]:
-    """One window in the middle of each span of a wall."""
-    return [Opening(kind="window", offset=round((a + b) / 2, 2), width=1.3, sill=0.9, top=2.1) for a, b in spans]
+def _is_whole(rooms: Sequence[Room], pieces: Sequence[Furniture]) -> bool:
+    """Whether every room has what its name promises."""
+    there = {(piece.room, piece.category) for piece in pieces}
+    return all((room.name, category) in there for room in rooms for category in NEEDED.get(room.name, ()))
 
 
-def _railings(stair: Stair) -> list[Wall]:
-    """Railings on the upper storey around the hole: along its open side and at its low end."""
-    rect = stair.rect
-    z, x = rect.z1 + 0.03, rect.x0 - 0.03
-    sides = (((rect.x0, z), (rect.x1, z)), ((x, rect.z0), (x, rect.z1)))
-    return [
-        Wall(storey=stair.storey + 1, start=start, end=end, height=_RAILING, thickness=0.06) for start, end in sides
-    ]
+def _is_supported(piece: Furniture, others: list[Furniture], plan: HomePlan) -> bool:
+    """Whether a piece stands on the floor, hangs at a wall, or lies on another one."""
+    room = next(room for room in plan.rooms if room.name == piece.room)
+    bottom = piece.centre[1] - piece.size[1] / 2
+    if bottom < plan.storeys[room.storey].floor_y + 0.02:
+        return True
+    assert room.rect is not None
+    if not room.rect.grown(-0.1).holds_rect(piece.rect):  # at a wall
+        return True
+    return any(
+        other.rect.holds(piece.centre[0], piece.centre[2])
+        and other.centre[1] - other.size[1] / 2 < bottom - 0.01
+        and bottom <= other.centre[1] + other.size[1] / 2 + 0.03
+        for other in others
+        if other is not piece
+    )

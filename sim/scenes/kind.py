@@ -13,7 +13,8 @@ from .plan import HomePlan, load_plan
 def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) -> SceneKind:
     """The kind of scene that `open_scene` makes of the same arguments.
 
-    A home with a plan beside its episodes stays what the plan says, also when its mesh is read from a file.
+    An invented home stays one, also when its mesh is read from a file; a corrected plan of a schematic home does not
+    make a scan schematic.
 
     Args:
         dataset: Its folder may hold the scene's plan.
@@ -24,7 +25,7 @@ def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) ->
         SceneError: The plan is damaged or of another home.
     """
     plan = plan_of(dataset, scene)
-    if plan is not None:
+    if plan is not None and (scenes_dir is None or plan.kind == "invented"):
         return plan.kind
     return "schematic" if scenes_dir is None else "scan"
 

@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ class IdImages:
 
 @dataclass(frozen=True, slots=True)
 class TriangleMesh:
-    """Triangles in the world frame with flat colours, vertex colours or textures."""
+    """Triangles in the world frame with flat colours, vertex colours, or textures that vertex colours may shade."""
 
     vertices: NDArray[np.float32]
     """(V, 3) metres."""
@@ -48,7 +49,8 @@ class TriangleMesh:
     textures: tuple[NDArray[np.uint8], ...] = ()
     """(h, w, 3) images, C-contiguous."""
     vertex_rgb: NDArray[np.uint8] | None = None
-    """(V, 3); needed where a face has VERTEX_COLOURS."""
+    """(V, 3) with glTF's meaning of COLOR_0: faces with VERTEX_COLOURS show it, textures are multiplied by it (255 = as
+    they are), FLAT faces ignore it. None = textures as they are, and no face has VERTEX_COLOURS."""
     ids: IdImages | None = None
     """Object ids finer than faces, or None."""
 
@@ -108,12 +110,15 @@ class Scene:
     navigation: NavigationMap
     digest: str
     """sha256 of what distances and pictures depend on."""
+    clutter: Literal[0, 1, 2] = 0
+    """How much furniture without a caption was added to a planned home."""
 
     @property
     def label(self) -> str:
         """How views and reports must call the scene."""
+        added = f", clutter {self.clutter}" if self.clutter else ""
         return {
             "scan": self.name,
-            "schematic": f"{self.name} (schematic, not HM3D)",
-            "invented": f"{self.name} (invented home)",
+            "schematic": f"{self.name} (schematic, not HM3D{added})",
+            "invented": f"{self.name} (invented home{added})",
         }[self.kind]

@@ -4,19 +4,25 @@ import hashlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+import scipy
+
+from sim.cache import cached_bytes
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, SceneKind
 from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
 
 from .cells import cells_from_runs
+from .clutter import with_clutter
+from .code_digest import code_digest
 from .furnish import mesh_from_plan
 from .hm3d import find_semantics, load_semantics
 from .kind import plan_of, scene_kind
 from .meshes import load_mesh
-from .plan import HomePlan
+from .plan import HomePlan, plan_bytes
 from .recover import recover_plan
 from .scene import Scene, SceneObject, TriangleMesh
 from .up_axis import Up, up_axis
@@ -29,7 +35,9 @@ _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
 """Of a scan's file, in the order in which they are looked for."""
 
 
-def open_scene(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None) -> Scene:
+def open_scene(
+    dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None, clutter: Literal[0, 1, 2] = 0
+) -> Scene:
     """The scene that the dataset's episodes of `name` take place in.
 
     Args:
@@ -39,17 +47,35 @@ def open_scene(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None =
             `<name>.semantic.glb` and `.semantic.txt` bring objects, and a `.navmesh` for a robot of our size the
             navigation map; without one the map is made from the mesh. Files are z-up as HM3D's, unless Habitat's
             configuration files say otherwise (`up_axis`). None = a plan, or else a schematic home.
+        clutter: How much furniture without a caption is added to a plan or schematic home (`with_clutter`).
 
     Raises:
         DatasetError: The dataset has no such scene.
-        SceneError: The scan, a file beside it or the plan is missing, damaged, or cannot be walked in.
+        SceneError: The scan, a file beside it or the plan is missing, damaged, or cannot be walked in; or clutter is
+            asked for in a scan.
         MissingDependencyError: The scan has Basis textures and the extra `basis` is not installed.
     """
     dataset.require_scene(name)
     if scenes_dir is not None:
+        if clutter:
+            raise SceneError(
+                f"{scenes_dir}: found clutter level {clutter} for the scan of {name!r}; expected 0, since a scan "
+                "has its own. Leave out --clutter, or --scenes-dir to use the home made from its plan or episodes."
+            )
         scan = find_scan(name, scenes_dir)
         return _scan(scan, name, scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir))
-    return scene_from_plan(plan_of(dataset, name) or recover_plan(dataset, name))
+    return scene_from_plan(_cluttered(plan_of(dataset, name) or recover_plan(dataset, name), clutter))
+
+
+def _cluttered(plan: HomePlan, level: Literal[0, 1, 2]) -> HomePlan:
+    """`with_clutter` with seed 0, kept in the cache folder by the plan and our own code."""
+    if level in (0, plan.clutter):
+        return plan
+    content = hashlib.sha256(plan_bytes(plan)).hexdigest()
+    key = f"clutter {level} {content} {code_digest()} {np.__version__} {scipy.__version__}"
+    return HomePlan.model_validate_json(
+        cached_bytes("plan", key, lambda: plan_bytes(with_clutter(plan, level, seed=0)))
+    )
 
 
 def scene_from_plan(plan: HomePlan) -> Scene:
@@ -66,7 +92,7 @@ def scene_from_plan(plan: HomePlan) -> Scene:
         cells = cells_from_runs(plan.cells.walkable)
         navigation = FloorGrid.from_cells(cells.rc, cells.y, grid=plan.cells.grid, max_climb=PLAN_CLIMB)
         digest.update(navigation.digest.encode())
-    return Scene(plan.name, plan.kind, mesh, objects, navigation, digest.hexdigest())
+    return Scene(plan.name, plan.kind, mesh, objects, navigation, digest.hexdigest(), plan.clutter)
 
 
 def find_scan(name: str, scenes_dir: Path) -> Path:

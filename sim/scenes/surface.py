@@ -24,9 +24,9 @@ class Surface(NamedTuple):
     look: NDArray[np.int32]
     """(F,) which texture or colour; different numbers never flow into each other."""
     shown: NDArray[np.float32]
-    """(F, 3, 3) texture coordinates (and 0) or a colour at each corner."""
+    """(F, 3, C) texture coordinates (and 0) or a colour at each corner, and the light on the texture where C is 6."""
     scale: NDArray[np.float32]
-    """(F,) metres that a change of 1 in `shown` counts for."""
+    """(F,) metres that a change of 1 in the first three of `shown` counts for."""
     start: NDArray[np.int64]
     """(V + 1,) where each vertex' faces begin in `ring`."""
     ring: NDArray[np.int32]
@@ -58,7 +58,10 @@ def shows_same(surface, f, g, v):
         return False
     i, j = corner_of(surface.faces, f, v), corner_of(surface.faces, g, v)
     a, b = surface.shown[f, i], surface.shown[g, j]
-    return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
+    same = True
+    for channel in range(len(a)):
+        same = same and a[channel] == b[channel]
+    return same
 
 
 @njit(cache=True, nogil=True)
@@ -72,7 +75,7 @@ def value_at(surface, f, u, v, value):
         g = surface.ring[k]
         if has(surface.faces, g, v) and shows_same(surface, f, g, u):
             corner = corner_of(surface.faces, g, v)
-            for channel in range(3):
+            for channel in range(len(value)):
                 value[channel] = surface.shown[g, corner, channel]
             return True
     return False
@@ -92,7 +95,7 @@ def plane_at(surface, f, i, p, value):
         s = (x * nx + y * ny + z * nz) / squared
         x, y, z = normal(a, b, p)
         t = (x * nx + y * ny + z * nz) / squared
-    for channel in range(3):
+    for channel in range(len(value)):
         own = surface.shown[f, i, channel]
         value[channel] = own + s * (surface.shown[f, j, channel] - own) + t * (surface.shown[f, m, channel] - own)
     return math.sqrt(squared) / 2

@@ -4,7 +4,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
@@ -19,6 +19,7 @@ from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart
 from .run_writer import RunWriter
 from .workers import SceneJob, results, without
 
+ClutterLevel = Literal[0, 1, 2]
 BATCH = 8
 """Episodes that a worker process runs before it hands them over: what a kill can lose, per process."""
 
@@ -31,6 +32,8 @@ class AgentJob(SceneJob):
     agent: str
     """`random`, `shortest-path` or `package.module:factory`."""
     seed: int
+    clutter: ClutterLevel = 0
+    """How much furniture without a caption stands in homes without a scan."""
 
 
 def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int) -> None:
@@ -88,7 +91,7 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], EpisodeRun]:
     from sim.scenes.sources import open_scene
 
     dataset = PersonalDataset(job.dataset_root)
-    scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir)
+    scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.clutter)
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     plugin, renderer = None, None
     if ":" in job.agent:

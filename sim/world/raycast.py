@@ -23,9 +23,9 @@ from sim.types import Camera
 from . import embree
 from .cast_kernels import cast_rays, refine_ranges
 from .raycast_kernels import SKY_RGB as SKY_RGB
-from .raycast_kernels import TILES, Picture, Rows, Sampling, View, depth_rows, lanes_dtype, render_rows
+from .raycast_kernels import TILES, Picture, Rows, Sampling, View, depth_rows, render_rows
 from .renderer import Backend, Frame, Hits
-from .texels import FILTERS, Surfaces, TextureFilter, surfaces_of_mesh
+from .texels import FILTERS, Surfaces, TextureFilter, lanes_dtype, surfaces_of_mesh
 
 _Over = Callable[[list[Rows], Callable[[Rows], None]], None]
 _PIXELS_PER_TASK = 16_384

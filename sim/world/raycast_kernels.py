@@ -40,16 +40,7 @@ Picture = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]
 _NEAREST, _MIPMAP = FILTERS["nearest"], FILTERS["mipmap"]
 _SKY = SKY_RGB[0] | SKY_RGB[1] << 8 | SKY_RGB[2] << 16
 _MISS = np.float32(np.inf)
-_HALF = np.float32(0.5)
-
-
-def lanes_dtype(width: int) -> np.dtype:
-    """What the stages of colouring hand on, for each ray of a packet."""
-    floats = ["u", "v", "x_share", "y_share"]
-    ints = ["height", "width", "left", "right", "top", "bottom", "instance", "colour"]
-    ints += ["top_left", "top_right", "bottom_left", "bottom_right"]
-    fields = [(name, np.float32, (width,)) for name in floats] + [(name, np.int32, (width,)) for name in ints]
-    return np.dtype([*fields, ("texels", np.int64, (width,))])
+_DARK, _HALF, _BRIGHT = np.float32(0), np.float32(0.5), np.float32(255)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -67,7 +58,8 @@ def render_rows(tracer, packets, all_lanes, view, surfaces, sampling, rows, pict
         picture: `Picture`.
     """
     packet, lanes = packets[0], all_lanes[0]
-    records, levels, id_levels, id_uv = surfaces  # here, not below: each unpacking counts references, which takes time
+    # here, not below: each unpacking counts references, which takes time
+    records, levels, id_levels, id_uv, light = surfaces
     rgb, depth, instance_ids = picture
     cols, tile_rows = _tile(packet)
     _place_rays(packet, view)
@@ -77,6 +69,8 @@ def render_rows(tracer, packets, all_lanes, view, surfaces, sampling, rows, pict
             trace(tracer[0], tracer[1], tracer[2], packets.ctypes.data, len(packet.tfar))
             _meet_surfaces(packet, lanes, records, levels, id_levels, id_uv, sampling)
             _look_up_texels(lanes, sampling)
+            if len(light):
+                _shade_texels(packet, lanes, light)
             _store_depth(packet, row, col, depth)
             _store_lanes(lanes, row, col, rgb, instance_ids)
 
@@ -104,7 +98,7 @@ def colour_rows(found, mesh, packets, all_lanes, view, surfaces, sampling, rows,
         packets: See `render_rows`, as the others.
     """
     packet, lanes = packets[0], all_lanes[0]
-    records, levels, id_levels, id_uv = surfaces
+    records, levels, id_levels, id_uv, light = surfaces
     rgb, depth, instance_ids = picture
     cols, tile_rows = _tile(packet)
     for row in range(rows[0] * tile_rows, rows[1] * tile_rows, tile_rows):
@@ -113,20 +107,10 @@ def colour_rows(found, mesh, packets, all_lanes, view, surfaces, sampling, rows,
             _take_hits(packet, row - rows[0] * tile_rows, col, found, mesh)
             _meet_surfaces(packet, lanes, records, levels, id_levels, id_uv, sampling)
             _look_up_texels(lanes, sampling)
+            if len(light):
+                _shade_texels(packet, lanes, light)
             _store_depth(packet, row, col, depth)
             _store_lanes(lanes, row, col, rgb, instance_ids)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def pixel_rays(view, first, last, width):
-    """(last - first, width, 6) origins and directions of the rays through these rows of pixels, as `render_rows`'s."""
-    rays = np.empty((last - first, width, 6), np.float32)
-    for row in range(last - first):
-        for col in range(width):
-            for k in range(3):
-                rays[row, col, k] = view[k][3]
-                rays[row, col, 3 + k] = _direction(view[k], float(col), float(first + row))
-    return rays
 
 
 def _reader(bits: int) -> Any:
@@ -154,7 +138,8 @@ def _tile(packet):
 
 
 @njit(forceinline=True)
-def _direction(axis, x, y):
+def direction(axis, x, y):
+    """One component of the ray through column `x` and row `y`; `axis` is that of a `View`."""
     return axis[0] * x + axis[1] * y + axis[2]
 
 
@@ -170,9 +155,9 @@ def _aim_rays(packet, view, row, col):
     cols, _ = _tile(packet)
     for i in range(len(packet.tfar)):
         x, y = float(col + i % cols), float(row + i // cols)
-        packet.dir_x[i] = _direction(view[0], x, y)
-        packet.dir_y[i] = _direction(view[1], x, y)
-        packet.dir_z[i] = _direction(view[2], x, y)
+        packet.dir_x[i] = direction(view[0], x, y)
+        packet.dir_y[i] = direction(view[1], x, y)
+        packet.dir_z[i] = direction(view[2], x, y)
         packet.tfar[i] = _MISS
         packet.geom[i] = INVALID
 
@@ -316,6 +301,29 @@ def _nearest_texels(lanes):
         width, height = lanes.width[i], lanes.height[i]
         x, y = _within(lanes.u[i], width), _within(lanes.v[i], height)
         lanes.colour[i] = _rgb_at(lanes.texels[i] + 3 * (y * width + x))
+
+
+@njit(forceinline=True)
+def _shade_texels(packet, lanes, light):
+    """Multiplies the colours of textured lanes by the light at their place."""
+    for i in range(len(lanes.colour)):
+        if lanes.width[i]:
+            face = packet.prim[i]
+            lanes.light0[i], lanes.light1[i], lanes.light2[i] = light[face, 0], light[face, 1], light[face, 2]
+    for i in range(len(lanes.colour)):
+        red, green, blue = _shaded(packet, lanes, i, 0), _shaded(packet, lanes, i, 8), _shaded(packet, lanes, i, 16)
+        lanes.colour[i] = lanes.colour[i] if lanes.width[i] == 0 else np.int32(red | green << 8 | blue << 16)
+
+
+@njit(forceinline=True)
+def _shaded(packet, lanes, i, shift):
+    """One channel of a lane's colour times that of the light, as int32."""
+    first = np.float32(np.int32(lanes.light0[i] >> shift & 255))
+    second = np.float32(np.int32(lanes.light1[i] >> shift & 255))
+    third = np.float32(np.int32(lanes.light2[i] >> shift & 255))
+    light = first + packet.u[i] * (second - first) + packet.v[i] * (third - first)
+    colour = np.float32(np.int32(lanes.colour[i] >> shift & 255))
+    return np.int32(colour * min(max(light, _DARK), _BRIGHT) / _BRIGHT + _HALF)
 
 
 @njit(forceinline=True)

@@ -4,9 +4,11 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
+from sim.compiled import njit
+
 from .embree import new_packet
-from .raycast_kernels import TILES, Picture, Rows, Sampling, View, colour_rows, lanes_dtype, pixel_rays
-from .texels import Surfaces
+from .raycast_kernels import TILES, Picture, Rows, Sampling, View, colour_rows, direction
+from .texels import Surfaces, lanes_dtype
 
 WIDTH = 16
 """Pixels that are coloured together."""
@@ -48,7 +50,19 @@ class Open3dTracer:
     def _hits(self, view: View, rows: Rows, depth: NDArray[np.float32]) -> dict[str, o3d.core.Tensor]:
         """Open3D's answer for the pixels of these rows of tiles; the calling thread alone works on it."""
         first, last = rows[0] * self.tile_rows, min(rows[1] * self.tile_rows, depth.shape[0])
-        return self._scene.cast_rays(_tensor(pixel_rays(view, first, last, depth.shape[1]), np.float32), nthreads=1)
+        return self._scene.cast_rays(_tensor(_pixel_rays(view, first, last, depth.shape[1]), np.float32), nthreads=1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pixel_rays(view, first, last, width):
+    """(last - first, width, 6) origins and directions of the rays through these rows of pixels, as `render_rows`'s."""
+    rays = np.empty((last - first, width, 6), np.float32)
+    for row in range(last - first):
+        for col in range(width):
+            for k in range(3):
+                rays[row, col, k] = view[k][3]
+                rays[row, col, 3 + k] = direction(view[k], float(col), float(first + row))
+    return rays
 
 
 def _tensor(array: NDArray, dtype: type) -> o3d.core.Tensor:

@@ -22,6 +22,7 @@ LARGEST_UV = 1e6
 """Texture coordinates beyond this are damage: float32 no longer tells texels apart there."""
 LARGEST_TEXTURE = 2**31 - 1
 """Bytes: kernels count them in 32 bits."""
+_WHITE = 0xFFFFFF
 _RECORD = np.dtype(
     [
         ("u0", np.float32),  # corner 0, or packed colours: see `_records`
@@ -58,6 +59,17 @@ class Surfaces(NamedTuple):
     """(I,) where each id image is."""
     id_uv: NDArray[np.float32]
     """(F, 3, 2), or (0, 3, 2) without id images."""
+    light: NDArray[np.int32]
+    """(F, 3) packed colours of the corners that textures are multiplied by; (0, 3) where no texture is changed."""
+
+
+def lanes_dtype(width: int) -> np.dtype:
+    """What the stages of colouring hand on, for each ray of a packet."""
+    floats = ["u", "v", "x_share", "y_share"]
+    ints = ["height", "width", "left", "right", "top", "bottom", "instance", "colour"]
+    ints += ["top_left", "top_right", "bottom_left", "bottom_right", "light0", "light1", "light2"]
+    fields = [(name, np.float32, (width,)) for name in floats] + [(name, np.int32, (width,)) for name in ints]
+    return np.dtype([*fields, ("texels", np.int64, (width,))])
 
 
 def surfaces_of_mesh(mesh: TriangleMesh, *, texture_filter: TextureFilter) -> tuple[Surfaces, tuple[NDArray, ...]]:
@@ -78,7 +90,8 @@ def surfaces_of_mesh(mesh: TriangleMesh, *, texture_filter: TextureFilter) -> tu
     levels["first_smaller"][: len(textures)] = len(textures) + np.cumsum(counts) - counts
     ids = mesh.ids or IdImages((), np.empty(0, np.int16), np.empty((0, 3, 2), np.float32))
     id_images = [np.ascontiguousarray(image) for image in ids.images]
-    surfaces = Surfaces(_records(mesh), levels, _places(id_images), np.ascontiguousarray(ids.face_uv, np.float32))
+    id_uv = np.ascontiguousarray(ids.face_uv, np.float32)
+    surfaces = Surfaces(_records(mesh), levels, _places(id_images), id_uv, _light(mesh))
     return surfaces, (*images, *id_images)
 
 
@@ -103,7 +116,8 @@ def check_mesh(mesh: TriangleMesh) -> None:
     per_face["face_texture"] = mesh.face_texture
     for texture in mesh.textures:
         _check_image("a texture", texture, (np.uint8, 3))
-    if (mesh.face_texture == VERTEX_COLOURS).any() and (mesh.vertex_rgb is None or len(mesh.vertex_rgb) < num_vertices):
+    is_coloured = (mesh.face_texture == VERTEX_COLOURS).any()
+    if is_coloured if mesh.vertex_rgb is None else len(mesh.vertex_rgb) < num_vertices:
         raise _damaged("vertex_rgb", "fewer colours than vertices", "one per vertex")
     if mesh.ids is not None:
         _check_range("ids.face_image", mesh.ids.face_image, FACE_IDS, len(mesh.ids.images) - 1)
@@ -158,15 +172,24 @@ def _records(mesh: TriangleMesh) -> NDArray[np.void]:
     records["u0"][flat] = _packed(mesh.face_rgb[flat])
     blended = mesh.face_texture == VERTEX_COLOURS
     if mesh.vertex_rgb is not None and blended.any():
-        corners = _packed(mesh.vertex_rgb)[mesh.faces[blended]]
+        corners = _packed(mesh.vertex_rgb).astype(np.float32)[mesh.faces[blended]]
         for field, column in zip(("u0", "v0", "du1"), corners.T, strict=True):
             records[field][blended] = column
     return records
 
 
-def _packed(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+def _light(mesh: TriangleMesh) -> NDArray[np.int32]:
+    """`Surfaces.light`: twelve bytes per face only where a textured face has a corner that is not white."""
+    if mesh.vertex_rgb is None or not mesh.textures:
+        return np.empty((0, 3), np.int32)
+    light = _packed(mesh.vertex_rgb)[mesh.faces]
+    changes = (light[mesh.face_texture >= 0] != _WHITE).any()
+    return light if changes else np.empty((0, 3), np.int32)
+
+
+def _packed(rgb: NDArray[np.uint8]) -> NDArray[np.int32]:
     """(N,) red + 256 green + 65536 blue of colours (N, 3)."""
-    return (rgb.astype(np.int32) @ np.array([1, 256, 65536], np.int32)).astype(np.float32)
+    return rgb.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
 
 
 def _places(images: Sequence[NDArray]) -> NDArray[np.void]:

@@ -115,6 +115,16 @@ def test_a_texture_that_repeats_stays_alone_and_repeats() -> None:
     np.testing.assert_allclose(colours(atlas, PLACES), colours(repeated, PLACES), atol=0.5)
 
 
+def test_the_light_on_textures_stays_on_their_corners() -> None:
+    checks = np.kron([[0, 255], [255, 0]], np.ones((16, 16)))[..., None].repeat(3, axis=2).astype(np.uint8)
+    mesh = squares(checks, plain((1, 2, 3), 8, 8))
+    light = np.random.default_rng(5).integers(0, 256, (8, 3)).astype(np.uint8)
+    atlas = atlased(replace(mesh, face_uv=mesh.face_uv * [[[7]], [[7]], [[1]], [[1]]], vertex_rgb=light))
+    np.testing.assert_array_equal(atlas.faces, mesh.faces)
+    np.testing.assert_array_equal(atlas.vertices, mesh.vertices)
+    np.testing.assert_array_equal(atlas.vertex_rgb, light)
+
+
 def test_coordinates_a_whole_image_off_are_no_repetition() -> None:
     rng = np.random.default_rng(6)
     mesh = squares(rng.integers(0, 256, (40, 60, 3)).astype(np.uint8))

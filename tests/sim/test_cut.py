@@ -89,6 +89,9 @@ def test_colours_of_vertices_and_ids_of_faces_are_cut_along() -> None:
     np.testing.assert_array_equal(cut.vertex_rgb[cut.vertices[:, 1] == 0.5], [[50, 25, 12]] * 2)
     np.testing.assert_array_equal(cut.vertex_rgb[cut.vertices[:, 1] == 0], [[0, 0, 0]] * 2)
     np.testing.assert_allclose(cut.ids.face_uv, cut.face_uv * 3, atol=1e-6)
+    lit = cut_storey(replace(coloured, face_texture=whole.face_texture), 0.0, cut_y=0.5)
+    assert lit.face_texture.tolist() == [0, 0]
+    np.testing.assert_array_equal(lit.vertex_rgb, cut.vertex_rgb)
     np.testing.assert_array_equal(cut.face_instance, [7, 7])
 
 

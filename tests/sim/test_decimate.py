@@ -9,8 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from sim.frames import T_world_camera
 from sim.scenes.decimate import decimated
 from sim.scenes.scene import FLAT, VERTEX_COLOURS, TriangleMesh
+from sim.types import Camera, Pose
 from sim.world.raycast import Raycaster
 
 WHITE = np.full((4, 4, 3), 255, np.uint8)
@@ -102,6 +104,44 @@ def test_vertex_colours_stay_where_they_change() -> None:
     assert blended.vertex_rgb is not None
     reds = [mesh.vertex_rgb[mesh.faces[face], 0].mean(axis=1) for mesh, face in ((blended, before), (few, after))]  # type: ignore[index]
     assert np.abs(reds[0] - reds[1]).mean() < 12
+
+
+def lit_sheet(light) -> TriangleMesh:
+    """A white sheet with this light (x -> (K,) in 0-1) on its texture."""
+    even = sheet(40)
+    grey = np.rint(255 * light(even.vertices[:, 0]))
+    return replace(even, vertex_rgb=np.repeat(grey[:, None], 3, axis=1).astype(np.uint8))
+
+
+def seen_light(mesh: TriangleMesh) -> NDArray[np.float64]:
+    """What a camera over the middle sees of [0.1, 0.9]^2, one channel."""
+    camera = Camera(160, 160, 90.0, 0.0)
+    frame = Raycaster(mesh).render(T_world_camera(Pose((0.5, 0.4, 0.5), 0.0, -np.pi / 2), camera), camera)
+    return frame.rgb[..., 0].astype(float)
+
+
+def test_light_that_grows_evenly_costs_no_triangles() -> None:
+    even = lit_sheet(lambda x: 0.2 + 0.8 * x)
+    few = decimated(even, max_faces=10_000)
+    assert len(few.faces) < 200
+    assert np.abs(seen_light(few) - seen_light(even)).max() <= 2
+
+
+def test_soft_shadows_stay_where_they_are() -> None:
+    even = lit_sheet(lambda x: 1 - 0.6 * np.exp(-((x - 0.5) ** 2) / 0.005))
+    few = decimated(even, max_faces=10_000)
+    apart = np.abs(seen_light(few) - seen_light(even))
+    assert len(few.faces) < 0.7 * len(even.faces)
+    assert apart.mean() < 2
+    assert apart.max() < 12
+
+
+def test_textures_stay_as_bright_as_they_are_in_a_mesh_with_vertex_colours() -> None:
+    mixed = sheet(20, texture=lambda x, z: np.where(x > 0.5, VERTEX_COLOURS, 0))
+    few = decimated(replace(mixed, vertex_rgb=np.full((len(mixed.vertices), 3), 255, np.uint8)), max_faces=10_000)
+    assert few.vertex_rgb is not None
+    assert set(few.face_texture) == {0, VERTEX_COLOURS}
+    assert few.vertex_rgb.min() == 255
 
 
 def test_a_sheet_folded_onto_itself_keeps_its_outline() -> None:

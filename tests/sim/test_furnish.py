@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 
 from sim.frames import T_world_camera, forward_from_yaw
-from sim.scenes.arrange import GROUPS
-from sim.scenes.cells import CellGrid, CellRun
 from sim.scenes.cut import CUT_HEIGHT, cut_storey
 from sim.scenes.furnish import mesh_from_plan
-from sim.scenes.furniture.appearance import rgb_from_text
-from sim.scenes.furniture.families import look_of
-from sim.scenes.furniture.parts import parts_of
+from sim.scenes.invent import invent_plan
 from sim.scenes.plan import (
     Finish,
     Furniture,
@@ -23,22 +19,27 @@ from sim.scenes.plan import (
     Storey,
     Wall,
 )
-from sim.scenes.quads import QuadBuilder
 from sim.scenes.scene import TriangleMesh
+from sim.scenes.sources import scene_from_plan
+from sim.scenes.walls import SKIRTING
 from sim.types import Camera, Pose
 from sim.world.raycast import Raycaster
+
+from .cell_plans import block, plan_of_cells
 
 GROUND = Storey(label="ground floor", floor_y=0.0, ceiling=2.6)
 RED_CHAIR = Furniture(
     name="chair_7", category="chair", centre=(2.0, 0.45, 1.5), size=(0.5, 0.9, 0.5), finish=Finish(rgb=(178, 44, 40))
 )
+GREY: Rgb = (120, 120, 120)
+_PARTITION = {"storey": 0, "start": (3.0, 0.0), "end": (3.0, 3.0), "height": 2.6}
 
 
 def _room(name: str, rect: Rect, floor: Rgb, wall: Rgb) -> Room:
     return Room(name=name, storey=0, rect=rect, floor=Finish(rgb=floor), wall=Finish(rgb=wall))
 
 
-def two_rooms() -> HomePlan:
+def two_rooms(*, floor: Finish | None = None) -> HomePlan:
     """Two rooms of 3 m by 3 m side by side, a wall with a door between them, a red chair in the left one."""
     walls = tuple(
         Wall(storey=0, start=start, end=end, height=2.6)
@@ -54,14 +55,14 @@ def two_rooms() -> HomePlan:
                 name="left",
                 storey=0,
                 rect=Rect(0, 0, 3, 3),
-                floor=Finish(rgb=(150, 100, 60)),
+                floor=floor or Finish(rgb=(150, 100, 60)),
                 wall=Finish(rgb=(240, 200, 200)),
             ),
             Room(
                 name="right",
                 storey=0,
                 rect=Rect(3, 0, 6, 3),
-                floor=Finish(rgb=(90, 90, 90)),
+                floor=floor or Finish(rgb=(90, 90, 90)),
                 wall=Finish(rgb=(200, 200, 240)),
             ),
         ),
@@ -118,12 +119,12 @@ def test_a_storey_cut_leaves_no_wall_above_the_cut_and_no_ceiling() -> None:
 
 def test_a_stair_has_steps_of_its_rise_and_a_hole_above() -> None:
     upper = Storey(label="first floor", floor_y=2.8, ceiling=2.6)
-    colours = {"floor": Finish(rgb=(100, 100, 100)), "wall": Finish(rgb=(200, 200, 200))}
+    floor, wall = Finish(rgb=(100, 100, 100)), Finish(rgb=(200, 200, 200))
     plan = HomePlan(
         name="Up",
         kind="invented",
         storeys=(GROUND, upper),
-        rooms=tuple(Room(name=f"r{k}", storey=k, rect=Rect(0, 0, 8, 3), **colours) for k in (0, 1)),
+        rooms=tuple(Room(name=f"r{k}", storey=k, rect=Rect(0, 0, 8, 3), floor=floor, wall=wall) for k in (0, 1)),
         stairs=(Stair(storey=0, rect=Rect(1, 1, 5.48, 2), towards="+x", num_steps=16),),
     )
     mesh, _ = mesh_from_plan(plan)
@@ -136,66 +137,105 @@ def test_a_stair_has_steps_of_its_rise_and_a_hole_above() -> None:
     assert beside == pytest.approx(2.8, abs=1e-5)
 
 
-def test_cells_become_floor_walls_and_plinths() -> None:
-    plan = HomePlan(
-        name="Cells",
-        kind="schematic",
-        storeys=(Storey(label="ground floor", floor_y=0.0, ceiling=2.5),),
-        rooms=(Room(name="all", storey=0, floor=Finish(rgb=(100, 100, 100)), wall=Finish(rgb=(200, 200, 200))),),
-        cells=CellGrid(
-            origin_xz=(0.0, 0.0),
-            shape=(60, 60),
-            walkable=tuple(CellRun(row, 20, 20, 0) for row in range(20, 40)),
-            plinth=tuple(CellRun(row, 44, 4, 25) for row in range(20, 40)),
-        ),
-    )
+def test_cells_become_a_room_with_plinths_as_floor() -> None:
+    plan = plan_of_cells(block(20, 20, 20, 20), plinth=block(20, 44, 20, 4, y_cm=25))
     mesh, _ = mesh_from_plan(plan)
-    # centres may be up to x = 1.0; the floor goes on for the robot's radius (3 whole cells), then the wall stands
-    assert hit_distance(mesh, (1.5, 1, 1.5), (-1, 0, 0)) == pytest.approx(1.5 - 0.85, abs=1e-4)
+    # centres may be up to x = 1.0, the robot's radius beyond is floor; the wall stands at most 0.3 m behind it
+    assert 0.65 <= hit_distance(mesh, (1.5, 1, 1.5), (-1, 0, 0)) < 1.0
     assert hit_distance(mesh, (1.5, 1, 1.5), (0, -1, 0)) == pytest.approx(1.0, abs=1e-4)
-    # towards +x a plinth: the eye looks over it to the wall behind, a foot meets its side
-    assert hit_distance(mesh, (1.5, 1, 1.5), (1, 0, 0)) > 0.65
-    assert len(mesh.faces) < 400
-
-
-@pytest.mark.parametrize(
-    "category", sorted({m.category for group in GROUPS.values() for m in group} | {"strange thing"})
-)
-def test_every_piece_stays_inside_its_box(category: str) -> None:
-    _, size = look_of(category)
-    finish = Finish(rgb=(120, 80, 40))
-    piece = Furniture(name="x_1", category=category, centre=(0, 0, 0), size=size, finish=finish)
-    for part in parts_of(piece):
-        low = np.array(part.centre) - np.array(part.size) / 2
-        high = np.array(part.centre) + np.array(part.size) / 2
-        assert (low >= [-size[0] / 2 - 0.021, -0.021, -size[2] / 2 - 0.021]).all(), part
-        assert (high <= [size[0] / 2 + 0.021, size[1] + 0.021, size[2] / 2 + 0.021]).all(), part
-
-
-def test_solids_are_closed_and_face_outwards() -> None:
-    for is_round, volume in ((False, 2 * 3 * 4.0), (True, 3 * 5 * np.sin(2 * np.pi / 10) * 2)):
-        builder = QuadBuilder()
-        builder.add_box((1, 2, 3), (2, 3, 4), finish=Finish(rgb=(9, 9, 9)), yaw=0.4, is_round=is_round)
-        mesh = builder.mesh()
-        a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
-        assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(volume, rel=1e-5)
+    # towards +x nobody walked, but one sees there: the room goes on
+    assert 0.9 <= hit_distance(mesh, (1.5, 1, 1.5), (1, 0, 0)) < 1.3
 
 
 def test_a_piece_turned_by_its_yaw_shows_its_front_there() -> None:
-    cabinet = Furniture(
-        name="tv_1", category="tv", centre=(0, 0.3, 0), size=(1, 0.6, 0.1), finish=Finish(rgb=(9, 9, 9)), yaw=np.pi / 2
+    # a bench seat with a back: its back is on the far side of its front
+    armchair = Furniture(
+        name="armchair_1",
+        category="armchair",
+        centre=(0, 0.45, 0),
+        size=(0.8, 0.9, 0.8),
+        finish=Finish(rgb=(9, 90, 9)),
+        yaw=np.pi / 2,
     )
-    plan = two_rooms().model_copy(update={"furniture": (cabinet,), "rooms": (), "walls": ()})
+    plan = two_rooms().model_copy(update={"furniture": (armchair,), "rooms": (), "walls": ()})
     mesh, objects = mesh_from_plan(plan)
-    assert objects[0].size == pytest.approx((0.1, 0.6, 1.0))
-    hits = Raycaster(mesh).cast(np.array([[1.0, 0.3, 0.2], [-1.0, 0.3, 0.2]]), np.array([[-1.0, 0, 0], [1, 0, 0]]))
-    front, back = mesh.face_rgb[hits.face_ids].astype(int)
-    assert front[2] > back[2] + 30  # the screen is bluish, the back is the frame
+    assert objects[0].size == pytest.approx((0.8, 0.9, 0.8))
     assert forward_from_yaw(np.pi / 2) == pytest.approx([-1, 0, 0], abs=1e-9)
+    y = np.array([0.75, 0.75])
+    hits = Raycaster(mesh).cast(np.array([[2.0, y[0], 0.0], [-2.0, y[1], 0.0]]), np.array([[-1.0, 0, 0], [1, 0, 0]]))
+    front, back = hits.positions[:, 0]
+    assert back == pytest.approx(-0.4, abs=0.12), "the back rest stands at the back"
+    assert front < 0.1, "and is seen over the seat from the front"
 
 
-def test_colour_words_are_found_as_whole_words() -> None:
-    assert rgb_from_text("A big Blue-white sofa") == (52, 92, 164)
-    assert rgb_from_text("the covered bed in the corner") is None
-    assert look_of("dining table")[1] == (1.5, 0.75, 0.9)
-    assert look_of("never seen")[0] == "box"
+def test_a_storey_has_lamps_skirting_and_a_ceiling_below_its_walls_top() -> None:
+    mesh, _ = mesh_from_plan(two_rooms())
+    assert hit_distance(mesh, (0.5, 1, 0.5), (0, 1, 0)) == pytest.approx(1.6, abs=1e-4)
+    assert hit_distance(mesh, (1.5, 1, 1.5), (0, 1, 0)) < 1.6, "a lamp hangs in the middle"
+    low = hit_distance(mesh, (1.0, SKIRTING / 2, 0.7), (-1, 0, 0))
+    high = hit_distance(mesh, (1.0, 1.0, 0.7), (-1, 0, 0))
+    assert low < high == pytest.approx(1 - 0.06, abs=1e-5)
+
+
+def test_a_window_shows_sky_in_a_frame_to_its_room_only() -> None:
+    plan = two_rooms()
+    pane = Opening(kind="window", offset=1.0, width=1.2, sill=0.9, top=2.1)
+    outer = plan.walls[0].model_copy(update={"openings": (pane,)})
+    mesh, _ = mesh_from_plan(plan.model_copy(update={"walls": (outer, *plan.walls[1:])}))
+    at = [[0.75, 2.0, 1.5], [0.75, 1.0, 1.5], [0.36, 1.7, 1.5], [0.2, 1.7, 1.5]]
+    hits = Raycaster(mesh).cast(np.array(at), np.tile([0.0, 0, -1], (4, 1)))
+    sky, grass, frame, wall = mesh.face_rgb[hits.face_ids].astype(int)
+    assert sky[2] > sky[0] + 20
+    assert grass[1] > grass[2] + 10
+    assert frame[0] > frame[2] + 20
+    assert wall[0] > wall[2]
+    assert hits.positions[3, 2] == pytest.approx(0.06, abs=1e-5)
+    assert hits.positions[0, 2] < 0.06, "the pane lies in the wall"
+    assert hits.positions[2, 2] > 0.06, "the frame stands out"
+
+
+def test_an_open_leaf_lies_against_the_wall_where_nothing_is_and_blocks_no_way() -> None:
+    door = Opening(kind="door", offset=1.2, width=0.9)
+    plan = two_rooms()
+    plan = plan.model_copy(update={"walls": (*plan.walls[:-1], Wall(**_PARTITION, openings=(door,)))})
+    scene = scene_from_plan(plan)
+    walked = scene.navigation.distances(np.array([[1.2, 0.0, 0.6]]), np.array([[5.0, 0.0, 2.4]]))[0]
+    assert walked < np.hypot(3.8, 1.8) * 1.12
+    beside = (2.0, 0.9, 2.2), (4.0, 0.9, 2.2)
+    free = [hit_distance(scene.mesh, at, (side, 0, 0)) for at, side in zip(beside, (1, -1), strict=True)]
+    assert sorted(free) == pytest.approx([0.94 - 0.065, 0.94], abs=1e-3), "a leaf of 4 cm on one side"
+    boxes = tuple(
+        Furniture(name=f"box_{k}", category="box", centre=(x, 0.2, 2.3), size=(0.3, 0.4, 0.3), finish=Finish(rgb=GREY))
+        for k, x in enumerate((2.75, 3.25))
+    )
+    full, _ = mesh_from_plan(plan.model_copy(update={"furniture": boxes}))
+    found = [hit_distance(full, at, (side, 0, 0)) for at, side in zip(beside, (1, -1), strict=True)]
+    assert found == pytest.approx([0.94, 0.94], abs=1e-3), "none where furniture stands on both sides"
+
+
+def test_every_wall_and_floor_faces_the_side_from_which_it_is_seen() -> None:
+    scene = scene_from_plan(invent_plan("Demo", seed=1))
+    rng = np.random.default_rng(0)
+    eyes = np.array([scene.navigation.random_point(rng) for _ in range(40)]) + np.array([0, 0.88, 0])
+    to = rng.normal(size=(40 * 80, 3))
+    hits = Raycaster(scene.mesh).cast(np.repeat(eyes, 80, axis=0), to)
+    is_house = (hits.face_ids >= 0) & (scene.mesh.face_instance[hits.face_ids] == 0)
+    a, b, c = np.moveaxis(scene.mesh.vertices[scene.mesh.faces[hits.face_ids[is_house]]].astype(float), 1, 0)
+    towards = np.einsum("ij,ij->i", np.cross(b - a, c - a), to[is_house])
+    assert (hits.face_ids >= 0).mean() > 0.995, "closed on all sides"
+    assert (towards < 1e-9).mean() > 0.995
+
+
+def test_floors_have_one_texture_per_finish_that_goes_on_between_pieces() -> None:
+    mesh, _ = mesh_from_plan(two_rooms(floor=Finish(material="wood", rgb=(150, 100, 60))))
+    assert mesh.textures
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    normal = np.cross(b - a, c - a)
+    is_floor = (normal[:, 1] > 1e-6) & (np.abs(a[:, 1]) < 1e-4) & (mesh.face_texture >= 0) & (mesh.face_instance == 0)
+    (texture,) = set(mesh.face_texture[is_floor].tolist())
+    left = is_floor & (a[:, 0] < 2.9)
+    uv, points = mesh.face_uv[left].reshape(-1, 2), mesh.vertices[mesh.faces[left]].reshape(-1, 3)
+    fit = np.linalg.lstsq(np.column_stack([points[:, [0, 2]], np.ones(len(points))]), uv, rcond=None)
+    assert np.abs(fit[0][:2]).max() < 3, mesh.textures[texture].shape
+    residual = uv - np.column_stack([points[:, [0, 2]], np.ones(len(points))]) @ fit[0]
+    assert np.abs(residual).max() < 1e-3, "one plane of texture over the whole room"

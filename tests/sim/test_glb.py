@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from trimesh.visual import ColorVisuals, TextureVisuals
+from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from sim.frames import T_world_camera
 from sim.scenes.glb import load_glb
-from sim.scenes.scene import FLAT, VERTEX_COLOURS
 from sim.types import Camera, Pose
 from sim.world.raycast import Raycaster
 
@@ -116,15 +115,6 @@ def test_a_base_colour_without_texture_is_the_faces_colour(tmp_path):
     assert mesh.face_texture.tolist() == [-1, -1]
 
 
-def test_vertex_colours_are_averaged_per_face(tmp_path):
-    colours = np.array([[0, 0, 0, 255], [90, 0, 0, 255], [0, 60, 0, 255], [0, 0, 30, 255]], np.uint8)
-    mesh = load_glb(write(tmp_path / "a.glb", ColorVisuals(vertex_colors=colours)))
-    assert mesh.face_rgb.tolist() == [[30, 20, 0], [0, 20, 10]]
-    assert mesh.face_texture.tolist() == [VERTEX_COLOURS, VERTEX_COLOURS]
-    assert mesh.vertex_rgb is not None
-    np.testing.assert_array_equal(mesh.vertex_rgb, colours[:, :3])
-
-
 def test_an_image_that_two_parts_share_is_kept_once(tmp_path):
     scene = trimesh.Scene()
     visual = textured(two_colours())
@@ -215,21 +205,6 @@ def test_small_indices_do_not_wrap_round_in_a_file_of_many_vertices(tmp_path, ki
     mesh = loaded(writer, tmp_path)
     assert len(mesh.vertices) > np.iinfo(kind).max
     np.testing.assert_array_equal(mesh.vertices[mesh.faces][:, :, 2], np.repeat(np.arange(5), 2)[:, None].repeat(3, 1))
-
-
-@pytest.mark.parametrize(("coloured", "count"), [(False, 4), (True, 8)])
-def test_parts_of_two_base_colours_have_own_vertices_only_where_these_have_colours(tmp_path, coloured, count):
-    writer = GltfWriter()
-    square = writer.square()
-    if coloured:
-        square["attributes"]["COLOR_0"] = writer.accessor(np.full((4, 4), 200, np.uint8), normalized=True)
-    tints = [[0.5, 1, 1, 1], [1, 0.5, 1, 1]]
-    indices = [writer.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": tint}}) for tint in tints]
-    writer.show(*[square | {"material": index} for index in indices])
-    mesh = loaded(writer, tmp_path)
-    assert len(mesh.vertices) == count
-    low, high = (100, 200) if coloured else (128, 255)
-    assert mesh.face_rgb.tolist() == [[low, high, high]] * 2 + [[high, low, high]] * 2
 
 
 def test_whole_numbers_may_be_written_with_a_point(tmp_path):
@@ -326,52 +301,6 @@ def test_unnormalized_integers_stay_whole_numbers(tmp_path):
     writer = GltfWriter()
     writer.show(writer.square(points=(SQUARE * 10).astype(np.int16)), scale=[0.1, 0.1, 0.1])
     np.testing.assert_allclose(loaded(writer, tmp_path).vertices, SQUARE, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("colours", "expected"),
-    [
-        (np.array([[1.0, 0.5, 0]] * 4, np.float32), [255, 128, 0]),
-        (np.array([[1.0, 0.5, 0, 0.2]] * 4, np.float32), [255, 128, 0]),
-        (np.array([[65535, 32768, 0]] * 4, np.uint16), [255, 128, 0]),
-        (np.array([[255, 128, 0, 7]] * 4, np.uint8), [255, 128, 0]),
-        (np.array([[np.nan, 7, -1]] * 4, np.float32), [0, 255, 0]),
-    ],
-)
-def test_vertex_colours_of_every_kind(tmp_path, colours, expected):
-    writer = GltfWriter()
-    primitive = writer.square()
-    primitive["attributes"]["COLOR_0"] = writer.accessor(colours, normalized=colours.dtype.kind == "u")
-    writer.show(primitive)
-    mesh = loaded(writer, tmp_path)
-    assert mesh.vertex_rgb is not None
-    assert mesh.vertex_rgb.tolist() == [expected] * 4
-    assert mesh.face_rgb.tolist() == [expected] * 2
-
-
-def test_vertex_colours_are_multiplied_by_the_base_colour_and_give_way_to_a_texture(tmp_path):
-    writer = GltfWriter()
-    tint = writer.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}})
-    image = writer.material(writer.image(png(four_colours())))
-    colours = writer.accessor(np.array([[200, 100, 50]] * 4, np.uint8), normalized=True)
-    primitives = [writer.square(uv=UV, material=material) for material in (tint, image)]
-    for primitive in primitives:
-        primitive["attributes"]["COLOR_0"] = colours
-    writer.show(*primitives, writer.square())
-    mesh = loaded(writer, tmp_path)
-    assert mesh.face_texture.tolist() == [VERTEX_COLOURS, VERTEX_COLOURS, 0, 0, FLAT, FLAT]
-    assert mesh.face_rgb[[0, 4]].tolist() == [[100, 100, 50], [200, 200, 200]]
-
-
-@pytest.mark.filterwarnings("error")
-def test_base_colours_that_are_no_colour_are_cut_off_at_black_and_full_light(tmp_path):
-    writer = GltfWriter()
-    wild = {"baseColorFactor": [1e300, -1, 0.5, 1]}
-    tinted = writer.add("materials", {"pbrMetallicRoughness": wild})
-    primitive = writer.square(material=tinted)
-    primitive["attributes"]["COLOR_0"] = writer.accessor(np.array([[100, 100, 100, 255]] * 4, np.uint8))
-    writer.show(primitive, writer.square(material=tinted))
-    assert loaded(writer, tmp_path).face_rgb[[0, 2]].tolist() == [[100, 0, 50], [255, 0, 128]]
 
 
 def test_older_materials_have_a_diffuse_colour(tmp_path):

@@ -1,14 +1,22 @@
 """Invented homes: what they hold, that one can walk everywhere, and that a seed is a home."""
 
+from collections import Counter, defaultdict
+
 import numpy as np
 import pytest
 
-from sim.scenes.invent import invent_plan
+from sim.errors import SceneError
+from sim.scenes import invent
+from sim.scenes.invent import invent_plan, invented_plans
+from sim.scenes.looks import described, looks_of, with_article
 from sim.scenes.plan import HomePlan, plan_bytes
+from sim.scenes.recipes import GROUPS, INSTEAD, NEEDED, RECIPES, SMALL
 from sim.scenes.sources import scene_from_plan
 from sim.types import AGENT_RADIUS
 
-SEEDS = (0, 1, 2)
+SEEDS = (0, 1, 2, 3, 10)
+ON_FLAT_TOPS = {"rug", "cushion", "throw blanket"}
+"""Pieces that lie under or sink into others."""
 
 
 @pytest.fixture(scope="module", params=SEEDS)
@@ -16,22 +24,55 @@ def plan(request: pytest.FixtureRequest) -> HomePlan:
     return invent_plan("Demo", seed=request.param)
 
 
-def test_a_home_has_two_storeys_rooms_and_furniture(plan: HomePlan) -> None:
-    assert [storey.label for storey in plan.storeys] == ["ground floor", "first floor"]
+def test_a_home_has_storeys_rooms_and_furniture(plan: HomePlan) -> None:
+    assert [storey.label for storey in plan.storeys] == ["ground floor", "first floor"][: len(plan.storeys)]
+    assert len(plan.stairs) == len(plan.storeys) - 1
     assert 5 <= len(plan.rooms) <= 9
-    assert 25 <= len(plan.furniture) <= 40
+    assert 35 <= len(plan.furniture) <= 80
     assert len({room.name for room in plan.rooms}) == len(plan.rooms)
-    assert len({piece.name for piece in plan.furniture}) == len(plan.furniture)
-    assert {room.storey for room in plan.rooms} == {0, 1}
+    assert {room.storey for room in plan.rooms} == set(range(len(plan.storeys)))
+    assert {"living room", "kitchen", "main bedroom", "bathroom"} <= {room.name for room in plan.rooms}
 
 
-def test_some_category_has_pieces_that_only_their_look_tells_apart(plan: HomePlan) -> None:
-    captions: dict[str, list[str]] = {}
+def test_every_fourth_seed_has_one_storey() -> None:
+    assert [invent.num_storeys(seed) for seed in range(8)] == [2, 2, 2, 1, 2, 2, 2, 1]
+    assert len(invent_plan("Demo", seed=3).storeys) == 1
+
+
+def test_pieces_are_numbered_as_their_instance_ids(plan: HomePlan) -> None:
+    assert [piece.name for piece in plan.furniture] == [f"{p.category}_{k}" for k, p in enumerate(plan.furniture, 1)]
+
+
+def test_rooms_hold_what_their_names_promise(plan: HomePlan) -> None:
+    for room in plan.rooms:
+        there = {piece.category for piece in plan.furniture if piece.room == room.name}
+        assert there.issuperset(NEEDED.get(room.name, ())), room.name
+
+
+def test_categories_come_several_times_and_never_look_alike(plan: HomePlan) -> None:
+    looks: dict[str, list[tuple]] = defaultdict(list)
     for piece in plan.furniture:
-        captions.setdefault(piece.category, []).append(piece.caption)
-    assert sum(len(found) > 1 for found in captions.values()) >= 4
-    for category, found in captions.items():
+        looks[piece.category].append((piece.finish.rgb, piece.finish.pattern, piece.finish.material, piece.finish.rgb2))
+        assert piece.category in piece.caption
+    assert sum(len(found) > 1 for found in looks.values()) >= 6
+    for category, found in looks.items():
         assert len(set(found)) == len(found), category
+    kinds = Counter(piece.category for piece in plan.furniture)
+    assert kinds["picture"] >= 2
+    assert sum(kinds[name] for name in ("rug", "curtain", "towel", "cushion", "throw blanket")) >= 3
+    assert sum(kinds[name] for name in ("vase", "book", "bowl", "table lamp", "photo", "statue")) >= 3
+
+
+def test_rooms_have_floors_by_kind_and_walls_of_several_colours(plan: HomePlan) -> None:
+    floors = {room.name: room.floor.material for room in plan.rooms}
+    assert floors["bathroom"] == floors["kitchen"] == "tile"
+    assert floors["living room"] == "wood"
+    assert len({room.wall.rgb for room in plan.rooms}) >= 4
+
+
+def test_patterns_occur() -> None:
+    patterns = {piece.finish.pattern for seed in SEEDS for piece in invent_plan("Demo", seed=seed).furniture}
+    assert patterns >= {"plain", "striped", "floral", "plaid", "patterned", "dotted"}
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_one_another_home() -> None:
@@ -39,9 +80,18 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_another_home() -> No
     assert plan_bytes(invent_plan("Demo", seed=5)) != plan_bytes(invent_plan("Demo", seed=6))
 
 
+def test_a_seed_gives_more_homes_and_then_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    homes = invented_plans("Demo", seed=3)
+    assert plan_bytes(next(homes)) == plan_bytes(invent_plan("Demo", seed=3))
+    monkeypatch.setattr(invent, "MIN_PIECES", 70)
+    monkeypatch.setattr(invent, "_ATTEMPTS", 3)
+    with pytest.raises(SceneError, match=r"'Demo': seed 3 gave 0 homes in 3 tries.*70 to 80 pieces.*another --seed"):
+        invent_plan("Demo", seed=3)
+
+
 def test_doors_and_steps_fit_the_robot(plan: HomePlan) -> None:
     doors = [opening for wall in plan.walls for opening in wall.openings if opening.kind == "door"]
-    assert len(doors) >= len(plan.rooms) - 2
+    assert len(doors) >= len(plan.rooms) - 5
     assert min(door.width for door in doors) >= 0.9
     for stair in plan.stairs:
         rise = (plan.storeys[1].floor_y - plan.storeys[0].floor_y) / stair.num_steps
@@ -49,42 +99,78 @@ def test_doors_and_steps_fit_the_robot(plan: HomePlan) -> None:
 
 
 def test_pieces_do_not_cut_into_each_other(plan: HomePlan) -> None:
+    chairs = {"chair", "desk chair", "stool"}
     for i, first in enumerate(plan.furniture):
         for second in plan.furniture[i + 1 :]:
+            pair = {first.category, second.category}
             gap_y = abs(first.centre[1] - second.centre[1]) - (first.size[1] + second.size[1]) / 2
-            is_chair_at_table = {"chair", "desk chair"} & {first.category, second.category}
-            if gap_y < -1e-3 and not is_chair_at_table and "rug" not in (first.category, second.category):
+            if gap_y < -1e-3 and not pair & (chairs | ON_FLAT_TOPS) and not {"bag", "plush toy"} & pair:
                 assert not first.rect.grown(-1e-3).overlaps(second.rect), (first.name, second.name)
+
+
+def test_pieces_stay_inside_their_rooms(plan: HomePlan) -> None:
+    rects = {room.name: room.rect for room in plan.rooms}
+    for piece in plan.furniture:
+        rect = rects[piece.room]
+        assert rect is not None
+        assert rect.grown(-0.05).holds_rect(piece.rect), piece.name
 
 
 def test_every_room_and_every_piece_can_be_walked_up_to(plan: HomePlan) -> None:
     navigation = scene_from_plan(plan).navigation
-    assert navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
-    hall = plan.rooms[0]
-    assert hall.rect is not None
-    start = navigation.snap(np.array([hall.rect.x0 + 1.2, 0.0, hall.rect.z1 - 0.6]))
-    assert start is not None
+    assert navigation.storey_heights == pytest.approx((0.0, 2.8)[: len(plan.storeys)], abs=0.05)
+    first = plan.rooms[0].rect
+    assert first is not None
+    start = navigation.points_within(np.array([[first.centre[0], 0.0, first.centre[1]]]), 2.0, max_dy=0.1)[:1]
     for piece in plan.furniture:
         storey = next(room.storey for room in plan.rooms if room.name == piece.room)
         floor_y = plan.storeys[storey].floor_y
         reach = max(piece.world_size[0], piece.world_size[2]) / 2 + 3 * AGENT_RADIUS
         places = navigation.points_within(
-            np.array([[piece.centre[0], floor_y, piece.centre[2]]]), max(1.0, reach), max_dy=0.1
+            np.array([[piece.centre[0], floor_y, piece.centre[2]]]), max(1.5, reach), max_dy=0.1
         )
-        walked = navigation.distances(places, start[None])
-        assert np.isfinite(walked).any(), piece.name
+        assert np.isfinite(navigation.distances(places, start)).any(), piece.name
     for room in plan.rooms:
         assert room.rect is not None
         floor_y = plan.storeys[room.storey].floor_y
         inside = navigation.points_within(
             np.array([[room.rect.centre[0], floor_y, room.rect.centre[1]]]), 1.5, max_dy=0.1
         )
-        assert np.isfinite(navigation.distances(inside, start[None])).mean() > 0.9, room.name
+        assert np.isfinite(navigation.distances(inside, start)).mean() > 0.8, room.name
 
 
 def test_a_home_is_light(plan: HomePlan) -> None:
     scene = scene_from_plan(plan)
-    assert len(scene.mesh.faces) < 20_000
-    assert len(plan_bytes(plan)) < 50_000
+    assert len(scene.mesh.faces) < 300_000
+    assert len(plan_bytes(plan)) < 80_000
     assert scene.kind == "invented"
     assert {item.instance_id for item in scene.objects} == set(np.unique(scene.mesh.face_instance)) - {0}
+
+
+def test_recipes_only_name_what_there_is() -> None:
+    groups = {group for recipe in RECIPES.values() for group, _ in recipe}
+    assert groups | set(INSTEAD) | set(INSTEAD.values()) <= set(GROUPS)
+    placed = {member.category for members in GROUPS.values() for member in members}
+    for room, things in SMALL.items():
+        assert room in RECIPES
+        for small in things:
+            assert set(small.supports) <= placed, small
+
+
+def test_looks_have_words_of_their_own_that_say_the_colour() -> None:
+    for category in sorted({member.category for members in GROUPS.values() for member in members}):
+        looks = looks_of(category)
+        assert len({look.words for look in looks}) == len(looks) >= 4, category
+        for look in looks:
+            assert look.words.startswith(look.colour)
+            assert (look.finish.pattern == "plain") == (look.finish.rgb2 is None or "abstract" in look.words)
+            assert look.finish.pattern == "plain" or f" {look.finish.pattern}" in look.words, look.words
+
+
+def test_pieces_are_called_by_their_look() -> None:
+    assert described("armchair", "green velvet") == "green velvet armchair"
+    assert described("lamp", "orange paper") == "lamp with an orange paper shade"
+    assert described("plant", "blue ceramic", "small") == "small plant with a blue ceramic pot"
+    assert described("bed", "red") == "bed with a red cover"
+    assert with_article("oak desk") == "an oak desk"
+    assert with_article("green armchair") == "a green armchair"

@@ -4,70 +4,21 @@ import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.errors import MissingDependencyError, SceneError
+from sim.errors import SceneError
 from sim.frames import T_world_camera
-from sim.scenes.scene import FACE_IDS, VERTEX_COLOURS, IdImages, TriangleMesh
+from sim.scenes.scene import FACE_IDS, VERTEX_COLOURS, IdImages
 from sim.types import Camera, Pose
 from sim.world import embree
 from sim.world.raycast import SKY_RGB, Raycaster
-from tests.sim.meshes import box, floor, mesh_of
 
-LOOK_DOWN = Pose((0.0, 0.0, 0.0), 0.0, -math.pi / 2)
-"""Image right = +x, image down = +z; the camera is 0.88 m up."""
-
-
-def has_embree() -> bool:
-    try:
-        return embree.self_test().name == "embree"
-    except MissingDependencyError:
-        return False
-
-
-@pytest.fixture(params=["embree", "open3d"])
-def make_raycaster(request):
-    """`Raycaster` with one way to find hits."""
-    if request.param == "embree" and not has_embree():
-        pytest.skip("Embree's packets cannot be used here")
-    return partial(Raycaster, backend=request.param)
-
-
-def seen_from_above(raycaster: Raycaster, x: float, z: float, camera: Camera | None = None):
-    """RGB and id of the floor at (x, z), seen by a robot at the origin that looks down."""
-    camera = camera or Camera()
-    frame = raycaster.render(T_world_camera(LOOK_DOWN, camera), camera)
-    f = camera.focal / 0.88
-    row, col = math.floor(camera.height / 2 + f * z), math.floor(camera.width / 2 + f * x)
-    return tuple(frame.rgb[row, col].tolist()), int(frame.instance_ids[row, col])
-
-
-def soup(seed: int, *, faces: int = 200) -> TriangleMesh:
-    """Random triangles round the origin, half of them textured, with an object id each."""
-    rng = np.random.default_rng(seed)
-    mesh = mesh_of(*[floor(0, 0, 1, 1)] * ((faces + 1) // 2))
-    centres = rng.uniform(-3, 3, (len(mesh.faces), 1, 3))
-    return replace(
-        mesh,
-        vertices=(centres + rng.uniform(-1, 1, (len(mesh.faces), 3, 3))).reshape(-1, 3).astype(np.float32),
-        faces=np.arange(3 * len(mesh.faces), dtype=np.int32).reshape(-1, 3),
-        face_rgb=rng.integers(0, 256, (len(mesh.faces), 3), np.uint8),
-        face_instance=np.arange(1, len(mesh.faces) + 1, dtype=np.int32),
-        face_texture=rng.integers(-1, 1, len(mesh.faces)).astype(np.int16),
-        face_uv=rng.uniform(-2, 2, (len(mesh.faces), 3, 2)).astype(np.float32),
-        textures=(rng.integers(0, 256, (13, 10, 3), np.uint8),),
-    )
-
-
-def assert_same(one, other) -> None:
-    np.testing.assert_array_equal(one.rgb, other.rgb)
-    np.testing.assert_array_equal(one.depth_m, other.depth_m)
-    np.testing.assert_array_equal(one.instance_ids, other.instance_ids)
+from .meshes import box, floor, mesh_of
+from .raycasters import LOOK_DOWN, assert_same, has_embree, seen_from_above, soup
 
 
 def test_depth_is_planar_and_0_where_nothing_is_hit(make_raycaster):
@@ -93,33 +44,6 @@ def test_flat_colours_and_instances_are_those_of_the_first_face_hit(make_raycast
     assert tuple(frame.rgb[0, 0]) == (10, 20, 30)
     assert frame.instance_ids[0, 0] == 0
     assert frame.depth_m[0, 0] == pytest.approx(0.88, abs=1e-5)
-
-
-def test_the_top_left_texel_lies_at_texture_coordinate_0_0(make_raycaster):
-    image = np.zeros((2, 2, 3), np.uint8)
-    image[0, 0], image[0, 1], image[1, 0] = (255, 0, 0), (0, 255, 0), (0, 0, 255)
-    mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
-    frame = make_raycaster(mesh).render(T_world_camera(LOOK_DOWN, Camera()), Camera())
-    f = Camera().focal / 0.88
-    seen = {(x, z): tuple(frame.rgb[round(240 + f * z), round(320 + f * x)]) for x in (-0.5, 0.5) for z in (-0.5, 0.5)}
-    assert seen[-0.5, -0.5][0] > 250
-    assert seen[0.5, -0.5][1] > 250
-    assert seen[-0.5, 0.5][2] > 250
-    assert max(seen[0.5, 0.5]) < 5
-
-
-def test_texels_are_blended_and_repeat_beyond_the_border(make_raycaster):
-    image = np.array([[[0, 0, 0], [200, 200, 200]]], np.uint8)
-    mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
-    mesh.face_uv[..., 0] += 3.0  # whole repeats change nothing
-    camera = Camera(hfov_deg=120.0)
-    frame = make_raycaster(mesh).render(T_world_camera(LOOK_DOWN, camera), camera)
-    f = camera.focal / 0.88
-    row = frame.rgb[240, :, 0].astype(int)
-    assert row[round(320 + f * -0.5)] == pytest.approx(0, abs=2)
-    assert row[round(320 + f * 0.5)] == pytest.approx(200, abs=2)
-    assert row[320] == pytest.approx(100, abs=2)  # half way between the two texels
-    assert row[round(320 + f * 0.995)] == pytest.approx(101, abs=2)  # ... and round the repeat
 
 
 def test_cast_gives_range_position_and_face_of_the_first_hit(make_raycaster):
@@ -191,77 +115,6 @@ def test_a_small_picture_is_the_large_one_at_fewer_pixels(make_raycaster):
     np.testing.assert_allclose(few.depth_m, many.depth_m[1::3, 1::3], rtol=1e-5)
 
 
-def test_nearest_shows_texels_as_they_are(make_raycaster):
-    image = np.array([[[10, 20, 30], [200, 210, 220]], [[1, 2, 3], [250, 0, 9]]], np.uint8)
-    raycaster = make_raycaster(mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0), texture_filter="nearest")
-    for x, z, rgb in [
-        (-0.9, -0.3, (10, 20, 30)),
-        (-0.02, -0.02, (10, 20, 30)),
-        (0.02, -0.02, (200, 210, 220)),
-        (-0.02, 0.3, (1, 2, 3)),
-        (0.5, 0.6, (250, 0, 9)),
-    ]:
-        assert seen_from_above(raycaster, x, z, Camera(hfov_deg=120.0))[0] == rgb
-
-
-def test_bilinear_weighs_the_four_texels_by_area(make_raycaster):
-    image = np.array([[[0, 100, 10], [80, 100, 10]], [[160, 100, 90], [240, 100, 90]]], np.uint8)
-    raycaster = make_raycaster(mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0))
-    # Texel centres are at +-0.5, so x grows by 80 and z by 160 (red) or 80 (blue) over a metre.
-    for x, z in [(0.0, 0.0), (-0.25, 0.25), (0.4, -0.1), (-0.45, -0.45)]:
-        red, green, blue = seen_from_above(raycaster, x, z, Camera(hfov_deg=120.0))[0]
-        assert (red, blue) == pytest.approx((120 + 80 * x + 160 * z, 50 + 80 * z), abs=2)
-        assert green == 100
-
-
-@pytest.mark.parametrize(("cell", "smooth"), [(1, True), (2, True), (4, False)])
-@pytest.mark.parametrize("tilt", [-math.pi / 2, -1.0])
-def test_mipmaps_show_the_mean_of_what_a_pixel_covers(make_raycaster, cell, smooth, tilt):
-    board = np.kron(np.indices((256 // cell, 256 // cell)).sum(axis=0) % 2, np.ones((cell, cell), int)) * 200
-    image = np.repeat(board[..., None], 3, axis=2).astype(np.uint8)
-    mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
-    # 0.88 m up a pixel is 3.2 cm wide and covers 4.1 x 4.1 texels; looking forward, 4.8 x 5.7 in the middle: one texel
-    # of the level that is 4 times smaller, which shows cells of 4 texels and the mean of smaller ones.
-    camera = Camera(32, 24, 60.0)
-    rgb = (
-        make_raycaster(mesh, texture_filter="mipmap")
-        .render(T_world_camera(Pose((0.0, 0.0, 0.0 if tilt < -1.5 else 0.5), 0.0, tilt), camera), camera)
-        .rgb[10:14, 14:18]
-    )
-    assert (rgb == 100).all() == smooth
-
-
-def test_mipmaps_show_the_full_texture_close_by(make_raycaster):
-    image = np.random.default_rng(0).integers(0, 256, (16, 12, 3), np.uint8)
-    mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
-    view = T_world_camera(LOOK_DOWN, Camera())  # a texel is 50 pixels wide
-    assert_same(
-        make_raycaster(mesh, texture_filter="mipmap").render(view, Camera()),
-        make_raycaster(mesh).render(view, Camera()),
-    )
-
-
-@pytest.mark.parametrize("size", [(1, 1), (1, 5), (7, 2), (3, 3)])
-@pytest.mark.parametrize("texture_filter", ["nearest", "bilinear", "mipmap"])
-def test_one_coloured_textures_of_any_size_have_one_colour(make_raycaster, size, texture_filter):
-    image = np.full((*size, 3), (7, 130, 255), np.uint8)
-    mesh = mesh_of(floor(-5, -5, 5, 5), textures=(image,), texture=0)
-    mesh.face_uv[:] *= 97.3
-    camera = Camera(64, 48)
-    frame = make_raycaster(mesh, texture_filter=texture_filter).render(T_world_camera(LOOK_DOWN, camera), camera)
-    assert (frame.rgb == (7, 130, 255)).all()
-
-
-def test_vertex_colours_are_interpolated(make_raycaster):
-    mesh = mesh_of(floor(-1, -1, 1, 1))
-    corners = np.array([[0, 0, 200], [0, 100, 200], [200, 100, 200], [200, 0, 200]], np.uint8)  # red with x, green z
-    mesh = replace(mesh, vertex_rgb=corners, face_texture=np.full(2, VERTEX_COLOURS, np.int16))
-    raycaster = make_raycaster(mesh)
-    for x, z in [(0.0, 0.0), (-0.5, 0.25), (0.3, -0.4), (0.7, 0.2)]:
-        rgb, _ = seen_from_above(raycaster, x, z, Camera(hfov_deg=120.0))
-        assert rgb == pytest.approx((100 + 100 * x, 50 + 50 * z, 200), abs=1.5)
-
-
 def test_id_images_give_ids_within_faces_and_other_faces_keep_theirs(make_raycaster):
     mesh = mesh_of(floor(-1, -1, 1, 1, instance=5), floor(1, -1, 3, 1, instance=6))
     images = (np.array([[1, 300], [65535, 0]], np.uint16),)
@@ -272,14 +125,6 @@ def test_id_images_give_ids_within_faces_and_other_faces_keep_theirs(make_raycas
     places = {(-0.5, -0.5): 1, (0.5, -0.5): 300, (-0.5, 0.5): 65535, (0.5, 0.5): 0, (0.02, -0.02): 300, (2.0, 0.0): 6}
     for (x, z), instance in places.items():
         assert seen_from_above(raycaster, x, z, wide)[1] == instance
-
-
-def test_textures_are_read_where_they_are(make_raycaster):
-    image = np.full((4, 4, 3), 50, np.uint8)
-    raycaster = make_raycaster(mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0))
-    assert seen_from_above(raycaster, 0.1, 0.1)[0] == (50, 50, 50)
-    image[:] = 60
-    assert seen_from_above(raycaster, 0.1, 0.1)[0] == (60, 60, 60)
 
 
 def test_ranges_are_exact_far_from_the_origin(make_raycaster):
@@ -337,9 +182,10 @@ def test_a_forked_child_renders_the_same_and_ends():
     yaw=st.floats(-3, 3),
     tilt=st.floats(-1.5, 1.5),
     texture_filter=st.sampled_from(["bilinear", "mipmap"]),
+    is_lit=st.booleans(),
 )
-def test_both_backends_see_the_same(seed, yaw, tilt, texture_filter):
-    mesh, camera = soup(seed, faces=60), Camera(61, 47)
+def test_both_backends_see_the_same(seed, yaw, tilt, texture_filter, is_lit):
+    mesh, camera = soup(seed, faces=60, is_lit=is_lit), Camera(61, 47)
     view = T_world_camera(Pose((0, -0.88, 0), yaw, tilt), camera)
     casters = (Raycaster(mesh, backend=name, texture_filter=texture_filter) for name in ("embree", "open3d"))
     one, other = (raycaster.render(view, camera) for raycaster in casters)
@@ -353,7 +199,7 @@ def test_both_backends_see_the_same(seed, yaw, tilt, texture_filter):
 @pytest.mark.skipif(not has_embree(), reason="Embree's packets cannot be used here")
 @pytest.mark.parametrize("texture_filter", ["nearest", "bilinear", "mipmap"])
 def test_packets_of_any_width_see_the_same(monkeypatch, texture_filter):
-    mesh, camera = soup(9), Camera(203, 151)
+    mesh, camera = soup(9, is_lit=True), Camera(203, 151)
     view = T_world_camera(Pose((0, 0, 0), 0.5), camera)
     frames = {}
     for width in embree.WIDTHS:
@@ -366,6 +212,7 @@ def test_packets_of_any_width_see_the_same(monkeypatch, texture_filter):
         np.testing.assert_array_equal(raycaster.cast(*rays).face_ids, expected)
     for width in (8, 4):
         same = frames[width].instance_ids == frames[16].instance_ids
+        assert np.mean(frames[width].rgb[same] == frames[16].rgb[same]) >= 0.9995
         assert same.mean() >= 0.9995
         np.testing.assert_allclose(frames[width].depth_m[same], frames[16].depth_m[same], rtol=1e-5)
 
@@ -397,6 +244,7 @@ DAMAGED = {
     "a texture has shape (2, 2, 3) of float32": {"textures": (np.zeros((2, 2, 3), np.float32),)},
     "a texture has shape (0, 2, 3)": {"textures": (np.zeros((0, 2, 3), np.uint8),)},
     "vertex_rgb has fewer": {"face_texture": np.array([VERTEX_COLOURS, 0], np.int16)},
+    "vertex_rgb has fewer colours than vertices": {"vertex_rgb": np.zeros((3, 3), np.uint8)},
     "ids.face_image has the index 0": {
         "ids": IdImages((), np.array([0, FACE_IDS], np.int16), np.zeros((2, 3, 2), np.float32))
     },

@@ -36,6 +36,26 @@ def test_a_plan_beside_the_episodes_is_an_invented_home(invented: Path) -> None:
     assert scene.digest == open_scene(PersonalDataset(invented), "Demo").digest
 
 
+def test_clutter_is_added_to_plans_and_schematic_homes_and_the_label_says_so(invented: Path, tmp_path: Path) -> None:
+    dataset = PersonalDataset(write_dataset(tmp_path))
+    for opened, name, label in (
+        (PersonalDataset(invented), "Demo", "Demo (invented home, clutter 1)"),
+        (dataset, SCENE, f"{SCENE} (schematic, not HM3D, clutter 1)"),
+    ):
+        plain, full = open_scene(opened, name), open_scene(opened, name, clutter=1)
+        assert (plain.clutter, full.clutter, full.label) == (0, 1, label)
+        assert len(full.objects) > len(plain.objects)
+        assert full.objects[: len(plain.objects)] == plain.objects
+        assert full.digest != plain.digest
+        assert full.digest == open_scene(opened, name, clutter=1).digest, "kept in the cache folder"
+
+
+def test_scans_have_a_clutter_of_their_own(invented: Path, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"found clutter level 2 for the scan of 'Demo'; expected 0") as error:
+        open_scene(PersonalDataset(invented), "Demo", scenes_dir=tmp_path, clutter=2)
+    assert "\n" not in str(error.value)
+
+
 def test_without_plan_the_home_is_schematic_and_says_so(tmp_path: Path) -> None:
     scene = open_scene(PersonalDataset(write_dataset(tmp_path)), SCENE)
     assert scene.kind == "schematic"
@@ -49,7 +69,7 @@ def test_a_scan_is_found_anywhere_below_the_folder(invented: Path, tmp_path: Pat
     path.parent.mkdir(parents=True)
     path.write_bytes(glb_from_mesh(replace(mesh, vertices=glb_zup_from_world(mesh.vertices))))
     episodes = tmp_path / "episodes"
-    shutil.copytree(invented, episodes, ignore=shutil.ignore_patterns("*.plan.json"))
+    shutil.copytree(invented, episodes, ignore=shutil.ignore_patterns("scenes"))
     scene = open_scene(PersonalDataset(episodes), "Demo", scenes_dir=tmp_path)
     assert (scene.kind, scene.objects, scene.label) == ("scan", (), "Demo")
     assert len(scene.mesh.faces) == len(mesh.faces)
@@ -66,7 +86,7 @@ def test_a_missing_scan_is_named_with_the_pattern_looked_for(invented: Path, tmp
 def episodes(invented: Path, tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
     """The invented home's episodes without its plan: only a scan can show it."""
     root = tmp_path_factory.mktemp("plain") / "episodes"
-    shutil.copytree(invented, root, ignore=shutil.ignore_patterns("*.plan.json"))
+    shutil.copytree(invented, root, ignore=shutil.ignore_patterns("scenes"))
     return PersonalDataset(root)
 
 

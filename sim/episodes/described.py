@@ -1,0 +1,198 @@
+"""What an episode's description says about one object: colour, pattern, material, size, shape, room, what is near.
+
+Episode text + the object's caption -> `Described`. The caption tells which words belong to the object; only words that
+the description (`summary`) repeats are kept, because people and agents read nothing else.
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from sim.scenes.furniture.captions import own_words
+from sim.scenes.plan import Material, Pattern
+
+from .ownership import OwnershipEdge, parse_ownership
+from .schema import EpisodeRecord
+
+Size = Literal["large", "small", "tall", "low", "long", "short"]
+Shape = Literal["round", "square", "rectangular", "l-shaped"]
+
+_BY_WORD: dict[str, str] = {
+    word: name
+    for name, words in {
+        "red": "reddish burgundy", "blue": "bluish navy", "green": "greenish", "yellow": "yellowish",
+        "brown": "brownish", "grey": "gray greyish grayish", "white": "whitish", "golden": "gold", "purple": "violet",
+        "black": "blackish", "pink": "pinkish", "wood": "wooden oak walnut pine",
+        "metal": "metallic steel iron aluminium chrome", "stone": "marble granite brick bricks",
+        "ceramic": "porcelain", "fabric": "cloth textile velvet", "wicker": "rattan straw", "paper": "cardboard",
+        "striped": "stripes stripe", "plaid": "tartan", "floral": "flowery flowered", "dotted": "dots polka",
+        "checked": "checkered chequered squared", "patterned": "pattern patterns geometric decorated",
+        "large": "big huge wide king queen double", "small": "little tiny single mini", "tall": "high",
+        "round": "circular rounded oval", "light": "pale", "couch": "sofa", "tv": "television",
+        "refrigerator": "fridge", "picture": "painting", "nightstand": "bedside", "stairs": "staircase stairway stair",
+        "glass": "", "clothes": "",
+    }.items()
+    for word in (name, *words.split())
+}  # fmt: skip
+"""One name for each of the words that say the same."""
+_COLOURS = frozenset({
+    "red", "blue", "green", "yellow", "brown", "grey", "white", "golden", "purple", "black", "beige", "cream",
+    "orange", "pink", "teal", "turquoise", "silver",
+})  # fmt: skip
+_RELATIONS = frozenset({
+    "next", "near", "beside", "by", "close", "on", "above", "over", "under", "below", "beneath", "underneath",
+    "behind", "front", "between", "opposite", "against", "along", "around", "attached", "adjacent", "surrounded",
+    "facing", "in", "inside", "containing", "contain", "at", "outside", "where", "which", "used", "supporting",
+    "hanging", "placed", "located", "situated", "positioned",
+})  # fmt: skip
+"""Words after which a caption speaks of something else."""
+_ATTRIBUTIVE = frozenset({"with", "has", "having", "of"})
+"""Words after which it still speaks of the object, but a colour may be that of a thing on it."""
+_UPON = frozenset({"on", "above", "over", "under", "below", "beneath", "underneath"})
+_SUBJECT = frozenset({"it", "its", "they", "their", "this", "these"})
+_STOP = frozenset({
+    "a", "an", "the", "of", "to", "and", "is", "are", "it", "that", "there", "one", "which", "with", "in", "s", "two",
+    "three",
+})  # fmt: skip
+_SAME = 0.6
+"""So much of a caption's words are in the sentence that is made of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """What a description says about one object; empty where it says nothing."""
+
+    colours: tuple[str, ...] = ()
+    """Colour words, each with "dark" or "light" before it where that is said."""
+    materials: tuple[Material, ...] = ()
+    patterns: tuple[Pattern, ...] = ()
+    sizes: tuple[Size, ...] = ()
+    shapes: tuple[Shape, ...] = ()
+    room: str | None = None
+    """As the ownership sentence has it."""
+    beside: frozenset[str] = frozenset()
+    """Words for what it stands next to, in front of, between ..."""
+    upon: frozenset[str] = frozenset()
+    """Words for what it is on, over or under."""
+
+
+def described_object(record: EpisodeRecord, *, caption: str, category: str, owner: str | None) -> Described | None:
+    """What the episode's description says about the object with this caption.
+
+    Args:
+        record: The episode.
+        caption: The object's own caption.
+        category: The object's category.
+        owner: Whose it is; None = anybody's.
+
+    Returns:
+        None where the description does not speak of the object.
+    """
+    edges = [edge for edge in _edges(record.extracted_summary) if owner in (None, edge.owner)]
+    wanted = _content(caption)
+    shares = [len(wanted & _content(f"{edge.phrase} {edge.room or ''}")) / max(1, len(wanted)) for edge in edges]
+    if not edges or (owner is None and max(shares) < _SAME):
+        return None
+    edge = edges[shares.index(max(shares))]
+    said = _said_words(record, _content(f"{caption} {edge.phrase} {category}"), {edge.owner.lower()})
+    own, beside, upon = _parts(f"{caption}. {edge.phrase}", category)
+    own += [_normal(word) for word in _furniture_words(caption, category)]
+    own = [word for word in own if word in said]
+    return Described(
+        colours=_colours(own),
+        materials=tuple(name for name in get_args(Material) if name in own),
+        patterns=tuple(name for name in get_args(Pattern) if name in own),
+        sizes=tuple(name for name in get_args(Size) if name in own),
+        shapes=tuple(name for name in get_args(Shape) if name in own),
+        room=edge.room if edge.room and _content(edge.room) & _content(record.summary) else None,
+        beside=frozenset(beside & said),
+        upon=frozenset(upon & said),
+    )
+
+
+def names_category(words: Iterable[str], category: str) -> bool:
+    """Whether some of the (normalised) words name a category: all its words, or its last one."""
+    words = frozenset(words)
+    parts = [_normal(part) for part in category.lower().replace("-", " ").split()]
+    return bool(parts) and (parts[-1] in words or frozenset(parts) <= words)
+
+
+def content_words(text: str) -> frozenset[str]:
+    """The normalised words of a text that carry meaning."""
+    return frozenset(_content(text))
+
+
+def _edges(sentences: Iterable[str]) -> list[OwnershipEdge]:
+    """The sound ownership sentences; `personal-viz validate` reports the others."""
+    return [parse_ownership(sentence) for sentence in sentences if re.search(r"\S owns \S", sentence)]
+
+
+def _said_words(record: EpisodeRecord, wanted: set[str], names: set[str]) -> set[str]:
+    """Words of the description's sentences about the object: the likest ones, those that name its owner, and what
+    goes on about them ("It is ...")."""
+    sentences = [_words(sentence) for sentence in re.split(r"(?<=[.!?;])\s+", record.summary)]
+    best = max(len(wanted.intersection(sentence)) for sentence in sentences)
+    found: set[str] = set()
+    is_about_it = False
+    for sentence in sentences:
+        is_likely = len(wanted.intersection(sentence)) >= max(1, best - 1) or not names.isdisjoint(sentence)
+        is_about_it = is_likely or (is_about_it and sentence[:1] != [] and sentence[0] in _SUBJECT)
+        if is_about_it:
+            found.update(sentence)
+    return found
+
+
+def _parts(text: str, category: str) -> tuple[list[str], set[str], set[str]]:
+    """Words about the object itself in order, words of things beside it, and words of things that it is on or under."""
+    own: list[str] = []
+    beside: set[str] = set()
+    upon: set[str] = set()
+    head = _normal(category.lower().split()[-1])
+    for index, sentence in enumerate(re.split(r"[.!?;]", text)):
+        words = _words(sentence)
+        is_subject = index == 0 or (bool(words) and (words[0] in _SUBJECT or head in words[:3]))
+        relation = "" if is_subject else "of another"
+        for word in words:
+            if word in _RELATIONS or (word in _ATTRIBUTIVE and not relation):
+                relation = word
+            elif not relation:
+                own.append(word)
+            elif relation in _ATTRIBUTIVE:
+                own += [word] if word not in _COLOURS else []
+                upon.add(word)
+            elif relation in _UPON:
+                upon.add(word)
+            else:
+                beside.add(word)
+    return own, beside, upon
+
+
+def _furniture_words(caption: str, category: str) -> list[str]:
+    """The words from which the home's own furniture gets its finish: it knows misspellings and parts of things."""
+    words = own_words(caption, category)
+    return [*words.noun, *words.rest, *words.parts]
+
+
+def _colours(own: list[str]) -> tuple[str, ...]:
+    found = []
+    for before, word in zip(["", *own], own, strict=False):
+        if word in _COLOURS:
+            found.append(f"{before} {word}" if before in ("dark", "light") else word)
+    return tuple(dict.fromkeys(found))
+
+
+def _content(text: str) -> set[str]:
+    return set(_words(text)) - _STOP
+
+
+def _words(text: str) -> list[str]:
+    return [_normal(word) for word in re.findall(r"[a-z]+(?:-[a-z]+)*", text.lower().replace("l-shape ", "l-shaped "))]
+
+
+def _normal(word: str) -> str:
+    """One form for a word, its plural and its synonyms."""
+    if word in _BY_WORD:
+        return _BY_WORD[word]
+    single = word[:-1] if len(word) > 3 and word.endswith("s") and word[-2:] not in ("ss", "is", "us") else word
+    return _BY_WORD.get(single, single)

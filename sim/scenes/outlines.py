@@ -1,0 +1,204 @@
+"""Chains of cell edges become few straight lines, along the axes where they nearly are; from wall_lines to walls."""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .wall_lines import Chain, WallLines, chains_of
+
+_LONG_RUN = 9
+"""Straight runs of this many cells keep both their ends, shorter ones only their middle: stairs become diagonals."""
+_TOLERANCE = 1.8
+"""So far corners of a wall may lie from its straight line (cells)."""
+_SLANT = 2.6
+"""Lines that leave an axis by fewer cells are put on it ..."""
+_SPREAD = 3.0
+"""... together with others, where all lie within this many cells."""
+_MITER = 2.0
+"""Longest offset at a corner, as a multiple of the wall's."""
+
+Points = NDArray[np.float64]
+
+
+class Straight(NamedTuple):
+    """One straight piece of a wall; lengths in cells, points are (row, col) of corners."""
+
+    start: Points
+    end: Points
+    """(2,)."""
+    start_miter: Points
+    end_miter: Points
+    """(2,) where a line one cell to the left begins and ends, seen from `start` and `end`."""
+    left: NDArray[np.int64]
+    right: NDArray[np.int64]
+    """(N, 2) cells beside the edges that it stands for, in order."""
+    is_free: tuple[bool, bool]
+    """Whether nothing goes on at its start, at its end."""
+
+    @property
+    def length(self) -> float:
+        """Cells."""
+        return float(np.hypot(*(self.end - self.start)))
+
+    def at(self, share: float) -> Points:
+        """(2,) point at a share of the way from start to end."""
+        return self.start + (self.end - self.start) * share
+
+    def miter_at(self, share: float) -> Points:
+        """(2,) offset there of the line one cell to the left."""
+        return self.start_miter + (self.end_miter - self.start_miter) * share
+
+
+class _Kept(NamedTuple):
+    """A chain's corners that stay, as numbers of points, and where along the chain they lie."""
+
+    points: list[int]
+    at: list[float]
+
+
+def straight_lines(walls: WallLines, *, tolerance: float = _TOLERANCE) -> list[Straight]:
+    """The walls as straight lines, which leave out up to `tolerance` cells; lines that met in a corner still do."""
+    chains = chains_of(walls)
+    places: list[tuple[float, float]] = []
+    number: dict[tuple[float, ...], int] = {}
+    kept = []
+    for chain in chains:
+        points, at = _simplified(chain, tolerance)
+        ids = []
+        for k, (row, col) in enumerate(points.tolist()):
+            is_end = k in (0, len(points) - 1)
+            key: tuple[float, ...] = (row, col) if is_end else (row, col, len(kept), k)
+            if key not in number:
+                number[key] = len(places)
+                places.append((row, col))
+            ids.append(number[key])
+        kept.append(_Kept(ids, at))
+    where = _on_axes(np.array(places, float).reshape(-1, 2), kept)
+    degree = np.bincount([end for chain in kept for end in (chain.points[0], chain.points[-1])], minlength=len(where))
+    return [
+        line for chain, line_ids in zip(chains, kept, strict=True) for line in _lines(chain, line_ids, where, degree)
+    ]
+
+
+def _simplified(chain: Chain, tolerance: float) -> tuple[Points, list[float]]:
+    """Points (K, 2) of a line near the chain, and their places along it in steps; ends stay."""
+    corners = chain.corners.astype(float)
+    if chain.is_closed:
+        turns = np.flatnonzero((chain.steps != np.roll(chain.steps, 1, axis=0)).any(axis=1))
+        runs = np.diff(np.append(turns, turns[0] + len(chain.steps)))
+        first = int(turns[runs.argmax()])
+        corners = np.concatenate([corners[first:-1], corners[: first + 1]])
+    points, at = _key_points(corners)
+    if chain.is_closed:  # two halves, as a loop has no chord
+        far = int(np.hypot(*(points - points[0]).T).argmax())
+        keep = sorted({*_reduced(points, 0, far, tolerance), *_reduced(points, far, len(points) - 1, tolerance)})
+    else:
+        keep = _reduced(points, 0, len(points) - 1, tolerance)
+    offset = first if chain.is_closed else 0
+    return points[keep], [float(at[k]) + offset for k in keep]
+
+
+def _key_points(corners: Points) -> tuple[Points, Points]:
+    """Ends of long runs and middles of short ones, the chain's ends among them, with their places along the chain."""
+    steps = np.diff(corners, axis=0)
+    turns = np.flatnonzero((np.diff(steps, axis=0) != 0).any(axis=1)) + 1
+    cuts = np.concatenate([[0], turns, [len(steps)]])
+    at = [0.0]
+    for low, high in itertools.pairwise(cuts):
+        at += [low, high] if high - low >= _LONG_RUN else [(low + high) / 2]
+    found = np.unique([*at, float(len(steps))])
+    low = np.floor(found).astype(int)
+    high = np.minimum(low + 1, len(steps))
+    share = (found - low)[:, None]
+    return corners[low] * (1 - share) + corners[high] * share, found
+
+
+def _reduced(points: Points, first: int, last: int, tolerance: float) -> list[int]:
+    """Indices that Douglas and Peucker keep of points[first : last + 1]."""
+    keep = {first, last}
+    stack = [(first, last)]
+    while stack:
+        a, b = stack.pop()
+        if b <= a + 1:
+            continue
+        chord = points[b] - points[a]
+        length = float(np.hypot(*chord))
+        between = points[a + 1 : b] - points[a]
+        if length > 0:
+            share = np.clip(between @ chord / length**2, 0, 1)
+            off = np.hypot(*(between - share[:, None] * chord).T)
+        else:
+            off = np.hypot(*between.T)
+        worst = int(off.argmax())
+        if off[worst] > tolerance:
+            keep.add(a + 1 + worst)
+            stack += [(a, a + 1 + worst), (a + 1 + worst, b)]
+    return sorted(keep)
+
+
+def _on_axes(places: Points, kept: list[_Kept]) -> Points:
+    """The points (P, 2) moved a little so that nearly level lines are level: in groups that get one coordinate."""
+    ends = np.array([pair for chain in kept for pair in zip(chain.points[:-1], chain.points[1:], strict=True)], int)
+    moved = places.copy()
+    if not len(ends):
+        return moved
+    away = np.abs(places[ends[:, 0]] - places[ends[:, 1]])  # (L, 2)
+    length = away.max(axis=1)
+    for axis in (0, 1):
+        level = np.flatnonzero((away[:, axis] <= _SLANT) & (away[:, 1 - axis] >= 3 * away[:, axis]))
+        group = np.arange(len(places))
+        for line in level[np.argsort(-length[level], kind="stable")]:
+            a, b = group[ends[line]]
+            both = (group == a) | (group == b)
+            if a != b and np.ptp(places[both, axis]) <= _SPREAD:
+                group[both] = min(a, b)
+        weight = np.full(len(places), 1e-6)
+        np.add.at(weight, ends[level].reshape(-1), np.repeat(length[level], 2))
+        mean = np.bincount(group, weight * places[:, axis], minlength=len(places)) / np.maximum(
+            np.bincount(group, weight, minlength=len(places)), 1e-12
+        )
+        moved[:, axis] = mean[group]
+    return moved
+
+
+def _lines(chain: Chain, kept: _Kept, where: Points, degree: NDArray[np.int64]) -> list[Straight]:
+    """The straight pieces of one chain."""
+    points = where[kept.points]
+    left, right = chain.cells()
+    bounds = np.round(kept.at).astype(int)
+    long = np.hypot(*np.diff(points, axis=0).T) > 1e-6
+    pieces = np.flatnonzero(long)
+    normal = _left_of(np.diff(points, axis=0))
+    found = []
+    for place, k in enumerate(pieces.tolist()):
+        before = pieces[place - 1] if place or chain.is_closed else k
+        after = pieces[(place + 1) % len(pieces)] if place + 1 < len(pieces) or chain.is_closed else k
+        steps = np.arange(bounds[k], max(bounds[k + 1], bounds[k] + 1)) % len(left)
+        is_free = (
+            not chain.is_closed and place == 0 and degree[kept.points[0]] == 1,
+            not chain.is_closed and place == len(pieces) - 1 and degree[kept.points[-1]] == 1,
+        )
+        found.append(
+            Straight(
+                points[k], points[k + 1], _miter(normal[before], normal[k]), _miter(normal[k], normal[after]),
+                left[steps], right[steps], is_free,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _left_of(along: Points) -> Points:
+    """Unit vectors (N, 2) to the left of directions (row, col) on the map."""
+    length = np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+    return np.stack([-along[:, 1], along[:, 0]], axis=1) / length
+
+
+def _miter(first: Points, second: Points) -> Points:
+    """(2,) offset of the corner between two lines that are moved one cell to their left."""
+    both = first + second
+    scale = 2.0 / max(float(both @ both), 1e-9)
+    found = both * scale
+    length = float(np.hypot(*found))
+    return found if length <= _MITER else found * _MITER / length

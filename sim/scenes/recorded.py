@@ -1,0 +1,104 @@
+"""What the episode files say about one scene: places where the robot stood, objects, captions and true path lengths.
+
+Episode files -> `Recorded`, from which `recover` makes a schematic home.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode, Goal
+from sim.types import SPLITS, Split
+
+_SAME_LENGTH = 1e-3  # metres; lengths are stored with 32 bits
+
+Point = tuple[float, float, float]
+
+
+class PathLength(NamedTuple):
+    """The true length of the shortest way between two places, as an episode stores it."""
+
+    split: Split
+    target: str
+    """`object_name` of the episode's (first) target."""
+    start: Point
+    end: Point
+    """`view_points[0]` of the target."""
+    length: float
+    """Metres on Habitat's navmesh."""
+
+    @property
+    def is_possible(self) -> bool:
+        """False where it is shorter than the straight line: then it leads to another view point (12 of 2,000)."""
+        return self.length >= math.dist(self.start, self.end) - _SAME_LENGTH
+
+
+class Recorded(NamedTuple):
+    """What the episode files say about one scene."""
+
+    standing: NDArray[np.float64]
+    """(N, 3) original view points and starts: places where the robot stood, sorted, each once."""
+    extras: NDArray[np.float64]
+    """(M, 3) the view points that the generator added: random places of Habitat's navmesh near view_points[0], also
+    on the storeys above and below; sorted, each once."""
+    goals: dict[str, Goal]
+    captions: dict[str, str]
+    """First caption of each object that some episode asks for."""
+    lengths: tuple[PathLength, ...]
+    """One per episode, in the order of the files."""
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """(N + M, 3) every known place of the robot's centre: `standing`, then `extras`."""
+        return np.concatenate([self.standing, self.extras])
+
+
+def recorded_facts(dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...] = SPLITS) -> Recorded:
+    """The facts of a scene in the named splits; the other splits' files are not read.
+
+    An object that several splits name counts as the first of them has it, with the extra view points of all.
+
+    Raises:
+        DatasetError: The scene is unknown or its files are damaged.
+    """
+    dataset.require_scene(scene)
+    named: tuple[Split, ...] = tuple(split for split in SPLITS if split in splits and (split, scene) in dataset.files)
+    entries = [
+        goal for split in named for goals in dataset.content(split, scene).goals_by_category.values() for goal in goals
+    ]
+    goals: dict[str, Goal] = {}
+    standing: set[Point] = set()
+    extras: set[Point] = set()
+    for goal in entries:
+        goals.setdefault(goal.object_name, goal)
+        for point in goal.view_points:
+            (extras if point.iou is None else standing).add(_rounded(point.agent_state.position))
+    captions: dict[str, str] = {}
+    lengths: list[PathLength] = []
+    for episode in dataset.episodes(splits=named, scenes=(scene,)):
+        standing.add(_rounded(episode.record.start_position))
+        for name, texts in zip(episode.record.object_names, episode.record.captions_per_object, strict=True):
+            if texts:
+                captions.setdefault(name, texts[0])
+        if episode.targets[0].view_points:
+            lengths.append(_length_of(episode))
+    return Recorded(_points(standing), _points(extras - standing), goals, captions, tuple(lengths))
+
+
+def _length_of(episode: Episode) -> PathLength:
+    target = episode.targets[0]
+    end = target.view_points[0].agent_state.position
+    length = episode.record.info.geodesic_distance
+    return PathLength(episode.key.split, target.object_name, episode.record.start_position, end, length)
+
+
+def _rounded(position: Point) -> Point:
+    x, y, z = (round(value, 4) for value in position)
+    return x, y, z
+
+
+def _points(places: set[Point]) -> NDArray[np.float64]:
+    return np.array(sorted(places), float).reshape(-1, 3)

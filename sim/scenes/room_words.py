@@ -1,0 +1,114 @@
+"""What texts call the rooms of recorded objects, and what kind of room a name means; for recovered_rooms.py."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from typing import Literal, NamedTuple, get_args
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.ownership import normalise_phrase, parse_ownership
+from sim.types import Split
+
+RoomKind = Literal[
+    "bathroom", "bedroom", "kitchen", "living room", "dining room", "closet", "hallway", "entrance", "laundry room",
+    "studio", "garage", "tv room", "game room", "stairs", "attic", "utility room", "room",
+]  # fmt: skip
+ROOM_KINDS: tuple[RoomKind, ...] = get_args(RoomKind)
+
+_WORDS: Mapping[str, RoomKind] = {
+    "bathroom": "bathroom", "bath": "bathroom", "toilet": "bathroom", "restroom": "bathroom", "bathrom": "bathroom",
+    "shower room": "bathroom", "bedroom": "bedroom", "edroom": "bedroom", "bed room": "bedroom",
+    "kitchen": "kitchen", "kitchen island": "kitchen", "bar place": "kitchen",
+    "living room": "living room", "living": "living room", "lounge": "living room", "relax area": "living room",
+    "dining room": "dining room", "dinign room": "dining room", "dining space": "dining room", "dining": "dining room",
+    "diningtable": "dining room", "closet": "closet", "closeth": "closet", "dressing room": "closet",
+    "hallway": "hallway", "hall": "hallway", "corridor": "hallway", "doorway": "hallway", "open space": "living room",
+    "entrance": "entrance", "entranche": "entrance", "entanche": "entrance", "foyer": "entrance",
+    "laundry room": "laundry room", "laundry": "laundry room", "studio": "studio", "office": "studio",
+    "study": "studio", "garage": "garage", "tv room": "tv room", "game room": "game room", "play room": "game room",
+    "playroom": "game room", "gym": "game room", "staircase": "stairs", "stairs": "stairs", "stair region": "stairs",
+    "stiars": "stairs", "attic": "attic", "utility room": "utility room",
+}  # fmt: skip
+"""Words that texts use (typing errors of the release included) and the kind that they mean."""
+_TURNS = re.compile(r"\b(?:of|near|next to|close to|with|without|before|between|from|front|on|connected|where)\b|[(,]")
+"""What follows says where a room is or what stands in it, not what it is."""
+_SPELLING = {"closeth": "closet", "dinign": "dining", "edroom": "bedroom", "mastrt": "master", "bathrom": "bathroom"}
+_PATTERN = re.compile(r"\b(?:" + "|".join(sorted(map(re.escape, _WORDS), key=lambda w: (-len(w), w))) + r")s?\b")
+_VAGUE = re.compile(r"^(?:near|corner) | (?:part|area|region|section)$")
+_LONGEST_NAME = 30
+
+_USUAL: tuple[tuple[RoomKind, str], ...] = (
+    ("bathroom", "toilet bathtub shower bath bathroom washbasin"),
+    ("laundry room", "washing washer dryer washer-dryer"),
+    ("kitchen", "refrigerator freezer oven stove dishwasher kitchen microwave cooker countertop worktop"),
+    ("bedroom", "bed nightstand crib wardrobe"),
+    ("dining room", "dining"),
+    ("living room", "couch sofa fireplace"),
+    ("studio", "desk office computer"),
+    ("stairs", "stair stairs"),
+)
+"""Where things with these words in their category usually are; counts only where no text names a room."""
+
+
+class RoomName(NamedTuple):
+    """A room as a text calls it."""
+
+    kind: RoomKind
+    name: str
+    """Short and in lower case: "master bedroom"."""
+    text: str
+    """All that the text says, normalised: rooms with equal texts are one room if they are near."""
+
+
+def room_texts(dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...]) -> dict[str, Counter[str]]:
+    """How often the ownership sentences put each target of a scene into which room, by `object_name`.
+
+    Of the owner's sentences the one whose words are most like the target's caption and category counts.
+
+    Raises:
+        DatasetError: The scene is unknown, its files are damaged, or a sentence cannot be parsed.
+    """
+    found: dict[str, Counter[str]] = {}
+    named: tuple[Split, ...] = tuple(split for split in splits if (split, scene) in dataset.files)
+    for episode in dataset.episodes(splits=named, scenes=(scene,)):
+        record = episode.record
+        edges = [parse_ownership(sentence) for sentence in record.extracted_summary]
+        theirs = [edge for edge in edges if edge.owner == record.owner and edge.room]
+        for name, captions in zip(record.object_names, record.captions_per_object, strict=True):
+            wanted = _words(" ".join((*captions[:1], record.object_category)))
+            scored = [(len(wanted & _words(edge.phrase)) / max(len(_words(edge.phrase)), 1), edge) for edge in theirs]
+            best = max(scored, key=lambda entry: entry[0], default=(0.0, None))
+            if best[1] is not None and best[0] > 0 and best[1].room is not None:
+                found.setdefault(name, Counter())[best[1].room.lower()] += 1
+    return found
+
+
+def _words(text: str) -> set[str]:
+    return set(normalise_phrase(text).split()) - {"the", "a", "an", "is", "in", "of", "and", "on", "with", "it", "to"}
+
+
+def room_name(text: str) -> RoomName | None:
+    """The room that a text names; None where no word for a kind of room is in it."""
+    plain = " ".join(_SPELLING.get(word, word) for word in normalise_phrase(text.replace("-", " ")).split())
+    plain = re.sub(r"\bthe\b|\b(?:an?|its)\b", " ", plain)
+    plain = " ".join(plain.split())
+    turned = _TURNS.split(plain)
+    for place, part in enumerate(turned):
+        words = _PATTERN.findall(part)
+        if not words:
+            continue
+        last = words[-1] if place == 0 else words[0]  # "bedroom bathroom"; "between kitchen and living room"
+        kind = _kind(last)
+        head = _VAGUE.sub("", " ".join(part.split())) if place == 0 else kind
+        return RoomName(kind, head if len(head) <= _LONGEST_NAME else kind, plain.replace("main bed", "master bed"))
+    return None
+
+
+def _kind(word: str) -> RoomKind:
+    return _WORDS[word] if word in _WORDS else _WORDS[word.removesuffix("s")]
+
+
+def usual_room(category: str) -> RoomKind | None:
+    """The kind of room in which such things usually are; None for things of any room."""
+    words = set(category.split())
+    return next((kind for kind, names in _USUAL if words & set(names.split())), None)

@@ -1,0 +1,76 @@
+"""`--clutter` on its way from the command line into scenes, run files and studies; levels are never mixed."""
+
+from pathlib import Path
+
+import pytest
+
+from human_study.study import StudyConfig, StudyScene
+from personal_viz.cli import Run, Study, StudyServe, parse
+from personal_viz.commands.options import require_no_scan
+from personal_viz.commands.recordings import replay
+from personal_viz.commands.runs import run
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.generation import dataset_files, write_files
+from sim.errors import PersonalVizError, RecordingError
+from sim.scenes.sources import open_scene
+from sim.tasks.metrics import metric_rows
+from sim.tasks.run_files import read_run
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("clutter")
+    write_files(root, dataset_files("Demo", seed=5, episodes_per_split=1))
+    return root
+
+
+def made(dataset: Path, out: Path, clutter) -> Path:
+    options = {"scene": ("Demo",), "split": ("easy",), "limit": 1, "seed": 0, "jobs": 1, "scenes_dir": None}
+    run(agent="shortest-path", dataset=dataset, out=out, run_id=None, clutter=clutter, **options)
+    return out / f"shortest-path-invented{f'-clutter{clutter}' if clutter else ''}-seed0"
+
+
+def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, tmp_path: Path) -> None:
+    runs = [read_run(made(dataset, tmp_path, level)) for level in (0, 1)]
+    assert [run.info.config["clutter"] for run in runs] == [0, 1]
+    assert [run.info.condition for run in runs] == ["none", "clutter 1"]
+    rows = metric_rows(runs)
+    assert {(row.condition, row.n) for row in rows if row.split == "easy"} == {("none", 1), ("clutter 1", 1)}
+    (end,) = (episode.end.measures for episode in runs[1].episodes)
+    assert end is not None
+    assert end.scene_digest == open_scene(PersonalDataset(dataset), "Demo", clutter=1).digest
+
+
+def test_a_recording_is_made_in_the_home_of_its_runs(dataset: Path, tmp_path: Path) -> None:
+    plain, cluttered = (made(dataset, tmp_path, level) for level in (0, 1))
+    common = {"dataset": dataset, "scenes_dir": None}
+    assert replay(runs=(cluttered,), out=tmp_path / "a.rrd", **common) == 0
+    with pytest.raises(RecordingError, match=r"found clutter levels 0 \(.*\), 1 \(.*clutter1.*\); expected one"):
+        replay(runs=(plain, cluttered), out=tmp_path / "b.rrd", **common)
+
+
+def test_a_study_freezes_its_level_and_older_studies_keep_their_hash() -> None:
+    def study(**scene) -> StudyConfig:
+        return StudyConfig(study="s", dataset_digest="d", scenes=(StudyScene(name="Demo", kind="invented", **scene),))
+
+    assert study(clutter=0).study_version == study().study_version
+    assert "clutter" not in study().canonical_json()
+    assert study(clutter=2).study_version != study().study_version
+    assert study(clutter=2).scene("Demo").clutter == 2
+
+
+def test_scans_take_no_clutter() -> None:
+    require_no_scan("scan", clutter=0)
+    require_no_scan("schematic", clutter=2)
+    with pytest.raises(PersonalVizError, match="--clutter is 1 beside --scenes-dir"):
+        require_no_scan("scan", clutter=1)
+
+
+def test_the_options_parse() -> None:
+    verb = parse(["run", "--dataset", "d", "--agent", "random", "--clutter", "1"])
+    assert isinstance(verb, Run)
+    assert verb.clutter == 1
+    verb = parse(["study", "serve", "--dataset", "d", "--scene", "A", "--clutter", "2"])
+    assert isinstance(verb, Study)
+    assert isinstance(verb.verb, StudyServe)
+    assert verb.verb.clutter == 2

@@ -1,0 +1,174 @@
+"""Verb `homes` as a person meets it, and results of different kinds of homes, which no command puts side by side."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from personal_viz.cli import ContactSheet, Homes, parse
+from personal_viz.commands.homes import homes
+from personal_viz.commands.recordings import replay
+from personal_viz.commands.runs import metrics, run
+from sim.cache import VARIABLE
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.generation import dataset_files, write_files
+from sim.errors import DatasetError, PersonalVizError, RecordingError, RunFileError, SceneError
+from sim.scenes.plan import load_plan, save_plan
+from sim.scenes.recover import recover_plan
+from sim.scenes.sources import open_scene
+from tests.sim.synthetic import SCENE, example_content, example_goal, example_view_point, write_dataset
+
+from .test_commands import assert_one_line, personal_viz
+
+
+@pytest.fixture
+def schematic(tmp_path: Path) -> Path:
+    """A table seen from a lattice of places, and one episode that asks for it."""
+    quat = [0.0, 0.0, 0.0, 1.0]
+    points = [
+        example_view_point(1.0 + 0.25 * i, 0.25 * j, quat_xyzw=quat, iou=0.4) for i in range(9) for j in range(13)
+    ]
+    goals = {f"{SCENE}.basis.glb_coffee table": [example_goal(view_points=points)]}
+    return write_dataset(tmp_path / "data", {("easy", SCENE): example_content(goals_by_category=goals)})
+
+
+def report(dataset: Path, capsys: pytest.CaptureFixture[str], **options) -> dict:
+    settings = {"scene": (), "json": True, "out": None, "jobs": 1, "folds": True, **options}
+    assert homes(dataset=dataset, **settings) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_the_json_has_each_scene_and_the_total(schematic: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = report(schematic, capsys)
+    assert list(found) == ["total", "scenes"]
+    assert list(found["scenes"]) == [SCENE]
+    assert (found["total"]["episodes"], found["total"]["playable"]) == (1, 1.0)
+    # from (2, 3) to the first view point (1, 0): 3.162 m, recorded as 3.25 m
+    assert found["total"]["ratio_median"] == pytest.approx(3.162 / 3.25, abs=0.02)
+    assert (found["total"]["heldout_n"], found["total"]["heldout_split_within_10"]) == (0, None)
+    assert found["scenes"][SCENE]["triangles"] > 50
+    assert found["scenes"][SCENE]["build_s"] > 0
+
+
+def test_build_times_are_those_of_a_first_visit(
+    schematic: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import personal_viz.commands.homes as module
+
+    used = []
+    built = module.build_home
+
+    def build_home(dataset: PersonalDataset, name: str):
+        folder = Path(module.os.environ[VARIABLE])
+        used.append((folder, list(folder.iterdir())))
+        return built(dataset, name)
+
+    before = module.os.environ[VARIABLE]
+    monkeypatch.setattr(module, "build_home", build_home)
+    report(schematic, capsys, folds=False)
+    ((folder, content),) = used
+    assert content == []
+    assert not folder.exists()
+    assert module.os.environ[VARIABLE] == before
+
+
+def test_plans_are_written_where_they_can_be_corrected_and_put_back(
+    schematic: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = {"scene": (SCENE,), "json": False, "jobs": 1, "folds": False}
+    assert homes(dataset=schematic, out=tmp_path / "plans", **settings) == 0
+    out = capsys.readouterr().out
+    assert f"{schematic}/scenes/<scene>.plan.json" in out
+    path = tmp_path / "plans" / f"{SCENE}.plan.json"
+    plan = load_plan(path)
+    assert plan == recover_plan(PersonalDataset(schematic), SCENE)
+    recovered = open_scene(PersonalDataset(schematic), SCENE)
+    lower = plan.furniture[0].model_copy(update={"size": (0.5, 0.3, 0.5)})
+    save_plan(plan.model_copy(update={"furniture": (lower, *plan.furniture[1:])}), schematic / "scenes" / path.name)
+    corrected = open_scene(PersonalDataset(schematic), SCENE)
+    assert corrected.objects[0].size == pytest.approx((0.5, 0.3, 0.5))
+    assert corrected.digest != recovered.digest
+    assert corrected.label == f"{SCENE} (schematic, not HM3D)"
+    again = report(schematic, capsys)
+    assert again["total"]["heldout_n"] is None  # a given plan is not recovered from anything
+    assert again["total"]["playable"] == 1.0
+
+
+def test_the_table_names_every_scene_and_how_many_were_held_out(
+    schematic: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    homes(dataset=schematic, scene=(), json=False, out=None, jobs=1, folds=True)
+    out = capsys.readouterr().out
+    assert SCENE in out
+    assert "of n" in out
+    assert "100.0%" in out
+
+
+@pytest.mark.slow
+def test_jobs_change_nothing_but_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for seed, name in enumerate(("DemoA", "DemoB")):
+        write_files(tmp_path, dataset_files(name, seed=seed, episodes_per_split=2))
+    one, two = report(tmp_path, capsys), report(tmp_path, capsys, jobs=2)
+    for found in (one, two):
+        for figures in found["scenes"].values():
+            figures.pop("build_s")
+    assert one == two
+    assert one["total"]["playable"] == 1.0
+    assert one["total"]["guessed_area"] == 0.0
+    assert one["total"]["episodes"] == 12
+
+
+def test_mistakes_are_one_line(schematic: Path, tmp_path: Path) -> None:
+    done = personal_viz("homes", "--dataset", str(schematic), "--scene", "Nowhere")
+    assert_one_line(done, "found no scene 'Nowhere'; expected one of:")
+    assert_one_line(personal_viz("homes", "--dataset", str(tmp_path / "none")), "found no episode file")
+    (tmp_path / "file").touch()
+    done = personal_viz("homes", "--dataset", str(schematic), "--no-folds", "--out", str(tmp_path / "file" / "plans"))
+    assert_one_line(done, "cannot be written")
+    with pytest.raises(PersonalVizError, match="--jobs is 0; expected a whole number from 1"):
+        homes(dataset=schematic, scene=(), json=True, out=None, jobs=0, folds=True)
+    with pytest.raises(DatasetError):
+        homes(dataset=schematic, scene=("Nowhere",), json=True, out=None, jobs=1, folds=True)
+
+
+def test_the_verbs_parse() -> None:
+    verb = parse(["homes", "--dataset", "d", "--scene", "a", "b", "--no-folds", "--jobs", "2"])
+    assert verb == Homes(Path("d"), scene=("a", "b"), folds=False, jobs=2)
+    verb = parse(["contact-sheet", "A", "--out", "a.png", "--dataset", "d", "--clutter", "2"])
+    assert verb == ContactSheet("A", out=Path("a.png"), dataset=Path("d"), clutter=2)
+
+
+def made_run(dataset: Path, out: Path, *, scene: str, run_id: str) -> Path:
+    """A run of the shortest-path agent on one episode of one scene."""
+    options = {"agent": "shortest-path", "scenes_dir": None, "split": ("easy",), "limit": 1, "seed": 0, "jobs": 1}
+    run(dataset=dataset, out=out, scene=(scene,), run_id=run_id, **options)
+    return out / run_id
+
+
+@pytest.fixture
+def mixed(schematic: Path) -> Path:
+    """One dataset with a schematic and an invented home."""
+    write_files(schematic, dataset_files("Demo", seed=3, episodes_per_split=1))
+    return schematic
+
+
+def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed: Path, tmp_path: Path) -> None:
+    both = {"scene": ("Demo", SCENE), "scenes_dir": None, "split": (), "limit": None, "seed": 0, "jobs": 1}
+    with pytest.raises(
+        SceneError, match=r"found scene kinds invented \(Demo\), schematic \(.*expected one kind per run"
+    ):
+        run(agent="random", dataset=mixed, out=tmp_path / "runs", run_id=None, **both)
+    runs = tuple(
+        made_run(mixed, tmp_path / "runs", scene=scene, run_id=name)
+        for scene, name in (("Demo", "on-invented"), (SCENE, "on-schematic"))
+    )
+    with pytest.raises(RunFileError, match=r"found scene kinds invented \(on-invented\), schematic \(on-schematic\)"):
+        metrics(runs=runs, rule="paper", json=True)
+    # a home that was corrected into another kind: the run of before cannot be replayed in it
+    info = (runs[1] / "run.json").read_text()
+    (runs[1] / "run.json").write_text(info.replace('"scene_kind": "schematic"', '"scene_kind": "scan"'))
+    key = str(next(PersonalDataset(mixed).episodes(scenes=(SCENE,))).key)
+    with pytest.raises(RecordingError, match=r"was made on a home of kind 'scan'.*opened as 'schematic'"):
+        replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, scenes_dir=None, episode=key)
+    with pytest.raises(RunFileError, match=r"found scene kinds invented .* scan"):
+        metrics(runs=runs, rule="paper", json=False)

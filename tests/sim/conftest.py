@@ -1,0 +1,17 @@
+"""Fixtures that several tests of the simulator share."""
+
+from functools import partial
+
+import pytest
+
+from sim.world.raycast import Raycaster
+
+from .raycasters import has_embree
+
+
+@pytest.fixture(params=["embree", "open3d"])
+def make_raycaster(request):
+    """`Raycaster` with one way to find hits."""
+    if request.param == "embree" and not has_embree():
+        pytest.skip("Embree's packets cannot be used here")
+    return partial(Raycaster, backend=request.param)

@@ -1,0 +1,49 @@
+"""Small recorded scenes with known answers, for tests of the recovery."""
+
+import numpy as np
+
+from sim.episodes.schema import Goal
+from sim.frames import quat_xyzw_from_yaw, yaw_towards
+from sim.scenes.plan import Furniture, Storey
+from sim.scenes.recorded import Recorded
+from sim.scenes.recovered_objects import RecoveredObject, recovered_objects
+
+from .synthetic import example_goal, example_view_point
+
+Point = tuple[float, float, float]
+GROUND = (Storey(label="ground floor", floor_y=0.0),)
+
+
+def recorded_goal(name: str, position: Point, seen_from: list[Point]) -> Goal:
+    """A goal called `<category>_<int>` with original view points."""
+    category, _, number = name.rpartition("_")
+    x, _, z = position
+    views = [
+        example_view_point(px, pz, y=py, quat_xyzw=list(quat_xyzw_from_yaw(yaw_towards((px, pz), (x, z)))), iou=0.5)
+        for px, py, pz in seen_from
+    ]
+    changes = {"position": list(position), "object_id": int(number), "object_name": name, "object_category": category}
+    return Goal.model_validate({**example_goal(view_points=views), **changes})
+
+
+def recorded_of(*goals: Goal, captions: dict[str, str] | None = None, more: list[Point] | None = None) -> Recorded:
+    """What files with these goals say; `more` are places that the generator added."""
+    places = {tuple(p.agent_state.position) for goal in goals for p in goal.original_view_points}
+    standing = np.array(sorted(places), float).reshape(-1, 3)
+    extras = np.array(more or [], float).reshape(-1, 3)
+    return Recorded(standing, extras, {goal.object_name: goal for goal in goals}, captions or {}, ())
+
+
+def objects_of(recorded: Recorded) -> dict[str, RecoveredObject]:
+    """The recovered objects of a one-storey scene, by name."""
+    return {item.piece.name: item for item in recovered_objects(recorded, GROUND)}
+
+
+def bottom(piece: Furniture) -> float:
+    """Height of a piece's lower end."""
+    return piece.centre[1] - piece.size[1] / 2
+
+
+def top(piece: Furniture) -> float:
+    """Height of a piece's upper end."""
+    return piece.centre[1] + piece.size[1] / 2

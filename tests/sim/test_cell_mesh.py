@@ -1,0 +1,184 @@
+"""Rooms from cells: straight walls around all that was walked on, ceilings, doors, stairs, each in its finish."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.scenes.cell_mesh import add_cells
+from sim.scenes.cell_spaces import floor_layers, padded
+from sim.scenes.cells import cells_from_runs
+from sim.scenes.cut import CUT_HEIGHT, storey_mesh
+from sim.scenes.furnish import mesh_from_plan
+from sim.scenes.plan import HomePlan
+from sim.scenes.quads import QuadBuilder
+from sim.scenes.scene import TriangleMesh
+from sim.scenes.sources import scene_from_plan
+from sim.scenes.stairs_mesh import RISE, with_whole_flights
+from sim.scenes.storey_cells import StoreyCells, storeys_of_cells
+from sim.world.raycast import Raycaster
+
+from .cell_plans import BLUE, RED, block, plan_of_cells, two_cell_rooms, two_storeys
+
+
+def storeys_of(plan: HomePlan) -> list[StoreyCells]:
+    assert plan.cells is not None
+    floors = padded(floor_layers(plan.cells, plan.storeys), np.nan)
+    return storeys_of_cells(plan, with_whole_flights(floors, [storey.floor_y for storey in plan.storeys]))
+
+
+def walls_seen(mesh: TriangleMesh, x: float, z: float, *, y: float = 1.0, count: int = 32) -> np.ndarray:
+    """(count,) metres to what stands around a place, from +x over +z."""
+    angle = np.arange(count) * 2 * np.pi / count
+    to = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    return Raycaster(mesh).cast(np.tile([x, y, z], (count, 1)), to).range_m
+
+
+def test_a_rectangle_of_cells_is_a_room_of_four_walls() -> None:
+    (storey,) = storeys_of(plan_of_cells(block(20, 20, 40, 40)))
+    assert len(storey.lines) == 4
+    assert sum(line.length for line in storey.lines) * 0.05 == pytest.approx(4 * 2.6, abs=0.9)
+    for line in storey.lines:
+        assert min(np.abs(line.end - line.start)) == 0, "along an axis"
+
+
+def test_the_edge_of_a_diagonal_strip_is_one_straight_wall() -> None:
+    strip = tuple(run for k in range(60) for run in block(20 + k, 20 + k, 1, 24))
+    (storey,) = storeys_of(plan_of_cells(strip))
+    slanted = [line for line in storey.lines if min(np.abs(line.end - line.start)) > 10]
+    assert len(slanted) == 2
+    for line in slanted:
+        row, col = np.abs(line.end - line.start)
+        assert row == pytest.approx(col, rel=0.15)
+        assert line.length > 60 * math.sqrt(2) * 0.7
+
+
+def test_a_small_bulge_and_a_small_island_vanish() -> None:
+    dented = [run for run in block(20, 20, 40, 40) if not 36 <= run.row < 44]
+    dented += [run for row in range(36, 44) for run in block(row, 20, 1, 12) + block(row, 42, 1, 18)]
+    (storey,) = storeys_of(plan_of_cells(tuple(sorted(dented))))
+    assert len(storey.lines) == 4
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_place_to_stand_is_in_or_behind_a_wall(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.integers(20, 90, (14, 2))
+    runs = {run for row, col in points.tolist() for run in block(row, col, 14, 14)}
+    covered = {(run.row, col) for run in runs for col in range(run.col, run.col + run.length)}
+    plan = plan_of_cells(tuple(block(row, col, 1, 1)[0] for row, col in sorted(covered)))
+    assert plan.cells is not None
+    mesh, _ = mesh_from_plan(plan)
+    centres = plan.cells.grid.xz_from_rc(cells_from_runs(plan.cells.walkable).rc)[::23]
+    for x, z in centres.tolist():
+        ranges = walls_seen(mesh, x, z, count=16)
+        assert ranges.min() > 0.07, (x, z)
+        assert np.isfinite(ranges).all(), "closed on all sides"
+    down = np.tile([0.0, -1, 0], (len(centres), 1))
+    eyes = np.stack([centres[:, 0], np.full(len(centres), 0.88), centres[:, 1]], axis=1)
+    assert Raycaster(mesh).cast(eyes, down).range_m == pytest.approx(0.88, abs=0.05)
+
+
+def test_rooms_are_divided_by_a_wall_with_a_door_and_have_their_own_finish() -> None:
+    plan = two_cell_rooms()
+    mesh, _ = mesh_from_plan(plan)
+    caster = Raycaster(mesh)
+    hits = caster.cast(np.array([[2.0, 1.5, 1.15], [4.5, 1.5, 1.15]]), np.array([[1.0, 0, 0], [-1, 0, 0]]))
+    left, right = mesh.face_rgb[hits.face_ids].astype(int)
+    assert hits.positions[0, 0] == pytest.approx(3.2, abs=0.15)
+    assert hits.positions[0, 0] < hits.positions[1, 0] < 3.4, "two faces with a wall between them"
+    assert left[2] > left[0] + 20, BLUE
+    assert right[0] > right[2] + 20, RED
+    through = caster.cast(np.array([[2.0, 1.0, 1.95]]), np.array([[1.0, 0, 0]])).range_m[0]
+    assert through > 2.5, "the door is open"
+    over = caster.cast(np.array([[2.0, 2.3, 1.95]]), np.array([[1.0, 0, 0]])).range_m[0]
+    assert over == pytest.approx(1.2, abs=0.15), "the wall goes on over the door"
+
+
+def test_a_way_stays_open_and_walls_do_not_change_where_one_walks() -> None:
+    scene = scene_from_plan(two_cell_rooms())
+    walked = scene.navigation.distances(np.array([[1.5, 0.0, 1.95]]), np.array([[4.7, 0.0, 1.95]]))[0]
+    assert walked == pytest.approx(3.2, abs=0.05)
+
+
+def test_a_ceiling_covers_the_room_and_the_storeys_cut_takes_it_away() -> None:
+    plan = plan_of_cells(block(20, 20, 40, 40))
+    scene = scene_from_plan(plan)
+    up = Raycaster(scene.mesh).cast(np.array([[1.3, 0.88, 1.3]]), np.array([[0.0, 1, 0]]))
+    assert up.positions[0, 1] == pytest.approx(2.5, abs=1e-4)
+    cut = storey_mesh(scene, 0.0)
+    assert cut.vertices[:, 1].max() <= CUT_HEIGHT + 1e-4
+    above = np.array([[1.3, 5.0, 1.3], [2.0, 5.0, 0.74]])
+    down = Raycaster(cut).cast(above, np.array([[0.0, -1, 0], [0, -1, 0]])).positions[:, 1]
+    assert down[0] == pytest.approx(0, abs=1e-4)
+    assert down[1] == pytest.approx(CUT_HEIGHT, abs=0.01), "walls are seen from above"
+
+
+def test_floor_where_nobody_was_is_a_little_higher_and_darker_and_a_guess_is_lighter() -> None:
+    known, guess = block(20, 20, 40, 40), block(20, 60, 40, 20, guessed=True)
+    plan = plan_of_cells((*known, *guess), plinth=block(64, 20, 40, 60, y_cm=2))
+    mesh, _ = mesh_from_plan(plan)
+    eyes = np.array([[1.5, 1.0, 2.0], [3.5, 1.0, 2.0], [2.5, 1.0, 4.4]])
+    hits = Raycaster(mesh).cast(eyes, np.tile([0.0, -1, 0], (3, 1)))
+    assert hits.positions[:, 1] == pytest.approx([0, 0, 0.02], abs=1e-4)
+    known_finish, guessed_finish, raised = mesh.face_rgb[hits.face_ids].astype(int).sum(axis=1)
+    assert guessed_finish > known_finish > raised
+
+
+def test_a_flight_has_level_steps_sides_and_a_well_above() -> None:
+    plan = two_storeys()
+    scene = scene_from_plan(plan)
+    caster = Raycaster(scene.mesh)
+    xs = np.linspace(3.3, 6.2, 30)
+    origins = np.stack([xs, np.full(30, 2.75), np.full(30, 2.15)], axis=1)
+    high = caster.cast(origins[xs < 5.8], np.tile([0.0, -1, 0], ((xs < 5.8).sum(), 1))).positions[:, 1]
+    assert (np.diff(high) >= -1e-4).all(), "it goes up"
+    steps = high / RISE
+    assert np.abs(steps - np.round(steps)).max() < 0.02
+    ramp = (xs[xs < 5.8] - 3.0) / 0.05 * 0.04
+    assert np.abs(high - ramp).max() < 0.3
+    walked = scene.navigation.distances(np.array([[1.5, 0.0, 2.0]]), np.array([[8.0, 2.8, 2.0]]))[0]
+    assert np.isfinite(walked)
+    up = caster.cast(np.array([[5.0, 2.4, 2.15]]), np.array([[0.0, 1, 0]])).positions[0, 1]
+    assert up == pytest.approx(2.8 + 2.5, abs=0.02), "no ceiling and no floor in the well"
+
+
+def test_every_wall_and_floor_faces_the_side_from_which_it_is_seen() -> None:
+    for plan in (two_cell_rooms(), two_storeys(), plan_of_cells(block(20, 20, 40, 40))):
+        assert plan.cells is not None
+        mesh, _ = mesh_from_plan(plan)
+        cells = cells_from_runs(plan.cells.walkable)
+        xz = plan.cells.grid.xz_from_rc(cells.rc)[::97]
+        eyes = np.stack([xz[:, 0], cells.y[::97] + 0.88, xz[:, 1]], axis=1)
+        rng = np.random.default_rng(0)
+        to = rng.normal(size=(len(eyes) * 60, 3))
+        hits = Raycaster(mesh).cast(np.repeat(eyes, 60, axis=0), to)
+        seen = hits.face_ids >= 0
+        a, b, c = np.moveaxis(mesh.vertices[mesh.faces[hits.face_ids[seen]]].astype(float), 1, 0)
+        towards = np.einsum("ij,ij->i", np.cross(b - a, c - a), to[seen])
+        assert seen.mean() > 0.99
+        assert (towards < 1e-9).mean() > 0.995
+
+
+def test_lamps_hang_in_every_room_and_windows_on_long_outer_walls() -> None:
+    builder = QuadBuilder()
+    lamps = add_cells(builder, two_cell_rooms())
+    assert [lamp[1] for lamp in lamps] == pytest.approx([2.36, 2.36], abs=0.05)
+    assert sorted(lamp[0] for lamp in lamps) == pytest.approx([2.0, 4.5], abs=0.4)
+    mesh, _ = mesh_from_plan(two_cell_rooms())
+    outside = Raycaster(mesh).cast(np.array([[2.0, 1.8, 1.8]]), np.array([[-1.0, 0, 0]]))
+    sky = mesh.face_rgb[outside.face_ids[0]].astype(int)
+    assert sky[2] > sky[0], "a pane with sky"
+
+
+def test_the_same_plan_gives_the_same_mesh() -> None:
+    assert mesh_from_plan(two_storeys())[0].digest() == mesh_from_plan(two_storeys())[0].digest()
+
+
+def test_a_home_without_recorded_floor_on_a_storey_still_builds() -> None:
+    plan = two_storeys()
+    assert plan.cells is not None
+    only_low = tuple(run for run in plan.cells.walkable if run.y_cm == 0)
+    alone = plan.model_copy(update={"cells": plan.cells.model_copy(update={"walkable": only_low})})
+    mesh, _ = mesh_from_plan(alone)
+    assert mesh.vertices[:, 1].max() < 2.8

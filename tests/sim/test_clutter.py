@@ -1,0 +1,204 @@
+"""Clutter: what is added, that it hides and blocks nothing, and that it is plainly not what captions name."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import SceneError
+from sim.scenes.cells import CellGrid, CellRun
+from sim.scenes.clutter import with_clutter
+from sim.scenes.furniture.families import look_of
+from sim.scenes.household import HOUSEHOLDS, household_of
+from sim.scenes.invent import invent_plan
+from sim.scenes.plan import Finish, Furniture, HomePlan, Room, Storey, plan_bytes
+from sim.scenes.recover import recover_plan
+from sim.scenes.sightlines import sights_of, visible_shares
+from sim.scenes.sources import scene_from_plan
+from sim.scenes.spare_space import SpareStorey, box_of
+from sim.scenes.spare_storeys import spare_storeys
+from sim.world.floor_grid import FloorGrid
+from sim.world.object_surface import object_surface
+from sim.world.raycast import Raycaster
+from sim.world.viewpoints import view_points_around
+
+OAK = Finish(material="wood", rgb=(184, 142, 90))
+PALE = Finish(material="plaster", rgb=(220, 220, 210))
+
+
+@pytest.fixture(scope="module")
+def invented() -> HomePlan:
+    return invent_plan("Demo", seed=4)
+
+
+@pytest.fixture(scope="module")
+def schematic() -> HomePlan:
+    """A room of 5 x 5 m whose middle was walked on, with a table at its north wall and a chair in the east."""
+    walkable = tuple(CellRun(row, 70, 60, 0) for row in range(70, 130))
+    plinth = tuple(CellRun(row, 50, 100, 8) for row in range(50, 150))
+    grid = CellGrid(origin_xz=(-5.0, -5.0), shape=(200, 200), walkable=walkable, plinth=plinth)
+    pieces = (
+        Furniture(
+            name="table_3", category="table", centre=(0.0, 0.37, -2.1), size=(1.4, 0.74, 0.7), finish=OAK,
+            room="kitchen",
+        ),
+        Furniture(
+            name="chair_8", category="chair", centre=(2.1, 0.46, 0.0), size=(0.46, 0.92, 0.5), yaw=-np.pi / 2,
+            finish=Finish(material="wood", rgb=(178, 44, 40)), room="kitchen",
+        ),
+    )  # fmt: skip
+    return HomePlan(
+        name="Cells",
+        kind="schematic",
+        storeys=(Storey(label="ground floor", floor_y=0.0),),
+        rooms=(Room(name="kitchen", storey=0, floor=OAK, wall=PALE),),
+        furniture=pieces,
+        cells=grid,
+    )
+
+
+def added(plan: HomePlan, full: HomePlan) -> tuple[Furniture, ...]:
+    return full.furniture[len(plan.furniture) :]
+
+
+@pytest.mark.parametrize("name", ["schematic", "invented"])
+def test_levels_grow_and_the_same_seed_gives_the_same_bytes(request, name: str) -> None:
+    plan: HomePlan = request.getfixturevalue(name)
+    assert with_clutter(plan, 0, seed=1) is plan
+    some, many = with_clutter(plan, 1, seed=1), with_clutter(plan, 2, seed=1)
+    assert (some.clutter, many.clutter) == (1, 2)
+    assert 10 <= len(added(plan, some)) < len(added(plan, many))
+    assert many.furniture[: len(plan.furniture)] == plan.furniture
+    assert plan_bytes(some) == plan_bytes(with_clutter(plan, 1, seed=1))
+    assert plan_bytes(some) != plan_bytes(with_clutter(plan, 1, seed=2))
+    assert with_clutter(many, 2, seed=5) is many
+    with pytest.raises(SceneError, match=r"plan '.*': found clutter level 2 where 1 was asked for; expected a plan"):
+        with_clutter(many, 1, seed=1)
+
+
+@pytest.mark.parametrize("name", ["schematic", "invented"])
+def test_names_follow_the_captioned_ones_and_decoys_look_different(request, name: str) -> None:
+    plan: HomePlan = request.getfixturevalue(name)
+    new = added(plan, with_clutter(plan, 2, seed=0))
+    numbers = [int(piece.name.rsplit("_", 1)[1]) for piece in new]
+    last = max(int(piece.name.rsplit("_", 1)[1]) for piece in plan.furniture)
+    assert numbers == list(range(last + 1, last + 1 + len(new)))
+    assert all(piece.caption == "" and piece.name.startswith(f"{piece.category}_") for piece in new)
+    captioned = [piece for piece in plan.furniture if piece.role == "captioned"]
+    categories = {piece.category for piece in captioned}
+    assert {piece.role for piece in new} == {"clutter", "decoy"}
+    assert all((piece.role == "decoy") == (piece.category in categories) for piece in new)
+    for piece in new:
+        family = look_of(piece.category)[0]
+        for other in (other for other in captioned if look_of(other.category)[0] == family):
+            assert np.abs(np.subtract(piece.finish.rgb, other.finish.rgb)).max() >= 60
+
+
+@pytest.mark.parametrize("name", ["schematic", "invented"])
+def test_nothing_stands_in_another_thing_and_everything_has_what_carries_it(request, name: str) -> None:
+    plan: HomePlan = request.getfixturevalue(name)
+    full = with_clutter(plan, 2, seed=0)
+    boxes = np.array([box_of(piece) for piece in full.furniture])
+    storeys = [SpareStorey(storey, [], []) for storey in spare_storeys(plan)]
+    rooms = {room.name: room.storey for room in plan.rooms}
+    for k, piece in enumerate(added(plan, full), start=len(plan.furniture)):
+        box = boxes[k]
+        overlaps = ((boxes[:, :3] < box[3:] - 0.005) & (boxes[:, 3:] > box[:3] + 0.005)).all(axis=1)
+        overlaps[k] = False
+        met = {look_of(full.furniture[j].category)[0] for j in np.flatnonzero(overlaps)}
+        assert met <= {"sofa", "armchair", "bed"}, "what lies on a seat or a bed reaches into its box"
+        bottom = box[1]
+        below = full.furniture[: len(plan.furniture)] + added(plan, full)
+        carried = any(
+            other.rect.holds(piece.centre[0], piece.centre[2])
+            and other.centre[1] - other.size[1] / 2 < bottom - 0.05
+            and bottom <= other.centre[1] + other.size[1] / 2 + 0.01
+            for other in below
+            if other is not piece
+        )
+        floor_y = storeys[rooms[piece.room]].floor_at(piece.rect.grown(-0.4 * min(piece.size[0], piece.size[2])))
+        stands = floor_y is not None and abs(bottom - floor_y) < 0.05
+        hangs = floor_y is None or bottom >= floor_y + 1.0
+        assert carried or stands or hangs, piece
+
+
+def test_a_schematic_homes_floor_is_as_it_was_and_nothing_stands_on_it(schematic: HomePlan) -> None:
+    full = with_clutter(schematic, 2, seed=3)
+    assert full.cells == schematic.cells
+    maps = [scene_from_plan(plan).navigation for plan in (schematic, full)]
+    digests = {navigation.digest for navigation in maps if isinstance(navigation, FloorGrid)}
+    assert len(digests) == 1
+    low = [piece for piece in added(schematic, full) if piece.centre[1] - piece.size[1] / 2 < 0.3]
+    assert len(low) >= 5
+    for piece in low:  # walkable are 3 x 3 m; the robot's sides reach 0.18 m farther, measured from cell to cell
+        x0, z0, x1, z1 = piece.rect
+        assert x0 > 1.6 or z0 > 1.6 or x1 < -1.6 or z1 < -1.6, piece
+
+
+def test_all_ways_of_an_invented_home_stay_as_long_as_they_were(invented: HomePlan) -> None:
+    before, after = (scene_from_plan(plan).navigation for plan in (invented, with_clutter(invented, 2, seed=0)))
+    rng = np.random.default_rng(0)
+    starts = np.array([before.random_point(rng) for _ in range(40)])
+    goals = np.array([before.random_point(rng) for _ in range(40)])
+    assert all(after.is_navigable(point) for point in (*starts, *goals)), "starts of episodes stay where they are"
+    pairs = [(start[None], goal[None]) for start, goal in zip(starts, goals, strict=True)]
+    old = np.array([before.distances(*pair)[0] for pair in pairs])
+    new = np.array([after.distances(*pair)[0] for pair in pairs])
+    is_joined = np.isfinite(old)  # the mesh has places that nobody can walk to, such as the tops of beds
+    assert is_joined.sum() >= 20
+    np.testing.assert_allclose(new[is_joined], old[is_joined], rtol=0.1, atol=0.1)
+
+
+def test_captioned_things_stay_in_sight_in_an_invented_home(invented: HomePlan) -> None:
+    before, after = (scene_from_plan(plan) for plan in (invented, with_clutter(invented, 2, seed=0)))
+    casters = [Raycaster(scene.mesh) for scene in (before, after)]
+    kept = []
+    for item in before.objects[::5]:
+        seen = view_points_around(item, before.mesh, navigation=before.navigation, renderer=casters[0])
+        assert seen, item.name
+        places = np.array([place.position for place in seen])
+        targets = object_surface(before.mesh, item.instance_id, centre=item.centre, size=item.size, count=48)
+        shares = visible_shares(places, targets, item.instance_id, mesh=after.mesh, caster=casters[1])
+        assert all(after.navigation.is_navigable(place) for place in places)
+        kept += [share / place.visible_share for share, place in zip(shares.tolist(), seen, strict=True)]
+    assert np.mean(np.array(kept) > 0) > 0.99
+    assert np.mean(kept) > 0.85
+
+
+@pytest.mark.slow
+def test_captioned_things_stay_in_sight_in_released_homes(dataset_root) -> None:
+    dataset = PersonalDataset(dataset_root)
+    name = dataset.scenes[0]
+    plan, goals = recover_plan(dataset, name), dataset.goals(name)
+    before = sights_of(scene_from_plan(plan), goals)
+    full = with_clutter(plan, 2, seed=0)
+    assert len(added(plan, full)) > 3 * len(plan.furniture)
+    assert full.cells == plan.cells
+    after = sights_of(scene_from_plan(full), goals)
+    lost = Counter({key: int((sights.ok & ~after[key].ok).sum()) for key, sights in before.items()})
+    total = sum(int(sights.ok.sum()) for sights in before.values())
+    assert total > 500
+    assert sum(lost.values()) <= 0.002 * total, lost.most_common(3)
+    shares = [
+        (after[key].visible_share[s.ok].mean(), s.visible_share[s.ok].mean()) for key, s in before.items() if s.ok.any()
+    ]
+    assert np.mean([new / old for new, old in shares]) > 0.85
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("master bedroom bathroom", "bathroom"),
+        ("kitchen 2", "kitchen"),
+        ("children bedroom", "bedroom"),
+        ("tv room", "living room"),
+        ("hallway corridor", "hallway"),
+        ("stairs", "hallway"),
+        ("studio", "office"),
+        ("laundry room", "laundry room"),
+        ("ground floor", "room"),
+    ],
+)
+def test_rooms_get_what_is_usual_there(name: str, kind: str) -> None:
+    assert household_of(name) == HOUSEHOLDS[kind]

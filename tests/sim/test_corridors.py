@@ -1,0 +1,110 @@
+"""Corridors that recorded lengths call for, in small worlds with known answers."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.scenes.cells import Cells
+from sim.scenes.corridors import PLAN_CLIMB, with_corridors
+from sim.scenes.recorded import PathLength
+from sim.types import GridSpec
+from sim.world.floor_grid import FloorGrid
+
+GRID = GridSpec((0.0, 0.0), 0.05, (80, 160))
+"""4 m along z, 8 m along x."""
+Rect = tuple[float, float, float, float]
+WEST: Rect = (0.5, 0.5, 2.5, 3.5)
+EAST: Rect = (5.5, 0.5, 7.5, 3.5)
+
+
+def floor_of(*rects: Rect) -> Cells:
+    """Level cells of rectangles (x0, z0, x1, z1)."""
+    mask = np.zeros(GRID.shape, bool)
+    for x0, z0, x1, z1 in rects:
+        mask[round(z0 / 0.05) : round(z1 / 0.05), round(x0 / 0.05) : round(x1 / 0.05)] = True
+    rc = np.argwhere(mask)
+    return Cells(rc, np.zeros(len(rc)), np.zeros(len(rc), bool))
+
+
+def unknown_beside(known: Cells) -> Cells:
+    mask = np.ones(GRID.shape, bool)
+    mask[known.rc[:, 0], known.rc[:, 1]] = False
+    rc = np.argwhere(mask)
+    return Cells(rc, np.zeros(len(rc)), np.ones(len(rc), bool))
+
+
+def record(start: tuple[float, float], end: tuple[float, float], length: float) -> PathLength:
+    return PathLength("easy", "table_1", (start[0], 0.0, start[1]), (end[0], 0.0, end[1]), length)
+
+
+def walked(cells: Cells, of: PathLength) -> float:
+    floor = FloorGrid.from_cells(cells.rc, cells.y, grid=GRID, max_climb=PLAN_CLIMB)
+    return float(floor.distances(np.array([of.start]), np.array([of.end]))[0])
+
+
+def test_without_records_nothing_is_guessed() -> None:
+    known = floor_of(WEST, EAST)
+    cells = with_corridors(known, unknown_beside(known), (), grid=GRID)
+    assert not cells.guessed.any()
+    assert len(cells.y) == len(known.y)
+
+
+def test_a_path_between_islands_opens_a_corridor_of_its_length() -> None:
+    known = floor_of(WEST, EAST)
+    straight = record((2.0, 2.0), (6.0, 2.0), 4.0)
+    cells = with_corridors(known, unknown_beside(known), (straight,), grid=GRID)
+    assert walked(cells, straight) == pytest.approx(4.0, rel=0.03)
+    x, z = GRID.xz_from_rc(cells.rc[cells.guessed]).T
+    assert x.min() > 2.5
+    assert x.max() < 5.5
+    assert np.ptp(z) <= 0.5  # narrow
+    assert (~cells.guessed).sum() == len(known.y)
+
+
+def test_a_longer_record_gets_a_detour_and_no_straight_corridor() -> None:
+    known = floor_of(WEST, EAST)
+    detour = record((2.0, 2.0), (6.0, 2.0), 4.8)
+    cells = with_corridors(known, unknown_beside(known), (detour,), grid=GRID)
+    assert walked(cells, detour) == pytest.approx(4.8, rel=0.05)
+
+
+def test_a_record_that_fits_known_floor_opens_nothing() -> None:
+    u_shape = floor_of((0.5, 0.5, 1.5, 3.5), (0.5, 2.5, 7.5, 3.5), (6.5, 0.5, 7.5, 3.5))
+    # over the inner corners at (1.5, 2.5) and (6.5, 2.5)
+    around = record((1.0, 1.0), (7.0, 1.0), 2 * math.hypot(0.5, 1.5) + 5.0)
+    cells = with_corridors(u_shape, unknown_beside(u_shape), (around,), grid=GRID)
+    assert not cells.guessed.any()
+    assert walked(cells, around) == pytest.approx(around.length, rel=0.02)
+
+
+def test_a_record_forbids_the_shortcut_that_another_could_take() -> None:
+    # two rooms joined below by known floor: `around` says that there is a wall between them
+    rooms = ((0.5, 0.5, 2.5, 3.5), (3.5, 0.5, 5.5, 3.5), (0.5, 3.0, 5.5, 3.5))
+    around = record((2.0, 1.0), (4.0, 1.0), 2 * math.hypot(0.5, 2.0) + 1.0)
+    beyond = record((2.0, 1.0), (7.0, 1.0), 2 * math.hypot(0.5, 2.0) + 1.0 + 2.9)
+    known = floor_of(*rooms, (6.5, 0.5, 7.5, 3.5))
+    cells = with_corridors(known, unknown_beside(known), (around, beyond), grid=GRID)
+    assert walked(cells, around) == pytest.approx(around.length, rel=0.05)
+    assert math.isfinite(walked(cells, beyond))
+    x, z = GRID.xz_from_rc(cells.rc[cells.guessed]).T
+    between_rooms = (x > 2.5) & (x < 3.5) & (z < 2.5)
+    assert not between_rooms.any()
+
+
+@pytest.mark.parametrize(
+    "useless",
+    [record((2.0, 2.0), (6.0, 2.0), 3.0), record((2.0, 2.0), (2.0, 2.0), 0.0), record((2.0, 2.0), (90.0, 2.0), 95.0)],
+    ids=["below the straight line", "no length", "ends off the floor"],
+)
+def test_records_that_tell_nothing_are_left_out(useless: PathLength) -> None:
+    known = floor_of(WEST, EAST)
+    cells = with_corridors(known, unknown_beside(known), (useless,), grid=GRID)
+    assert not cells.guessed.any()
+
+
+def test_the_same_records_give_the_same_cells() -> None:
+    known = floor_of(WEST, EAST)
+    records = (record((2.0, 1.0), (6.0, 3.0), 4.7), record((1.0, 3.0), (7.0, 1.0), 6.6))
+    one, two = (with_corridors(known, unknown_beside(known), records, grid=GRID) for _ in range(2))
+    assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))

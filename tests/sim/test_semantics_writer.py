@@ -1,0 +1,90 @@
+"""HM3D-style semantics of planned homes: what is written is what hm3d.py reads."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.frames import glb_zup_from_world
+from sim.scenes.furnish import mesh_from_plan
+from sim.scenes.glb_writer import glb_from_mesh
+from sim.scenes.hm3d import load_semantics
+from sim.scenes.meshes import load_mesh
+from sim.scenes.plan import Finish, Furniture, HomePlan, Rect, Room, Storey
+from sim.scenes.semantic_txt import read_semantic_txt
+from sim.scenes.semantics_writer import rooms_of_objects, semantic_files
+
+GREY = Finish(material="plaster", rgb=(150, 150, 150))
+
+
+@pytest.fixture(scope="module")
+def plan() -> HomePlan:
+    pieces = (("chair", "study"), ("table lamp", "bedroom"), ("picture", "bedroom"), ("rug", ""))
+    return HomePlan(
+        name="Home",
+        kind="invented",
+        storeys=(Storey(label="ground floor", floor_y=0.5),),
+        rooms=(
+            Room(name="study", storey=0, rect=Rect(0, 0, 4, 4), floor=GREY, wall=GREY),
+            Room(name="bedroom", storey=0, rect=Rect(4, 0, 8, 4), floor=GREY, wall=GREY),
+        ),
+        furniture=tuple(
+            Furniture(
+                name=f"{category}_{k}", category=category, centre=(1.0 + 1.7 * k, 1.2, 2.0), size=(0.6, 0.9, 0.5),
+                yaw=0.7 * k, finish=Finish(material="wood", rgb=(120, 70, 30 * k)), room=room,
+            )
+            for k, (category, room) in enumerate(pieces, start=1)
+        ),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(plan: HomePlan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("scan")
+    mesh, objects = mesh_from_plan(plan)
+    files = semantic_files(mesh, objects, region_of=rooms_of_objects(plan))
+    (folder / "Home.semantic.glb").write_bytes(files.glb)
+    (folder / "Home.semantic.txt").write_bytes(files.txt)
+    zup = glb_zup_from_world(mesh.vertices).astype(np.float32)
+    (folder / "Home.glb").write_bytes(glb_from_mesh(replace(mesh, vertices=zup)))
+    return folder
+
+
+def test_objects_come_back_with_their_names_places_and_rooms(plan: HomePlan, folder: Path) -> None:
+    _, wanted = mesh_from_plan(plan)
+    read = load_semantics(folder / "Home.semantic.glb", folder / "Home.semantic.txt", load_mesh(folder / "Home.glb"))
+    assert [(o.instance_id, o.name, o.category) for o in read.objects] == [
+        (1, "chair_1", "chair"), (2, "table lamp_2", "table lamp"), (3, "picture_3", "picture"), (4, "rug_4", "rug")
+    ]  # fmt: skip
+    for found, planned in zip(read.objects, wanted, strict=True):
+        assert found.centre == pytest.approx(planned.centre, abs=1e-5)
+        assert found.size == pytest.approx(planned.size, abs=1e-5)
+    assert read.regions == {0: (1,), 1: (2, 3), -1: (4,)}
+
+
+def test_every_face_of_the_scan_has_the_id_that_it_had_in_the_plan(plan: HomePlan, folder: Path) -> None:
+    mesh, _ = mesh_from_plan(plan)
+    read = load_semantics(
+        folder / "Home.semantic.glb", folder / "Home.semantic.txt", load_mesh(folder / "Home.glb")
+    ).mesh
+    assert read.ids is not None
+    texels = read.ids.images[0]
+    uv = read.ids.face_uv.mean(axis=1)
+    rows, cols = (np.floor(uv[:, ::-1] * texels.shape).astype(int)).T
+    ids = np.where(read.ids.face_image < 0, read.face_instance, texels[rows, cols])
+    assert len(read.faces) == len(mesh.faces)
+    assert np.bincount(ids, minlength=5).tolist() == np.bincount(mesh.face_instance, minlength=5).tolist()
+
+
+def test_the_text_is_hm3ds(folder: Path) -> None:
+    lines = (folder / "Home.semantic.txt").read_text().splitlines()
+    assert lines[:2] == ["HM3D Semantic Annotations", '1,9E3779,"chair",0']
+    labels = read_semantic_txt(folder / "Home.semantic.txt")
+    assert len({label.rgb for label in labels} | {0}) == 5
+
+
+def test_a_name_that_hm3d_would_not_give_is_a_bug(plan: HomePlan) -> None:
+    mesh, objects = mesh_from_plan(plan)
+    with pytest.raises(AssertionError, match="chair_7"):
+        semantic_files(mesh, [replace(objects[0], name="chair_7")], region_of={})
