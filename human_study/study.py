@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from sim import files
 from sim.episodes.schema import Episode
 from sim.errors import StudyError, line_from_validation_error
-from sim.types import CAMERA_HEIGHT, MAX_STEPS, PAPER4, PAPER6, Action, Camera, SceneKind, Task, TaskKind
+from sim.types import CAMERA_HEIGHT, MAX_STEPS, PAPER4, PAPER6, Action, Camera, ClutterLevel, SceneKind, Task, TaskKind
 
 STUDY_FILE = "study.json"
 _MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -24,7 +24,7 @@ class StudyScene(BaseModel):
     model_config = _MODEL
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     kind: SceneKind
-    clutter: Literal[0, 1, 2] = 0
+    clutter: ClutterLevel = 0
     """How much furniture without a caption stands in it."""
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import tyro
 from tyro.conf import Positional, arg, subcommand
 
-from sim.types import Split, SuccessRule
+from sim.types import ClutterLevel, Split, SuccessRule
 
 Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
 ScenesDir = Annotated[
@@ -19,7 +19,7 @@ Scenes = Annotated[tuple[str, ...], arg(help="Scene names; all by default.")]
 Splits = Annotated[tuple[Split, ...], arg(help="Splits; all by default.")]
 Limit = Annotated[int | None, arg(help="At most this many episodes per split, in dataset order.")]
 Clutter = Annotated[
-    Literal[0, 1, 2], arg(help="How much furniture and small things without a caption stand in homes without a scan.")
+    ClutterLevel, arg(help="How much furniture and small things without a caption stand in homes without a scan.")
 ]
 RunId = Annotated[str | None, arg(help="Folder name below --out; made from the options by default.")]
 

@@ -15,10 +15,10 @@ from sim.files import write_whole
 from sim.frames import T_world_camera
 from sim.scenes.furniture.families import look_of
 from sim.scenes.furniture.portrait import portrait
+from sim.scenes.labels import raycaster_of
 from sim.scenes.plan import HomePlan
 from sim.scenes.scene import Scene
 from sim.types import Camera
-from sim.world.raycast import Raycaster
 from sim.world.renderer import Renderer
 
 from .contact_plan import storey_picture
@@ -47,7 +47,7 @@ def contact_sheet_picture(scene: Scene, plan: HomePlan | None) -> Image.Image:
         plan: What it was made of: names its rooms, and its pieces are drawn as portraits. None = a scan, whose objects
             are cut out of views.
     """
-    renderer = Raycaster(scene.mesh)
+    renderer = raycaster_of(scene)
     heights = scene.navigation.storey_heights
     size = (WIDTH // len(heights), _PLAN_HEIGHT)
     storeys = [
@@ -90,7 +90,7 @@ def write_crops(folder: Path, scene: Scene, *, seed: int = 0) -> int:
     Raises:
         OSError: The folder cannot be written.
     """
-    crops = category_crops(scene, Raycaster(scene.mesh))
+    crops = category_crops(scene, raycaster_of(scene))
     order = np.random.default_rng(seed).permutation(len(crops)).tolist()
     folder.mkdir(parents=True, exist_ok=True)
     key = io.StringIO()

@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 
 from sim.episodes.schema import Episode
 from sim.frames import T_world_camera, yaw_towards
+from sim.scenes.labels import raycaster_of
 from sim.scenes.scene import Scene
 from sim.tasks.rules import success_region
 from sim.types import STOREY_GAP, Camera, Pose
-from sim.world.raycast import Raycaster
 
 VIEW_FROM = 1.5
 """How far before the path's end the picture is taken, metres."""
@@ -29,7 +29,7 @@ def picture_simulator(scene: Scene, episode: Episode, path: Path) -> None:
     assert way is not None, episode.key
     target = episode.targets[0].position
     pose = Pose(_eye(way), yaw_towards(_xz(_eye(way)), (target[0], target[2])))
-    frame = Raycaster(scene.mesh).render(T_world_camera(pose, Camera()), Camera())
+    frame = raycaster_of(scene).render(T_world_camera(pose, Camera()), Camera())
     figure = Figure(figsize=(15, 3.3), dpi=100, layout="constrained")
     colour, depth, ids, top_down = figure.subplots(1, 4)
     colour.imshow(frame.rgb)

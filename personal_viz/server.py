@@ -18,7 +18,7 @@ from viser import _messages
 from human_study.study import StudyConfig, load_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import MissingDependencyError, PersonalVizError, StudyError
-from sim.scenes.labels import readable
+from sim.scenes.labels import renderer_of
 from sim.scenes.sources import open_scene
 from sim.tasks.pog import PogScene
 from sim.tasks.rules import scene_storeys
@@ -66,7 +66,7 @@ def open_home(config: StudyConfig, dataset: PersonalDataset, scenes_dir: Path | 
     scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=config.scenes[0].clutter)
     return Home(
         scene=scene,
-        renderer=readable(Raycaster(scene.mesh), scene),
+        renderer=renderer_of(scene),
         pog_scene=PogScene(scene, make_renderer=Raycaster),
         copies=StoreyCopies(scene),
         episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},

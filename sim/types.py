@@ -25,6 +25,8 @@ Split = Literal["easy", "medium", "hard"]
 SPLITS: tuple[Split, ...] = ("easy", "medium", "hard")
 TaskKind = Literal["pan", "pog"]
 SceneKind = Literal["scan", "schematic", "invented"]
+ClutterLevel = Literal[0, 1, 2]
+"""How much furniture without a caption was added to a home that is no scan."""
 WhoKind = Literal["human", "agent"]
 EndReason = Literal["stop", "steps", "click", "giveup", "timeout", "technical", "abandoned"]
 SuccessRule = Literal["paper", "habitat", "authors"]

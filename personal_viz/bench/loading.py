@@ -94,9 +94,9 @@ def _load_ours(path: Path) -> _Loaded:
     import imagecodecs
 
     from sim.frames import T_world_camera
+    from sim.scenes.building.quads import QuadBuilder
     from sim.scenes.glb import load_glb
     from sim.scenes.plan import Finish
-    from sim.scenes.quads import QuadBuilder
     from sim.types import Camera, Pose
     from sim.world.raycast import Raycaster
 

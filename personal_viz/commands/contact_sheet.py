@@ -1,7 +1,6 @@
 """Verb `contact-sheet`: a home in one picture, and crops of its objects for a naming test with people."""
 
 from pathlib import Path
-from typing import Literal
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
@@ -13,6 +12,7 @@ from sim.scenes.plan import HomePlan
 from sim.scenes.recover import recover_plan
 from sim.scenes.scene import Scene
 from sim.scenes.sources import open_scene, scene_from_plan
+from sim.types import ClutterLevel
 
 from ..contact_sheet import contact_sheet_picture, png_bytes, write_crops
 
@@ -24,7 +24,7 @@ def contact_sheet(
     dataset: Path | None,
     scenes_dir: Path | None,
     invent: int | None,
-    clutter: Literal[0, 1, 2],
+    clutter: ClutterLevel,
     crops: Path | None,
 ) -> int:
     """Writes the contact sheet of a dataset's scene or of an invented home, and crops where asked.
@@ -68,7 +68,7 @@ def _home(
     dataset: Path | None,
     scenes_dir: Path | None,
     invent: int | None,
-    clutter: Literal[0, 1, 2],
+    clutter: ClutterLevel,
 ) -> tuple[Scene, HomePlan | None]:
     """The home that the options name, and the plan that it was made of; a scan has none."""
     if invent is not None:
@@ -90,7 +90,7 @@ def _home(
     return _planned(plan_of(episodes, scene) or recover_plan(episodes, scene), clutter)
 
 
-def _planned(plan: HomePlan, clutter: Literal[0, 1, 2]) -> tuple[Scene, HomePlan]:
+def _planned(plan: HomePlan, clutter: ClutterLevel) -> tuple[Scene, HomePlan]:
     """The home as `open_scene` makes it of a plan, and the plan with its clutter."""
     if clutter not in (0, plan.clutter):
         plan = with_clutter(plan, clutter, seed=0)

@@ -21,7 +21,15 @@ from sim.cache import VARIABLE
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
 from sim.scenes.plan import save_plan
-from sim.scenes.playability import Figures, HomeFacts, HomeFigures, HomesReport, build_home, measure_home, report_of
+from sim.scenes.recovery.playability import (
+    Figures,
+    HomeFacts,
+    HomeFigures,
+    HomesReport,
+    build_home,
+    measure_home,
+    report_of,
+)
 
 from .options import check_options
 

@@ -2,16 +2,15 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, cast
+from typing import cast
 
 from recordings.replay import common_episode, log_comparison
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
-from sim.scenes.labels import readable
+from sim.scenes.labels import renderer_of
 from sim.scenes.sources import open_scene
 from sim.tasks.run_files import Run, read_run
-from sim.types import SPLITS, EpisodeKey, Split
-from sim.world.raycast import Raycaster
+from sim.types import SPLITS, ClutterLevel, EpisodeKey, Split
 
 
 def replay(
@@ -47,7 +46,7 @@ def replay(
         episode=found,
         scene=scene,
         out=out,
-        renderer=readable(Raycaster(scene.mesh), scene) if has_pictures else None,
+        renderer=renderer_of(scene) if has_pictures else None,
         with_pixels=with_pixels,
     )
     print(f"{out}: {key} in {scene.label}. Open it with: rerun {out}")
@@ -58,7 +57,7 @@ def replay(
     return 0
 
 
-def _common_clutter(runs: Sequence[Run]) -> Literal[0, 1, 2]:
+def _common_clutter(runs: Sequence[Run]) -> ClutterLevel:
     """The clutter level on which all runs were made; answers on oracle maps have none.
 
     Raises:

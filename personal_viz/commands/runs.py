@@ -4,7 +4,6 @@ import json as json_module
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -19,7 +18,7 @@ from sim.tasks.metrics import MetricRow, metric_rows, read_runs, require_compara
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
-from sim.types import SPLITS, EpisodeKey, Split, SuccessRule
+from sim.types import SPLITS, ClutterLevel, EpisodeKey, Split, SuccessRule
 
 from .options import check_options, require_no_scan
 
@@ -39,7 +38,7 @@ def run(
     seed: int,
     jobs: int,
     run_id: str | None,
-    clutter: Literal[0, 1, 2] = 0,
+    clutter: ClutterLevel = 0,
 ) -> int:
     """Runs an agent over episodes into `out/<run_id>`; a second call goes on where the first stopped.
 

@@ -25,7 +25,7 @@ from sim.cache import cache_dir
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.scenes.kind import scene_kind
-from sim.types import SPLITS, Split
+from sim.types import SPLITS, ClutterLevel, Split
 
 SECRETS_FILE = "secrets.json"
 """Personal tokens in clear, readable by the owner only; never exported."""
@@ -69,7 +69,7 @@ def serve(
     seed: int,
     actions: Literal["paper4", "paper6"],
     port: int,
-    clutter: Literal[0, 1, 2] = 0,
+    clutter: ClutterLevel = 0,
 ) -> int:
     """Serves the study until Ctrl-C; a study folder that exists goes on where it was."""
     check_options(run_id=None, limit=limit, seed=seed)

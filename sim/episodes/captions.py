@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from sim.scenes.looks import with_article
+from sim.scenes.inventing.looks import with_article
 from sim.scenes.plan import Furniture, HomePlan, Rect
 
 _NEXT_TO, _NEAR = 0.35, 1.2

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.scenes.looks import with_article
+from sim.scenes.inventing.looks import with_article
 
 _THINGS_PER_SENTENCE = 3
 """No sentence speaks of more objects."""

@@ -14,8 +14,8 @@ from sim.errors import DatasetError
 from sim.frames import glb_zup_from_world, quat_xyzw_from_yaw
 from sim.scenes.glb_writer import glb_from_mesh
 from sim.scenes.invent import invented_plans
+from sim.scenes.inventing.recipes import GROUPS, SMALL
 from sim.scenes.plan import HomePlan, plan_bytes
-from sim.scenes.recipes import GROUPS, SMALL
 from sim.scenes.scene import Scene
 from sim.scenes.semantics_writer import rooms_of_objects, semantic_files
 from sim.scenes.sources import scene_from_plan

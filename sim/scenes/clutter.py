@@ -5,14 +5,14 @@ HomePlan -> HomePlan; household.py says what is usual where, spare_space.py wher
 
 import zlib
 from collections.abc import Sequence
-from typing import Literal, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from sim.errors import SceneError
+from sim.types import ClutterLevel
 
-from .furniture.families import Family, look_of, mounting_of
-from .household import (
+from .cluttering.household import (
     ON_UPHOLSTERY,
     ONCE,
     SEAT_HEIGHTS,
@@ -23,15 +23,15 @@ from .household import (
     drawn_size,
     household_of,
 )
+from .cluttering.spare_space import SpareRoom, SpareStorey
+from .cluttering.spare_storeys import spare_storeys
+from .furniture.families import Family, look_of, mounting_of
 from .plan import Finish, Furniture, HomePlan, Rect
-from .spare_space import SpareRoom, SpareStorey
-from .spare_storeys import spare_storeys
 
-Level = Literal[0, 1, 2]
 """`HomePlan.clutter`."""
-DENSITY: dict[Level, float] = {1: 2.0, 2: 8.0}
+DENSITY: dict[ClutterLevel, float] = {1: 2.0, 2: 8.0}
 """Things per square metre of room: 5 and 20 times as many as captions name in a home of the release (0.4)."""
-DECOYS: dict[Level, float] = {1: 0.5, 2: 1.5}
+DECOYS: dict[ClutterLevel, float] = {1: 0.5, 2: 1.5}
 """... of the category of each captioned object in its room."""
 _AT_WALLS, _HUNG = 0.12, 0.2
 """Shares of furniture and of what hangs on walls."""
@@ -73,7 +73,7 @@ class _Goals(NamedTuple):
     """Finishes of captioned pieces by family: nothing added looks like one of them."""
 
 
-def with_clutter(plan: HomePlan, level: Level, *, seed: int) -> HomePlan:
+def with_clutter(plan: HomePlan, level: ClutterLevel, *, seed: int) -> HomePlan:
     """A home with furniture and small things that no caption names, and decoys of those that captions name.
 
     No way becomes longer, and every captioned object stays in sight from where it was. Pieces whose category a caption

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .cell_mesh import CEILING_FINISH, add_cells, floor_uv
+from .building.cell_mesh import CEILING_FINISH, add_cells, floor_uv
+from .building.openings import Spot, add_ceiling_lamp
+from .building.plan_stairs import add_stair
+from .building.plan_walls import add_wall
+from .building.quads import QuadBuilder
 from .furniture.solids import add_piece
-from .openings import Spot, add_ceiling_lamp
 from .plan import HomePlan, Rect, Room
-from .plan_stairs import add_stair
-from .plan_walls import add_wall
-from .quads import QuadBuilder
 from .scene import SceneObject, TriangleMesh
 
 _LAMP_EVERY = 14.0

@@ -6,14 +6,14 @@ import numpy as np
 
 from sim.errors import SceneError
 
-from .arrange import UsedLooks, furnish_room
-from .clearance import unseen_pieces, walkable_ground
-from .free_space import FreeSpace
-from .layouts import Home, draw_home, landings
-from .partitions import CEILING, build_partition, draw_doors, railings
+from .inventing.arrange import UsedLooks, furnish_room
+from .inventing.clearance import unseen_pieces, walkable_ground
+from .inventing.free_space import FreeSpace
+from .inventing.layouts import Home, draw_home, landings
+from .inventing.partitions import CEILING, build_partition, draw_doors, railings
+from .inventing.recipes import NEEDED
+from .inventing.room_kinds import draw_finishes, draw_names
 from .plan import Furniture, HomePlan, Rect, Room, Stair, Storey, Wall
-from .recipes import NEEDED
-from .room_kinds import draw_finishes, draw_names
 
 MIN_PIECES, MAX_PIECES = 35, 80
 MIN_ROOMS, MAX_ROOMS = 5, 9

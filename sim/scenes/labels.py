@@ -1,4 +1,6 @@
-"""Category names drawn on the objects in view: plain homes of boxes cannot be read without them."""
+"""Who draws a scene; category names drawn on the objects in view of schematic homes, whose shapes are guesses."""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +10,9 @@ from sim.types import Camera
 from sim.world.renderer import Frame, Hits, Renderer
 
 from .scene import Scene
+
+if TYPE_CHECKING:
+    from sim.world.raycast import Raycaster
 
 MIN_SHARE = 5e-4
 """Objects that fill less of the picture than this are not named (150 pixels of 640 x 480)."""
@@ -56,6 +61,14 @@ class LabelledRenderer:
         return np.asarray(picture)
 
 
-def readable(renderer: Renderer, scene: Scene) -> Renderer:
-    """The renderer whose pictures people and agents get: with words on schematic homes, as it is on all others."""
+def raycaster_of(scene: Scene) -> "Raycaster":
+    """The plain renderer of a scene: texels as Habitat reads them for scans, mip levels where textures repeat."""
+    from sim.world.raycast import Raycaster
+
+    return Raycaster(scene.mesh, texture_filter="bilinear" if scene.kind == "scan" else "mipmap")
+
+
+def renderer_of(scene: Scene) -> Renderer:
+    """What draws the pictures that people and agents get: with words on schematic homes, without on all others."""
+    renderer = raycaster_of(scene)
     return LabelledRenderer(renderer, scene) if scene.kind == "schematic" else renderer

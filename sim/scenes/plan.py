@@ -9,6 +9,7 @@ from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError,
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from sim.errors import SceneError, line_from_validation_error
+from sim.types import ClutterLevel
 
 from .cells import AreaRun, CellGrid, Metres, Positive, Xz
 from .plan_versions import current
@@ -185,7 +186,7 @@ class HomePlan(BaseModel):
     furniture: tuple[Furniture, ...] = ()
     cells: CellGrid | None = None
     """Floor of a schematic home; None for invented homes, whose mesh says where one can walk."""
-    clutter: Literal[0, 1, 2] = 0
+    clutter: ClutterLevel = 0
     """How much furniture without a caption was added."""
 
     @model_validator(mode="after")

@@ -234,7 +234,8 @@ def _part(path: Path, mesh: trimesh.Trimesh, textures: _Textures) -> _Part:
     elif isinstance(mesh.visual, ColorVisuals) and mesh.visual.kind == "face":
         face_rgb = np.array(mesh.visual.face_colors[:, :3], np.uint8)
     face_texture = np.full(count, texture, np.int16)
-    return _Part(mesh.vertices, faces, face_rgb, face_texture, uv, white if colours is None else colours)
+    shown = white if colours is None or texture >= 0 else colours  # images would be multiplied by them
+    return _Part(mesh.vertices, faces, face_rgb, face_texture, uv, shown)
 
 
 def _image_and_factor(mesh: trimesh.Trimesh) -> tuple[Image.Image | None, NDArray[np.float64] | None]:

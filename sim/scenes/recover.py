@@ -7,7 +7,6 @@ import hashlib
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 import scipy
@@ -16,19 +15,19 @@ from numpy.typing import NDArray
 from sim.cache import cached_bytes
 from sim.episodes.dataset import PersonalDataset, read_bytes
 from sim.errors import SceneError
-from sim.types import SPLITS, STOREY_GAP, Split
+from sim.types import SPLITS, STOREY_GAP, ClutterLevel, Split
 
 from .cells import CELL, CellGrid, runs_from_cells
 from .clutter import with_clutter
 from .code_digest import code_digest
-from .open_space import step_cells
 from .plan import HomePlan, Storey, plan_bytes
-from .recorded import Recorded, recorded_facts
-from .recovered_objects import RecoveredObject, recovered_objects
-from .recovered_rooms import recovered_rooms
-from .room_words import room_texts
-from .unhidden import unhidden
-from .walkable import walkable_cells
+from .recovery.open_space import step_cells
+from .recovery.recorded import Recorded, recorded_facts
+from .recovery.recovered_objects import RecoveredObject, recovered_objects
+from .recovery.recovered_rooms import recovered_rooms
+from .recovery.room_words import room_texts
+from .recovery.unhidden import unhidden
+from .recovery.walkable import walkable_cells
 
 MARGIN = 2.0
 """Empty border around the standing points (metres)."""
@@ -44,7 +43,7 @@ _FLOOR_LABELS = {"0": "ground floor", "1": "first floor", "2": "second floor", "
 
 
 def recover_plan(
-    dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...] = SPLITS, clutter: Literal[0, 1, 2] = 0
+    dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...] = SPLITS, clutter: ClutterLevel = 0
 ) -> HomePlan:
     """The schematic home of a scene, from its episodes in the named splits.
 

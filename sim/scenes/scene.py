@@ -2,12 +2,11 @@
 
 import hashlib
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.types import SceneKind
+from sim.types import ClutterLevel, SceneKind
 from sim.world.navigation_map import NavigationMap
 
 FLAT = -1
@@ -110,7 +109,7 @@ class Scene:
     navigation: NavigationMap
     digest: str
     """sha256 of what distances and pictures depend on."""
-    clutter: Literal[0, 1, 2] = 0
+    clutter: ClutterLevel = 0
     """How much furniture without a caption was added to a planned home."""
 
     @property

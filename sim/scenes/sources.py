@@ -4,7 +4,7 @@ import hashlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -12,7 +12,7 @@ import scipy
 from sim.cache import cached_bytes
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
-from sim.types import AGENT_HEIGHT, AGENT_RADIUS, SceneKind
+from sim.types import AGENT_HEIGHT, AGENT_RADIUS, ClutterLevel, SceneKind
 from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
 
 from .cells import cells_from_runs
@@ -24,9 +24,9 @@ from .kind import plan_of, scene_kind
 from .meshes import load_mesh
 from .plan import HomePlan, plan_bytes
 from .recover import recover_plan
+from .recovery.walkable import PLAN_CLIMB
 from .scene import Scene, SceneObject, TriangleMesh
 from .up_axis import Up, up_axis
-from .walkable import PLAN_CLIMB
 
 if TYPE_CHECKING:
     from sim.world.navmesh import NavMesh
@@ -36,7 +36,7 @@ _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
 
 
 def open_scene(
-    dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None, clutter: Literal[0, 1, 2] = 0
+    dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None, clutter: ClutterLevel = 0
 ) -> Scene:
     """The scene that the dataset's episodes of `name` take place in.
 
@@ -67,7 +67,7 @@ def open_scene(
     return scene_from_plan(_cluttered(plan_of(dataset, name) or recover_plan(dataset, name), clutter))
 
 
-def _cluttered(plan: HomePlan, level: Literal[0, 1, 2]) -> HomePlan:
+def _cluttered(plan: HomePlan, level: ClutterLevel) -> HomePlan:
     """`with_clutter` with seed 0, kept in the cache folder by the plan and our own code."""
     if level in (0, plan.clutter):
         return plan

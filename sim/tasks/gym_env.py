@@ -30,7 +30,7 @@ from sim.episodes.schema import Episode
 from sim.errors import DatasetError, TaskStateError
 from sim.frames import T_world_camera
 from sim.scenes.scene import Scene
-from sim.types import MAX_STEPS, PAPER6, SPLITS, Action, Camera, EpisodeKey, Observation, Pose, Split
+from sim.types import MAX_STEPS, PAPER6, SPLITS, Action, Camera, ClutterLevel, EpisodeKey, Observation, Pose, Split
 from sim.world.navigation_map import NavigationMap
 from sim.world.renderer import Renderer
 
@@ -57,6 +57,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         scenes_dir: Path | None = None,
         splits: tuple[Split, ...] = SPLITS,
         scenes: tuple[str, ...] | None = None,
+        clutter: ClutterLevel = 0,
         shuffle: bool = True,
         actions: tuple[Action, ...] = PAPER6,
         camera: Camera = Camera(),  # noqa: B008 - frozen value
@@ -74,6 +75,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             scenes_dir: Folder of scans; None = invented or schematic homes (`open_scene`).
             splits: Only episodes of these.
             scenes: Only episodes of these; None = all.
+            clutter: How much furniture without a caption is added to homes without a scan.
             shuffle: Scenes in random order and episodes in random order within each, anew in every round; False =
                 dataset order. Every round shows each episode once.
             actions: What the numbers mean, in order; `PAPER4` leaves out the looks.
@@ -93,6 +95,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         self.render_mode = render_mode
         self._dataset = dataset
         self._scenes_dir = scenes_dir
+        self._clutter: ClutterLevel = clutter
         self._episodes = _episodes_of(dataset, splits, scenes)
         self._shuffle = shuffle
         self._actions = actions
@@ -217,16 +220,15 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             from sim.scenes.sources import open_scene
 
             self._scene = self._renderer = None  # two scans need not fit into memory
-            self._scene = open_scene(self._dataset, name, scenes_dir=self._scenes_dir)
+            self._scene = open_scene(self._dataset, name, scenes_dir=self._scenes_dir, clutter=self._clutter)
         return self._scene
 
     def _drawing(self, scene: Scene) -> Renderer:
         """What draws the open scene, made when something is to be drawn."""
         if self._renderer is None:
-            from sim.scenes.labels import readable
-            from sim.world.raycast import Raycaster
+            from sim.scenes.labels import renderer_of
 
-            self._renderer = readable(Raycaster(scene.mesh), scene)
+            self._renderer = renderer_of(scene)
         return self._renderer
 
     def _spaces(self) -> spaces.Dict:

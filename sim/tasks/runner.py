@@ -4,12 +4,12 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
-from sim.types import PAPER6, Action, Camera, EpisodeKey, Task
+from sim.types import PAPER6, Action, Camera, ClutterLevel, EpisodeKey, Task
 from sim.world.navigation_map import NavigationMap
 
 from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent
@@ -19,7 +19,6 @@ from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart
 from .run_writer import RunWriter
 from .workers import SceneJob, results, without
 
-ClutterLevel = Literal[0, 1, 2]
 BATCH = 8
 """Episodes that a worker process runs before it hands them over: what a kill can lose, per process."""
 
@@ -95,10 +94,9 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], EpisodeRun]:
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     plugin, renderer = None, None
     if ":" in job.agent:
-        from sim.scenes.labels import readable
-        from sim.world.raycast import Raycaster
+        from sim.scenes.labels import renderer_of
 
-        plugin, renderer = load_agent(job.agent), readable(Raycaster(scene.mesh), scene)
+        plugin, renderer = load_agent(job.agent), renderer_of(scene)
 
     def run_episode(key: EpisodeKey) -> EpisodeRun:
         episode = episodes[key]

@@ -9,15 +9,15 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.scenes.cells import CellGrid, CellRun
 from sim.scenes.clutter import with_clutter
+from sim.scenes.cluttering.household import HOUSEHOLDS, household_of
+from sim.scenes.cluttering.spare_space import SpareStorey, box_of
+from sim.scenes.cluttering.spare_storeys import spare_storeys
 from sim.scenes.furniture.families import look_of
-from sim.scenes.household import HOUSEHOLDS, household_of
 from sim.scenes.invent import invent_plan
 from sim.scenes.plan import Finish, Furniture, HomePlan, Room, Storey, plan_bytes
 from sim.scenes.recover import recover_plan
-from sim.scenes.sightlines import sights_of, visible_shares
+from sim.scenes.recovery.sightlines import sights_of, visible_shares
 from sim.scenes.sources import scene_from_plan
-from sim.scenes.spare_space import SpareStorey, box_of
-from sim.scenes.spare_storeys import spare_storeys
 from sim.world.floor_grid import FloorGrid
 from sim.world.object_surface import object_surface
 from sim.world.raycast import Raycaster

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sim.scenes.cells import Cells
-from sim.scenes.corridors import PLAN_CLIMB, with_corridors
-from sim.scenes.recorded import PathLength
+from sim.scenes.recovery.corridors import PLAN_CLIMB, with_corridors
+from sim.scenes.recovery.recorded import PathLength
 from sim.types import GridSpec
 from sim.world.floor_grid import FloorGrid
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sim.frames import T_world_camera, forward_from_yaw
+from sim.scenes.building.walls import SKIRTING
 from sim.scenes.cut import CUT_HEIGHT, cut_storey
 from sim.scenes.furnish import mesh_from_plan
 from sim.scenes.invent import invent_plan
@@ -21,7 +22,6 @@ from sim.scenes.plan import (
 )
 from sim.scenes.scene import TriangleMesh
 from sim.scenes.sources import scene_from_plan
-from sim.scenes.walls import SKIRTING
 from sim.types import Camera, Pose
 from sim.world.raycast import Raycaster
 

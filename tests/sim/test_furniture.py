@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sim.scenes.building.quads import QuadBuilder
 from sim.scenes.furniture.appearance import finish_from_text
 from sim.scenes.furniture.catalogue import RELEASE_CATEGORIES
 from sim.scenes.furniture.families import Vec, known_words, look_of
@@ -13,7 +14,6 @@ from sim.scenes.furniture.portrait import portrait
 from sim.scenes.furniture.shapes import Shape, box, prism, rounded_box, slab
 from sim.scenes.furniture.solids import add_piece
 from sim.scenes.plan import Finish, Furniture
-from sim.scenes.quads import QuadBuilder
 
 ALL = sorted({*RELEASE_CATEGORIES, *known_words(), "strange thing"})
 TOLERANCE = 0.002

@@ -8,9 +8,9 @@ import pytest
 from sim.errors import SceneError
 from sim.scenes import invent
 from sim.scenes.invent import invent_plan, invented_plans
-from sim.scenes.looks import described, looks_of, with_article
+from sim.scenes.inventing.looks import described, looks_of, with_article
+from sim.scenes.inventing.recipes import GROUPS, INSTEAD, NEEDED, RECIPES, SMALL
 from sim.scenes.plan import HomePlan, plan_bytes
-from sim.scenes.recipes import GROUPS, INSTEAD, NEEDED, RECIPES, SMALL
 from sim.scenes.sources import scene_from_plan
 from sim.types import AGENT_RADIUS
 

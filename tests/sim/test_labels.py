@@ -10,7 +10,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.generation import invent_dataset
 from sim.frames import T_world_camera
 from sim.scenes.cut import CUT_HEIGHT
-from sim.scenes.labels import LabelledRenderer, readable
+from sim.scenes.labels import LabelledRenderer, renderer_of
 from sim.scenes.scene import Scene
 from sim.scenes.sources import open_scene
 from sim.tasks.pog import PogScene
@@ -48,9 +48,8 @@ def test_words_change_the_picture_only_on_the_objects_in_view(scene: Scene) -> N
 
 
 def test_only_schematic_homes_are_named(scene: Scene) -> None:
-    renderer = Raycaster(scene.mesh)
-    assert readable(renderer, scene) is renderer
-    assert isinstance(readable(renderer, replace(scene, kind="schematic")), LabelledRenderer)
+    assert isinstance(renderer_of(scene), Raycaster)
+    assert isinstance(renderer_of(replace(scene, kind="schematic")), LabelledRenderer)
 
 
 def test_a_click_from_above_meets_the_floor_below_the_cut_not_the_ceiling(scene: Scene) -> None:

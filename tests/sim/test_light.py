@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from sim.cache import VARIABLE
-from sim.scenes import light as light_module
-from sim.scenes import sky_rays
-from sim.scenes.light import DARKEST
+from sim.scenes.building import light as light_module
+from sim.scenes.building import sky_rays
+from sim.scenes.building.light import DARKEST
+from sim.scenes.building.quads import QuadBuilder
 from sim.scenes.plan import Finish
-from sim.scenes.quads import QuadBuilder
 from sim.scenes.scene import TriangleMesh
 from sim.world.raycast import Raycaster
 from sim.world.renderer import Backend

@@ -9,8 +9,8 @@ import pytest
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.findable import FindVerdict
-from sim.scenes.held_out import Walk, held_out_ratios, held_out_walks, path_ratios, recorded_walk
-from sim.scenes.playability import HomeFacts, HomesReport, build_home, measure_home, report_of
+from sim.scenes.recovery.held_out import Walk, held_out_ratios, held_out_walks, path_ratios, recorded_walk
+from sim.scenes.recovery.playability import HomeFacts, HomesReport, build_home, measure_home, report_of
 from sim.types import EpisodeKey, GridSpec
 from sim.world.floor_grid import FloorGrid
 

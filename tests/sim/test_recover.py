@@ -10,10 +10,10 @@ from sim.errors import SceneError
 from sim.frames import T_world_camera, quat_xyzw_from_yaw, yaw_towards
 from sim.scenes import recover
 from sim.scenes.cells import cells_from_runs
-from sim.scenes.open_space import LOW_STEP, STEP, step_cells
 from sim.scenes.plan import HomePlan, load_plan, plan_bytes, save_plan
 from sim.scenes.recover import recover_plan
-from sim.scenes.recovered_objects import recovered_objects
+from sim.scenes.recovery.open_space import LOW_STEP, STEP, step_cells
+from sim.scenes.recovery.recovered_objects import recovered_objects
 from sim.scenes.sources import open_scene, scene_from_plan
 from sim.types import AGENT_RADIUS, Camera, Pose, Split
 from sim.world.floor_grid import FloorGrid

@@ -9,12 +9,12 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.scenes.furniture.families import look_of
 from sim.scenes.plan import Finish, Furniture
-from sim.scenes.recorded import recorded_facts
 from sim.scenes.recover import recover_plan
-from sim.scenes.recovered_sizes import clipped, fitted_footprint
-from sim.scenes.sightlines import sights_of, view_points_ok
+from sim.scenes.recovery.recorded import recorded_facts
+from sim.scenes.recovery.recovered_sizes import clipped, fitted_footprint
+from sim.scenes.recovery.sightlines import sights_of, view_points_ok
+from sim.scenes.recovery.unhidden import made_way, unhidden
 from sim.scenes.sources import scene_from_plan
-from sim.scenes.unhidden import made_way, unhidden
 from sim.types import AGENT_RADIUS, CAMERA_HEIGHT
 
 from .recorded_worlds import bottom, objects_of, recorded_goal, recorded_of, top

@@ -10,8 +10,8 @@ from sim.episodes.dataset import PersonalDataset
 from sim.scenes.cells import CellGrid, Cells, runs_from_cells
 from sim.scenes.plan import Room, Storey
 from sim.scenes.recover import recover_plan
-from sim.scenes.recovered_rooms import RecoveredRooms, open_cells, recovered_rooms
-from sim.scenes.room_words import room_name, room_texts, usual_room
+from sim.scenes.recovery.recovered_rooms import RecoveredRooms, open_cells, recovered_rooms
+from sim.scenes.recovery.room_words import room_name, room_texts, usual_room
 from sim.types import SPLITS
 
 from .recorded_worlds import GROUND, Point, recorded_goal

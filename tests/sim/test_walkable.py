@@ -9,8 +9,8 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.scenes.cells import CELL, CellGrid, Cells
 from sim.scenes.plan import Storey
-from sim.scenes.recorded import PathLength, Recorded, recorded_facts
-from sim.scenes.walkable import PLAN_CLIMB, walkable_cells
+from sim.scenes.recovery.recorded import PathLength, Recorded, recorded_facts
+from sim.scenes.recovery.walkable import PLAN_CLIMB, walkable_cells
 from sim.world.floor_grid import FloorGrid
 
 Place = tuple[float, float, float]

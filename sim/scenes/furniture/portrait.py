@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.frames import T_world_camera
+from sim.scenes.building.quads import QuadBuilder
 from sim.scenes.plan import Finish, Furniture
-from sim.scenes.quads import QuadBuilder
 from sim.types import Camera, Pose
 from sim.world.raycast import Raycaster
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from sim.scenes.building.quads import QuadBuilder
 from sim.scenes.plan import Finish, Furniture
-from sim.scenes.quads import QuadBuilder
 
 from .parts import parts_of
 from .shapes import Shape, merged, rotation

@@ -1,0 +1,313 @@
+"""Furnishes one room of an invented home: which pieces, in which finish, and where, so that every path stays open."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..furniture.families import look_of
+from ..plan import Furniture, Rect, Room
+from .free_space import FRONT, Body, FreeSpace, Pane, bounds
+from .looks import Look, described, looks_of
+from .recipes import BY_WINDOWS, DISTANCES, FLAT, GROUPS, INSTEAD, RECIPES, SEATS, SIZED, SIZES, SMALL, Member, Small
+
+_TRIES, _NEEDED_TRIES = 120, 500
+"""Places tried for a group; for those that every such room has."""
+_SMALL_TRIES = 20
+_AT_WALL = (0.005, 0.005)
+_SIDE_GAP = 0.02
+"""Between pieces of a group that stand side by side at the wall (metres)."""
+_HANG_GAP = 0.04
+"""Between what hangs at the wall and the pieces of its group below (metres)."""
+_YAWS = (0.0, math.pi, math.pi / 2, -math.pi / 2)
+"""Front of a piece whose back is at the wall at -z, +z, -x, +x."""
+
+
+class UsedLooks:
+    """The looks that a home has given away: no two pieces of a category look alike."""
+
+    def __init__(self) -> None:
+        """Nothing is used yet."""
+        self._words: set[tuple[str, str]] = set()
+        self._colours: set[tuple[str, str]] = set()
+
+    def draw(self, category: str, rng: np.random.Generator) -> Look | None:
+        """A look that no piece of the category has, in a new colour where there is one; None when all are used."""
+        free = [look for look in looks_of(category) if (category, look.words) not in self._words]
+        fresh = [look for look in free if (category, look.colour) not in self._colours] or free
+        if not fresh:
+            return None
+        look = fresh[int(rng.integers(len(fresh)))]
+        self._words.add((category, look.words))
+        self._colours.add((category, look.colour))
+        return look
+
+
+class _Piece(NamedTuple):
+    """A piece before it is written into the plan."""
+
+    category: str
+    size: tuple[float, float, float]
+    x: float
+    y: float
+    z: float
+    """Centre; y above the room's floor."""
+    yaw: float
+
+    @property
+    def body(self) -> Body:
+        is_turned = round(abs(math.sin(self.yaw))) == 1
+        w, d = (self.size[2], self.size[0]) if is_turned else (self.size[0], self.size[2])
+        rect = Rect(self.x - w / 2, self.z - d / 2, self.x + w / 2, self.z + d / 2)
+        return Body(rect, self.y - self.size[1] / 2, self.y + self.size[1] / 2)
+
+
+class _Sized(NamedTuple):
+    word: str
+    """"small", "large" or ""."""
+    size: tuple[float, float, float]
+
+
+def furnish_room(
+    room: Room, floor_y: float, *, space: FreeSpace, used: UsedLooks, rng: np.random.Generator
+) -> list[Furniture]:
+    """Pieces for a room by its kind (name); groups that find no place are left out.
+
+    The pieces are named `<category>_0`; who puts the home together numbers them.
+
+    Args:
+        room: A room with a rectangle.
+        floor_y: Height of its floor, metres.
+        space: The room, empty; is filled.
+        used: Looks of the home so far; grows.
+        rng: Draws kinds, finishes and places.
+    """
+    found: list[Furniture] = []
+    placed: list[_Piece] = []
+    for group, chance in RECIPES[room.name]:
+        if rng.random() >= chance:
+            continue
+        pieces, words = _placed_or_instead(group, space, tries=_NEEDED_TRIES if chance == 1 else _TRIES, rng=rng)
+        if pieces is not None:
+            placed += pieces
+            found += _finished(pieces, words, room, floor_y, used, rng)
+    for small in SMALL.get(room.name, ()):
+        if rng.random() < small.chance:
+            sized_one = _drawn_size(small.category, (1.0, 1.0, 1.0), rng)
+            piece = _placed_small(small, sized_one.size, placed, rng)
+            if piece is not None:
+                placed.append(piece)
+                found += _finished([piece], [sized_one.word], room, floor_y, used, rng)
+    return found
+
+
+def _finished(
+    pieces: Sequence[_Piece],
+    words: Sequence[str],
+    room: Room,
+    floor_y: float,
+    used: UsedLooks,
+    rng: np.random.Generator,
+) -> list[Furniture]:
+    """The pieces with looks of their own; pieces of which every look is used are left out."""
+    found: list[Furniture] = []
+    for piece, word in zip(pieces, words, strict=True):
+        look = used.draw(piece.category, rng)
+        if look is not None:
+            found.append(
+                Furniture(
+                    name=f"{piece.category}_0",
+                    category=piece.category,
+                    centre=(round(piece.x, 4), round(floor_y + piece.y, 4), round(piece.z, 4)),
+                    size=piece.size,
+                    yaw=piece.yaw,
+                    finish=look.finish,
+                    caption=described(piece.category, look.words, word),
+                    room=room.name,
+                )
+            )
+    return found
+
+
+def _drawn_size(category: str, scale: tuple[float, float, float], rng: np.random.Generator) -> _Sized:
+    """Usual size times the group's scale; categories of SIZED are small or large now and then."""
+    usual = SIZES.get(category) or look_of(category)[1]
+    word, factor = "", float(rng.uniform(0.94, 1.0))
+    if category in SIZED:
+        word, factor = (("small", 0.72), ("", 1.0), ("", 1.0), ("large", 1.32))[int(rng.integers(4))]
+    grows_up = category in SIZED and category != "rug"
+    w, h, d = (usual[k] * scale[k] for k in range(3))
+    return _Sized(word, (round(w * factor, 3), round(h * (factor if grows_up else 1.0), 3), round(d * factor, 3)))
+
+
+def _placed_or_instead(
+    group: str, space: FreeSpace, *, tries: int, rng: np.random.Generator
+) -> tuple[list[_Piece] | None, list[str]]:
+    """A group, or the smaller one that stands in for it, with the words for its sizes; None where neither fits."""
+    choice: str | None = group
+    while choice is not None:
+        sized = [_drawn_size(member.category, member.scale, rng) for member in GROUPS[choice]]
+        pieces = _placed_group(choice, [item.size for item in sized], space, tries=tries, rng=rng)
+        if pieces is not None:
+            return pieces, [item.word for item in sized]
+        choice = INSTEAD.get(choice)
+    return None, []
+
+
+def _placed_group(
+    group: str, sizes: Sequence[tuple[float, float, float]], space: FreeSpace, *, tries: int, rng: np.random.Generator
+) -> list[_Piece] | None:
+    """The group's pieces at a free place, which is then taken; None after so many tries."""
+    members = GROUPS[group]
+    if group in BY_WINDOWS:
+        return _beside_a_window(members[0], sizes[0], space, rng)
+    for _ in range(tries):
+        pieces = _at_a_wall(members, sizes, space.inner, out=DISTANCES.get(group, _AT_WALL), rng=rng)
+        if _take(group, members, pieces, space):
+            return pieces
+    return None
+
+
+def _at_a_wall(
+    members: Sequence[Member],
+    sizes: Sequence[tuple[float, float, float]],
+    inner: Rect,
+    *,
+    out: tuple[float, float],
+    rng: np.random.Generator,
+) -> list[_Piece]:
+    """The group with its back at a random place of a random wall, or so far before it."""
+    side = int(rng.integers(4))
+    x = inner.x0 + float(rng.uniform(0, 1)) * (inner.x1 - inner.x0)
+    z = inner.z0 + float(rng.uniform(0, 1)) * (inner.z1 - inner.z0)
+    origin = ((x, inner.z0), (x, inner.z1), (inner.x0, z), (inner.x1, z))[side]
+    yaw = _YAWS[side]
+    cos, sin = round(math.cos(yaw)), round(math.sin(yaw))
+    away = float(rng.uniform(*out))
+    return [
+        _Piece(
+            member.category,
+            size,
+            origin[0] + cos * local_x + sin * (local_z + away),
+            y,
+            origin[1] - sin * local_x + cos * (local_z + away),
+            yaw + math.pi if member.turned else yaw,
+        )
+        for member, size, (local_x, y, local_z) in zip(members, sizes, _in_frame(members, sizes), strict=True)
+    ]
+
+
+def _in_frame(
+    members: Sequence[Member], sizes: Sequence[tuple[float, float, float]]
+) -> list[tuple[float, float, float]]:
+    """Centres in the group's frame: x along the wall, y above the floor, z from the wall into the room (metres)."""
+    at_wall = [k for k, member in enumerate(members) if (member.before, member.behind, member.on) == (None, None, None)]
+    standing = [k for k in at_wall if members[k].hangs_at is None]
+    left = -sum(sizes[k][0] + _SIDE_GAP for k in standing) / 2
+    found: dict[int, tuple[float, float, float]] = {}
+    for k, (member, (w, h, d)) in enumerate(zip(members, sizes, strict=True)):
+        base = next((index for index in (member.before, member.behind, member.on) if index is not None), None)
+        if base is None:
+            x = 0.0 if member.hangs_at is not None else left + (w + _SIDE_GAP) / 2
+            left += 0.0 if member.hangs_at is not None else w + _SIDE_GAP
+            top = max((found[i][1] + sizes[i][1] / 2 for i in found), default=0.0)  # a large mirror hangs higher
+            y = h / 2 if member.hangs_at is None else max(member.hangs_at, top + _HANG_GAP + h / 2)
+            found[k] = (x, y, d / 2)
+            continue
+        base_x, _, base_z = found[base]
+        base_w, base_h, base_d = sizes[base]
+        off = 0.0 if member.on is not None else base_d / 2 + member.gap + d / 2
+        z = base_z - off if member.behind is not None else base_z + off
+        found[k] = (base_x + member.x * base_w, h / 2 + (base_h if member.on is not None else 0.0), z)
+    return [found[k] for k in range(len(members))]
+
+
+def _take(group: str, members: Sequence[Member], pieces: Sequence[_Piece], space: FreeSpace) -> bool:
+    """Whether the group stands free in the room; if so its place is taken."""
+    if members[0].hangs_at is not None:
+        return space.take_wall(pieces[0].body)
+    solid = [piece.body for piece in pieces if piece.category not in FLAT]
+    if not solid:
+        return space.take_flat(pieces[0].body.rect)
+    if not all(space.inner.holds_rect(piece.body.rect) for piece in pieces):
+        return False
+    whole = bounds([body.rect for body in solid])
+    front = whole.grown(FRONT) if group in DISTANCES else _front(pieces[0].yaw, whole)
+    return space.take_floor(solid, front)
+
+
+def _front(yaw: float, whole: Rect) -> Rect:
+    """The strip before a group that stays free so that one can walk up to it."""
+    dx, dz = round(math.sin(yaw)), round(math.cos(yaw))
+    x0, x1 = (
+        (whole.x0, whole.x1) if dx == 0 else (whole.x1, whole.x1 + FRONT) if dx > 0 else (whole.x0 - FRONT, whole.x0)
+    )
+    z0, z1 = (
+        (whole.z0, whole.z1) if dz == 0 else (whole.z1, whole.z1 + FRONT) if dz > 0 else (whole.z0 - FRONT, whole.z0)
+    )
+    return Rect(x0, z0, x1, z1)
+
+
+def _beside_a_window(
+    member: Member, size: tuple[float, float, float], space: FreeSpace, rng: np.random.Generator
+) -> list[_Piece] | None:
+    """A curtain at the left or right of some window of the room."""
+    choices = [(pane, side) for pane in space.windows for side in (-1, 1)]
+    for k in rng.permutation(len(choices)):
+        pane, side = choices[int(k)]
+        piece = _hung_beside(member, size, pane, side, space.inner)
+        if space.take_wall(piece.body, beside_window=True):
+            return [piece]
+    return None
+
+
+def _hung_beside(member: Member, size: tuple[float, float, float], pane: Pane, side: int, inner: Rect) -> _Piece:
+    x, z = pane.middle
+    off = side * (pane.width / 2 + size[0] / 2 - 0.12)
+    depth = size[2] / 2 + 0.005
+    sides = {
+        0: (abs(z - inner.z0), (x + off, inner.z0 + depth)), 1: (abs(z - inner.z1), (x + off, inner.z1 - depth)),
+        2: (abs(x - inner.x0), (inner.x0 + depth, z + off)), 3: (abs(x - inner.x1), (inner.x1 - depth, z + off)),
+    }  # fmt: skip
+    nearest = min(sides, key=lambda k: sides[k][0])
+    (at_x, at_z) = sides[nearest][1]
+    assert member.hangs_at is not None
+    return _Piece(member.category, size, at_x, member.hangs_at, at_z, _YAWS[nearest])
+
+
+def _placed_small(
+    small: Small, size: tuple[float, float, float], placed: Sequence[_Piece], rng: np.random.Generator
+) -> _Piece | None:
+    """The thing on a random piece of the room that it may lie on and that has space left; None when there is none."""
+    for _ in range(_SMALL_TRIES):
+        supports = [piece for piece in placed if piece.category in small.supports]
+        if not supports:
+            return None
+        piece = _on_top(small.category, size, supports[int(rng.integers(len(supports)))], rng)
+        others = [other.body for other in placed if other.category not in SEATS and other.y - other.size[1] / 2 > 0.05]
+        if piece is not None and not any(_meet(piece.body, other) for other in others):
+            return piece
+    return None
+
+
+def _on_top(category: str, size: tuple[float, float, float], below: _Piece, rng: np.random.Generator) -> _Piece | None:
+    """The thing at a random place of the piece below, turned as it is; None when it is too large."""
+    upholstery = below.category in SEATS and SEATS[below.category] < 1
+    side = 0.18 if upholstery and below.category != "bed" else 0.03
+    room_x, room_z = below.size[0] / 2 - side - size[0] / 2, below.size[2] / 2 - 0.03 - size[2] / 2
+    if room_x < 0 or room_z < 0:
+        return None
+    local_x, local_z = float(rng.uniform(-room_x, room_x)), float(rng.uniform(-room_z, room_z))
+    if category == "cushion":  # leans where the back or the pillows are
+        local_z = -0.12 * below.size[2] if below.category == "bed" else -0.02
+    if category == "throw blanket":
+        local_z = room_z if below.category == "bed" else max(-room_z, 0.05)
+    cos, sin = round(math.cos(below.yaw)), round(math.sin(below.yaw))
+    y = below.y - below.size[1] / 2 + below.size[1] * SEATS.get(below.category, 1.0) + size[1] / 2
+    x, z = below.x + cos * local_x + sin * local_z, below.z - sin * local_x + cos * local_z
+    return _Piece(category, size, x, y, z, below.yaw)
+
+
+def _meet(first: Body, second: Body) -> bool:
+    return first.rect.grown(0.02).overlaps(second.rect) and first.low < second.high and second.low < first.high

@@ -1,0 +1,133 @@
+"""Where in a room of an invented home there is room for more pieces, so that doors, windows and paths stay free."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ..plan import Opening, Rect, Wall
+from .partitions import Partition
+
+GAP = 0.12
+"""Least distance between pieces on the floor (metres)."""
+FRONT = 0.7
+"""Free depth in front of a piece; the robot needs 0.36 m."""
+HALF_WALL = 0.06
+_TALL = 0.9
+"""From this height on pieces would stand before a window (metres)."""
+_DOOR_DEPTH = 1.0
+
+
+class Body(NamedTuple):
+    """A piece of furniture as the space that it takes."""
+
+    rect: Rect
+    low: float
+    high: float
+    """Lower and upper end above the floor, metres."""
+
+
+class Pane(NamedTuple):
+    """A window seen from above."""
+
+    middle: tuple[float, float]
+    """(x, z)."""
+    width: float
+
+
+class FreeSpace:
+    """One room while it is being furnished: pieces take space until it is full."""
+
+    def __init__(self, rect: Rect, partition: Partition, *, blocked: Sequence[Rect]) -> None:
+        """An empty room.
+
+        Args:
+            rect: Middle lines of its walls.
+            partition: The storey's walls and gaps; what is far from the room does no harm.
+            blocked: Where nothing may stand (stairs and their ends).
+        """
+        self.inner = rect.grown(-HALF_WALL)
+        openings = [(wall, opening) for wall in partition.walls for opening in wall.openings]
+        doors = [_zone(wall, o, depth=_DOOR_DEPTH, margin=0.1) for wall, o in openings if o.kind == "door"]
+        gaps = [_widened(gap, 0.85) for gap in partition.gaps]
+        self._panes = [_zone(wall, o, depth=0.3, margin=0.02) for wall, o in openings if o.kind == "window"]
+        self._keep_free = [*blocked, *doors, *gaps]
+        self.windows = [
+            Pane(_middle(wall, o), o.width)
+            for wall, o in openings
+            if o.kind == "window" and rect.grown(0.01).holds(*_middle(wall, o))
+        ]
+        self._bodies: list[Body] = []
+        self._fronts: list[Rect] = []
+
+    def take_floor(self, bodies: Sequence[Body], front: Rect) -> bool:
+        """Whether a group fits with its way in front; if so its place is taken."""
+        whole = bounds([body.rect for body in bodies])
+        standing = [body for body in self._bodies if body.low < 1.5]
+        if not self.inner.grown(0.001).holds_rect(whole) or not self.inner.grown(0.01).holds_rect(front):
+            return False
+        if any(whole.overlaps(zone) for zone in self._keep_free) or any(whole.overlaps(zone) for zone in self._fronts):
+            return False
+        if any(whole.grown(GAP).overlaps(body.rect) or front.overlaps(body.rect) for body in standing):
+            return False
+        if any(body.high > _TALL and body.rect.overlaps(pane) for body in bodies for pane in self._panes):
+            return False
+        if any(body.rect.overlaps(hung.rect) and body.high > hung.low for body in bodies for hung in self._bodies):
+            return False
+        self._bodies += bodies
+        self._fronts.append(front)
+        return True
+
+    def take_wall(self, body: Body, *, beside_window: bool = False) -> bool:
+        """Whether something can hang here above whatever stands below; if so its place is taken."""
+        near = body.rect.grown(0.06)
+        if not self.inner.grown(0.001).holds_rect(body.rect) or any(near.overlaps(zone) for zone in self._keep_free):
+            return False
+        if not beside_window and any(near.overlaps(pane) for pane in self._panes):
+            return False
+        if any(
+            near.overlaps(other.rect) and body.low < other.high + 0.05 and other.low < body.high
+            for other in self._bodies
+        ):
+            return False
+        self._bodies.append(body)
+        return True
+
+    def takes_flat(self, rect: Rect) -> bool:
+        """Whether a rug fits here; one walks over it, so it takes no place from others."""
+        blocked = (*self._keep_free, *(body.rect for body in self._bodies if body.low < 0.5))
+        return self.inner.holds_rect(rect) and not any(rect.overlaps(zone) for zone in blocked)
+
+    def take_flat(self, rect: Rect) -> bool:
+        """As `takes_flat`; no further rug may overlap it, nor may pieces stand on it."""
+        if not self.takes_flat(rect):
+            return False
+        self._bodies.append(Body(rect, 0.0, 0.02))
+        return True
+
+
+def bounds(rects: Sequence[Rect]) -> Rect:
+    """The smallest rectangle around all of them."""
+    x0, z0, x1, z1 = zip(*rects, strict=True)
+    return Rect(min(x0), min(z0), max(x1), max(z1))
+
+
+def _middle(wall: Wall, opening: Opening) -> tuple[float, float]:
+    share = opening.offset / wall.length
+    return (
+        wall.start[0] + (wall.end[0] - wall.start[0]) * share,
+        wall.start[1] + (wall.end[1] - wall.start[1]) * share,
+    )
+
+
+def _zone(wall: Wall, opening: Opening, *, depth: float, margin: float) -> Rect:
+    """The floor on both sides of an opening."""
+    x, z = _middle(wall, opening)
+    half = opening.width / 2 + margin
+    along_x = wall.start[1] == wall.end[1]
+    return Rect(x - half, z - depth, x + half, z + depth) if along_x else Rect(x - depth, z - half, x + depth, z + half)
+
+
+def _widened(line: Rect, depth: float) -> Rect:
+    """The floor on both sides of a line without width."""
+    if line.z0 == line.z1:
+        return Rect(line.x0, line.z0 - depth, line.x1, line.z1 + depth)
+    return Rect(line.x0 - depth, line.z0, line.x1 + depth, line.z1)

@@ -1,0 +1,151 @@
+"""Open space of a schematic home that nobody walked on: low steps along every line of sight and below every object.
+
+Recorded view points and recovered objects -> `CellGrid.plinth`, for `recover`. What is neither floor nor step is wall.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sim.types import CAMERA_HEIGHT
+
+from ..building.cell_spaces import floor_layers, grown
+from ..cells import CELL, CellGrid, Cells
+from ..plan import Furniture, Rect, Storey
+from .recorded import Recorded
+from .recovered_objects import RecoveredObject
+from .sightlines import original_places
+
+STEP = 0.08
+"""Height of a step above the floor beside it (metres): plain to see, and lower than all that stands on the floor."""
+LOW_STEP = 0.02
+"""... below objects and where a line of sight comes down to them."""
+_OVER_STEP = 0.15
+"""A line of sight passes at least this far above a step (metres)."""
+_BEHIND = 0.2
+"""Depth of the wall behind what hangs on it (metres)."""
+_BUILT_IN = 0.2
+"""What is less deep is the front of something in a wall: wardrobes and dishwashers of the release are (metres)."""
+_SMALL_HOLE = 0.3
+"""Walls that stand alone in open space and are smaller (square metres) are only what nobody looked through: open."""
+_OWN_FLOOR = 0.6
+
+Masks = NDArray[np.bool_]
+
+
+class _Open(NamedTuple):
+    """Cells by storey (S, rows, cols)."""
+
+    seen: Masks
+    """On a line of sight."""
+    low: Masks
+    """Where a step must be low."""
+    below: Masks
+    """Below an object."""
+    wall: Masks
+    """Right behind something that hangs on a wall."""
+
+
+def step_cells(
+    recorded: Recorded, objects: Sequence[RecoveredObject], storeys: Sequence[Storey], *, grid: CellGrid
+) -> Cells:
+    """Cells that are open but no floor, with the heights of their steps.
+
+    Args:
+        recorded: View points of the objects.
+        objects: Recovered ones; what hangs on a wall keeps one behind it where no line of sight passes.
+        storeys: Levels of the plan.
+        grid: With its walkable cells.
+    """
+    floor_y = np.array([storey.floor_y for storey in storeys])
+    marks = _marks(recorded, objects, floor_y, grid)
+    floors = floor_layers(grid, tuple(storeys))[::2]
+    parts = []
+    for k in range(len(storeys)):
+        is_floor = ~np.isnan(floors[k])
+        opened = marks.seen[k] | marks.below[k] | (_dilated(marks.seen[k] | marks.below[k]) & ~marks.wall[k])
+        opened |= _small_holes(opened | is_floor, marks.wall[k])
+        rows, cols = np.nonzero(opened & ~is_floor)
+        base = grown(floors[k], math.inf)[rows, cols]
+        # storeys whose floor is far (a void, a stair well) take their own floor, not a neighbour on the stairs
+        y = np.where(np.abs(base - floor_y[k]) < _OWN_FLOOR, base, floor_y[k])
+        low = _dilated(marks.low[k] | marks.below[k])[rows, cols]
+        parts.append((np.stack([rows, cols], axis=1), np.round(y / 0.05) * 0.05 + np.where(low, LOW_STEP, STEP)))
+    rc = np.concatenate([part[0] for part in parts])
+    return Cells(rc, np.concatenate([part[1] for part in parts]), np.zeros(len(rc), bool))
+
+
+def _marks(
+    recorded: Recorded, objects: Sequence[RecoveredObject], floor_y: NDArray[np.float64], grid: CellGrid
+) -> _Open:
+    marks = _Open(*(np.zeros((len(floor_y), *grid.shape), bool) for _ in range(4)))
+    for item in objects:
+        goal = recorded.goals.get(item.piece.name)
+        own_y = item.piece.centre[1] - item.piece.size[1] / 2 if goal is None else goal.floor_y
+        k = int(np.abs(floor_y - own_y).argmin())
+        if goal is not None:
+            _mark_sights(marks, k, original_places(goal), np.array(goal.position), floor_y[k], grid)
+        marks.below[k][_cells_of(item.piece.rect, grid)] = True
+        if item.stand == "wall" or (item.stand == "floor" and item.piece.size[2] < _BUILT_IN):
+            marks.wall[k][_cells_of(_behind(item.piece), grid)] = True
+            marks.wall[k][_cells_of(item.piece.rect, grid)] = False
+    return marks
+
+
+def _mark_sights(
+    marks: _Open, k: int, places: NDArray[np.float64], centre: NDArray[np.float64], floor_y: float, grid: CellGrid
+) -> None:
+    """Marks the cells below the lines from the camera at each place (V, 3) to a centre (3,)."""
+    if not len(places):
+        return
+    num = math.ceil(np.linalg.norm(places - centre, axis=1).max() / (CELL / 2)) + 1
+    share = np.linspace(0, 1, num)[:, None]
+    eyes = places + np.array([0.0, CAMERA_HEIGHT, 0.0])
+    points = eyes * (1 - share[..., None]) + centre * share[..., None]  # (num, V, 3)
+    rc = grid.grid.rc_from_xz(points[..., [0, 2]])
+    low = points[..., 1] - floor_y < STEP + _OVER_STEP
+    marks.seen[k, rc[..., 0], rc[..., 1]] = True
+    marks.low[k, rc[low][:, 0], rc[low][:, 1]] = True
+
+
+def _behind(piece: Furniture) -> Rect:
+    """The wall that carries a piece, as wide as the piece."""
+    rect = piece.rect
+    sin, cos = math.sin(piece.yaw), math.cos(piece.yaw)
+    if abs(sin) > abs(cos):
+        return (
+            Rect(rect.x0 - _BEHIND, rect.z0, rect.x0, rect.z1)
+            if sin > 0
+            else Rect(rect.x1, rect.z0, rect.x1 + _BEHIND, rect.z1)
+        )
+    return (
+        Rect(rect.x0, rect.z0 - _BEHIND, rect.x1, rect.z0)
+        if cos > 0
+        else Rect(rect.x0, rect.z1, rect.x1, rect.z1 + _BEHIND)
+    )
+
+
+def _dilated(mask: Masks) -> Masks:
+    """The mask and its four neighbours."""
+    return np.asarray(ndimage.binary_dilation(mask), bool)
+
+
+def _small_holes(opened: Masks, wall: Masks) -> Masks:
+    """Closed cells in small parts that touch neither the border nor a wall that carries something."""
+    parts = np.asarray(ndimage.label(~opened)[0], np.int64)  # type: ignore[index]
+    keep = np.bincount(parts.ravel()) * CELL**2 >= _SMALL_HOLE
+    for edge in (parts[0], parts[-1], parts[:, 0], parts[:, -1], parts[wall]):
+        keep[edge] = True
+    keep[0] = True
+    return ~keep[parts]
+
+
+def _cells_of(rect: Rect, grid: CellGrid) -> tuple[slice, slice]:
+    """Rows and columns that a rectangle touches."""
+    corners = np.array([[rect.x0, rect.z0], [rect.x1, rect.z1]])
+    (row0, col0), (row1, col1) = np.clip(grid.grid.rc_from_xz(corners), 0, np.array(grid.shape) - 1)
+    return slice(int(row0), int(row1) + 1), slice(int(col0), int(col1) + 1)

@@ -1,0 +1,267 @@
+"""The objects of a scene as furniture: at their recorded centres, on floors, walls or each other, facing who sees them.
+
+`Recorded` -> `RecoveredObject`s, for `recover`. Sizes: recovered_sizes.py; nothing hides another: unhidden.py.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from sim.episodes.schema import Goal
+
+from ..furniture.appearance import finish_from_text
+from ..furniture.families import Family, look_of, mounting_of
+from ..plan import Furniture, Storey
+from .recorded import Recorded
+from .recovered_sizes import Footprint, Points, clipped, fitted_footprint, in_the_way
+from .sightlines import original_places
+
+Stand = Literal["floor", "wall", "ceiling", "on"]
+_SAME_FLOOR = 0.17
+"""A floor this near to the storey's is the storey's (metres; cell_mesh.py draws it so)."""
+_LOW = 0.1
+"""Share of the view points that may lie below what counts as the floor of an object."""
+_TALLEST = 3.2
+_TALLER = 1.7
+"""A thing may be this many times as high as usual before it must hang or lie on something."""
+_FLAT_MARGIN = 0.006
+_LEAST_TOP = 0.3
+_NEAR = 3.0
+_ON_TOP = 0.25
+"""Places this far above the floor are on the piece (Habitat's navmesh covers beds and couches), not in its way."""
+_HANGING_LAMP = 1.55
+_LOW_SCREEN = 1.15
+_SURFACES: dict[Family, float] = {"bed": 0.62, "bunk bed": 0.5, "sofa": 0.5, "armchair": 0.5, "chair": 0.5, "crib": 0.4}
+"""Where things lie on a piece, as a share of its height; 1 for all others."""
+_MATTRESS = 0.52
+"""However high a bed's headboard is, its mattress is no higher (metres; furniture/beds.py)."""
+_RIM = 0.06
+"""A piece reaches this far above places on top of it (metres)."""
+_LIE_IF_HIGH: tuple[Family, ...] = ("box", "basket", "bin", "plant", "stove", "washing machine", "suitcase")
+"""What stands on something else, not on a wall, where it is too high to stand on the floor."""
+_ALWAYS_STAND: tuple[Family, ...] = ("stair", "bed", "bunk bed", "wardrobe")
+_LEAN: tuple[Family, ...] = ("mirror", "picture", "board", "wall shelf", "wall cabinet", "clothes", "shutter")
+"""What usually hangs but also stands on the floor."""
+_SUPPORTS: tuple[tuple[float, str], ...] = ((0.7, "side table"), (1.3, "console table"), (math.inf, "wall shelf"))
+"""What carries a thing whose support no episode names, by the height of its top above the floor."""
+_SOFT: tuple[Family, ...] = ("pillow", "blanket")
+_SOFT_GAP = 0.42
+"""Pillows lean and blankets hang: their centres may be this far above what carries them (metres)."""
+_STRETCH = 2.4
+"""A thing may be this many times as high as usual to reach down to what carries it."""
+_ON_CABINET: tuple[Family, ...] = ("tv", "monitor", "stove", "microwave", "coffee machine", "speaker")
+_ON_WALL = 1.2
+"""A microwave above this height without anything below hangs on a wall (metres)."""
+
+
+class RecoveredObject(NamedTuple):
+    """A piece and how it stays where it is."""
+
+    piece: Furniture
+    stand: Stand
+
+
+class _Facts(NamedTuple):
+    """What is known of one goal."""
+
+    goal: Goal
+    family: Family
+    usual: tuple[float, float, float]
+    ground: float
+    """Height of the floor below it."""
+    stand: Stand
+
+    @property
+    def above(self) -> float:
+        return self.goal.position[1] - self.ground
+
+
+def recovered_objects(recorded: Recorded, storeys: Sequence[Storey]) -> tuple[RecoveredObject, ...]:
+    """Every goal in order of its name, and after them supports (role `clutter`) for things that would float."""
+    facts = [_facts(goal, storeys) for _, goal in sorted(recorded.goals.items())]
+    found = {fact.goal.object_name: _piece(fact, recorded) for fact in facts if fact.stand != "on"}
+    bases = list(found.values())
+    supports: list[RecoveredObject] = []
+    number = 1 + max((goal.object_id for goal in recorded.goals.values()), default=0)
+    for fact in (fact for fact in facts if fact.stand == "on"):
+        below = _support_of(fact, bases)
+        piece = _lying(fact, recorded, below)
+        is_hung = below is None and fact.family == "microwave" and fact.above > _ON_WALL
+        found[fact.goal.object_name] = RecoveredObject(piece, "wall" if is_hung else "on")
+        if below is None and not is_hung:
+            support = _new_support(fact, piece, recorded, number=number + len(supports))
+            supports += [] if support is None else [support]
+    return (*(found[fact.goal.object_name] for fact in facts), *supports)
+
+
+def _facts(goal: Goal, storeys: Sequence[Storey]) -> _Facts:
+    heights = original_places(goal)[:, 1]
+    # some places are on top of beds and couches: the lowest ones are on the floor
+    floor_y = float(np.quantile(heights, _LOW, method="lower")) if len(heights) else goal.floor_y
+    storey_y = min((storey.floor_y for storey in storeys), key=lambda y: abs(y - floor_y))
+    ground = storey_y if abs(storey_y - floor_y) < _SAME_FLOOR else floor_y
+    family, usual = look_of(goal.object_category)
+    stand = _stand(family, mounting_of(goal.object_category), goal.position[1] - ground, usual[1])
+    return _Facts(goal, family, usual, ground, stand)
+
+
+def _stand(family: Family, mounting: Stand, above: float, height: float) -> Stand:
+    """How a thing with its centre this far above the floor stays there."""
+    tall = 2 * above
+    if mounting == "ceiling" or (family == "lamp" and above > _HANGING_LAMP):
+        return "ceiling"
+    if mounting == "on":
+        return "floor" if tall <= 1.3 * height else "on"
+    if mounting == "wall":
+        if family == "tv":
+            return "on" if above < _LOW_SCREEN else "wall"
+        return "floor" if family in _LEAN and tall <= 1.6 * height else "wall"
+    if tall <= min(_TALLEST, _TALLER * height) or tall - height < 0.25 or family in _ALWAYS_STAND:
+        return "floor"
+    return "on" if family in _LIE_IF_HIGH else "wall"
+
+
+def _piece(fact: _Facts, recorded: Recorded) -> RecoveredObject:
+    """A piece on the floor, on a wall or under the ceiling."""
+    _, usual_h, _ = fact.usual
+    height = usual_h
+    if fact.family == "flat":
+        # its top stays above the floor though its recorded centre may lie below
+        height = max(usual_h, (_FLAT_MARGIN - fact.above) / 0.3, min(2 * fact.above, 0.1))
+    elif fact.stand == "floor":
+        top = min(_LEAST_TOP, usual_h)
+        height = 2 * fact.above if fact.above >= top / 2 else 2 * (top - fact.above)
+        # the floor that people stood on there must not cover it
+        height = max(height, 2 * (_walked_on_y(fact, recorded) + _RIM - fact.goal.position[1]))
+    elif fact.stand == "wall":
+        height = max(0.1, min(usual_h, 2 * fact.above))
+    return RecoveredObject(_furniture(fact, recorded, height=height), fact.stand)
+
+
+def _walked_on_y(fact: _Facts, recorded: Recorded) -> float:
+    """Height of the highest place on top of a piece; -inf where nobody stood on it."""
+    (x, y, z), (width, height, depth) = fact.goal.position, fact.usual
+    away = np.abs(recorded.places - (x, y, z))
+    on_it = (away[:, [0, 2]].max(axis=1) < min(width, depth) / 2) & (recorded.places[:, 1] > fact.ground + _ON_TOP / 2)
+    on_it &= away[:, 1] < height / 2 + _RIM
+    return float(recorded.places[on_it, 1].max(initial=-math.inf))
+
+
+def _furniture(fact: _Facts, recorded: Recorded, *, height: float, on: Furniture | None = None) -> Furniture:
+    """The piece with this height, its footprint fitted; on another piece it stays inside that one's bounds."""
+    goal = fact.goal
+    x, y, z = goal.position
+    footprint = _footprint(fact, recorded, height=height)
+    if on is not None:
+        footprint = _within(footprint, goal, on, is_soft=fact.family in _SOFT)
+    caption = recorded.captions.get(goal.object_name, "")
+    return Furniture(
+        name=goal.object_name,
+        category=goal.object_category,
+        centre=(x, y, z),
+        size=(footprint.width, height, footprint.depth),
+        yaw=footprint.yaw,
+        finish=finish_from_text(caption, goal.object_category),
+        caption=caption,
+    )
+
+
+def _footprint(fact: _Facts, recorded: Recorded, *, height: float) -> Footprint:
+    goal = fact.goal
+    x, y, z = goal.position
+    seen_from = np.array([p.agent_state.position for p in goal.original_view_points or goal.view_points])
+    places = recorded.places
+    near = np.abs(places - (x, fact.ground, z)).max(axis=1) <= _NEAR
+    offsets = (places[near] - goal.position)[:, [0, 2]]
+    is_in_the_way = in_the_way(places[near], bottom=y - height / 2, top=y + height / 2)
+    if fact.stand == "floor":
+        is_in_the_way &= places[near, 1] < fact.ground + _ON_TOP
+    blocked = np.zeros((0, 2)) if fact.family == "flat" else offsets[is_in_the_way]
+    return fitted_footprint(
+        (seen_from.reshape(-1, 3) - goal.position)[:, [0, 2]],
+        offsets[np.abs(places[near, 1] - fact.ground) < 0.5],
+        usual=(fact.usual[0], fact.usual[2]),
+        blocked=blocked,
+        is_thin=fact.stand == "wall",
+    )
+
+
+def _support_of(fact: _Facts, bases: Sequence[RecoveredObject]) -> Furniture | None:
+    """The piece with the highest surface below a thing's centre, near enough to carry it."""
+    x, y, z = fact.goal.position
+    least = y - (_SOFT_GAP if fact.family in _SOFT else _STRETCH / 2 * fact.usual[1] + 0.05)
+    fitting = [
+        (surface_y(base.piece), base.piece.name, base.piece)
+        for base in bases
+        if base.piece.rect.grown(0.08).holds(x, z)
+        and least <= surface_y(base.piece) < y + 0.1
+        and base.stand == "floor"
+    ]
+    return max(fitting, key=lambda entry: entry[:2])[2] if fitting else None
+
+
+def surface_y(piece: Furniture) -> float:
+    """Height at which things lie on a piece (world metres)."""
+    family, height = look_of(piece.category)[0], piece.size[1]
+    above = height * _SURFACES.get(family, 1.0)
+    return piece.centre[1] - height / 2 + (min(above, _MATTRESS) if family == "bed" else above)
+
+
+def _lying(fact: _Facts, recorded: Recorded, below: Furniture | None) -> Furniture:
+    """A thing that reaches down to what carries it; without such it keeps its usual height."""
+    usual_h, y = fact.usual[1], fact.goal.position[1]
+    height = min(usual_h, 2 * fact.above)
+    if below is not None:
+        most = 2 * _SOFT_GAP if fact.family in _SOFT else _STRETCH * usual_h
+        height = min(max(2 * (y - surface_y(below)), 0.5 * usual_h), most)
+    return _furniture(fact, recorded, height=max(height, 0.03), on=below)
+
+
+def _within(footprint: Footprint, goal: Goal, on: Furniture, *, is_soft: bool) -> Footprint:
+    """The footprint cut to what carries it; soft things are spread over it and take its direction."""
+    rect, (x, _, z) = on.rect, goal.position
+    room = np.maximum([min(x - rect.x0, rect.x1 - x), min(z - rect.z0, rect.z1 - z)], 0.1) + 0.01
+    yaw = on.yaw if is_soft else footprint.yaw
+    is_sideways = abs(math.sin(yaw)) > 0.5
+    size = np.array([footprint.depth, footprint.width] if is_sideways else [footprint.width, footprint.depth])
+    along_x, along_z = np.minimum(size, 2 * room).tolist()
+    return Footprint(yaw, along_z, along_x) if is_sideways else Footprint(yaw, along_x, along_z)
+
+
+def _new_support(fact: _Facts, piece: Furniture, recorded: Recorded, *, number: int) -> RecoveredObject | None:
+    """A small piece below a thing that nothing carries; None where it is on the floor or no piece fits."""
+    x, y, z = piece.centre
+    top = y - piece.size[1] / 2
+    if top - fact.ground < 0.12:
+        return None
+    category = next(name for limit, name in _SUPPORTS if top - fact.ground <= limit)
+    if fact.family in _SOFT:
+        category = "day bench"
+    elif fact.family in _ON_CABINET and category != "wall shelf":
+        category = "credenza"
+    is_shelf = category == "wall shelf"
+    height = 0.3 if is_shelf else top - fact.ground
+    blocked = _blocked(recorded.places - (x, 0, z), bottom=top - height, top=top)
+    rect = piece.rect
+    half = clipped(np.array([max(0.4, rect.x1 - rect.x0 + 0.1), max(0.4, rect.z1 - rect.z0 + 0.1)]) / 2, blocked)
+    if half.min() < 0.08:
+        return None
+    width, depth = (2 * half[::-1] if abs(math.sin(piece.yaw)) > 0.5 else 2 * half).tolist()
+    support = Furniture(
+        name=f"{category}_{number}",
+        category=category,
+        centre=(x, top - height / 2, z),
+        size=(width, height, depth),
+        yaw=piece.yaw,
+        finish=finish_from_text("", category),
+        role="clutter",
+    )
+    return RecoveredObject(support, "wall" if is_shelf else "floor")
+
+
+def _blocked(offsets: Points, *, bottom: float, top: float) -> Points:
+    """(B, 2) along x and z of the places (N, 3) around an object where a robot would meet it."""
+    near = np.abs(offsets[:, [0, 2]]).max(axis=1) <= _NEAR
+    return offsets[near & in_the_way(offsets, bottom=bottom, top=top)][:, [0, 2]]
