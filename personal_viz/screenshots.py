@@ -12,6 +12,7 @@ from sim.types import Split
 from .browser import open_chromium
 from .commands.recordings import replay
 from .commands.runs import run
+from .screenshots_homes import picture_homes
 from .screenshots_rerun import screenshot_rrd
 from .screenshots_sim import picture_simulator
 from .served import served_demo
@@ -22,7 +23,7 @@ SPLIT: Split = "easy"
 
 
 def main() -> None:
-    """Writes study-pan.png, study-pog.png, simulator.png and replay.png into `personal_viz/pictures`."""
+    """Writes study-pan.png, study-pog.png, simulator.png, replay.png and the homes' into `personal_viz/pictures`."""
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="personal-pictures-") as folder:
         with served_demo(Path(folder) / "demo") as study, open_chromium() as browser:
@@ -30,6 +31,7 @@ def main() -> None:
             _picture_pog(browser, study.links["pog"])
         _picture_simulator(Path(folder))
         _picture_replay(Path(folder))
+    picture_homes(PICTURES)
     print(f"Written to {PICTURES}")
 
 

@@ -125,6 +125,15 @@ def test_floor_where_nobody_was_is_a_little_higher_and_darker_and_a_guess_is_lig
     assert guessed_finish > known_finish > raised
 
 
+def test_a_bed_that_somebody_stood_on_is_no_block_of_floor_but_a_platform_is() -> None:
+    floor, bed = block(20, 20, 30, 160), block(50, 20, 22, 22, y_cm=60)
+    platform = block(50, 110, 80, 70, y_cm=60)
+    mesh, _ = mesh_from_plan(plan_of_cells((*floor, *bed, *platform), shape=(150, 200)))
+    above = np.array([[1.55, 1.5, 3.2], [7.25, 1.5, 4.5]])
+    down = Raycaster(mesh).cast(above, np.tile([0.0, -1.0, 0.0], (2, 1)))
+    np.testing.assert_allclose(1.5 - down.range_m, [0.0, 0.6], atol=0.1)
+
+
 def test_a_flight_has_level_steps_sides_and_a_well_above() -> None:
     plan = two_storeys()
     scene = scene_from_plan(plan)

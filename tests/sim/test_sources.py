@@ -13,6 +13,8 @@ from sim.errors import DatasetError, SceneError
 from sim.frames import glb_zup_from_world
 from sim.scenes.browser_glb import glb_from_mesh
 from sim.scenes.kind import common_kind, scene_kind
+from sim.scenes.plan import save_plan
+from sim.scenes.recover import recover_plan
 from sim.scenes.sources import find_scan, open_scene
 from sim.scenes.up_axis import up_axis
 from sim.world.floor_grid import FloorGrid
@@ -34,6 +36,13 @@ def test_a_plan_beside_the_episodes_is_an_invented_home(invented: Path) -> None:
     assert (scene.kind, scene.name, scene.label) == ("invented", "Demo", "Demo (invented home)")
     assert scene.navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
     assert scene.digest == open_scene(PersonalDataset(invented), "Demo").digest
+
+
+def test_a_corrected_plan_of_a_schematic_home_does_not_make_a_scan_schematic(tmp_path: Path) -> None:
+    dataset = PersonalDataset(write_dataset(tmp_path))
+    save_plan(recover_plan(dataset, SCENE), dataset.root / "scenes" / f"{SCENE}.plan.json")
+    assert scene_kind(dataset, SCENE, None) == "schematic"
+    assert scene_kind(dataset, SCENE, tmp_path / "scans") == "scan"
 
 
 def test_clutter_is_added_to_plans_and_schematic_homes_and_the_label_says_so(invented: Path, tmp_path: Path) -> None:

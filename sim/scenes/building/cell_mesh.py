@@ -83,7 +83,7 @@ def _surfaces(plan: HomePlan, storeys: list[StoreyCells], floors: NDArray[np.flo
 def _on_furniture(storey: StoreyCells) -> NDArray[np.bool_]:
     """(rows, cols) where somebody was recorded on top of a bed or the like: no block of floor is drawn there."""
     above = np.nan_to_num(storey.space.floor - storey.floor_y)
-    parts, count = parts_of((above > _LOW_BLOCK) & (above < _HIGH_BLOCK))
+    parts, count = parts_of(storey.covered & (above > _LOW_BLOCK) & (above < _HIGH_BLOCK))
     middle = np.append(0.0, ndimage.median(above, parts, np.arange(1, count + 1)))[parts]
     cells, level = (
         np.bincount(parts.ravel(), weights, count + 1) for weights in (None, (np.abs(above - middle) < _LEVEL).ravel())
