@@ -40,10 +40,7 @@ def run(
     run_id: str | None,
     clutter: ClutterLevel = 0,
 ) -> int:
-    """Runs an agent over episodes into `out/<run_id>`; a second call goes on where the first stopped.
-
-    Runs with clutter are a condition of their own: tables never pool them with runs without.
-    """
+    """Runs an agent over episodes into `out/<run_id>`; a second call goes on. Tables keep clutter levels apart."""
     if agent not in ("random", "shortest-path") and ":" not in agent:
         raise AgentError(
             f"--agent is {agent!r}; expected random, shortest-path, or your own as package.module:factory."

@@ -76,13 +76,12 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             splits: Only episodes of these.
             scenes: Only episodes of these; None = all.
             clutter: How much furniture without a caption is added to homes without a scan.
-            shuffle: Scenes in random order and episodes in random order within each, anew in every round; False =
-                dataset order. Every round shows each episode once.
+            shuffle: Scenes and their episodes in random order, anew in every round of all; False = dataset order.
             actions: What the numbers mean, in order; `PAPER4` leaves out the looks.
             camera: Intrinsics and mounting height.
             pictures: Whether observations hold `rgb` and `depth`; without, a step takes microseconds.
             depth_range: Metres that depth is clipped to; a pixel without return becomes the nearest.
-            normalize_depth: Whether clipped depth is mapped to 0-1, as habitat-lab does by default.
+            normalize_depth: Whether clipped depth is mapped to 0-1 (habitat-lab's default).
             max_steps: An episode is truncated after this many actions; STOP as the last one terminates it.
             reward: `success`: 1 for an end that succeeds under rule `paper`, else 0. `distance_to_goal`: habitat-lab's
                 DistanceToGoalReward, metres by which the step brought the robot nearer to where `paper` accepts STOP;
@@ -101,8 +100,8 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         self._actions = actions
         self._camera = camera
         self._pictures = pictures
-        self._depth_range, self._normalize_depth = depth_range, normalize_depth
-        self._max_steps, self._reward = max_steps, reward
+        self._depth_range, self._normalize_depth, self._reward = depth_range, normalize_depth, reward
+        self._max_steps = max_steps
         self._order: Iterator[EpisodeKey] = iter(())
         self._scene: Scene | None = None
         self._renderer: Renderer | None = None

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sim.compiled import njit
 
 from .grid_kernels import INSET, walk
+from .heap import pop, push
 
 
 class Field(NamedTuple):
@@ -24,41 +25,6 @@ class Field(NamedTuple):
     """(G,) height that counts for the goal, which may be above its floor."""
     goal_node: NDArray[np.int32]
     """(G,) goals, sorted by node."""
-
-
-@njit(cache=True, nogil=True)
-def _push(keys, values, size, key, value):
-    """Add to a binary heap that has room."""
-    at = size
-    while at > 0:
-        up = (at - 1) // 2
-        if keys[up] <= key:
-            break
-        keys[at], values[at] = keys[up], values[up]
-        at = up
-    keys[at], values[at] = key, value
-    return size + 1
-
-
-@njit(cache=True, nogil=True)
-def _pop(keys, values, size):
-    """Remove the least of a binary heap; (value, new size)."""
-    least = values[0]
-    size -= 1
-    key, value = keys[size], values[size]
-    at = 0
-    while True:
-        down = 2 * at + 1
-        if down >= size:
-            break
-        if down + 1 < size and keys[down + 1] < keys[down]:
-            down += 1
-        if keys[down] >= key:
-            break
-        keys[at], values[at] = keys[down], values[down]
-        at = down
-    keys[at], values[at] = key, value
-    return least, size
 
 
 @njit(cache=True, nogil=True)
@@ -92,9 +58,9 @@ def spread(cells, field):
         away = _length(field.goal_u[goal], field.goal_v[goal], field.goal_h[goal], u, v, cells.h[node])
         if away < distance[node]:
             distance[node], parent[node] = away, count + goal
-            size = _push(keys, values, size, away, node)
+            size = push(keys, values, size, away, node)
     while size:
-        node, size = _pop(keys, values, size)
+        node, size = pop(keys, values, size)
         if closed[node]:
             continue
         closed[node] = True
@@ -115,7 +81,7 @@ def spread(cells, field):
                 if total >= distance[other]:
                     continue
             distance[other], parent[other] = total, via
-            size = _push(keys, values, size, total, other)
+            size = push(keys, values, size, total, other)
 
 
 @njit(cache=True, nogil=True)

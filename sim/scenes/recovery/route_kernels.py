@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sim.compiled import njit
 from sim.world.grid_kernels import Cells
+from sim.world.heap import pop, push
 
 _TIE = 1e-9
 SAME_HEIGHT = 5.0
@@ -58,43 +59,6 @@ def work_for(count: int) -> Work:
         np.empty(8 * count + 8, np.int32),
         np.empty(count, np.int32),
     )
-
-
-@njit(cache=True, nogil=True)
-def _push(work, size, key, value):
-    """Add to the binary heap."""
-    keys, values = work.keys, work.values
-    at = size
-    while at > 0:
-        up = (at - 1) // 2
-        if keys[up] <= key:
-            break
-        keys[at], values[at] = keys[up], values[up]
-        at = up
-    keys[at], values[at] = key, value
-    return size + 1
-
-
-@njit(cache=True, nogil=True)
-def _pop(work, size):
-    """Remove the least of the binary heap; (value, new size)."""
-    keys, values = work.keys, work.values
-    least = values[0]
-    size -= 1
-    key, value = keys[size], values[size]
-    at = 0
-    while True:
-        down = 2 * at + 1
-        if down >= size:
-            break
-        if down + 1 < size and keys[down + 1] < keys[down]:
-            down += 1
-        if keys[down] >= key:
-            break
-        keys[at], values[at] = keys[down], values[down]
-        at = down
-    keys[at], values[at] = key, value
-    return least, size
 
 
 @njit(cache=True, nogil=True)
@@ -184,7 +148,7 @@ def _relax(ground, work, counts, node, start, goal, reluctance, limit):
                 work.touched[touched] = other
                 touched += 1
             work.distance[other], work.parent[other] = total, via
-            size = _push(work, size, total + ahead, other)
+            size = push(work.keys, work.values, size, total + ahead, other)
     return size, touched
 
 
@@ -212,10 +176,15 @@ def route(ground, work, start, goal, reluctance, limit):
     work.distance[goal.node] = _length(goal.u, goal.v, goal.h, u, v, h) * _rate(ground, goal.node, reluctance)
     work.parent[goal.node] = -1
     work.touched[0] = goal.node
-    counts = (_push(work, 0, work.distance[goal.node] + _length(start.u, start.v, start.h, u, v, h), goal.node), 1)
+    counts = (
+        push(
+            work.keys, work.values, 0, work.distance[goal.node] + _length(start.u, start.v, start.h, u, v, h), goal.node
+        ),
+        1,
+    )
     best, found = math.inf, np.int64(-2)
     while counts[0] and work.keys[0] < best:
-        node, size = _pop(work, counts[0])
+        node, size = pop(work.keys, work.values, counts[0])
         counts = (size, counts[1])
         if work.is_closed[node]:
             continue
