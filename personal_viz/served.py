@@ -51,7 +51,7 @@ def start_study(folder: Path, *command: str) -> ServedStudy:
 @contextmanager
 def served_demo(out: Path) -> Iterator[ServedStudy]:
     """The demo until the end of the block; its episodes are in `out/dataset`."""
-    study = start_study(out, "demo", "--seed", "7")
+    study = start_study(out, "demo", "--seed", "5")
     study = ServedStudy(out / "study", study.links, study.process)
     try:
         yield study

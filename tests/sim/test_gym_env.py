@@ -7,6 +7,7 @@ import math
 import warnings
 import weakref
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -241,8 +242,8 @@ def test_a_scene_is_let_go_before_the_next_one_is_opened(dataset: PersonalDatase
     alive: list[int] = []
 
     class Watched(Raycaster):
-        def __init__(self, mesh: TriangleMesh) -> None:
-            super().__init__(mesh)
+        def __init__(self, mesh: TriangleMesh, **options: Any) -> None:
+            super().__init__(mesh, **options)
             casters.append(weakref.ref(self))
 
     def opened(*args, **kwargs) -> Scene:
@@ -265,9 +266,9 @@ def test_without_pictures_nothing_draws_until_it_is_asked_to(dataset: PersonalDa
     made: list[TriangleMesh] = []
 
     class Counted(Raycaster):
-        def __init__(self, mesh: TriangleMesh) -> None:
+        def __init__(self, mesh: TriangleMesh, **options: Any) -> None:
             made.append(mesh)
-            super().__init__(mesh)
+            super().__init__(mesh, **options)
 
     monkeypatch.setattr("sim.world.raycast.Raycaster", Counted)
     env = demo_env(dataset, pictures=False, render_mode="rgb_array")
