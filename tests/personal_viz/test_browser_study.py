@@ -221,13 +221,14 @@ def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> NDArray[np.floa
 
 
 def wait_for_camera(page: Page, folder: Path) -> Cam:
-    """The last stored camera pose, once two reads agree."""
-    last = None
-    for _ in range(100):
-        page.wait_for_timeout(300)
+    """The last stored camera pose, once it has been the same for two seconds: poses are stored twice a second."""
+    last, num_equal = None, 0
+    for _ in range(200):
+        page.wait_for_timeout(250)
         _, events = first_trial(folder, "p01")
         cams = [event for event in events if isinstance(event, Cam)]
-        if cams and cams[-1] == last:
+        num_equal = num_equal + 1 if cams and cams[-1] == last else 0
+        if cams and num_equal == 8:
             return cams[-1]
         last = cams[-1] if cams else None
     raise AssertionError("the browser never told its camera")
