@@ -39,6 +39,11 @@ def bench_sim(*, out: Path, quick: bool, json: bool) -> int:
     return 0
 
 
+def bench_recordings(*, out: Path, quick: bool, json: bool) -> int:
+    """Measures recordings."""
+    raise PersonalVizError("bench recordings: is being written")
+
+
 def _require_folder(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)

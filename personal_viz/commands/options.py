@@ -1,10 +1,11 @@
 """Options that several verbs share, checked before any work is done."""
 
 import re
+from typing import cast
 
 from sim.errors import PersonalVizError
 from sim.tasks.run_files import RUN_ID
-from sim.types import SceneKind
+from sim.types import SPLITS, EpisodeKey, SceneKind, Split
 
 
 def check_options(*, run_id: str | None, limit: int | None = None, jobs: int = 1, seed: int = 0) -> None:
@@ -45,3 +46,15 @@ def require_no_scan(kind: SceneKind, *, clutter: int) -> None:
         raise PersonalVizError(
             f"--clutter is {clutter} beside --scenes-dir; expected 0 in scans. Leave one of the two out."
         )
+
+
+def key_from_text(text: str) -> EpisodeKey:
+    """The key that `SPLIT/SCENE/ID` names.
+
+    Raises:
+        PersonalVizError: The text is something else.
+    """
+    parts = text.split("/")
+    if len(parts) != 3 or parts[0] not in SPLITS or not all(parts):
+        raise PersonalVizError(f"--episode: found {text!r}; expected SPLIT/SCENE/ID, SPLIT one of {', '.join(SPLITS)}.")
+    return EpisodeKey(cast(Split, parts[0]), parts[1], parts[2])

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
 
 from recordings.replay import common_episode, log_comparison
 from sim.episodes.dataset import PersonalDataset
@@ -10,7 +9,9 @@ from sim.errors import RecordingError
 from sim.scenes.labels import renderer_of
 from sim.scenes.sources import open_scene
 from sim.tasks.run_files import Run, read_run
-from sim.types import SPLITS, ClutterLevel, EpisodeKey, Split
+from sim.types import ClutterLevel
+
+from .options import key_from_text
 
 
 def replay(
@@ -21,6 +22,7 @@ def replay(
     scenes_dir: Path | None,
     episode: str | None = None,
     with_pixels: bool = False,
+    open: bool = False,
 ) -> int:
     """Writes the runs of one episode side by side, prints where.
 
@@ -72,15 +74,3 @@ def _common_clutter(runs: Sequence[Run]) -> ClutterLevel:
         raise RecordingError(f"runs: found clutter levels {found}; expected one in a recording. Leave the others out.")
     level = next(iter(levels), "0")
     return 1 if level == "1" else 2 if level == "2" else 0
-
-
-def key_from_text(text: str) -> EpisodeKey:
-    """The key that `SPLIT/SCENE/ID` names.
-
-    Raises:
-        RecordingError: The text is something else.
-    """
-    parts = text.split("/")
-    if len(parts) != 3 or parts[0] not in SPLITS or not all(parts):
-        raise RecordingError(f"--episode: found {text!r}; expected SPLIT/SCENE/ID, SPLIT one of {', '.join(SPLITS)}.")
-    return EpisodeKey(cast(Split, parts[0]), parts[1], parts[2])

@@ -20,7 +20,7 @@ from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
 from sim.types import SPLITS, ClutterLevel, EpisodeKey, Split, SuccessRule
 
-from .options import check_options, require_no_scan
+from .options import check_options, key_from_text, require_no_scan
 
 MIN_TABLE_WIDTH = 150
 """Columns that the paper's table needs; narrower terminals wrap it, files and pipes do not."""
@@ -39,6 +39,9 @@ def run(
     jobs: int,
     run_id: str | None,
     clutter: ClutterLevel = 0,
+    episode: str | None = None,
+    rerun: str | None = None,
+    with_pixels: bool = False,
 ) -> int:
     """Runs an agent over episodes into `out/<run_id>`; a second call goes on. Tables keep clutter levels apart."""
     if agent not in ("random", "shortest-path") and ":" not in agent:
@@ -47,7 +50,10 @@ def run(
         )
     check_options(run_id=run_id, limit=limit, jobs=jobs, seed=seed)
     episodes = PersonalDataset(dataset)
-    chosen = select_episodes(episodes, scenes=scene, splits=split, limit=limit)
+    if episode is None:
+        chosen = select_episodes(episodes, scenes=scene, splits=split, limit=limit)
+    else:
+        chosen = [episodes.episode(key_from_text(episode))]
     if not chosen:
         raise PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
     kind = common_kind(episodes, {episode.key.scene for episode in chosen}, scenes_dir)

@@ -70,6 +70,8 @@ def serve(
     actions: Literal["paper4", "paper6"],
     port: int,
     clutter: ClutterLevel = 0,
+    rerun: str | None = None,
+    with_pixels: bool = False,
 ) -> int:
     """Serves the study until Ctrl-C; a study folder that exists goes on where it was."""
     check_options(run_id=None, limit=limit, seed=seed)

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from human_study.study import StudyConfig, StudyScene
-from personal_viz.cli import Run, Study, StudyServe, parse
+from personal_viz.cli import Run, Study, parse
+from personal_viz.cli_study import StudyServe
 from personal_viz.commands.options import require_no_scan
 from personal_viz.commands.recordings import replay
 from personal_viz.commands.runs import run

@@ -17,7 +17,7 @@ import rerun_cli
 from PIL import Image
 from rerun.chunk import RrdReader
 
-from personal_viz.commands.recordings import key_from_text
+from personal_viz.commands.options import key_from_text
 from recordings.paths import escape_part
 from recordings.replay import common_episode, log_comparison, select_traces
 from sim.episodes.schema import Episode

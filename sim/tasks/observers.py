@@ -1,0 +1,79 @@
+"""What watches a run while it happens, and what an agent may show of its reasoning. Watching never changes a run.
+
+Points and grids of an `Insight` are in the `start` frame (sim/frames.py): an agent is told no other.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.episodes.schema import Episode
+from sim.types import GridSpec, Observation
+
+from .run_files import EpisodeRun, Step
+
+UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+"""Values of `Insight.occupancy`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """One thing that an agent recognised in its last picture."""
+
+    label: str
+    box: tuple[float, float, float, float]
+    """(left, top, right, bottom) in pixels of `Observation.rgb`."""
+    score: float
+    """Higher is surer."""
+    position: tuple[float, float, float] | None = None
+    """Where it is, start frame, metres; None when the agent did not place it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Insight:
+    """What an agent knew and meant when it chose its last action; it fills in what it has."""
+
+    grid: GridSpec | None = None
+    """Where the cells of `occupancy` and `similarity` are, on the start frame's (x, z); needed by both."""
+    occupancy: NDArray[np.uint8] | None = None
+    """(rows, cols) UNKNOWN, FREE or OCCUPIED."""
+    similarity: NDArray[np.float32] | None = None
+    """(rows, cols) how much each cell is like the query; NaN where nothing was seen."""
+    frontiers: NDArray[np.float64] | None = None
+    """(N, 2) (x, z) of the frontiers' middles, metres."""
+    detections: tuple[Detection, ...] = ()
+    candidates: NDArray[np.float64] | None = None
+    """(K, 3) points that may be the target, best first, metres."""
+    candidate_scores: tuple[float, ...] = ()
+    """One per candidate, or none at all."""
+    goal: tuple[float, float, float] | None = None
+    """Where it is going now, metres."""
+    note: str = ""
+    """Its reason, in words."""
+
+
+@runtime_checkable
+class Explains(Protocol):
+    """An agent that shows its reasoning; agents need not."""
+
+    def insight(self) -> Insight | None:
+        """What it knew and meant when it chose the last action; None = nothing to show."""
+        ...
+
+
+class Observer(Protocol):
+    """What is told of each episode as it happens, on the researcher's side; it holds no part of the run."""
+
+    def on_reset(self, episode: Episode, observation: Observation) -> None:
+        """An episode begins; the observation is the first one."""
+        ...
+
+    def on_step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
+        """An action was taken: where it led, what is sensed there, and why the agent took it."""
+        ...
+
+    def on_end(self, run: EpisodeRun) -> None:
+        """The episode is over and scored."""
+        ...
