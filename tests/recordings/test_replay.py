@@ -21,7 +21,7 @@ from personal_viz.commands.options import key_from_text
 from recordings.paths import escape_part
 from recordings.replay import common_episode, log_comparison, select_traces
 from sim.episodes.schema import Episode
-from sim.errors import RecordingError
+from sim.errors import PersonalVizError, RecordingError
 from sim.scenes.scene import Scene
 from sim.tasks.run_files import Run
 from sim.types import Camera, GridSpec
@@ -330,7 +330,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 from recordings.stream import open_recording
-from sim.errors import RecordingError
+from sim.errors import PersonalVizError, RecordingError
 from sim.types import EpisodeKey
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
@@ -369,5 +369,5 @@ def test_a_failure_half_way_keeps_the_old_file(tmp_path: Path, home: Scene, epis
 @pytest.mark.parametrize("text", ["easy/BoxHouse", "test/BoxHouse/7", "easy//7", "easy/a/b/c"])
 def test_an_episode_option_of_another_form_is_refused(text: str) -> None:
     assert key_from_text("easy/BoxHouse/7") == KEY
-    with pytest.raises(RecordingError, match="expected SPLIT/SCENE/ID"):
+    with pytest.raises(PersonalVizError, match="expected SPLIT/SCENE/ID"):
         key_from_text(text)
