@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from sim.frames import CameraAxes, PoseFrame
 from sim.types import SuccessRule
 
 from .cli_options import Clutter, Dataset, Json, Limit, Rerun, RunId, Scenes, ScenesDir, Splits, WithPixels
@@ -64,14 +65,55 @@ class Ground:
 
 @dataclass
 class Import:
-    """Read runs of another simulator, written with recordings/habitat_writer.py, and compute all distances."""
+    """Read runs of another simulator, check every step and compute all distances.
 
-    files: Positional[tuple[Path, ...]]
+    Files of recordings/habitat_writer.py say themselves how to read them. Pose lists (CSV, TUM, JSON, npz) need
+    --frame, and whatever else is not plain from them: nothing is guessed.
+    """
+
+    files: Annotated[Positional[tuple[Path, ...]], arg(help="Steps files (.jsonl), or .csv, .tsv, .tum, .json, .npz.")]
     dataset: Dataset
     who: Annotated[str, arg(help="Row name in tables.")]
     scenes_dir: ScenesDir = None
     out: Path = Path("runs")
     run_id: RunId = None
+    frame: Annotated[
+        PoseFrame | None,
+        arg(
+            help="Frame of pose lists: world = Habitat, y up, -z ahead; zup = HM3D's files, world (x, -z, y); "
+            "ros = world (-z, -x, y), as OneMap logs; start, start-ros = world, ros from the start pose; "
+            "gps = (forward, right) and compass."
+        ),
+    ] = None
+    quaternion: Annotated[
+        Literal["xyzw", "wxyz"] | None, arg(help="Order of quaternions whose parts the file does not name.")
+    ] = None
+    poses: Annotated[
+        Literal["body", "camera"], arg(help="Poses of the robot's feet, or of the camera 0.88 m above them.")
+    ] = "body"
+    camera_axes: Annotated[
+        CameraAxes | None, arg(help="opencv: z ahead, y down; opengl: -z ahead, y up (Habitat); flu: x ahead, z up.")
+    ] = None
+    columns: Annotated[
+        str | None, arg(help="Names of CSV columns in their order, such as x,y,z,yaw; - leaves a column out.")
+    ] = None
+    rows: Annotated[
+        Literal["after-action", "before-action"] | None,
+        arg(help="Whether a row's pose is after or before its action, where every row has one."),
+    ] = None
+    stopped: Annotated[
+        Literal["yes", "no"] | None, arg(help="Whether the runs ended with STOP, where files do not say.")
+    ] = None
+    allow_sliding: Annotated[bool, arg(help="The robot slid along walls, where files do not say.")] = False
+    episode: Annotated[str | None, arg(help="SPLIT/SCENE/ID of the file, where neither it nor its name says.")] = None
+    rounding: Annotated[float, arg(help="Metres by which positions are rounded, up to 0.01.")] = 0.001
+    motion: Annotated[
+        Literal["paper", "free"],
+        arg(help="free: the robot had other actions; only --max-move, --max-turn-deg and the floor are checked."),
+    ] = "paper"
+    max_move: Annotated[float | None, arg(help="Metres from row to row at most, for --motion free.")] = None
+    max_turn_deg: Annotated[float | None, arg(help="Degrees from row to row at most, for --motion free.")] = None
+    max_steps: Annotated[int, arg(help="Step budget that the robot had, for --motion free.")] = 500
 
     def work(self) -> int:
         from .commands.import_runs import import_files

@@ -11,6 +11,7 @@ Frames: `world`; `glb` = a file's own axes (HM3D is z-up); `agent` = on the floo
 """
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,27 @@ R_agent_camera = np.diag([1.0, -1.0, -1.0])
 """(3, 3): OpenCV camera axes in the agent's axes, without tilt."""
 T_world_glb_zup = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """(4, 4): z-up file (HM3D) to world: (x, y, z) -> (x, z, -y)."""
+R_agent_flu = np.array([[0.0, -1, 0], [0, 0, 1], [-1, 0, 0]])
+"""(3, 3): ROS body axes (x forward, y left, z up) in the agent's axes."""
+CameraAxes = Literal["opencv", "opengl", "flu"]
+"""Axes of a camera in another program: `opencv` as ours; `opengl` +x right, +y up, -z forward (Habitat's sensors);
+`flu` +x forward, +y left, +z up (ROS camera_link)."""
+PoseFrame = Literal["world", "zup", "ros", "start", "start-ros", "gps"]
+"""Frames in which another program may write poses; each is declared, never guessed.
+
+| name | axes of the frame | body at yaw 0 | origin |
+|---|---|---|---|
+| `world` | Habitat: x right, y up, z back | looks along -z | the scene's |
+| `zup` | HM3D's files: world (x, -z, y), z up | looks along +x | the scene's |
+| `ros` | world (-z, -x, y), z up (OneMap's logs) | looks along +x | the scene's |
+| `start` | x right, y up, z back at the episode's start | looks along -z | the start pose |
+| `start-ros` | x forward, y left, z up at the start (VLFM) | looks along +x | the start pose |
+| `gps` | 2-D: Habitat's GPS (forward, right); yaw is its compass | looks forward | the start pose |
+
+Positive yaw turns left in all of them. The body's own axes are the agent's where y is up, `flu` where z is up.
+"""
+POSE_FRAMES: tuple[PoseFrame, ...] = ("world", "zup", "ros", "start", "start-ros", "gps")
+ZUP_FRAMES: tuple[PoseFrame, ...] = ("zup", "ros", "start-ros")
 
 
 def yaw_from_quat_xyzw(quat_xyzw: tuple[float, float, float, float]) -> float:
@@ -86,3 +108,51 @@ def world_from_glb_zup(points_glb: NDArray[np.floating]) -> NDArray[np.floating]
 def glb_zup_from_world(points: NDArray[np.floating]) -> NDArray[np.floating]:
     """A z-up file's points of world points; (N, 3) in and out."""
     return points @ T_world_glb_zup[:3, :3].astype(points.dtype)
+
+
+def T_world_frame(frame: PoseFrame, start: Pose) -> NDArray[np.float64]:
+    """(4, 4) of the frame of another program's poses; `start` is the episode's start pose."""
+    T = np.eye(4)
+    if frame == "zup":
+        return T_world_glb_zup.copy()
+    if frame in ("ros", "start-ros"):
+        T[:3, :3] = R_agent_flu
+    return T_world_agent(start) @ T if frame in ("start", "start-ros", "gps") else T
+
+
+def R_agent_axes(axes: CameraAxes) -> NDArray[np.float64]:
+    """(3, 3) of a body's or camera's own axes in the agent's axes, when both look the same way."""
+    return {"opencv": R_agent_camera, "opengl": np.eye(3), "flu": R_agent_flu}[axes].copy()
+
+
+def Rs_from_quats_xyzw(quats_xyzw: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(N, 3, 3) rotations of unit quaternions (N, 4) in the order x, y, z, w."""
+    x, y, z, w = np.asarray(quats_xyzw, np.float64).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def Rs_from_yaws(yaws: NDArray[np.floating], *, frame: PoseFrame) -> NDArray[np.float64]:
+    """(N, 3, 3) rotations of bodies with these yaws (N,) about the frame's up axis."""
+    halves = np.asarray(yaws, np.float64) / 2
+    zeros, up = np.zeros_like(halves), np.sin(halves)
+    parts = [zeros, zeros, up] if frame in ZUP_FRAMES else [zeros, up, zeros]
+    return Rs_from_quats_xyzw(np.stack([*parts, np.cos(halves)], axis=1))
+
+
+def yaw_tilt_roll_from_R(R_world_body: NDArray[np.floating]) -> tuple[float, float, float]:
+    """(yaw, tilt, roll) in radians of a body or camera in the agent's axes (-z forward): turned, tilted, then rolled.
+
+    Roll is how far the body's x axis leaves the horizontal; where it is 0, tilt may be any angle in (-pi, pi].
+    """
+    R = R_world_body
+    roll = math.asin(max(-1.0, min(1.0, float(R[1, 0]))))
+    return (
+        wrap_angle(math.atan2(-R[2, 0], R[0, 0])),
+        wrap_angle(math.atan2(-R[1, 2], R[1, 1])),
+        roll,
+    )

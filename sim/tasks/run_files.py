@@ -78,6 +78,8 @@ class EpisodeStart(BaseModel):
     position: Vector3
     yaw: Finite
     allow_sliding: bool = False
+    motion: Literal["paper", "free"] = "paper"
+    """`free`: poses of a robot with other actions than PersONAL's; its steps' actions are the nearest names."""
     participant: str | None = None
     """Public code of the person, None for agents."""
 

@@ -1,0 +1,183 @@
+"""Rows of other programs' pose files, whatever the format: named columns of one episode, read but not yet converted.
+
+CSV, JSON and npz readers make these tables; `pose_files` turns them into poses of our world.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import RunFileError
+
+MAX_BYTES = 64 * 2**20
+"""Largest file that is read; about 1,000 episodes of 500 steps as CSV. More belongs in several files."""
+
+POSITION, PLANAR, GPS = ("x", "y", "z"), ("p0", "p1"), ("forward", "right")
+NAMED_QUAT = ("qx", "qy", "qz", "qw")
+LISTED_QUAT = ("r0", "r1", "r2", "r3")
+"""Four numbers whose order the file does not name."""
+MATRIX = tuple(f"m{row}{col}" for row in range(4) for col in range(4))
+NUMBERS = (*POSITION, *PLANAR, *GPS, *NAMED_QUAT, *LISTED_QUAT, *MATRIX)
+SCALARS = ("yaw", "yaw_deg", "tilt", "tilt_deg", "t_s", "timestamp", "step")
+NAMES = ("split", "scene", "episode_id", "episode", "stopped", "allow_sliding")
+COLUMNS = (*NUMBERS, *SCALARS, "action", *NAMES)
+ADVERTISED = "x,y,z, qx,qy,qz,qw or yaw or yaw_deg, action, t_s, tilt, stopped, split,scene,episode_id; forward,right"
+"""What error texts call the columns."""
+
+_ALIASES = {
+    **{f"{before}{axis}": axis for before in ("t", "pos_", "position_") for axis in POSITION},
+    **{f"{before}{axis[1]}": axis for before in ("quat_", "rotation_") for axis in NAMED_QUAT},
+    **{"theta": "yaw", "compass": "yaw", "yaws": "yaw", "theta_deg": "yaw_deg", "tilts": "tilt"},
+    **{"gps_forward": "forward", "gps_right": "right"},
+    **{"t": "timestamp", "time": "timestamp", "timestamps": "timestamp", "time_s": "t_s", "actions": "action"},
+    **{"scene_id": "scene", "stop": "stopped"},
+}
+_VECTORS: dict[str, dict[int, tuple[str, ...]]] = {
+    "position": {3: POSITION, 2: PLANAR},
+    "rotation": {4: LISTED_QUAT},
+    "pose": {7: (*POSITION, *LISTED_QUAT), 4: (*POSITION, "yaw"), 16: MATRIX},
+    "gps": {2: GPS},
+}
+_VECTOR_ALIASES = {
+    **{"positions": "position", "rotations": "rotation", "poses": "pose", "matrices": "pose"},
+    **{"quaternion": "rotation", "quaternions": "rotation", "orientation": "rotation", "orientations": "rotation"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PoseTable:
+    """One episode's rows as a file holds them."""
+
+    where: str
+    """The file, and the place of the episode in it."""
+    path: Path
+    wheres: tuple[str, ...]
+    """`file:line` of each row."""
+    columns: Mapping[str, Sequence[object]]
+    """By name (`COLUMNS`), one value per row, None where the row has none; frames and orders are not applied yet."""
+    actions: tuple[object, ...] | None = None
+    """One per row, or one fewer; None = the file has none."""
+    facts: Mapping[str, object] = field(default_factory=dict)
+    """What the file says of the whole episode (`NAMES`)."""
+    ignored: tuple[str, ...] = ()
+    """Columns that mean nothing to us."""
+
+    def has(self, *names: str) -> bool:
+        """Whether all these columns are there."""
+        return all(name in self.columns for name in names)
+
+    def numbers(self, *names: str) -> NDArray[np.float64]:
+        """(T, K) finite values of K columns.
+
+        Raises:
+            RunFileError: A value is missing, no number or not finite.
+        """
+        return np.array([[self._number(name, row) for name in names] for row in range(len(self.wheres))], np.float64)
+
+    def _number(self, name: str, row: int) -> float:
+        value = self.columns[name][row]
+        number = number_of(value)
+        if number is None:
+            found = "missing" if value is None else short(value)
+            raise RunFileError(
+                f"{self.wheres[row]}: {name} is {found}; expected a finite number in every row. "
+                "Write the row again, or leave the column out of all rows."
+            )
+        return number
+
+
+def canonical(name: str) -> str | None:
+    """Our name of a column, or None."""
+    name = name.strip().lower()
+    name = _ALIASES.get(name, name)
+    return name if name in COLUMNS else None
+
+
+def vector_name(name: str) -> str | None:
+    """`position`, `rotation`, `pose` or `gps` when that is what a field holds, or None."""
+    name = name.strip().lower()
+    name = _VECTOR_ALIASES.get(name, name)
+    return name if name in _VECTORS else None
+
+
+def vector_columns(where: str, name: str, length: int) -> tuple[str, ...]:
+    """The columns that a vector of this length gives.
+
+    Raises:
+        RunFileError: The length is none that the field can have.
+    """
+    if length not in _VECTORS[name]:
+        expected = {"pose": "7 (x,y,z and a quaternion), 4 (x,y,z,yaw) or a 4x4 matrix"}.get(
+            name, " or ".join(str(count) for count in _VECTORS[name])
+        )
+        raise RunFileError(f"{where}: {name} has {length} numbers; expected {expected}. Write the row again.")
+    return _VECTORS[name][length]
+
+
+def number_of(value: object) -> float | None:
+    """A finite number, given as one or as text; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str, np.integer, np.floating)):
+        return None
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):
+        return None
+    return number if math.isfinite(number) else None
+
+
+def truth_of(where: str, name: str, value: object) -> bool:
+    """A yes or no, given as a bool, a number or text.
+
+    Raises:
+        RunFileError: It is something else.
+    """
+    text = str(value).strip().lower()
+    if text in ("true", "1", "1.0", "yes"):
+        return True
+    if text in ("false", "0", "0.0", "no", "", "none"):
+        return False
+    raise RunFileError(f"{where}: {name} is {short(value)}; expected true or false. Write it again.")
+
+
+def read_limited(path: Path) -> bytes:
+    """All bytes of a file.
+
+    Raises:
+        RunFileError: It cannot be read, or is larger than `MAX_BYTES`.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise RunFileError(f"{path}: cannot be read ({error}); expected a pose file. Check the path.") from None
+    if len(data) > MAX_BYTES:
+        raise RunFileError(
+            f"{path}: is larger than {MAX_BYTES >> 20} MiB; expected pose files up to that. "
+            "Write one file per scene or episode and give all of them."
+        )
+    return data
+
+
+def read_text(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        RunFileError: It cannot be read, is too large, or is no UTF-8 text.
+    """
+    try:
+        text = read_limited(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise RunFileError(f"{path}: is not UTF-8 text ({error}); expected text. Save it as UTF-8.") from None
+    if "\0" in text:
+        raise RunFileError(f"{path}: holds NUL characters; expected text. Save it as UTF-8.")
+    return text
+
+
+def short(value: object) -> str:
+    """`repr` of a value, cut to fit in an error line."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
