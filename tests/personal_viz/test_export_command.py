@@ -1,0 +1,163 @@
+"""`personal-viz export` and `import` of what it wrote, as a person types them."""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from personal_viz.commands.export import export
+from personal_viz.commands.import_runs import import_files
+from sim.episodes.generation import invent_dataset
+from sim.errors import PersonalVizError
+from sim.tasks.metrics import metric_rows
+from sim.tasks.run_files import Run, read_run
+
+from .test_commands import assert_one_line, personal_viz
+
+pytestmark = pytest.mark.slow
+RUN = "shortest-path-invented-seed0"
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with a dataset of one invented home in `data` and a run of three episodes in `runs`."""
+    root = tmp_path_factory.mktemp("export")
+    invent_dataset(root / "data", name="Demo", seed=1)
+    done = personal_viz(
+        *("run", "--dataset", str(root / "data"), "--agent", "shortest-path"),
+        *("--limit", "1", "--out", str(root / "runs")),
+    )
+    assert done.returncode == 0, done.stderr
+    return root
+
+
+def imported(home: Path, *files: Path, run_id: str, out: Path, **options: object) -> Run:
+    import_files(
+        files=files,
+        dataset=home / "data",
+        scenes_dir=None,
+        out=out,
+        who="again",
+        run_id=run_id,
+        **options,  # type: ignore[arg-type]
+    )
+    return read_run(out / run_id)
+
+
+def test_every_format_is_written_and_says_where(home: Path, tmp_path: Path) -> None:
+    for format in ("jsonl", "tum", "minari"):
+        out = tmp_path / format
+        done = personal_viz("export", str(home / "runs"), "--format", format, "--out", str(out))
+        assert done.returncode == 0, done.stderr
+        assert f"{out}/" in done.stdout
+        assert "3 episodes" in done.stdout
+    assert read_run(tmp_path / "jsonl" / RUN) == read_run(home / "runs" / RUN)
+    assert "minari.load_dataset('personal/shortest-path-invented-seed0-v0')" in done.stdout
+    again = personal_viz("export", str(home / "runs"), "--format", "minari", "--out", str(tmp_path / "minari"))
+    assert_one_line(again, "exists already", "--out")
+
+
+def test_tum_files_are_imported_to_the_same_poses_and_measures(home: Path, tmp_path: Path) -> None:
+    export(runs=(home / "runs" / RUN,), out=tmp_path, format="tum")
+    files = sorted((tmp_path / RUN).glob("*.tum"))
+    done = personal_viz(
+        *("import", *map(str, files), "--dataset", str(home / "data"), "--who", "again"),
+        *("--frame", "world", "--quaternion", "xyzw", "--out", str(tmp_path), "--run-id", "back"),
+    )
+    assert done.returncode == 0, done.stderr
+    wanted = {run.key: run for run in read_run(home / "runs" / RUN).episodes}
+    found = read_run(tmp_path / "back")
+    assert found.info.config["frame"] == "world"
+    assert len(found.episodes) == len(wanted) == 3
+    for run in found.episodes:
+        other = wanted[run.key]
+        assert [pose.position for pose in run.poses] == [pose.position for pose in other.poses]
+        assert [step.action for step in run.steps] == [step.action for step in other.steps]
+        assert run.end == other.end
+
+
+def test_a_recording_is_exported_as_the_run_that_it_shows(home: Path, tmp_path: Path) -> None:
+    key = read_run(home / "runs" / RUN).episodes[0].key
+    done = personal_viz(
+        *("replay", "--dataset", str(home / "data"), "--runs", str(home / "runs" / RUN)),
+        *("--episode", str(key), "--out", str(tmp_path / "one.rrd")),
+    )
+    assert done.returncode == 0, done.stderr
+    export(runs=(tmp_path / "one.rrd",), out=tmp_path / "out", format="jsonl")
+    original = read_run(home / "runs" / RUN)
+    assert read_run(tmp_path / "out" / RUN) == original.model_copy(update={"episodes": original.episodes[:1]})
+
+
+def test_free_motion_is_scored_in_a_row_of_its_own(home: Path, tmp_path: Path) -> None:
+    """The same way in steps of a quarter: 0.0625 m and 7.5 degrees."""
+    run = read_run(home / "runs" / RUN).episodes[0]
+    rows = []
+    for before, after in pairwise(run.poses):
+        turned = math.remainder(after.yaw - before.yaw, 2 * math.pi)
+        for part in (0.0, 0.25, 0.5, 0.75):
+            place = np.add(before.position, part * np.subtract(after.position, before.position))
+            rows.append([*place.tolist(), before.yaw + part * turned])
+    rows.append([*run.poses[-1].position, run.poses[-1].yaw])
+    path = tmp_path / f"{'-'.join(run.key)}.csv"
+    path.write_text("x,y,z,yaw\n" + "".join(",".join(map(repr, row)) + "\n" for row in rows))
+    options = {"frame": "world", "stopped": "yes", "run_id": "free", "out": tmp_path}
+    with pytest.raises(PersonalVizError, match=r"csv:\d+: .*--motion free"):
+        imported(home, path, **options)
+    assert not (tmp_path / "free").exists()
+    found = imported(home, path, **options, motion="free", max_move=0.07, max_turn_deg=8.0)
+    measures, wanted = found.episodes[0].end.measures, run.end.measures
+    assert measures is not None
+    assert wanted is not None
+    assert measures.path_m == pytest.approx(wanted.path_m)
+    rule, wanted_rule = measures.rules["paper"], wanted.rules["paper"]
+    assert rule is not None
+    assert wanted_rule is not None
+    assert (rule.success, rule.dtg) == (True, 0.0)
+    assert rule.spl == pytest.approx(wanted_rule.spl)
+    assert measures.collisions == 0
+    on_paper = found.model_copy(update={"info": found.info.model_copy(update={"condition": "none", "run_id": "p"})})
+    cells = metric_rows([found, on_paper])
+    assert {row.condition for row in cells} == {"free motion", "none"}
+
+
+def test_free_motion_through_the_outer_wall_is_refused(home: Path, tmp_path: Path) -> None:
+    start = read_run(home / "runs" / RUN).episodes[0].start
+    x, y, z = start.position
+    path = tmp_path / f"{start.split}-{start.scene}-{start.episode_id}.csv"
+    path.write_text("x,y,z,yaw\n" + "".join(f"{x + 0.1 * n},{y},{z},{start.yaw}\n" for n in range(400)))
+    free = {"motion": "free", "max_move": 0.2, "max_turn_deg": 9.0}
+    with pytest.raises(PersonalVizError, match=r"csv:\d+: position .* aside and .* the nearest floor"):
+        imported(home, path, run_id="wall", out=tmp_path, frame="world", stopped="no", **free)
+    assert not (tmp_path / "wall").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"stopped": "yes"}, "--frame is missing beside other options"),
+        ({"frame": "world", "motion": "free"}, "expected metres up to 2 and degrees"),
+        ({"frame": "world", "max_move": 0.1}, "expected --motion free"),
+        ({"frame": "world", "rounding": 0.5}, "--rounding is 0.5"),
+        ({"frame": "world", "episode": "Demo/1"}, "expected SPLIT/SCENE/ID"),
+        ({"frame": "world"}, "is a steps file, which says itself how to read it"),
+        (
+            {"frame": "world", "motion": "free", "max_move": 0.1, "max_turn_deg": 9.0, "max_steps": 0},
+            "--max-steps is 0",
+        ),
+    ],
+)
+def test_declarations_that_do_not_fit_are_refused(
+    home: Path, tmp_path: Path, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(PersonalVizError, match=message):
+        imported(home, home / "runs" / RUN / "steps.jsonl", run_id="x", out=tmp_path, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_runs_that_are_none_are_one_line(tmp_path: Path) -> None:
+    assert_one_line(personal_viz("export", "--out", str(tmp_path / "a")), "found no run; expected run folders")
+    (tmp_path / "bad.rrd").write_bytes(b"nothing")
+    assert_one_line(personal_viz("export", str(tmp_path / "bad.rrd"), "--out", str(tmp_path / "a")), "bad.rrd")
+    assert_one_line(personal_viz("export", str(tmp_path / "no"), "--out", str(tmp_path / "a")), "no run.json")
