@@ -9,18 +9,21 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from sim.frames import forward_from_yaw
-from sim.tasks.run_files import EpisodeRun
+from sim.tasks.rules import storey_of
+from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import GridSpec
 from sim.world.navigation_map import NavigationMap
 
 from . import paths
-from .log_run import ANSWER_STEP, Trace, dimmed, indexes
+from .log_run import Trace, dimmed, indexes, set_answered
 
 FREE_RGB, WALL_RGB = (236, 236, 232), (58, 60, 66)
 MARGIN = 0.5
 """Metres of map shown around the free space."""
 HEADING = 0.6
 """Length of the robot's arrow on the map, metres."""
+RAY = 1.5
+"""Length of the last piece of a person's ray that the map shows, metres: the eye is often far outside."""
 WHOLE, TRAIL, ROBOT, POINT = -0.8, -2.0, -2.5, -5.0
 """Radii on the map; negative = points of the screen, so that they can be seen on maps of any size."""
 
@@ -67,6 +70,12 @@ def storey_map(navigation: NavigationMap, index: int) -> StoreyMap:
     return StoreyMap(index, floor_y, cropped, GridSpec(origin, grid.cell, cropped.shape))
 
 
+def storeys_of(heights: NDArray[np.float64], navigation: NavigationMap) -> NDArray[np.int64]:
+    """Index of the storey (N,) that points at each height (N,) belong to."""
+    storeys = [(height, height) for height in navigation.storey_heights]
+    return np.array([storey_of(float(y), storeys) for y in heights], np.int64)
+
+
 def log_map_picture(stream: rr.RecordingStream, storey: StoreyMap) -> None:
     """Logs the picture of a storey's free space."""
     rgb = np.where(storey.free[..., None], np.array(FREE_RGB, np.uint8), np.array(WALL_RGB, np.uint8))
@@ -109,10 +118,23 @@ def log_run_on_map(
 def log_answer_on_map(
     stream: rr.RecordingStream, trace: Trace, storey: StoreyMap, *, on_storey: NDArray[np.bool_]
 ) -> None:
-    """Logs those of a POG answer's K points that lie on this storey; `on_storey` is (K,)."""
-    spots = storey.pixels(trace.positions)[on_storey]
+    """Logs those of a POG answer's K points that lie on this storey, and the end of a person's ray to the first.
+
+    Args:
+        stream: The recording.
+        trace: A POG answer.
+        storey: The map.
+        on_storey: (K,) which points lie here.
+    """
+    assert isinstance(trace.run, Answer)
+    spots = storey.pixels(trace.positions)
     ranks = [f"{trace.title} {rank + 1}" for rank in np.flatnonzero(on_storey)]
-    stream.reset_time()
-    stream.set_time(paths.STEP, sequence=ANSWER_STEP)
-    points = rr.Points2D(spots, colors=[trace.rgb], radii=POINT, labels=ranks)
+    set_answered(stream, trace.run)
+    points = rr.Points2D(spots[on_storey], colors=[trace.rgb], radii=POINT, labels=ranks, draw_order=45.0)
     stream.log(paths.run_path(trace.label, "map", storey.part, "candidates"), points)
+    if trace.run.ray is not None and on_storey[:1].any():
+        back = storey.pixels(np.array(trace.run.ray.camera_position)) - spots[0]
+        shown = back * min(1.0, RAY / storey.grid.cell / max(float(np.linalg.norm(back)), 1e-9))
+        arrow = rr.Arrows2D(vectors=[-shown], origins=[spots[0] + shown], colors=[trace.rgb], radii=ROBOT)
+        stream.log(paths.run_path(trace.label, "map", storey.part, "click_ray"), arrow)
+    stream.reset_time()

@@ -12,8 +12,7 @@ from PIL import Image
 from sim.episodes.schema import Goal
 from sim.frames import T_world_camera
 from sim.tasks.run_files import Answer, EpisodeRun, RunInfo
-from sim.types import Camera, Pose
-from sim.world.renderer import Renderer
+from sim.types import Camera
 
 from . import paths
 
@@ -22,8 +21,8 @@ LIFT = 0.15
 """Paths are drawn this far above the feet (metres), so that no floor covers them; recorded heights are noisy."""
 UNDER_TRAIL = np.array([0.0, 0.04, 0.0])
 """The line of the whole way lies this much lower than the trail, which so covers it, metres."""
-WHOLE, TRAIL = -0.7, -2.0
-"""Radii of paths; negative = points of the screen, so that they can be seen in homes of any size."""
+WHOLE, TRAIL, FRAME = -0.7, -2.0, -3.0
+"""Radii of paths and of a picture's frame; negative = points of the screen, to be seen in homes of any size."""
 ANSWER_STEP = 1
 """Step at which a POG answer appears."""
 Rgb = tuple[int, int, int]
@@ -75,31 +74,62 @@ def log_run(
     trace: Trace,
     *,
     targets: Sequence[Goal],
-    renderer: Renderer | None,
+    jpegs: Sequence[bytes] | None,
     camera: Camera,
 ) -> None:
-    """Logs a PAN run below `/runs/<label>`; pictures only with a renderer."""
+    """Logs a PAN run of T steps below `/runs/<label>`.
+
+    Args:
+        stream: The recording.
+        trace: The run.
+        targets: Of its episode; only the distance to their centres is logged.
+        jpegs: T + 1 pictures of what the robot saw through `camera`; None = none may be shown.
+        camera: The robot's camera.
+    """
     assert isinstance(trace.run, EpisodeRun)
     _log_camera(stream, trace, camera)
-    if renderer is not None and trace.run.steps:
-        _log_pictures(stream, trace, renderer, camera)
+    if jpegs is not None:
+        columns = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
+        stream.send_columns(paths.run_path(trace.label, "camera"), indexes(trace.run), columns)
     _log_path(stream, trace)
     _log_actions(stream, trace)
+    _log_end(stream, trace, camera)
     centres = np.array([target.position for target in targets])[:, [0, 2]]
     apart = np.linalg.norm(trace.positions[:, None, [0, 2]] - centres, axis=-1).min(axis=1)
-    entity = paths.run_path(trace.label, "centre_distance")
+    log_series(stream, trace, "centre_distance", apart)
+
+
+def log_series(stream: rr.RecordingStream, trace: Trace, name: str, values: NDArray[np.float64]) -> None:
+    """Logs a figure per pose of a PAN run, (T + 1,), as a line to plot; what is not finite leaves a gap."""
+    assert isinstance(trace.run, EpisodeRun)
+    entity = paths.run_path(trace.label, name)
     stream.log(entity, rr.SeriesLines(names=trace.title, colors=[trace.rgb], widths=2.0), static=True)
-    stream.send_columns(entity, indexes(trace.run), rr.Scalars.columns(scalars=apart))
+    known = np.where(np.isfinite(values), values, np.nan)
+    stream.send_columns(entity, indexes(trace.run), rr.Scalars.columns(scalars=known))
+
+
+def set_row(stream: rr.RecordingStream, run: EpisodeRun, row: int) -> None:
+    """Sets every timeline to the moment after `row` steps of a run; what is logged then appears there."""
+    stream.reset_time()
+    stream.set_time(paths.STEP, sequence=row)
+    stream.set_time(paths.PATH_M, duration=float(path_lengths(run)[row]))
+    if (seconds := times(run)) is not None:
+        stream.set_time(paths.TIME_S, duration=float(seconds[row]))
+
+
+def set_answered(stream: rr.RecordingStream, answer: Answer) -> None:
+    """Sets the timelines to the moment of a POG answer."""
+    stream.reset_time()
+    stream.set_time(paths.STEP, sequence=ANSWER_STEP)
+    if answer.t_s is not None:
+        stream.set_time(paths.TIME_S, duration=answer.t_s)
 
 
 def log_answer(stream: rr.RecordingStream, trace: Trace) -> None:
     """Logs a POG answer below `/runs/<label>`: ranked points, and how a person pointed."""
     answer = trace.run
     assert isinstance(answer, Answer)
-    stream.reset_time()
-    stream.set_time(paths.STEP, sequence=ANSWER_STEP)
-    if answer.t_s is not None:
-        stream.set_time(paths.TIME_S, duration=answer.t_s)
+    set_answered(stream, answer)
     if answer.candidates:
         ranks = [f"{trace.title} {rank}" for rank in range(1, len(answer.candidates) + 1)]
         points = rr.Points3D(trace.positions, colors=[trace.rgb], radii=0.08, labels=ranks)
@@ -109,6 +139,7 @@ def log_answer(stream: rr.RecordingStream, trace: Trace) -> None:
         stream.log(paths.run_path(trace.label, "click_ray"), ray)
     text = f"{answer.reason}: {len(answer.candidates)} points" if answer.candidates else f"{answer.reason}: no answer"
     stream.log(paths.run_path(trace.label, "actions"), rr.TextLog(f"{trace.title}: {text}", color=trace.rgb))
+    stream.reset_time()
 
 
 def _log_camera(stream: rr.RecordingStream, trace: Trace, camera: Camera) -> None:
@@ -125,21 +156,6 @@ def _log_camera(stream: rr.RecordingStream, trace: Trace, camera: Camera) -> Non
     stream.log(entity, pinhole, static=True)
     Ts = np.array([T_world_camera(pose, camera) for pose in trace.run.poses])
     columns = rr.Transform3D.columns(translation=Ts[:, :3, 3], mat3x3=Ts[:, :3, :3])
-    stream.send_columns(entity, indexes(trace.run), columns)
-
-
-def _log_pictures(stream: rr.RecordingStream, trace: Trace, renderer: Renderer, camera: Camera) -> None:
-    """What the robot saw, rendered again from its poses; equal poses (a blocked step, STOP) are rendered once."""
-    assert isinstance(trace.run, EpisodeRun)
-    jpegs: list[bytes] = []
-    previous: Pose | None = None
-    for pose in trace.run.poses:
-        jpegs.append(
-            jpegs[-1] if pose == previous else _jpeg(renderer.render(T_world_camera(pose, camera), camera).rgb)
-        )
-        previous = pose
-    entity = paths.run_path(trace.label, "camera")
-    columns = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
     stream.send_columns(entity, indexes(trace.run), columns)
 
 
@@ -168,6 +184,36 @@ def _log_actions(stream: rr.RecordingStream, trace: Trace) -> None:
     stream.send_columns(paths.run_path(trace.label, "actions"), indexes(trace.run, first=1), columns)
 
 
+def _log_end(stream: rr.RecordingStream, trace: Trace, camera: Camera) -> None:
+    """Marks the last picture, which stays, as the last: other runs may go on much longer."""
+    assert isinstance(trace.run, EpisodeRun)
+    set_row(stream, trace.run, len(trace.run.steps))
+    stream.log(paths.run_path(trace.label, "camera", "ended"), picture_note(_ending(trace.run), trace.rgb, camera))
+    stream.reset_time()
+
+
+def log_no_clock(stream: rr.RecordingStream, trace: Trace, camera: Camera) -> None:
+    """Says in the camera's view why the timeline of seconds, which other runs have, shows nothing of this run."""
+    stream.reset_time()
+    stream.set_time(paths.TIME_S, duration=0.0)
+    note = picture_note("measured no time: choose the timeline step or path_m", trace.rgb, camera)
+    stream.log(paths.run_path(trace.label, "camera", "no_clock"), note)
+    stream.reset_time()
+
+
+def picture_note(text: str, rgb: Rgb, camera: Camera) -> rr.Boxes2D:
+    """A frame around a camera's picture with a text in it."""
+    size = np.array([[camera.width, camera.height]], float)
+    return rr.Boxes2D(centers=size / 2, sizes=size, colors=[rgb], radii=FRAME, labels=[text], draw_order=50.0)
+
+
+def _ending(run: EpisodeRun) -> str:
+    how = {"stop": "stopped", "steps": "out of steps", "giveup": "gave up"}.get(run.end.reason, run.end.reason)
+    paper = run.end.measures.rules["paper"] if run.end.measures else None
+    outcome = "" if paper is None else ": success" if paper.success else ": no success"
+    return f"{how} after {len(run.steps)} steps{outcome}"
+
+
 def dimmed(rgb: Rgb) -> Rgb:
     """The colour of a run's whole way, darker than that of the part walked so far."""
     return (rgb[0] // 2, rgb[1] // 2, rgb[2] // 2)
@@ -178,7 +224,8 @@ def rgba_u32(rgb: Rgb) -> int:
     return (rgb[0] << 24) | (rgb[1] << 16) | (rgb[2] << 8) | 255
 
 
-def _jpeg(rgb: NDArray[np.uint8]) -> bytes:
+def jpeg_bytes(rgb: NDArray[np.uint8]) -> bytes:
+    """A picture (H, W, 3) as JPEG; the same picture gives the same bytes."""
     buffer = io.BytesIO()
     Image.fromarray(rgb).save(buffer, "JPEG", quality=JPEG_QUALITY)
     return buffer.getvalue()

@@ -1,4 +1,4 @@
-"""Log the task and a table of what each run reached, as one text."""
+"""Log the task and tables of what each run reached and where it strayed, as one text."""
 
 import math
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ from sim.scenes.scene import Scene
 from sim.tasks.run_files import Answer, EpisodeRun
 
 from . import paths
+from .divergence import LIMIT, Departure, Divergence
 from .log_run import Trace
 
 NOTICE = (
@@ -17,69 +18,132 @@ NOTICE = (
     "accepted the same terms."
 )
 
+MARKS = f"On floor and map a cross marks where a run first is more than {LIMIT:.0f} m off the shortest path, a diamond \
+where the ways of the two shown runs part."
+
 
 def log_task(
-    stream: rr.RecordingStream, episode: Episode, scene: Scene, traces: Sequence[Trace], *, has_scan_pixels: bool
+    stream: rr.RecordingStream,
+    episode: Episode,
+    scene: Scene,
+    traces: Sequence[Trace],
+    *,
+    has_scan_pixels: bool,
+    divergence: Divergence | None = None,
+    more: Sequence[str] = (),
 ) -> None:
-    """Logs description, query and the table of measures."""
-    text = task_markdown(episode, scene, traces, has_scan_pixels=has_scan_pixels)
+    """Logs description, query and the tables of measures; arguments are those of `task_markdown`."""
+    text = task_markdown(episode, scene, traces, has_scan_pixels=has_scan_pixels, divergence=divergence, more=more)
     stream.log(paths.TASK, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
-def task_markdown(episode: Episode, scene: Scene, traces: Sequence[Trace], *, has_scan_pixels: bool) -> str:
-    """What the researcher reads beside the views."""
+def task_markdown(
+    episode: Episode,
+    scene: Scene,
+    traces: Sequence[Trace],
+    *,
+    has_scan_pixels: bool,
+    divergence: Divergence | None = None,
+    more: Sequence[str] = (),
+) -> str:
+    """What the researcher reads beside the views.
+
+    Args:
+        episode: Its query and description.
+        scene: The home.
+        traces: The runs of the tables.
+        has_scan_pixels: Whether the notice about a scan's terms of use is needed.
+        divergence: How the runs, in the order of `traces`, keep to the shortest path; None leaves it out.
+        more: Paragraphs of Markdown to add after the tables.
+    """
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun)]
     answers = [trace for trace in traces if isinstance(trace.run, Answer)]
     parts = [
-        f"**Query:** {_plain(episode.record.query[0])}",
+        f"**Query:** {plain_text(episode.record.query[0])}",
         _walk_table(walks) if walks else "",
+        *([] if divergence is None else [_stray_table(traces, divergence), _parting_text(traces, divergence)]),
         _answer_table(answers) if answers else "",
-        _plain(episode.record.summary),
-        f"{_plain(scene.label)}, episode {episode.key}, scene digest {scene.digest[:12]}",
+        *more,
+        plain_text(episode.record.summary),
+        f"{plain_text(scene.label)}, episode {episode.key}, scene digest {scene.digest[:12]}",
         f"_{NOTICE}_" if has_scan_pixels else "",
     ]
     return "\n\n".join(part for part in parts if part)
 
 
 def _walk_table(traces: Sequence[Trace]) -> str:
-    rows = ["| run | success | SPL | distance to goal | end | steps | path |", "|---|---|---|---|---|---|---|"]
+    names = ("run", "success", "SPL", "soft SPL", "to goal", "end", "steps", "path", "blocked")
+    rows = [_table_row(names), "|---" * len(names) + "|"]
     for trace in traces:
         run = trace.run
         assert isinstance(run, EpisodeRun)
         measures = run.end.measures
-        paper = measures.rules.get("paper") if measures else None
-        path_m = measures.path_m if measures else math.nan
+        paper = measures.rules["paper"] if measures else None
         cells = (
-            _plain(trace.title),
+            plain_text(trace.title),
             "-" if paper is None else "yes" if paper.success else "no",
             "-" if paper is None else f"{paper.spl:.2f}",
+            "-" if paper is None else f"{paper.soft_spl:.2f}",
             "-" if paper is None else "unreachable" if paper.dtg is None else f"{paper.dtg:.2f} m",
             run.end.reason,
             str(len(run.steps)),
-            "-" if math.isnan(path_m) else f"{path_m:.1f} m",
+            "-" if measures is None else f"{measures.path_m:.1f} m",
+            "-" if measures is None else str(measures.collisions),
         )
-        rows.append("| " + " | ".join(cells) + " |")
+        rows.append(_table_row(cells))
     return "\n".join(rows)
 
 
+def _stray_table(traces: Sequence[Trace], divergence: Divergence) -> str:
+    names = ("run", "leaves the shortest path", "strays at most")
+    rows = [_table_row(names), "|---" * len(names) + "|"]
+    for trace, stray in zip(traces, divergence.strays, strict=True):
+        if stray is None:
+            continue
+        furthest = float(stray.deviation.max())
+        left = "never" if stray.departure is None else _place_text(stray.departure)
+        cells = (plain_text(trace.title), left, f"{furthest:.1f} m" if math.isfinite(furthest) else "to another storey")
+        rows.append(_table_row(cells))
+    return "\n".join(rows) + f"\n\n{MARKS}" if len(rows) > 2 else ""
+
+
+def _parting_text(traces: Sequence[Trace], divergence: Divergence) -> str:
+    if divergence.pair is None:
+        return ""
+    first, second = (plain_text(traces[index].title) for index in divergence.pair)
+    if divergence.parted is None:
+        return f"The ways of {first} and {second} do not part: one goes along the other's to its end."
+    here, there = divergence.parted
+    return f"The ways of {first} and {second} part: {first} {_place_text(here)}, {second} {_place_text(there)}."
+
+
+def _place_text(place: Departure) -> str:
+    return f"after {place.path_m:.1f} m (step {place.row})"
+
+
+def _table_row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
 def _answer_table(traces: Sequence[Trace]) -> str:
-    rows = ["| answer | success | top 3 | planar distance | time |", "|---|---|---|---|---|"]
+    names = ("answer", "success", "top 3", "planar distance", "time")
+    rows = [_table_row(names), "|---" * len(names) + "|"]
     for trace in traces:
         answer = trace.run
         assert isinstance(answer, Answer)
         measures = answer.measures
         planar = measures.planar_distance if measures else None
         cells = (
-            _plain(trace.title),
+            plain_text(trace.title),
             "-" if measures is None else "yes" if measures.success else "no",
             "-" if measures is None else "yes" if measures.top3_success else "no",
             "-" if planar is None else f"{planar:.2f} m",
             "-" if answer.t_s is None else f"{answer.t_s:.1f} s",
         )
-        rows.append("| " + " | ".join(cells) + " |")
+        rows.append(_table_row(cells))
     return "\n".join(rows)
 
 
-def _plain(text: str) -> str:
+def plain_text(text: str) -> str:
     """Text that Markdown shows as it is, on one line."""
     return "".join("\\" + char if char in "\\`*_{}[]<>#|~" else char for char in " ".join(text.split()))

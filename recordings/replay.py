@@ -6,33 +6,30 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
 from sim.scenes.scene import Scene
-from sim.tasks.rules import storey_of
 from sim.tasks.run_files import Answer, EpisodeRun, Run
-from sim.types import Camera, EpisodeKey
+from sim.types import Camera
 from sim.world.renderer import Renderer
 
 from . import paths
 from .blueprints import comparison_blueprint
-from .log_maps import POINT, StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map
-from .log_run import ANSWER_STEP, Rgb, Trace, log_answer, log_run, path_lengths, times
+from .divergence import divergence_of
+from .log_divergence import log_divergence
+from .log_goal import GoalRegion, goal_region, log_goal
+from .log_grounding import log_layers, reground, reground_markdown
+from .log_maps import StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map, storeys_of
+from .log_record import log_record_answer, log_record_end, log_record_start, log_record_steps
+from .log_run import ANSWER_STEP, Trace, indexes, log_answer, log_no_clock, log_run, path_lengths, times
 from .log_scene import log_scene
 from .log_text import log_task
+from .pictures import picture_cameras, rendered_jpegs
 from .stream import open_recording
-
-RUN_COLORS: tuple[Rgb, ...] = (
-    (86, 180, 233),
-    (230, 159, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (240, 228, 66),
-    (213, 94, 0),
-    (0, 114, 178),
-)
-"""Okabe and Ito's palette, which colour-blind people can tell apart; more runs begin it again."""
-GOAL_RGB: Rgb = (255, 60, 60)
+from .traces import RUN_COLORS as RUN_COLORS
+from .traces import best_two, require_same_home, select_traces
+from .traces import common_episode as common_episode
 
 
 def log_comparison(
@@ -44,6 +41,7 @@ def log_comparison(
     renderer: Renderer | None,
     with_pixels: bool,
     camera: Camera = Camera(),  # noqa: B008 - frozen value
+    dataset: PersonalDataset | None = None,
 ) -> Path:
     """Writes every run of one episode into one recording.
 
@@ -55,6 +53,8 @@ def log_comparison(
         renderer: Renders what the robots saw from their poses; None = no first-person pictures.
         with_pixels: Whether geometry and pictures of a licensed scan may be written; other homes need no leave.
         camera: The robots' camera.
+        dataset: Where the episode is from: grounders on oracle maps answer again, to show how they came to their
+            answers; None leaves that out.
 
     Returns:
         `out`.
@@ -65,105 +65,39 @@ def log_comparison(
     """
     _require_rrd(out)
     traces = select_traces(runs, episode.key)
-    _require_one_kind(traces, scene)
-    _require_one_version(traces, scene)
+    require_same_home(traces, scene)
+    goal = goal_region(episode, scene.navigation)
+    maps = [storey_map(scene.navigation, index) for index in _floors_shown(traces, goal, scene)]
+    best = best_two(traces)
+    pair = (traces.index(best[0]), traces.index(best[1])) if len(best) == 2 else None
+    ways = [trace.positions if isinstance(trace.run, EpisodeRun) else None for trace in traces]
+    divergence = divergence_of(ways, goal.path, pair=pair)
+    regrounded = [] if dataset is None else reground(traces, episode, dataset)
     may_show = scene.kind != "scan" or with_pixels
-    storeys = [(height, height) for height in scene.navigation.storey_heights]
-    floors = _floors_shown(episode, traces, storeys)
-    maps = [storey_map(scene.navigation, index) for index in floors]
     with open_recording(out, episode.key) as stream:
         _log_identity(stream, episode, scene)
-        log_task(stream, episode, scene, traces, has_scan_pixels=scene.kind == "scan" and with_pixels)
+        log_task(
+            stream,
+            episode,
+            scene,
+            traces,
+            has_scan_pixels=scene.kind == "scan" and with_pixels,
+            divergence=divergence,
+            more=reground_markdown(regrounded),
+        )
         if may_show:
-            log_scene(stream, scene, storeys=floors)
+            log_scene(stream, scene, storeys=[storey.index for storey in maps])
             for storey in maps:
                 log_map_picture(stream, storey)
-        for trace in traces:
-            _log_trace(stream, trace, episode, maps, storeys, renderer if may_show else None, camera)
-        _log_goal(stream, episode, traces, maps, storeys)
-        stream.send_blueprint(comparison_blueprint(traces, maps))
+        _log_walks(stream, traces, episode, renderer if may_show else None, camera, best)
+        _log_answers(stream, traces)
+        _log_on_maps(stream, traces, maps, scene)
+        log_divergence(stream, traces, divergence, maps=maps, navigation=scene.navigation)
+        log_layers(stream, regrounded, maps, scene.navigation)
+        _set_end(stream, traces)
+        log_goal(stream, goal, maps)
+        stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded))
     return out
-
-
-def select_traces(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
-    """Every run and answer of one episode with a label, a title and a colour of its own.
-
-    Raises:
-        RecordingError: There is none.
-    """
-    found = [(run.info, item) for run in runs for item in (*run.episodes, *run.answers) if item.key == key]
-    if not found:
-        names = ", ".join(run.info.run_id for run in runs) or "no run"
-        raise RecordingError(
-            f"{names}: found no run of episode {key}; expected at least one. Choose another --episode."
-        )
-    labels = _distinct([_with_code(info.run_id, item) for info, item in found])
-    titles = _distinct([_with_code(info.who, item) for info, item in found])
-    return [
-        Trace(label, title, RUN_COLORS[index % len(RUN_COLORS)], info, item)
-        for index, (label, title, (info, item)) in enumerate(zip(labels, titles, found, strict=True))
-    ]
-
-
-def common_episode(runs: Sequence[Run]) -> EpisodeKey:
-    """The only episode that all runs hold.
-
-    Raises:
-        RecordingError: They have none in common, or several.
-    """
-    held = [{item.key for item in (*run.episodes, *run.answers)} for run in runs]
-    common = sorted(set.intersection(*held)) if held else []
-    if len(common) == 1:
-        return common[0]
-    names = ", ".join(run.info.run_id for run in runs) or "no run"
-    if common:
-        some = ", ".join(str(key) for key in common[:5])
-        found, more = f"{len(common)} episodes that all hold", f": {some}{', ...' if len(common) > 5 else ''}"
-    else:
-        some = ", ".join(f"{run.info.run_id} has {len(keys)}" for run, keys in zip(runs, held, strict=True))
-        found, more = "no episode that all hold", f" ({some})"
-    raise RecordingError(f"{names}: found {found}{more}; expected one. Choose it with --episode SPLIT/SCENE/ID.")
-
-
-def _with_code(name: str, item: EpisodeRun | Answer) -> str:
-    """The name with the participant's public code, where there is one."""
-    participant = item.start.participant if isinstance(item, EpisodeRun) else item.participant
-    return f"{name}-{participant}" if participant else name
-
-
-def _distinct(names: Sequence[str]) -> list[str]:
-    """The names, those that came before with -2, -3, ... after them."""
-    taken: list[str] = []
-    for name in names:
-        number, candidate = 1, name
-        while candidate in taken:
-            number += 1
-            candidate = f"{name}-{number}"
-        taken.append(candidate)
-    return taken
-
-
-def _require_one_kind(traces: Sequence[Trace], scene: Scene) -> None:
-    """Runs of different kinds of homes cannot be compared; answers on oracle maps belong to any."""
-    for trace in traces:
-        kind = trace.info.scene_kind
-        if kind not in (scene.kind, "oracle-map"):
-            raise RecordingError(
-                f"{trace.info.run_id}: was made on a home of kind {kind!r}, {scene.name} is opened as {scene.kind!r}; "
-                "expected one kind in a recording. Leave the run out, or give (leave out) --scenes-dir."
-            )
-
-
-def _require_one_version(traces: Sequence[Trace], scene: Scene) -> None:
-    """Runs made on another version of the home would walk through its walls; answers name no version."""
-    for trace in traces:
-        measures = trace.run.end.measures if isinstance(trace.run, EpisodeRun) else None
-        if measures is not None and measures.scene_digest != scene.digest:
-            raise RecordingError(
-                f"{trace.info.run_id}: was made on {scene.name} with scene_digest {measures.scene_digest[:12]!r}, the "
-                f"home opened now has {scene.digest[:12]!r}; expected the same version of the home. Give the "
-                "--dataset or --scenes-dir of the run, or leave the run out."
-            )
 
 
 def _require_rrd(out: Path) -> None:
@@ -172,11 +106,10 @@ def _require_rrd(out: Path) -> None:
         raise RecordingError(f"--out: found {str(out)!r}; expected a file that ends in .rrd. Give another name.")
 
 
-def _floors_shown(episode: Episode, traces: Sequence[Trace], storeys: Sequence[tuple[float, float]]) -> list[int]:
+def _floors_shown(traces: Sequence[Trace], goal: GoalRegion, scene: Scene) -> list[int]:
     """Storeys on which a run, an answer or a target is, from the lowest."""
-    heights = [float(y) for trace in traces for y in trace.positions[:, 1]]
-    heights += [target.floor_y for target in episode.targets]
-    return sorted({storey_of(y, storeys) for y in heights})
+    heights = np.concatenate([goal.floors_y, *(trace.positions[:, 1] for trace in traces)])
+    return sorted(set(storeys_of(heights, scene.navigation).tolist()))
 
 
 def _log_identity(stream: rr.RecordingStream, episode: Episode, scene: Scene) -> None:
@@ -186,34 +119,47 @@ def _log_identity(stream: rr.RecordingStream, episode: Episode, scene: Scene) ->
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
 
 
-def _log_trace(
+def _log_walks(
     stream: rr.RecordingStream,
-    trace: Trace,
+    traces: Sequence[Trace],
     episode: Episode,
-    maps: Sequence[StoreyMap],
-    storeys: Sequence[tuple[float, float]],
     renderer: Renderer | None,
     camera: Camera,
+    best: Sequence[Trace],
 ) -> None:
-    floors = np.array([storey_of(float(y), storeys) for y in trace.positions[:, 1]], int)
-    if isinstance(trace.run, Answer):
-        log_answer(stream, trace)
+    """All PAN runs, the shown ones with the larger pictures."""
+    walks = [(trace, trace.run) for trace in traces if isinstance(trace.run, EpisodeRun)]
+    ways = [run.poses for _, run in walks]
+    cameras = picture_cameras(ways, camera, is_shown=[trace in best for trace, _ in walks])
+    pictures = [None] * len(walks) if renderer is None else rendered_jpegs(renderer, ways, cameras)
+    is_timed = any(times(run) is not None for _, run in walks)
+    for (trace, run), view, jpegs in zip(walks, cameras, pictures, strict=True):
+        log_run(stream, trace, targets=episode.targets, jpegs=jpegs, camera=view)
+        if is_timed and times(run) is None:
+            log_no_clock(stream, trace, view)
+        log_record_start(stream, trace.label, trace.info, run.start)
+        if run.steps:
+            log_record_steps(stream, trace.label, run.steps, times=indexes(run, first=1))
+        log_record_end(stream, trace.label, run.end)
+
+
+def _log_answers(stream: rr.RecordingStream, traces: Sequence[Trace]) -> None:
+    for trace in traces:
+        if isinstance(trace.run, Answer):
+            log_answer(stream, trace)
+            log_record_answer(stream, trace.label, trace.info, trace.run)
+
+
+def _log_on_maps(stream: rr.RecordingStream, traces: Sequence[Trace], maps: Sequence[StoreyMap], scene: Scene) -> None:
+    for trace in traces:
+        floors = storeys_of(trace.positions[:, 1], scene.navigation)
+        log = log_answer_on_map if isinstance(trace.run, Answer) else log_run_on_map
         for storey in maps:
-            log_answer_on_map(stream, trace, storey, on_storey=floors == storey.index)
-        return
-    log_run(stream, trace, targets=episode.targets, renderer=renderer, camera=camera)
-    for storey in maps:
-        log_run_on_map(stream, trace, storey, on_storey=floors == storey.index)
+            log(stream, trace, storey, on_storey=floors == storey.index)
 
 
-def _log_goal(
-    stream: rr.RecordingStream,
-    episode: Episode,
-    traces: Sequence[Trace],
-    maps: Sequence[StoreyMap],
-    storeys: Sequence[tuple[float, float]],
-) -> None:
-    """The targets, at the very end of every timeline: what a viewer sees before it, the runner could see too."""
+def _set_end(stream: rr.RecordingStream, traces: Sequence[Trace]) -> None:
+    """The very end of every timeline: what a viewer sees before it, the runners could see too."""
     walks = [trace.run for trace in traces if isinstance(trace.run, EpisodeRun)]
     answers = [trace.run for trace in traces if isinstance(trace.run, Answer)]
     after_answers = [ANSWER_STEP + 1] if answers else []
@@ -225,12 +171,3 @@ def _log_goal(
         stream.set_time(paths.PATH_M, duration=max(float(path_lengths(run)[-1]) for run in walks))
     if ends:
         stream.set_time(paths.TIME_S, duration=max(ends))
-    names = [target.object_name for target in episode.targets]
-    centres = np.array([target.position for target in episode.targets])
-    stream.log(f"{paths.GOAL}/centre", rr.Points3D(centres, colors=[GOAL_RGB], radii=0.14, labels=names))
-    floors = [storey_of(target.floor_y, storeys) for target in episode.targets]
-    for storey in maps:
-        here = np.array(floors) == storey.index
-        labels = [name for name, is_here in zip(names, here, strict=True) if is_here]
-        points = rr.Points2D(storey.pixels(centres)[here], colors=[GOAL_RGB], radii=POINT, labels=labels)
-        stream.log(f"{paths.GOAL}/map/{storey.part}", points)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from recordings.replay import common_episode, log_comparison
+from recordings.viewer import open_file
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 from sim.scenes.labels import renderer_of
@@ -33,6 +34,7 @@ def replay(
         scenes_dir: Folder of the scans; None = invented or schematic homes.
         episode: `SPLIT/SCENE/ID`; None = the only episode that all runs hold.
         with_pixels: Write geometry and pictures of scans too (their terms of use hold for the file).
+        open: Show it until its window is closed or until Ctrl-C.
 
     Returns:
         0; problems are raised as one-line errors.
@@ -50,12 +52,15 @@ def replay(
         out=out,
         renderer=renderer_of(scene) if has_pictures else None,
         with_pixels=with_pixels,
+        dataset=episodes,
     )
     print(f"{out}: {key} in {scene.label}. Open it with: rerun {out}")
     if not has_pictures:
         print(
             "Geometry and pictures of the scan are left out; --with-pixels writes them, under the scan's terms of use."
         )
+    if open:
+        open_file(out)
     return 0
 
 

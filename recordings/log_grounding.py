@@ -1,0 +1,221 @@
+"""Log how grounders on oracle maps came to their answers: similarity per phrase, peaks, gate and final scores.
+
+Run files hold the answers only: the grounder answers again, from the settings in its `run.json`, and must come to the
+same points. Layers lie on the storey's map in the map's pixels, and in the home as a carpet above the floor.
+"""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+from PIL import Image
+from pydantic import TypeAdapter, ValidationError
+
+from grounding.evaluate import GroundSettings, SceneGrounder
+from grounding.types import FeatureMap, Layers
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.tasks.run_files import Answer, RunInfo
+from sim.types import GridSpec
+from sim.world.navigation_map import NavigationMap
+
+from . import paths
+from .log_maps import StoreyMap, storeys_of
+from .log_run import LIFT, Rgb, Trace, set_answered
+from .log_text import plain_text
+from .map_pictures import similarity_png
+
+LAYERS, SIMILARITY, PEAKS, GATE, FINAL = "layers", "similarity", "peaks", "gate", "final"
+"""Entities below a run: `layers/<layer>/<storey>`; below its map of a storey: `layers/<layer>`."""
+GATE_RGB: Rgb = (255, 0, 160)
+PEAK_RGB: Rgb = (255, 140, 0)
+_PEAK, _OUTLINE = -3.5, -1.5
+"""Radii; negative = points of the screen."""
+_SETTINGS = TypeAdapter(GroundSettings)
+_SAME = 1e-6
+"""Metres within which an answer given again is the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Regrounded:
+    """A grounder's answer with the layers behind it, or why there are none."""
+
+    trace: Trace
+    memory: FeatureMap | None = None
+    """The map that it answered on."""
+    layers: Layers | None = None
+    problem: str = ""
+    """One sentence when there are no layers; empty otherwise."""
+
+
+def reground(traces: Sequence[Trace], episode: Episode, dataset: PersonalDataset) -> list[Regrounded]:
+    """The answers on oracle maps among `traces`, given again; those of grounders that score no cells are left out.
+
+    Raises:
+        PersonalVizError: The episode's files are damaged.
+    """
+    made: dict[GroundSettings, SceneGrounder] = {}
+    found: list[Regrounded] = []
+    for trace in traces:
+        if not isinstance(trace.run, Answer) or trace.info.scene_kind != "oracle-map":
+            continue
+        settings = settings_of(trace.info)
+        if settings is None:
+            found.append(Regrounded(trace, problem="is none of our grounders, so it cannot be asked again"))
+            continue
+        if settings not in made:
+            made[settings] = SceneGrounder(dataset, episode.key.scene, settings)
+        grounding = made[settings].ground(episode)
+        again = np.array([candidate.position for candidate in grounding.candidates], float).reshape(-1, 3)
+        if again.shape != trace.positions.shape or not np.allclose(again, trace.positions, rtol=0, atol=_SAME):
+            found.append(Regrounded(trace, problem="gives other points now than its run file holds"))
+        elif grounding.layers is not None:
+            found.append(Regrounded(trace, made[settings].memory(episode), grounding.layers))
+    return found
+
+
+def settings_of(info: RunInfo) -> GroundSettings | None:
+    """The settings with which `personal-viz ground` made a run; None where another program did."""
+    try:
+        return _SETTINGS.validate_python(
+            {
+                "method": info.who,
+                "map": info.config.get("map"),
+                "encoder": info.config.get("encoder"),
+                "seed": info.seed,
+                "all_storeys": info.config.get("all_storeys"),
+            }
+        )
+    except ValidationError:
+        return None
+
+
+def reground_markdown(regrounded: Sequence[Regrounded]) -> list[str]:
+    """Paragraphs for the document: each phrase with its cosines, or why a grounder shows no layers."""
+    parts = []
+    for item in regrounded:
+        title, layers = plain_text(item.trace.title), item.layers
+        if layers is None:
+            parts.append(f"No layers of {title}: it {item.problem}.")
+        elif layers.phrases:
+            rows = [f"| {title}'s phrase | least and most alike |", "|---|---|"]
+            for number, (phrase, row) in enumerate(zip(layers.phrases, layers.similarity, strict=True), start=1):
+                rows.append(f"| {number}. {plain_text(phrase)} | {row.min():.2f} to {row.max():.2f} |")
+            parts.append("\n".join(rows))
+    return parts
+
+
+def log_layers(
+    stream: rr.RecordingStream,
+    regrounded: Sequence[Regrounded],
+    maps: Sequence[StoreyMap],
+    navigation: NavigationMap,
+) -> None:
+    """Logs every layer on each storey that it has cells on, when the answer appears."""
+    for item in regrounded:
+        if item.layers is None or item.memory is None:
+            continue
+        assert isinstance(item.trace.run, Answer)
+        set_answered(stream, item.trace.run)
+        points = item.memory.points_from_rc(item.layers.rc)  # (N, 3)
+        floors = storeys_of(points[:, 1], navigation)
+        for storey in maps:
+            here = floors == storey.index
+            if here.any():
+                sheet = _Sheet(item.trace, storey, item.memory.grid, item.layers, points, here)
+                sheet.log(stream)
+        stream.reset_time()
+
+
+@dataclass(frozen=True, slots=True)
+class _Sheet:
+    """A grounder's layers on one storey."""
+
+    trace: Trace
+    storey: StoreyMap
+    grid: GridSpec
+    layers: Layers
+    points: NDArray[np.float64]
+    """(N, 3) middle of each cell, on its floor."""
+    here: NDArray[np.bool_]
+    """(N,) cells on this storey."""
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Logs all layers at the stream's present time."""
+        for number, (row, peaks) in enumerate(zip(self.layers.similarity, self.layers.peaks, strict=True)):
+            self._log_values(stream, f"{SIMILARITY}_{number}", row)
+            self._log_peaks(stream, f"{PEAKS}_{number}", peaks)
+        if self.layers.gate is not None:
+            self._log_outline(stream, GATE, self.layers.gate)
+        self._log_values(stream, FINAL, self.layers.final)
+
+    def _log_values(self, stream: rr.RecordingStream, name: str, values: NDArray[np.float32]) -> None:
+        on_grid = self.layers.on_grid(np.where(self.here & np.isfinite(values), values, np.nan))
+        png = similarity_png(on_map(on_grid, self.grid, self.storey))
+        flat = rr.EncodedImage(contents=png, media_type="image/png", draw_order=5.0)
+        stream.log(map_entity(self.trace, name, self.storey), flat)
+        if np.isfinite(on_grid).any():
+            stream.log(home_entity(self.trace, name, self.storey), self._carpet(on_grid))
+
+    def _carpet(self, on_grid: NDArray[np.float32]) -> rr.Mesh3D:
+        """The cells that have a value as squares above the floor; a picture there would hide the home below it."""
+        rgb = np.array(Image.open(io.BytesIO(similarity_png(on_grid))).convert("RGBA"))[..., :3]
+        cells = np.argwhere(np.isfinite(on_grid))  # (C, 2)
+        corners = cells[:, None] + np.array([[0, 0], [0, 1], [1, 1], [1, 0]])  # (C, 4, 2)
+        xz = np.asarray(self.grid.origin_xz) + corners[..., ::-1] * self.grid.cell
+        points = np.insert(xz, 1, self.storey.floor_y + LIFT / 2, axis=-1).reshape(-1, 3)
+        squares = 4 * np.arange(len(cells))[:, None, None] + np.array([[0, 2, 1], [0, 3, 2]])
+        colors = np.repeat(rgb[cells[:, 0], cells[:, 1]], 4, axis=0)
+        return rr.Mesh3D(vertex_positions=points, triangle_indices=squares.reshape(-1, 3), vertex_colors=colors)
+
+    def _log_peaks(self, stream: rr.RecordingStream, name: str, peaks: NDArray[np.int64]) -> None:
+        found = peaks[peaks >= 0]
+        found = found[self.here[found]]
+        points, ranks = self.points[found] + (0.0, LIFT, 0.0), [str(rank + 1) for rank in range(len(found))]
+        spots = self.storey.pixels(points)
+        flat = rr.Points2D(spots, colors=[PEAK_RGB], radii=_PEAK, labels=ranks, show_labels=False, draw_order=42.0)
+        stream.log(map_entity(self.trace, name, self.storey), flat)
+        spheres = rr.Points3D(points, colors=[PEAK_RGB], radii=_PEAK, labels=ranks, show_labels=False)
+        stream.log(home_entity(self.trace, name, self.storey), spheres)
+
+    def _log_outline(self, stream: rr.RecordingStream, name: str, inside: NDArray[np.bool_]) -> None:
+        edges = outline(self.layers.on_grid(inside & self.here) == 1, self.grid)  # (S, 2, 2) xz
+        lines = np.insert(edges, 1, self.storey.floor_y + LIFT, axis=-1)
+        flat = rr.LineStrips2D(list(self.storey.pixels(lines)), colors=[GATE_RGB], radii=_OUTLINE, draw_order=41.0)
+        stream.log(map_entity(self.trace, name, self.storey), flat)
+        stream.log(
+            home_entity(self.trace, name, self.storey), rr.LineStrips3D(list(lines), colors=[GATE_RGB], radii=_OUTLINE)
+        )
+
+
+def map_entity(trace: Trace, layer: str, storey: StoreyMap) -> str:
+    """Entity of a layer on a storey's map."""
+    return paths.run_path(trace.label, "map", storey.part, LAYERS, layer)
+
+
+def home_entity(trace: Trace, layer: str, storey: StoreyMap) -> str:
+    """Entity of a layer above a storey's floor."""
+    return paths.run_path(trace.label, LAYERS, layer, storey.part)
+
+
+def on_map(values: NDArray[np.float32], grid: GridSpec, storey: StoreyMap) -> NDArray[np.float32]:
+    """Values (R, C) of a coarse grid at the pixels of a storey's map; NaN outside the grid."""
+    rc = np.stack(np.meshgrid(*map(np.arange, storey.grid.shape), indexing="ij"), axis=-1)
+    cells = grid.rc_from_xz(storey.grid.xz_from_rc(rc))
+    inside = grid.contains(cells)
+    rows, cols = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
+    return np.where(inside, values[rows, cols], np.float32(np.nan))
+
+
+def outline(inside: NDArray[np.bool_], grid: GridSpec) -> NDArray[np.float64]:
+    """World pieces (S, 2, 2) of the border around the cells (R, C) that are inside: ends, then x and z."""
+    padded = np.pad(inside, 1)
+    above = np.argwhere(padded[:-1, 1:-1] != padded[1:, 1:-1])  # (row, col): the side towards smaller z
+    left = np.argwhere(padded[1:-1, :-1] != padded[1:-1, 1:])
+    corners = np.concatenate(
+        [np.stack([above, above + np.array([0, 1])], axis=1), np.stack([left, left + np.array([1, 0])], axis=1)]
+    )
+    return np.array(grid.origin_xz, np.float64) + corners[..., ::-1].astype(np.float64) * grid.cell

@@ -1,0 +1,85 @@
+"""Grids seen from above as small PNGs on a storey's map: what was seen, what an agent thinks is free, what is alike."""
+
+import io
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
+from sim.types import GridSpec
+
+from .log_maps import FREE_RGB, WALL_RGB
+
+SEEN_PALETTE = np.array([(38, 40, 44), (74, 76, 80), WALL_RGB, FREE_RGB], np.uint8)
+"""Colours of cells: not seen and not free, not seen but free, seen and not free, seen and free."""
+OCCUPANCY_PALETTE = np.array([(0, 0, 0, 0), (214, 232, 214, 255), (176, 96, 60, 255)], np.uint8)
+"""UNKNOWN is transparent, FREE, OCCUPIED."""
+assert (UNKNOWN, FREE, OCCUPIED) == (0, 1, 2)
+_HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], float)
+"""Viridis at 0, 1/4, ..., 1."""
+_HEAT_LEVELS = 255
+_ALPHA = 200
+HEAT_PALETTE = np.zeros((_HEAT_LEVELS + 1, 4), np.uint8)
+"""0 is transparent (nothing was seen); 1 to 255 from the least to the most alike."""
+_AT = np.linspace(0, len(_HEAT) - 1, _HEAT_LEVELS)
+HEAT_PALETTE[1:, :3] = np.stack([np.interp(_AT, range(len(_HEAT)), channel) for channel in _HEAT.T], axis=1)
+HEAT_PALETTE[1:, 3] = _ALPHA
+
+
+def seen_png(free: NDArray[np.bool_], seen: NDArray[np.bool_]) -> bytes:
+    """The map of a storey with what was seen bright; both (rows, cols)."""
+    return palette_png(free.astype(np.uint8) + 2 * seen.astype(np.uint8), SEEN_PALETTE)
+
+
+def occupancy_png(occupancy: NDArray[np.uint8]) -> bytes:
+    """(rows, cols) of UNKNOWN, FREE and OCCUPIED; unknown cells show what lies below."""
+    return palette_png(np.minimum(occupancy, OCCUPIED), OCCUPANCY_PALETTE)
+
+
+def similarity_png(similarity: NDArray[np.float32]) -> bytes:
+    """(rows, cols) from the map's least (dark blue) to its greatest value (yellow); NaN shows what lies below."""
+    known = np.isfinite(similarity)
+    if not known.any():
+        return palette_png(np.zeros(similarity.shape, np.uint8), HEAT_PALETTE)
+    low, high = float(similarity[known].min()), float(similarity[known].max())
+    share = (similarity - low) / (high - low) if high > low else np.ones_like(similarity)
+    levels = np.where(known, 1 + np.nan_to_num(share) * (_HEAT_LEVELS - 1), 0)
+    return palette_png(np.round(levels).astype(np.uint8), HEAT_PALETTE)
+
+
+def palette_png(levels: NDArray[np.uint8], palette: NDArray[np.uint8]) -> bytes:
+    """A PNG with few bits per cell: (rows, cols) indices into a palette (N, 3) RGB or (N, 4) RGBA."""
+    image = Image.fromarray(levels, "P")
+    image.putpalette(palette[:, :3].tobytes())
+    bits = 2 if len(palette) <= 4 else 8
+    transparency = {"transparency": palette[:, 3].tobytes()} if palette.shape[1] == 4 else {}
+    buffer = io.BytesIO()
+    image.save(buffer, "PNG", bits=bits, compress_level=1, **transparency)
+    return buffer.getvalue()
+
+
+Value = TypeVar("Value", bound=np.generic)
+
+
+class Resampler:
+    """Carries grids of the start frame onto a storey's map in the world; remembers where each cell comes from."""
+
+    def __init__(self, T_world_start: NDArray[np.float64], target: GridSpec) -> None:
+        """For one episode and one map."""
+        xz = target.xz_from_rc(np.moveaxis(np.indices(target.shape), 0, -1))  # (rows, cols, 2)
+        T_start_world = np.linalg.inv(T_world_start)
+        self._xz_start = xz @ T_start_world[np.ix_([0, 2], [0, 2])].T + T_start_world[[0, 2], 3]
+        self._grid: GridSpec | None = None
+        self._source = np.empty(0, np.int64)
+
+    def resampled(self, values: NDArray[Value], grid: GridSpec, *, outside: float) -> NDArray[Value]:
+        """The map's cells (rows, cols) with the value of the cell of `grid` that holds their centre, or `outside`."""
+        if grid != self._grid:
+            rc = grid.rc_from_xz(self._xz_start)
+            cols, count = grid.shape[1], grid.shape[0] * grid.shape[1]
+            self._source = np.where(grid.contains(rc), rc[..., 0] * cols + rc[..., 1], count)
+            self._grid = grid
+        padded = np.append(values.ravel(), np.array([outside], values.dtype))
+        return padded[self._source]

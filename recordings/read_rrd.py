@@ -1,0 +1,193 @@
+"""Our recordings back into runs: the run files' own lines that log_record.py put beside the pictures.
+
+A file that a crash cut short is read as far as it goes: what stands behind the last whole message is left out, and so
+are runs without their end.
+"""
+
+import re
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from struct import Struct
+from typing import BinaryIO, NamedTuple, TypeVar
+
+import pyarrow as pa
+from pydantic import BaseModel, ValidationError
+from rerun.chunk import Chunk, RrdReader
+
+from sim.errors import RecordingError, line_from_validation_error
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo, Step
+
+from . import paths
+from .log_record import END, INFO, LINE, START
+
+_Line = TypeVar("_Line", bound=BaseModel)
+_HEAD = b"RRF2"
+_HEAD_BYTES = 12
+_MESSAGE = Struct("<QQ")
+"""Kind and length of what follows, before each message of an .rrd file (Rerun 0.41)."""
+_LAST_KIND = 0
+"""Of the message that ends a recording; behind it stands only where it begins."""
+_ENTITY = re.compile(rf"({paths.RUNS}/(?:\\.|[^/\\])+)/{paths.RECORD}(?:/(?:{LINE}|{END}))?")
+_ADVICE = "Write the recording again from its run folders."
+
+
+class Recorded(NamedTuple):
+    """What a recording holds."""
+
+    runs: list[Run]
+    """Whole runs and answers, grouped by `run.json` as in run folders, in the recording's order."""
+    incomplete: tuple[str, ...]
+    """Entities of the runs that have no end, which are left out: their program was stopped."""
+    is_whole: bool
+    """Whether the file ends as Rerun ends it; where not, it may have lost whole runs too."""
+
+
+def read_rrd(path: Path) -> list[Run]:
+    """The whole runs and answers of a recording that `replay`, an observer or a study wrote.
+
+    Runs of one `run.json` become one `Run`; those that were cut off are left out (`read_recorded` names them).
+
+    Raises:
+        RecordingError: The file is no .rrd, holds none of our runs, or is damaged.
+    """
+    return read_recorded(path).runs
+
+
+def read_recorded(path: Path) -> Recorded:
+    """As `read_rrd`, with the names of runs that were cut off.
+
+    Raises:
+        RecordingError: The file is no .rrd, holds none of our runs, or is damaged.
+    """
+    with _readable(path) as (readable, is_whole):
+        records = _records(readable)
+    if not records and is_whole:
+        raise RecordingError(
+            f"{path}: found no run; expected a recording made by personal-viz (replay, run --rerun, study serve "
+            "--rerun). Other programs' recordings hold no run files."
+        )
+    infos: dict[str, RunInfo] = {}
+    found: dict[str, list[EpisodeRun | Answer]] = {}
+    incomplete: list[str] = []
+    for entity, record in records.items():
+        where = f"{path}: {entity}/{paths.RECORD}"
+        text = record.texts.get(INFO, "")
+        if text and text not in infos:
+            infos[text] = _parsed(RunInfo, text, where)
+        item = record.item(where) if is_whole or text else None
+        if item is None:
+            incomplete.append(entity)
+            continue
+        found.setdefault(text, []).append(item)
+    runs = [
+        Run(
+            info=infos[text],
+            episodes=tuple(item for item in items if isinstance(item, EpisodeRun)),
+            answers=tuple(item for item in items if isinstance(item, Answer)),
+        )
+        for text, items in found.items()
+    ]
+    return Recorded(runs, tuple(incomplete), is_whole)
+
+
+@dataclass(slots=True)
+class _Record:
+    """The JSON texts of one run or answer as they are gathered."""
+
+    texts: dict[str, str] = field(default_factory=dict)
+    """By component name; `line` only of an answer."""
+    steps: list[tuple[int, str]] = field(default_factory=list)
+    """(number from 1, line)."""
+
+    def add(self, chunk: Chunk) -> None:
+        """Takes in the texts of one chunk of a record's entity."""
+        batch = chunk.to_record_batch()
+        for name in {INFO, START, LINE, END} & set(batch.schema.names):
+            texts = [row[0] for row in batch.column(name).to_pylist() if row]
+            if chunk.is_static:
+                self.texts[name] = texts[-1]
+            else:
+                self.steps += zip(batch.column(paths.STEP).cast(pa.int64()).to_pylist(), texts, strict=True)
+
+    def item(self, where: str) -> EpisodeRun | Answer | None:
+        """The run or answer; None when its end is missing."""
+        if INFO not in self.texts or not {START, LINE} & set(self.texts):
+            raise RecordingError(f"{where}: found {sorted(self.texts)}; expected {INFO} and {START}. {_ADVICE}")
+        if LINE in self.texts:
+            return _parsed(Answer, self.texts[LINE], where)
+        if END not in self.texts:
+            return None
+        numbers = [number for number, _ in sorted(self.steps)]
+        if numbers != list(range(1, len(numbers) + 1)):
+            raise RecordingError(f"{where}: found steps {numbers}; expected 1, 2, 3, ... {_ADVICE}")
+        steps = tuple(_parsed(Step, text, where) for _, text in sorted(self.steps))
+        start, end = _parsed(EpisodeStart, self.texts[START], where), _parsed(EpisodeEnd, self.texts[END], where)
+        try:
+            return EpisodeRun(start=start, steps=steps, end=end)
+        except ValidationError as error:
+            raise RecordingError(line_from_validation_error(where, error, advice=_ADVICE)) from None
+
+
+def _parsed(model: type[_Line], text: str, where: str) -> _Line:
+    try:
+        return model.model_validate_json(text, strict=True)
+    except ValidationError as error:
+        raise RecordingError(line_from_validation_error(where, error, advice=_ADVICE)) from None
+
+
+def _records(path: Path) -> dict[str, _Record]:
+    """Entity of each run, `/runs/<label>`, to its texts, in the order of the file."""
+    records: dict[str, _Record] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Rerun warns of every file that a crash cut short
+        reader = RrdReader(str(path))
+        for number, store in enumerate(reader.recordings()):
+            for chunk in reader.stream(store=store):
+                match = _ENTITY.fullmatch(chunk.entity_path)
+                if match:
+                    name = match[1] if number == 0 else f"{match[1]} of recording {number + 1}"
+                    records.setdefault(name, _Record()).add(chunk)
+    return records
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[tuple[Path, bool]]:
+    """(a file that Rerun reads, whether the recording is whole): itself, or a copy up to its last whole message.
+
+    Rerun's reader gives nothing of a file that ends within a message, as files of killed programs do.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+            end, is_whole = _end_of_messages(file, path.stat().st_size)
+            file.seek(0)
+            kept = b"" if is_whole else file.read(end)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error}); expected a recording. Check the path.") from None
+    if not head.startswith(_HEAD) or len(head) < _HEAD_BYTES:
+        raise RecordingError(
+            f"{path}: found bytes {head[:4]!r} at its start; expected an .rrd file. Give a file that ends in .rrd."
+        )
+    if is_whole:
+        yield path, True
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "cut.rrd"
+        copy.write_bytes(kept)
+        yield copy, False
+
+
+def _end_of_messages(file: BinaryIO, size: int) -> tuple[int, bool]:
+    """(Where the last whole message ends, whether it is the one that ends a recording), from behind the head."""
+    end, kind = _HEAD_BYTES, -1
+    while kind != _LAST_KIND and len(message := file.read(_MESSAGE.size)) == _MESSAGE.size:
+        kind_read, length = _MESSAGE.unpack(message)
+        if end + _MESSAGE.size + length > size:
+            break
+        end, kind = end + _MESSAGE.size + length, kind_read
+        file.seek(end)
+    return end, kind == _LAST_KIND

@@ -1,0 +1,127 @@
+"""Which runs of an episode a recording shows, under which names and colours, and which two it shows largest."""
+
+import math
+from collections.abc import Sequence
+
+from sim.errors import RecordingError
+from sim.scenes.scene import Scene
+from sim.tasks.run_files import Answer, EpisodeRun, Run
+from sim.types import EpisodeKey
+
+from .log_run import Rgb, Trace
+
+RUN_COLORS: tuple[Rgb, ...] = (
+    (86, 180, 233),
+    (230, 159, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (240, 228, 66),
+    (213, 94, 0),
+    (0, 114, 178),
+    (150, 90, 220),
+)
+"""Okabe and Ito's palette, which colour-blind people can tell apart, and a violet; more runs begin it again."""
+
+
+def select_traces(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
+    """Every run and answer of one episode with a label, a title and a colour of its own.
+
+    Raises:
+        RecordingError: There is none.
+    """
+    found = [(run.info, item) for run in runs for item in (*run.episodes, *run.answers) if item.key == key]
+    if not found:
+        names = ", ".join(run.info.run_id for run in runs) or "no run"
+        raise RecordingError(
+            f"{names}: found no run of episode {key}; expected at least one. Choose another --episode."
+        )
+    labels = _distinct([_with_code(info.run_id, item) for info, item in found])
+    titles = _distinct([_with_code(info.who, item) for info, item in found])
+    return [
+        Trace(label, title, RUN_COLORS[index % len(RUN_COLORS)], info, item)
+        for index, (label, title, (info, item)) in enumerate(zip(labels, titles, found, strict=True))
+    ]
+
+
+def common_episode(runs: Sequence[Run]) -> EpisodeKey:
+    """The only episode that all runs hold.
+
+    Raises:
+        RecordingError: They have none in common, or several.
+    """
+    held = [{item.key for item in (*run.episodes, *run.answers)} for run in runs]
+    common = sorted(set.intersection(*held)) if held else []
+    if len(common) == 1:
+        return common[0]
+    names = ", ".join(run.info.run_id for run in runs) or "no run"
+    if common:
+        some = ", ".join(str(key) for key in common[:5])
+        found, more = f"{len(common)} episodes that all hold", f": {some}{', ...' if len(common) > 5 else ''}"
+    else:
+        some = ", ".join(f"{run.info.run_id} has {len(keys)}" for run, keys in zip(runs, held, strict=True))
+        found, more = "no episode that all hold", f" ({some})"
+    raise RecordingError(f"{names}: found {found}{more}; expected one. Choose it with --episode SPLIT/SCENE/ID.")
+
+
+def best_two(traces: Sequence[Trace]) -> tuple[Trace, ...]:
+    """The PAN runs whose cameras are shown: the best person, then the best agent; else the two best there are.
+
+    Better is success before none, then larger SPL, then a smaller distance to the goal, then fewer steps (rule
+    `paper`); runs without measures come last, the first given wins a tie.
+    """
+    walks = sorted((trace for trace in traces if isinstance(trace.run, EpisodeRun)), key=_badness)
+    people = [trace for trace in walks if trace.info.who_kind == "human"]
+    agents = [trace for trace in walks if trace.info.who_kind == "agent"]
+    return (people[0], agents[0]) if people and agents else tuple(walks[:2])
+
+
+def require_same_home(traces: Sequence[Trace], scene: Scene) -> None:
+    """Refuses runs of other kinds of homes or of other versions of the home: they would walk through its walls.
+
+    Answers on oracle maps belong to any home, and answers name no version.
+
+    Raises:
+        RecordingError: There is such a run.
+    """
+    for trace in traces:
+        kind = trace.info.scene_kind
+        if kind not in (scene.kind, "oracle-map"):
+            raise RecordingError(
+                f"{trace.info.run_id}: was made on a home of kind {kind!r}, {scene.name} is opened as {scene.kind!r}; "
+                "expected one kind in a recording. Leave the run out, or give (leave out) --scenes-dir."
+            )
+        measures = trace.run.end.measures if isinstance(trace.run, EpisodeRun) else None
+        if measures is not None and measures.scene_digest != scene.digest:
+            raise RecordingError(
+                f"{trace.info.run_id}: was made on {scene.name} with scene_digest {measures.scene_digest[:12]!r}, the "
+                f"home opened now has {scene.digest[:12]!r}; expected the same version of the home. Give the "
+                "--dataset or --scenes-dir of the run, or leave the run out."
+            )
+
+
+def _badness(trace: Trace) -> tuple[bool, bool, float, float, int]:
+    assert isinstance(trace.run, EpisodeRun)
+    measures = trace.run.end.measures
+    paper = measures.rules["paper"] if measures else None
+    if paper is None:
+        return True, True, 0.0, math.inf, len(trace.run.steps)
+    distance = math.inf if paper.dtg is None else paper.dtg
+    return False, not paper.success, -paper.spl, distance, len(trace.run.steps)
+
+
+def _with_code(name: str, item: EpisodeRun | Answer) -> str:
+    """The name with the participant's public code, where there is one."""
+    participant = item.start.participant if isinstance(item, EpisodeRun) else item.participant
+    return f"{name}-{participant}" if participant else name
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """The names, those that came before with -2, -3, ... after them."""
+    taken: list[str] = []
+    for name in names:
+        number, candidate = 1, name
+        while candidate in taken:
+            number += 1
+            candidate = f"{name}-{number}"
+        taken.append(candidate)
+    return taken
