@@ -1,18 +1,14 @@
 """Take a picture of a recording as Rerun's web viewer shows it, without a display: for the README, for developers."""
 
-import contextlib
 import io
-import socket
-import subprocess
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rerun_cli
 from PIL import Image
 
+from recordings.web_viewer import serve_file
 from sim.errors import RecordingError
 
 from .browser import open_chromium
@@ -42,9 +38,10 @@ def screenshot_rrd(
     """
     if not rrd.is_file():
         raise RecordingError(f"{rrd}: found no file; expected a recording. Write one with personal-viz replay.")
-    with _web_viewer(rrd, timeout) as url, open_chromium(width=size[0], height=size[1]) as browser:
+    with serve_file(rrd) as site, open_chromium(width=size[0], height=size[1]) as browser:
         page = browser.new_page()
-        page.goto(url)
+        page.set_default_timeout(timeout * 1000)
+        page.goto(f"{site.of_file(rrd.name)}&renderer=webgl")
         picture = _picture_at_rest(page, timeout)
         if at_end and picture is not None:
             page.keyboard.press("Control+Shift+ArrowRight")  # the viewer's key for the end of the timeline
@@ -56,26 +53,6 @@ def screenshot_rrd(
         )
     png.write_bytes(picture)
     return png
-
-
-@contextlib.contextmanager
-def _web_viewer(rrd: Path, timeout: float) -> Iterator[str]:
-    """Address of a web viewer that shows the file, on loopback; the viewer ends with the block.
-
-    The program is started directly: `rerun` on the path is a wrapper, and stopping it leaves the program running.
-    """
-    web, data = _free_port(), _free_port()
-    program = Path(rerun_cli.__file__).with_name("rerun")
-    ports = ["--bind", "127.0.0.1", "--web-viewer-port", str(web), "--port", str(data)]
-    command = [str(program), "--serve-web", *ports, str(rrd)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        _wait_for_port(web, process, timeout)
-        source = f"rerun%2Bhttp://127.0.0.1:{data}/proxy"
-        yield f"http://127.0.0.1:{web}/?url={source}&renderer=webgl&hide_welcome_screen=1"
-    finally:
-        process.terminate()
-        process.wait()
 
 
 def _picture_at_rest(page: Any, timeout: float, *, other_than: bytes | None = None) -> bytes | None:
@@ -98,22 +75,3 @@ def _shows_something(png: bytes) -> bool:
     """Whether a picture has more colours than a loading page (a spinner and a line of text)."""
     rgb = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
     return len(np.unique(rgb[::4, ::4].reshape(-1, 3), axis=0)) > 100
-
-
-def _wait_for_port(port: int, process: subprocess.Popen[bytes], timeout: float) -> None:
-    until = time.monotonic() + timeout
-    while time.monotonic() < until and process.poll() is None:
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=_POLL):
-            return
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(0.1)
-    raise RecordingError(
-        f"rerun --serve-web: found no server on port {port} (exit code {process.poll()}); expected the web viewer. "
-        "Try again; another program may have taken the port."
-    )
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]

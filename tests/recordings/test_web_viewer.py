@@ -1,0 +1,231 @@
+"""Rerun's web viewer as we serve it: on loopback, one folder or file, no contact with anything else."""
+
+import http.client
+import io
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+from PIL import Image
+
+from personal_viz.browser import find_chromium, open_chromium
+from recordings import web_viewer
+from recordings.rerun_process import running_rerun
+from recordings.stream import open_recording
+from recordings.web_viewer import WebViewer, live_url, serve_file, serve_folder, serve_live, viewer_file, viewer_policy
+from sim.errors import RecordingError
+
+from .conftest import KEY
+
+GREEN = (0, 200, 80)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page, a recording of a green picture, and files that nobody may read."""
+    tmp_path = tmp_path_factory.mktemp("web")
+    folder = tmp_path / "site"
+    (folder / "below").mkdir(parents=True)
+    (folder / "index.html").write_text("<h1>Episodes</h1>")
+    (folder / "below" / "a page.html").write_text("<p>below</p>")
+    (folder / ".hidden.html").write_text("hidden")
+    (folder / "run.sqlite").write_text("not for browsers")
+    (tmp_path / "outside.html").write_text("outside")
+    (folder / "link.html").symlink_to(tmp_path / "outside.html")
+    with open_recording(folder / "green picture.rrd", KEY) as stream:
+        log_green(stream)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def site(folder: Path) -> Iterator[WebViewer]:
+    """The folder, served."""
+    with serve_folder(folder) as site:
+        yield site
+
+
+def log_green(stream: rr.RecordingStream) -> None:
+    """One green picture that fills the window."""
+    stream.log("picture", rr.Image(np.full((40, 60, 3), GREEN, np.uint8)), static=True)
+    view = rrb.Spatial2DView(origin="/picture")
+    stream.send_blueprint(rrb.Blueprint(view, auto_views=False, collapse_panels=True))
+
+
+def ask(
+    site: WebViewer, path: str, *, method: str = "GET", host: str | None = None, **more: str
+) -> tuple[int, bytes, dict[str, str]]:
+    """Status, content and headers (names in small letters); the path is sent as it is, and `more` headers."""
+    address = site.address.removeprefix("http://")
+    connection = http.client.HTTPConnection(address, timeout=60)
+    headers = {name.replace("_", "-"): value for name, value in more.items()}
+    connection.request(method, path, headers={"Host": host or address} | headers)
+    reply = connection.getresponse()
+    content = reply.read()
+    connection.close()
+    return reply.status, content, {name.lower(): value for name, value in reply.getheaders()}
+
+
+def test_a_folder_is_served_with_its_page_first_and_the_viewer_beside_it(site: WebViewer, folder: Path) -> None:
+    assert ask(site, "/")[:2] == (200, b"<h1>Episodes</h1>")
+    assert ask(site, "/below/a%20page.html")[:2] == (200, b"<p>below</p>")
+    status, content, headers = ask(site, "/green%20picture.rrd")
+    assert (status, content) == (200, (folder / "green picture.rrd").read_bytes())
+    assert headers["content-type"] == "application/octet-stream"
+    status, content, headers = ask(site, "/viewer/")
+    assert status == 200
+    assert b"re_viewer.js" in content
+    assert headers["content-type"].startswith("text/html")
+    assert ask(site, "/viewer/re_viewer_bg.wasm", method="HEAD")[2]["content-type"] == "application/wasm"
+
+
+def test_head_gives_the_length_and_no_content(site: WebViewer) -> None:
+    status, content, headers = ask(site, "/index.html", method="HEAD")
+    assert (status, content, headers["content-length"]) == (200, b"", "17")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../outside.html",
+        "/%2e%2e/outside.html",
+        "/below/..%2f..%2foutside.html",
+        "/..%5coutside.html",
+        "//etc/passwd",
+        "/link.html",
+        "/.hidden.html",
+        "/run.sqlite",
+        "/below",
+        "/below/",
+        "/none.html",
+        "/a%00.html",
+        "/" + "a" * 5000 + ".html",
+        "/viewer/../index.html",
+        "/viewer/sw.js",
+    ],
+)
+def test_nothing_else_is_served(site: WebViewer, path: str) -> None:
+    assert ask(site, path)[:2] == (404, b"")
+
+
+def test_one_file_is_served_without_its_neighbours(folder: Path) -> None:
+    with serve_file(folder / "green picture.rrd") as site:
+        assert ask(site, "/green%20picture.rrd")[0] == 200
+        assert ask(site, "/index.html")[0] == 404
+        status, _, headers = ask(site, "/")
+        assert (status, headers["location"]) == (302, site.of_file("green picture.rrd"))
+        assert "green%20picture.rrd&hide_welcome_screen=1" in headers["location"]
+
+
+def test_a_link_to_a_recording_opens_the_viewer_with_it(site: WebViewer) -> None:
+    status, _, headers = ask(site, "/green%20picture.rrd", Sec_Fetch_Dest="document")
+    assert (status, headers["location"]) == (302, site.of_file("green picture.rrd"))
+    assert ask(site, "/green%20picture.rrd", Sec_Fetch_Dest="empty")[0] == 200
+    assert ask(site, "/none.rrd", Sec_Fetch_Dest="document")[0] == 404
+
+
+def test_names_of_other_machines_that_lead_here_are_refused(site: WebViewer) -> None:
+    assert ask(site, "/", host="evil.test")[:2] == (403, b"")
+    assert ask(site, "/viewer/", host="evil.test:80")[:2] == (403, b"")
+
+
+def test_other_methods_are_refused(site: WebViewer) -> None:
+    assert ask(site, "/index.html", method="POST")[0] == 501
+
+
+def test_the_viewer_may_contact_us_and_one_stream_only(site: WebViewer) -> None:
+    policy = ask(site, "/viewer/")[2]["content-security-policy"]
+    assert policy == viewer_policy()
+    assert "connect-src 'self';" in policy
+    assert "default-src 'none'" in policy
+    assert "'unsafe-inline'" not in policy.split("script-src")[1].split(";")[0]
+    assert "connect-src 'self' http://127.0.0.1:9876;" in viewer_policy(9876)
+    assert "connect-src 'self';" in ask(site, "/")[2]["content-security-policy"]
+
+
+def test_the_viewers_page_names_no_other_machine_to_load_from() -> None:
+    page = viewer_file("index.html")
+    assert b"googleapis" not in page
+    assert b"preconnect" not in page
+    assert b'<script src="re_viewer.js">' in page
+
+
+def test_the_viewers_files_are_taken_from_rerun_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    content = viewer_file("re_viewer.js")
+
+    def never(*arguments: str, **options: object) -> None:
+        raise AssertionError("rerun was started again")
+
+    monkeypatch.setattr(web_viewer, "running_rerun", never)
+    viewer_file.cache_clear()
+    web_viewer._taken_files.cache_clear()
+    assert viewer_file("re_viewer.js") == content
+
+
+def test_a_port_that_is_taken_is_named(site: WebViewer, folder: Path) -> None:
+    port = int(site.address.rsplit(":", 1)[1])
+    with pytest.raises(RecordingError, match=rf"port {port}: cannot be used"), serve_folder(folder, port=port):
+        pass
+
+
+def watched_picture(address: str, wanted: tuple[int, int, int]) -> tuple[set[str], set[str]]:
+    """Shows an address in Chromium until a third of it has the colour.
+
+    Returns:
+        (hosts of all requests that left the page, hosts that the page tried and its policy refused)
+    """
+    if find_chromium() is None:
+        if os.environ.get("CI") == "true":
+            pytest.fail("found no Chromium; CI must run the browser tests")
+        pytest.skip("found no Chromium or Chrome; install one to run the browser tests")
+    asked: set[str] = set()
+    refused: set[str] = set()
+    with open_chromium(width=800, height=500) as browser:
+        page = browser.new_page()
+        page.set_default_timeout(120_000)
+        page.on("request", lambda request: asked.add(request.url.split("/")[2]))
+        page.add_init_script(
+            "window.refused = []; addEventListener('securitypolicyviolation', e => refused.push(e.blockedURI))"
+        )
+        page.goto(address)
+        for _ in range(240):
+            page.wait_for_timeout(500)
+            pixels = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
+            if (np.abs(pixels - wanted).max(axis=-1) <= 6).mean() > 1 / 3:
+                refused |= {uri.split("/")[2] for uri in page.evaluate("window.refused") if "//" in uri}
+                return asked, refused
+    raise AssertionError(f"{address} never showed the picture")
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_the_viewer_draws_a_recording_and_reaches_nothing_but_us(site: WebViewer) -> None:
+    asked, refused = watched_picture(f"{site.address}/green%20picture.rrd", GREEN)  # as a link leads there
+    assert asked == {site.address.removeprefix("http://")}
+    assert "tel.rerun.io" in refused, "the viewer no longer tries; the policy could be simpler"
+
+
+def cpu_s(pid: int) -> float:
+    """Seconds of processor time that a process has used (Linux)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_a_live_stream_is_drawn_and_its_server_rests(folder: Path) -> None:
+    with running_rerun("--serve-grpc") as server, serve_live(server.port) as site:
+        stream = rr.RecordingStream("personal-viz", recording_id="live")
+        stream.connect_grpc(live_url(server.port))
+        log_green(stream)
+        stream.flush()
+        stream.disconnect()
+        before_s = cpu_s(server.process.pid)
+        asked, refused = watched_picture(site.address, GREEN)
+        # a server that spins uses all the time that the page takes to load, which is never less than 3 s
+        assert cpu_s(server.process.pid) - before_s < 1.5
+        assert asked == {site.address.removeprefix("http://"), f"127.0.0.1:{server.port}"}
+        assert "tel.rerun.io" in refused
