@@ -22,6 +22,7 @@ check: $(VENV)/.dev
 
 bench: $(VENV)/.test
 	$(BIN)/personal-viz bench sim
+	$(BIN)/personal-viz bench recordings
 	$(BIN)/python -m pytest -m bench
 
 screenshots: $(VENV)/.test

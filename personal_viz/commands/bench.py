@@ -1,7 +1,8 @@
-"""Verb `bench`: measures the simulator's speed and writes the figures, a table and a picture."""
+"""Verb `bench`: measures speed and sizes, writes the figures as JSON and tables, the simulator's as a picture too."""
 
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -17,7 +18,9 @@ from ..bench.simulator import FULL, QUICK, run_benchmark
 from .runs import MIN_TABLE_WIDTH
 
 NAMES = ("bench-sim.json", "bench-sim.md", "bench-sim.png")
-"""What a run writes into its folder."""
+"""What a run of the simulator's benchmark writes into its folder."""
+RECORDING_NAMES = ("bench-recordings.json", "bench-recordings.md")
+"""The same of the recordings' benchmark."""
 
 
 def bench_sim(*, out: Path, quick: bool, json: bool) -> int:
@@ -40,8 +43,30 @@ def bench_sim(*, out: Path, quick: bool, json: bool) -> int:
 
 
 def bench_recordings(*, out: Path, quick: bool, json: bool) -> int:
-    """Measures recordings."""
-    raise PersonalVizError("bench recordings: is being written")
+    """Measures recordings, writes RECORDING_NAMES into `out` and prints the figures; progress goes to stderr.
+
+    Raises:
+        PersonalVizError: `out` cannot be written; found out before anything is measured.
+    """
+    from ..bench.recordings import FULL, QUICK, figure_rows, markdown, measure_recordings
+
+    _require_folder(out)
+    figures = measure_recordings(
+        QUICK if quick else FULL, progress=lambda line: print(line, file=sys.stderr, flush=True)
+    )
+    document = figures.model_dump_json(indent=2)
+    data, table = (out / name for name in RECORDING_NAMES)
+    try:
+        write_whole(data, document + "\n")
+        write_whole(table, markdown(figures))
+    except OSError as error:
+        raise _unwritable(out, error) from None
+    if json:
+        print(document)
+        return 0
+    _print_table("Recordings", figure_rows(figures))
+    print(f"Written to {data}, {table}")
+    return 0
 
 
 def _require_folder(out: Path) -> None:
@@ -71,16 +96,21 @@ def _unwritable(out: Path, error: OSError) -> PersonalVizError:
 
 
 def _print_tables(report: SimReport) -> None:
-    console = Console(file=sys.stdout, width=max(MIN_TABLE_WIDTH, Console().width))
-    for title, (heads, *rows) in (("Targets", target_rows(report)), ("Figures", figure_rows(report))):
-        table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-        for k, head in enumerate(heads):
-            table.add_column(head.replace(" cluttered", "\ncluttered"), justify="right" if k else "left", no_wrap=True)
-        for row in rows:
-            table.add_row(row[0].strip("*"), *row[1:])
-        console.print(table)
+    for title, rows in (("Targets", target_rows(report)), ("Figures", figure_rows(report))):
+        _print_table(title, rows)
     for line in machine_lines(report.machine):
         print(line)
     if report.left_out:
         print(f"Left out of this quick run: {', '.join(report.left_out)}")
     print(f"{report.seconds:.0f} s")
+
+
+def _print_table(title: str, rows: Sequence[Sequence[str]]) -> None:
+    """The first row holds the heads."""
+    heads, *lines = rows
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+    for k, head in enumerate(heads):
+        table.add_column(head.replace(" cluttered", "\ncluttered"), justify="right" if k else "left", no_wrap=True)
+    for row in lines:
+        table.add_row(row[0].strip("*"), *row[1:])
+    Console(file=sys.stdout, width=max(MIN_TABLE_WIDTH, Console().width)).print(table)

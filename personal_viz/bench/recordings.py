@@ -1,0 +1,190 @@
+"""What recordings cost: an episode logged live beside a loop that only encodes its pictures, and a big comparison."""
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from recordings.live import LiveSink
+from recordings.log_run import jpeg_bytes
+from recordings.observer import RerunObserver
+from recordings.replay import log_comparison
+from sim.scenes.labels import renderer_of
+from sim.scenes.scene import Scene
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import Run
+from sim.types import Observation
+from sim.world.renderer import Renderer
+
+from .measure import Timing, interleaved
+from .walkers import RecordedHome, recorded_home, walked
+
+LIMITS = {"cost_over_encoding": 1.3, "mb_with_pixels": 35.0, "mb_without": 2.0, "compare_build_s": 10.0}
+"""Most that the figures may be."""
+
+
+class RecordingSettings(BaseModel):
+    """How much is recorded."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    agent_steps: int = 500
+    person_steps: int = 80
+    num_people: int = 5
+    num_agents: int = 3
+    repeats: int = 5
+
+
+FULL = RecordingSettings()
+QUICK = RecordingSettings(num_people=2, num_agents=1, repeats=2)
+
+
+class RecordingFigures(BaseModel):
+    """What `bench recordings --json` prints."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    settings: RecordingSettings
+    steps_per_s: float
+    """Steps of an episode per elapsed second of the live observer writing a file: picture, map, texts, distances."""
+    encode_only_steps_per_s: float
+    """The same for a loop that encodes the same JPEGs and does nothing else."""
+    cost_over_encoding: float
+    """Elapsed seconds of the first over the second; medians."""
+    cpu_cost_over_encoding: float
+    """The same in CPU seconds of all threads."""
+    mb_with_pixels: float
+    """Size of the episode's file as of a scan with pictures: geometry, pictures, map; 10^6 bytes."""
+    mb_without: float
+    """Size of the episode's file as of a scan without `--with-pixels`: poses and figures."""
+    compare_build_s: float
+    """Elapsed seconds to write one recording of all people and agents; pictures are rendered again from the poses."""
+    compare_mb: float
+    compare_pictures: int
+    """Poses in it, each with its picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """One walker's run and what it saw."""
+
+    run: Run
+    observations: tuple[Observation, ...]
+    """At the start and after each step."""
+
+
+def measure_recordings(settings: RecordingSettings, *, progress: Callable[[str], None]) -> RecordingFigures:
+    """Measures everything on one invented home.
+
+    Args:
+        settings: How much is recorded.
+        progress: Told what is done now.
+    """
+    progress("inventing a home")
+    home = recorded_home()
+    renderer = renderer_of(home.scene)
+    progress(f"an episode of {settings.agent_steps} steps")
+    played = _play(home, renderer, num_steps=settings.agent_steps)
+    runs = _compared_runs(home, settings)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        progress("logging it live")
+        timings = _live_timings(home, played, folder / "live.rrd", repeats=settings.repeats)
+        with_pixels, without = (
+            _scan_size(home, played, folder / "scan.rrd", with_pixels=flag) for flag in (True, False)
+        )
+        progress(f"{settings.num_people} people and {settings.num_agents} agents in one recording")
+        build_s = _build_s(home, runs, renderer, folder / "compare.rrd")
+        compared = (folder / "compare.rrd").stat().st_size
+    log, encode = timings["log"], timings["encode"]
+    return RecordingFigures(
+        settings=settings,
+        steps_per_s=settings.agent_steps / log.wall_s,
+        encode_only_steps_per_s=settings.agent_steps / encode.wall_s,
+        cost_over_encoding=log.wall_s / encode.wall_s,
+        cpu_cost_over_encoding=log.core_s / encode.core_s,
+        mb_with_pixels=with_pixels / 1e6,
+        mb_without=without / 1e6,
+        compare_build_s=build_s,
+        compare_mb=compared / 1e6,
+        compare_pictures=sum(len(run.episodes[0].poses) for run in runs),
+    )
+
+
+def figure_rows(figures: RecordingFigures) -> list[tuple[str, ...]]:
+    """Heads, then each figure with its target, where it has one."""
+    found = [(name, value) for name, value in figures if isinstance(value, float)]
+    rows = []
+    for name, value in found:
+        limit = LIMITS.get(name)
+        verdict = "" if limit is None else "yes" if value <= limit else "no"
+        rows.append((name, f"{value:.2f}", "" if limit is None else f"<= {limit:g}", verdict))
+    return [("figure", "found", "target", "met"), *rows]
+
+
+def markdown(figures: RecordingFigures) -> str:
+    """The table, and what was measured."""
+    heads, *rows = ("| " + " | ".join(row) + " |" for row in figure_rows(figures))
+    used = figures.settings
+    text = (
+        f"One episode of {used.agent_steps} steps in an invented home, logged by the observer of `run --rerun` into a "
+        f"file, beside a loop that encodes the same JPEGs: medians of {used.repeats} episodes each, in turn. Then "
+        f"{used.num_people} walkers of {used.person_steps} steps and {used.num_agents} of {used.agent_steps} in one "
+        f"recording: {figures.compare_pictures} poses, each with its picture, rendered again."
+    )
+    return "\n".join(["# Recordings", "", text, "", heads, "|---|---|---|---|", *rows, ""])
+
+
+def _play(home: RecordedHome, renderer: Renderer, *, num_steps: int) -> Played:
+    """An agent's run and all its observations."""
+    run = walked(home, "agent", who_kind="agent", num_steps=num_steps, seed=0)
+    env = PanEnv(home.episode.start, home.scene.navigation, renderer=renderer, max_steps=num_steps)
+    actions = [step.action for step in run.episodes[0].steps]
+    return Played(run, (env.reset(), *(env.step(action) for action in actions)))
+
+
+def _live_timings(home: RecordedHome, played: Played, out: Path, *, repeats: int) -> dict[str, Timing]:
+    """Medians over whole episodes, with one of each before that is not counted."""
+    pictures = [observation.rgb for observation in played.observations if observation.rgb is not None]
+    work = {
+        "encode": lambda _: [jpeg_bytes(rgb) for rgb in pictures],
+        "log": lambda _: _log_live(home, home.scene, played, out, with_pixels=False),
+    }
+    return interleaved(work, calls=repeats, warm_ups=1)
+
+
+def _log_live(home: RecordedHome, scene: Scene, played: Played, out: Path, *, with_pixels: bool) -> None:
+    """The whole episode through the observer that `run --rerun` uses, into a file."""
+    info = played.run.info.model_copy(update={"scene_kind": scene.kind})
+    observer = RerunObserver(scene, LiveSink("file", str(out)), info, with_pixels=with_pixels)
+    (run,) = played.run.episodes
+    observer.on_reset(home.episode, played.observations[0])
+    for step, observation in zip(run.steps, played.observations[1:], strict=True):
+        observer.on_step(step, observation, None)
+    observer.on_end(run)
+
+
+def _scan_size(home: RecordedHome, played: Played, out: Path, *, with_pixels: bool) -> int:
+    """Bytes of the episode's file when the home is treated as a licensed scan."""
+    _log_live(home, replace(home.scene, kind="scan"), played, out, with_pixels=with_pixels)
+    return out.stat().st_size
+
+
+def _compared_runs(home: RecordedHome, settings: RecordingSettings) -> list[Run]:
+    people = [
+        walked(home, f"person-{k}", who_kind="human", num_steps=settings.person_steps, seed=k)
+        for k in range(settings.num_people)
+    ]
+    agents = [
+        walked(home, f"agent-{k}", who_kind="agent", num_steps=settings.agent_steps, seed=100 + k)
+        for k in range(settings.num_agents)
+    ]
+    return people + agents
+
+
+def _build_s(home: RecordedHome, runs: list[Run], renderer: Renderer, out: Path) -> float:
+    """Elapsed seconds; the first live episode has made the home's browser copies and compiled the renderer's code."""
+    before = time.perf_counter()
+    log_comparison(runs, episode=home.episode, scene=home.scene, out=out, renderer=renderer, with_pixels=False)
+    return time.perf_counter() - before
