@@ -1,0 +1,154 @@
+"""The panels of `personal-viz browse`: list left, episode right, a walk along a run in the corner. Widgets to messages.
+
+Nothing is computed here: each widget puts a message on the visitor's queue, and the visitor sets what is shown.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Literal, cast
+
+import viser
+
+from sim.types import SPLITS, Split
+
+from . import episode_texts, graph_svg
+from .catalogue import Wanted
+from .channel import open_channel
+from .messages import Filtered, Message, Said, Slid, Stepped
+
+LIST_WIDTH, EPISODE_WIDTH, WALK_WIDTH = 290, 470, 340
+"""Pixels of the three panels."""
+ALL = "all"
+_FOR_RESEARCHERS = (
+    '<div class="bw"><p class="warn"><b>For researchers: shows the goal.</b> Not for participants or agents.</p></div>'
+)
+_HIDE_VISER_CONTROLS = (
+    '<style>button:has(svg[class*="icon-adjustments"]),button:has(svg[class*="icon-list-search"])'
+    "{display:none !important} .mantine-Notification-root{display:none !important}</style>"
+)
+_KEYS: tuple[tuple[str, Literal["P", "N"], int], ...] = (("Previous episode", "P", -1), ("Next episode", "N", 1))
+
+
+Put = Callable[[Message], None]
+
+
+class Panels:
+    """The widgets of one browser."""
+
+    def __init__(self, client: viser.ClientHandle, put: Put, *, scenes: Sequence[str], has_runs: bool) -> None:
+        """Builds the panels.
+
+        Args:
+            client: The browser.
+            put: Takes messages; called on viser's event loop, it must not wait.
+            scenes: Choices of the filter.
+            has_runs: Whether any run was given.
+        """
+        self._client, self._put = client, put
+        gui = client.gui
+        gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False)
+        gui.set_panel_label("Episode")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(EPISODE_WIDTH)
+        self._build_episode()
+        episodes = gui.add_panel()
+        with episodes.add_tab("Episodes"):
+            self._build_list(scenes, has_runs)
+        episodes.dock_left()
+        episodes.set_width(LIST_WIDTH)
+        self._walk = gui.add_panel(visible=False)
+        with self._walk.add_tab("Along a run"):
+            self._build_walk()
+        self._walk.float(x=12, y=-12, width=WALK_WIDTH)
+        for label, key, by in _KEYS:
+            self._listen_to_key(label, key, by)
+
+    def show_list(self, content: str) -> None:
+        """HTML of `episode_texts.list_html`."""
+        self._list.content = content
+
+    def show_head(self, content: str) -> None:
+        """HTML of `episode_texts.head_html`."""
+        self._head.content = content
+
+    def show_home(self, content: str) -> None:
+        """HTML of `episode_texts.home_html` or a notice: what the home is, that it loads, or what is wrong."""
+        self._home.content = content
+
+    def show_story(self, content: str) -> None:
+        """HTML of `episode_texts.story_html`."""
+        self._story.content = content
+
+    def show_facts(self, content: str) -> None:
+        """HTML of `episode_texts.facts_html`."""
+        self._facts.content = content
+
+    def show_graph(self, content: str) -> None:
+        """HTML of `graph_svg.graph_html`."""
+        self._graph.content = content
+
+    def show_runs(self, content: str) -> None:
+        """HTML of `episode_texts.runs_html`."""
+        self._runs.content = content
+
+    def show_walk(self, steps: int | None) -> None:
+        """The slider along a run of so many steps, at its start; None hides the panel."""
+        self._walk.visible = steps is not None
+        if steps is not None:
+            with self._client.atomic():
+                self._slider.value = 0
+                self._slider.max = max(1, steps)
+
+    def show_picture(self, content: str) -> None:
+        """What the robot sees, as HTML."""
+        self._picture.content = content
+
+    def _build_list(self, scenes: Sequence[str], has_runs: bool) -> None:
+        gui = self._client.gui
+        split = gui.add_dropdown("Split", (ALL, *SPLITS))
+        scene = gui.add_dropdown("Scene", (ALL, *scenes))
+        words = gui.add_text("Search", "", hint="Words in the description, query, owner, object or episode key.")
+        only = gui.add_checkbox("With runs", False, hint="Only episodes of which a run or an answer is given.")
+        only.visible = has_runs
+        self._list = gui.add_html("")
+
+        async def changed(_: object) -> None:
+            wanted = Wanted(
+                split=None if split.value == ALL else cast(Split, split.value),
+                scene=None if scene.value == ALL else scene.value,
+                words=words.value,
+                with_runs=only.value,
+            )
+            self._put(Filtered(wanted))
+
+        for widget in (split, scene, words, only):
+            widget.on_update(changed)
+
+    def _build_episode(self) -> None:
+        gui = self._client.gui
+        gui.add_html(_HIDE_VISER_CONTROLS + episode_texts.STYLE + graph_svg.STYLE + _FOR_RESEARCHERS)
+        self._head = gui.add_html("")
+        self._home = gui.add_html("")
+        self._story = gui.add_html("")
+        self._graph = gui.add_html("")
+        self._facts = gui.add_html("")
+        self._runs = gui.add_html("")
+        open_channel(self._client, self._told)
+
+    def _build_walk(self) -> None:
+        gui = self._client.gui
+        self._picture = gui.add_html("")
+        self._slider = gui.add_slider("Step", 0, 1, 1, 0)
+
+        @self._slider.on_update
+        async def _(_: object) -> None:
+            self._put(Slid(int(self._slider.value)))
+
+    async def _told(self, words: str) -> None:
+        self._put(Said(words))
+
+    def _listen_to_key(self, label: str, key: Literal["P", "N"], by: int) -> None:
+        command = self._client.gui.add_command(label, hotkey=key)
+
+        @command.on_trigger
+        async def _(_: object) -> None:
+            self._put(Stepped(by))

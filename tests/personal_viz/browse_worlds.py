@@ -1,0 +1,82 @@
+"""Small made-up episodes for the tests of `personal_viz.browsing`: no file, no home."""
+
+from sim.episodes.schema import Episode, EpisodeRecord, Goal
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo, Step
+from sim.types import Action, EpisodeKey, Split
+
+CAPTIONS = {
+    "couch_1": "a red couch under the round window",
+    "couch_2": "a green couch beside the piano",
+    "lamp_3": "a tall brass lamp near the door",
+}
+
+
+def goal(name: str, *, y: float = 0.0) -> Goal:
+    """An object with one view point on a floor at height `y`."""
+    return Goal.model_validate(
+        {
+            "position": (float(name[-1]), y + 0.5, 2.0),
+            "object_id": int(name[-1]),
+            "object_name": name,
+            "object_category": name.partition("_")[0],
+            "floor_id": "0",
+            "view_points": [{"agent_state": {"position": (0.0, y, 2.0), "rotation": (0.0, 0.0, 0.0, 1.0)}, "iou": 0.5}],
+        }
+    )
+
+
+def episode(
+    episode_id: str,
+    target: str,
+    sentences: tuple[str, ...],
+    *,
+    owner: str = "Nell",
+    split: Split = "easy",
+    scene: str = "Hut",
+    summary: str = "Nell and Ivo share a hut.",
+) -> Episode:
+    """`owner` asks for `target`; its caption is that of CAPTIONS."""
+    record = EpisodeRecord.model_validate(
+        {
+            "episode_id": episode_id,
+            "scene_id": f"made/{scene}.basis.glb",
+            "scene_dataset_config": "",
+            "object_category": target.partition("_")[0],
+            "object_id": target,
+            "description": (CAPTIONS.get(target, "a thing"), "", ""),
+            "owner": owner,
+            "floor_id": "0",
+            "summary": summary,
+            "extracted_summary": sentences,
+            "query": (f"Find {owner}'s {target.partition('_')[0]}.",),
+            "start_position": (0.0, 0.0, 0.0),
+            "start_rotation": (0.0, 0.0, 0.0, 1.0),
+            "info": {"geodesic_distance": 3.0, "euclidean_distance": 2.0, "closest_goal_object_id": 1},
+        }
+    )
+    return Episode(EpisodeKey(split, scene, episode_id), record, (goal(target),))
+
+
+def run_of(key: EpisodeKey, run_id: str, *, participant: str | None = None, points: int = 0) -> Run:
+    """One step and STOP, or an answer of so many points."""
+    info = RunInfo(
+        run_id=run_id,
+        who="human" if participant else run_id,
+        who_kind="human" if participant else "agent",
+        scene_kind="invented",
+        dataset_digest="d",
+        created_utc="2026-01-01T00:00:00+00:00",
+    )
+    split, scene, episode_id = key
+    if points:
+        candidates = tuple((float(place), 0.5, 0.0) for place in range(points))
+        answer = Answer(split=split, scene=scene, episode_id=episode_id, candidates=candidates)
+        return Run(info=info, answers=(answer,))
+    start = EpisodeStart(
+        split=split, scene=scene, episode_id=episode_id, position=(0.0, 0.0, 0.0), yaw=0.0, participant=participant
+    )
+    steps = (
+        Step(action=Action.FORWARD, position=(0.0, 0.0, -0.25), yaw=0.0),
+        Step(action=Action.STOP, position=(0.0, 0.0, -0.25), yaw=0.0),
+    )
+    return Run(info=info, episodes=(EpisodeRun(start=start, steps=steps, end=EpisodeEnd(reason="stop")),))

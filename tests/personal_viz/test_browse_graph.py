@@ -1,0 +1,162 @@
+"""Which object of the home each node of an ownership graph is, and how the graph is drawn."""
+
+import re
+import threading
+
+import numpy as np
+import pytest
+
+from personal_viz.browsing.graph_svg import GraphDrawing, graph_svg, link_counts
+from personal_viz.browsing.homes import Homes
+from personal_viz.browsing.object_links import ObjectLink, SceneTexts, object_links
+from personal_viz.browsing.shapes import box_edges, path_segments, thinned
+from sim.episodes.ownership import OwnershipGraph, ownership_graph
+
+from .browse_worlds import CAPTIONS, episode, goal
+
+SENTENCES = (
+    "Nell owns a red couch under the round window in the hall",
+    "Ivo owns a green couch in the music room",
+    "Ivo owns a tall brass lamp near the door in the hall",
+    "Ivo owns a shoe in the hall",
+    "Mo owns a red couch under the round window in the hall",
+)
+ASKED = episode("1", "couch_1", SENTENCES)
+OTHERS = (episode("2", "couch_2", SENTENCES, owner="Ivo"), episode("3", "lamp_3", SENTENCES, owner="Ivo"))
+
+
+def texts() -> SceneTexts:
+    return SceneTexts.from_episodes({name: goal(name) for name in CAPTIONS}, (ASKED, *OTHERS))
+
+
+def test_targets_are_linked_by_the_dataset_and_others_by_their_captions() -> None:
+    links = object_links(ASKED, ownership_graph(ASKED), texts())
+    assert [(link.goal, link.is_target) for link in links] == [
+        ("couch_1", True),
+        ("couch_2", False),
+        ("lamp_3", False),
+        (None, False),
+    ]
+
+
+def test_an_object_that_two_captions_fit_alike_is_not_linked() -> None:
+    same = SceneTexts(
+        {name: goal(name) for name in ("couch_1", "couch_2", "couch_4")},
+        {
+            "couch_1": ("a red couch under the round window",),
+            "couch_2": ("a green couch beside the piano",),
+            "couch_4": ("a green couch beside the piano",),
+        },
+    )
+    links = object_links(ASKED, ownership_graph(ASKED), same)
+    assert links[1] == ObjectLink(links[1].node, None)
+
+
+def test_two_nodes_never_share_an_object() -> None:
+    told = episode(
+        "1",
+        "lamp_3",
+        (
+            "Nell owns a tall brass lamp near the door in the hall",
+            "Ivo owns a red couch under the window in the hall",
+            "Ivo owns the red couch under the round window in the loft",
+        ),
+    )
+    links = object_links(told, ownership_graph(told), texts())
+    assert [link.goal for link in links] == ["lamp_3", None, None]
+
+
+def drawing() -> GraphDrawing:
+    graph = ownership_graph(ASKED)
+    return GraphDrawing(graph, object_links(ASKED, graph, texts()), "Nell")
+
+
+def test_the_drawing_has_a_node_per_person_and_object_and_an_edge_per_thing_owned() -> None:
+    svg = graph_svg(drawing())
+    assert re.findall(r'data-node="(\w+)"', svg) == ["p0", "p1", "p2", "o0", "o1", "o2", "o3"]
+    assert re.findall(r'data-ends="([^"]+)"', svg) == ["p0 o0", "p1 o1", "p1 o2", "p1 o3", "p2 o0"]
+    assert 'data-click="object 2"' in svg
+    assert 'data-click="object 3"' not in svg, "no place to go to"
+    assert svg.count("guess") == 1
+
+
+def test_a_marked_object_is_marked_with_its_edges_and_owners() -> None:
+    svg = graph_svg(drawing(), marked=0)
+    marked = re.findall(r'class="[^"]* on[^"]*" data-(?:node|ends)="([^"]+)"', svg)
+    assert marked == ["p0 o0", "p2 o0", "p0", "p2", "o0"]
+
+
+def test_the_line_below_counts_links_honestly() -> None:
+    line = link_counts(drawing().links)
+    assert line.startswith("4 objects: 1 asked for, 2 linked by the words of captions, 1 not linked")
+
+
+def test_names_in_the_drawing_are_escaped() -> None:
+    evil = episode("1", "couch_1", ("<b>Nell owns a <script>couch</script> in the hall",), owner="<b>Nell")
+    graph = ownership_graph(evil)
+    svg = graph_svg(GraphDrawing(graph, object_links(evil, graph, texts()), "<b>Nell"))
+    assert "<script" not in svg
+    assert "<b>" not in svg
+    assert "&lt;b&gt;Nell" in svg
+
+
+def test_an_episode_without_sentences_has_a_note_instead_of_a_drawing() -> None:
+    assert "no ownership sentence" in graph_svg(GraphDrawing(OwnershipGraph(()), (), "Nell"))
+
+
+def test_a_box_has_twelve_edges_along_the_axes() -> None:
+    edges = box_edges((1.0, 2.0, 3.0), (2.0, 4.0, 6.0))
+    assert edges.shape == (12, 2, 3)
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    assert sorted(lengths.tolist()) == [2.0] * 4 + [4.0] * 4 + [6.0] * 4
+    assert edges.reshape(-1, 3).mean(axis=0).tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_path_shows_only_moves_on_the_storey() -> None:
+    positions = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [2, 1.6, 0], [3, 3, 0], [4, 3, 0]], float)
+    ground = path_segments(positions, 0.0, lift=0.1)
+    upper = path_segments(positions, 3.0, lift=0.1)
+    assert ground[:, :, 0].tolist() == [[0, 1], [1, 2]]
+    assert np.allclose(ground[0, :, 1], 0.1)
+    assert upper[:, :, 0].tolist() == [[2, 3], [3, 4]]
+
+
+def test_a_dense_region_is_thinned_to_one_point_per_square() -> None:
+    points = np.array([[0.01, 0, 0.01], [0.05, 0, 0.05], [0.25, 0, 0.01]])
+    assert thinned(points, 0.2)[:, 0].tolist() == [0.01, 0.25]
+    assert thinned(np.zeros((0, 3)), 0.2).shape == (0, 3)
+
+
+def test_the_last_homes_stay_open_and_older_ones_are_opened_again() -> None:
+    opened: list[str] = []
+    homes = Homes(lambda name: opened.append(name) or name, kept=2)  # type: ignore[arg-type, return-value]
+    for name in ("a", "b", "a", "c", "a", "b"):
+        assert homes.ask(name).result(10) == name
+    homes.close()
+    assert opened == ["a", "b", "c", "b"]
+
+
+def test_a_home_that_failed_is_tried_again() -> None:
+    tries: list[str] = []
+
+    def open_home(name: str) -> None:
+        tries.append(name)
+        raise KeyError(name)
+
+    homes = Homes(open_home)  # type: ignore[arg-type]
+    for _ in range(2):
+        with pytest.raises(KeyError):
+            homes.ask("a").result(10)
+    homes.close()
+    assert tries == ["a", "a"]
+
+
+def test_asking_does_not_wait_for_the_home() -> None:
+    may_open = threading.Event()
+    homes = Homes(lambda name: may_open.wait(30) and name)  # type: ignore[arg-type, return-value]
+    future = homes.ask("a")
+    assert not future.done()
+    assert homes.ask("a") is future
+    may_open.set()
+    assert future.result(30) == "a"
+    homes.close()

@@ -1,0 +1,272 @@
+"""The researchers' browser in real Chromium on an invented home: filter, next, graph to home by mouse, and back."""
+
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import viser
+from playwright.sync_api import BrowserContext, Page, expect
+
+from human_study.events import Cam
+from personal_viz.browse_app import browser_app, is_own_page
+from personal_viz.browsing.catalogue import Wanted
+from personal_viz.browsing.layers import Layers, Outlined
+from personal_viz.browsing.library import Library, open_library
+from personal_viz.commands.browse import browse
+from personal_viz.commands.runs import run
+from personal_viz.gateway import VISER_CLIENT
+from sim.episodes.generation import dataset_files, write_files
+from sim.episodes.ownership import ownership_graph
+from sim.errors import PersonalVizError
+
+from .test_browser_study import pixel_of
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An invented home with three episodes, of which the shortest-path agent has walked the first one."""
+    root = tmp_path_factory.mktemp("browse")
+    write_files(root / "data", dataset_files("Demo", seed=7, episodes_per_split=1))
+    run(
+        agent="shortest-path",
+        dataset=root / "data",
+        out=root / "runs",
+        scenes_dir=None,
+        scene=(),
+        split=("easy",),
+        limit=1,
+        seed=0,
+        jobs=1,
+        run_id="walked",
+    )
+    return root
+
+
+class Marks(NamedTuple):
+    """What the 3-D layers were told."""
+
+    outlined: list[list[Outlined]]
+    clients: list[viser.ClientHandle]
+
+
+@pytest.fixture
+def marks(monkeypatch: pytest.MonkeyPatch) -> Marks:
+    """Fills up while browsers are served."""
+    found = Marks([], [])
+    mark = Layers.mark
+
+    def noted(self: Layers, objects: list[Outlined]) -> None:
+        found.outlined.append(list(objects))
+        found.clients.append(self._client)
+        mark(self, objects)
+
+    monkeypatch.setattr(Layers, "mark", noted)
+    return found
+
+
+@pytest.fixture
+def served(made: Path) -> Iterator[tuple[Library, str]]:
+    """The library and the address."""
+    library = open_library(made / "data", runs=(made / "runs" / "walked",))
+    with browser_app(library) as address:
+        yield library, address
+
+
+def opened(browser: BrowserContext, address: str) -> Page:
+    """A page that shows its first home."""
+    page = browser.new_page()
+    page.goto(f"{address}?fixedDpr=0.3")  # Chromium draws without a graphics card here
+    expect(page.locator(".bw.home")).to_contain_text("invented home", timeout=120_000)
+    return page
+
+
+def until(page: Page, holds) -> None:
+    """Waits for something that happens in this process."""
+    for _ in range(200):
+        if holds():
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError("it never came true")
+
+
+def test_filter_next_and_list_lead_through_the_episodes(served: tuple[Library, str], browser: BrowserContext) -> None:
+    library, address = served
+    page = opened(browser, address)
+    first, second, third = library.catalogue.episodes
+    expect(page.get_by_text("For researchers: shows the goal.")).to_be_visible()
+    expect(page.get_by_role("heading", name=first.record.query[0])).to_be_visible()
+    expect(page.locator(".runs")).to_contain_text("shortest-path")
+    picture = page.get_by_alt_text("What the robot saw")
+    expect(picture).to_have_js_property("naturalWidth", 640)
+
+    page.get_by_role("button", name="next").click()
+    expect(page.get_by_role("heading", name=second.record.query[0])).to_be_visible()
+    expect(page.locator(".runs")).to_have_count(0)
+    expect(picture).to_be_hidden()
+    page.keyboard.press("n")
+    expect(page.get_by_role("heading", name=third.record.query[0])).to_be_visible()
+    page.locator(".rows .row").first.click()
+    expect(page.get_by_role("heading", name=first.record.query[0])).to_be_visible()
+
+    target = third.targets[0].object_name
+    search = page.locator("label", has_text="Search").locator("xpath=ancestor::div[.//input][1]").locator("input")
+    search.fill(target)
+    found = library.catalogue.matching(Wanted(words=target))
+    assert 1 <= len(found) < 3
+    expect(page.locator(".rows .row")).to_have_count(len(found))
+    search.fill("nothing has these words")
+    expect(page.get_by_text("No episode matches")).to_be_visible()
+
+
+def test_hovering_and_clicking_a_node_shows_its_object_and_a_box_its_node(
+    served: tuple[Library, str], browser: BrowserContext, marks: Marks
+) -> None:
+    library, address = served
+    page = opened(browser, address)
+    episode = library.catalogue.episodes[0]
+    target = episode.targets[0]
+    graph = ownership_graph(episode)
+    node = page.locator(".og .node.object.target")
+    index = int((node.get_attribute("data-node") or "")[1:])
+    owners = {edge.owner for edge in graph.edges if edge.node == graph.objects[index]}
+
+    page.get_by_role("checkbox", name="Show shortest-path").click()
+    node.hover()
+    until(page, lambda: marks.outlined[-1] != [])
+    ((centre, _, text),) = marks.outlined[-1]
+    assert centre == pytest.approx(target.position, abs=0.3)
+    assert owners == set(text.partition(" (")[0].split(", "))
+    expect(page.locator(f'.og [data-ends$=" o{index}"]').first).to_have_class(re.compile("near"))
+    page.get_by_role("heading", name=episode.record.query[0]).hover()
+    until(page, lambda: marks.outlined[-1] == [])
+
+    client = marks.clients[-1]
+    before = tuple(client.camera.position)
+    node.click()
+    expect(node).to_have_class(re.compile(r"\bon\b"))
+    until(page, lambda: tuple(client.camera.position) != before)
+    assert tuple(client.camera.look_at) == pytest.approx(centre, abs=0.05)
+
+    page.keyboard.press("n")  # another episode and back: nothing is marked then
+    page.keyboard.press("p")
+    expect(page.get_by_role("heading", name=episode.record.query[0])).to_be_visible()
+    expect(page.locator(".og .node.on")).to_have_count(0)
+    found = page.locator("canvas").last.bounding_box()
+    assert found is not None
+    box = {side: float(found[side]) for side in ("x", "y", "width", "height")}
+
+    def click_on_the_target() -> bool:
+        camera = client.camera
+        seen_from = Cam(position=tuple(camera.position), wxyz=tuple(camera.wxyz))
+        page.mouse.click(*pixel_of(centre, seen_from, box))
+        page.wait_for_timeout(200)
+        return page.locator(".og .node.object.target.on").count() == 1
+
+    until(page, click_on_the_target)
+    expect(page.locator(f'.og .edge.on[data-ends$=" o{index}"]')).to_have_count(len(owners))
+
+
+def test_the_slider_shows_what_the_robot_saw_at_a_step_and_its_keys_leave_the_camera_alone(
+    served: tuple[Library, str], browser: BrowserContext, marks: Marks
+) -> None:
+    page = opened(browser, served[1])
+    picture = page.get_by_alt_text("What the robot saw")
+    expect(picture).to_have_attribute("data-step", "0")
+    first = picture.get_attribute("src")
+    slider = page.get_by_role("slider")
+    slider.focus()
+    camera = marks.clients[-1].camera
+    before = tuple(camera.position)
+    for _ in range(4):
+        page.keyboard.press("ArrowRight")
+    expect(picture).to_have_attribute("data-step", "4")
+    assert picture.get_attribute("src") != first
+    expect(page.get_by_text("shortest-path: step 4 of")).to_be_visible()
+    for _ in range(20):  # frames in which a turning camera would be told
+        page.evaluate("new Promise(requestAnimationFrame)")
+    assert tuple(camera.position) == pytest.approx(before, abs=1e-3)
+
+
+def test_two_browsers_are_independent(served: tuple[Library, str], browser: BrowserContext) -> None:
+    library, address = served
+    one, other = opened(browser, address), opened(browser, address)
+    other.get_by_role("button", name="next").click()
+    expect(other.get_by_role("heading", name=library.catalogue.episodes[1].record.query[0])).to_be_visible()
+    expect(one.get_by_role("heading", name=library.catalogue.episodes[0].record.query[0])).to_be_visible()
+
+
+@pytest.fixture
+def website() -> Iterator[str]:
+    """Another server of this machine that delivers viser's page, as any website can."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(VISER_CLIENT.read_bytes())
+
+        def log_message(self, format: str, *args: object) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}/"
+    server.shutdown()
+    server.server_close()
+
+
+def test_another_websites_page_gets_nothing(
+    served: tuple[Library, str], website: str, browser: BrowserContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judged: list[tuple[str | None, bool]] = []
+
+    def judge(origin: str | None, port: int) -> bool:
+        judged.append((origin, is_own_page(origin, port)))
+        return judged[-1][1]
+
+    monkeypatch.setattr("personal_viz.browse_app.is_own_page", judge)
+    page = browser.new_page()
+    page.goto(f"{website}?websocket={served[1].replace('http', 'ws')}")
+    until(page, lambda: judged != [])
+    assert judged == [(website.rstrip("/"), False)]
+    own = opened(browser, served[1])
+    assert own.get_by_text("For researchers: shows the goal.").count() == 1
+    assert page.get_by_text("For researchers: shows the goal.").count() == 0
+    assert page.locator(".bw").count() == 0
+
+
+def test_only_pages_of_this_port_and_host_are_ours() -> None:
+    assert is_own_page("http://127.0.0.1:8090", 8090)
+    assert is_own_page("http://localhost:8090", 8090)
+    for origin in (None, "", "null", "http://127.0.0.1:8091", "https://127.0.0.1:8090", "http://127.0.0.1.evil:8090"):
+        assert not is_own_page(origin, 8090)
+
+
+def test_ctrl_c_ends_the_command_cleanly(made: Path) -> None:
+    command = [sys.executable, "-m", "personal_viz", "browse", "--dataset", str(made / "data"), "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        line = process.stdout.readline()
+        assert re.search(r"3 episodes of 1 home: http://127\.0\.0\.1:\d+/$", line), line
+        assert "shows the goals" in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) == 0
+        assert "Traceback" not in process.stderr.read()
+
+
+def test_a_busy_port_is_one_clear_line(served: tuple[Library, str], made: Path) -> None:
+    port = int(re.findall(r"\d+", served[1])[-1])
+    with pytest.raises(PersonalVizError, match=rf"--port {port}: cannot be used .* 0 for any free one"):
+        browse(dataset=made / "data", port=port)
+    with pytest.raises(PersonalVizError, match="--port 70000"):
+        browse(dataset=made / "data", port=70_000)
