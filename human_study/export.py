@@ -74,7 +74,14 @@ def export_study(folder: Path, out: Path) -> list[Path]:
                 continue
             run_id = None
             if status.outcome.reason not in _NOT_COUNTED:
-                info = _run_info(config, status, created_utc=created, app_version=reader.app_version)
+                info = trial_run_info(
+                    config,
+                    status.code,
+                    status.task,
+                    scene=status.key.scene,
+                    created_utc=created,
+                    app_version=reader.app_version,
+                )
                 run_id = info.run_id
                 if run_id not in writers:
                     writers[run_id] = RunWriter(out / run_id, info)
@@ -98,10 +105,13 @@ def run_id_for(config: StudyConfig, code: str, task: TaskKind, *, kind: SceneKin
     return "-".join(parts)
 
 
-def _run_info(config: StudyConfig, status: TrialStatus, *, created_utc: str, app_version: str) -> RunInfo:
-    kind = config.scene_kind(status.key.scene)
+def trial_run_info(
+    config: StudyConfig, code: str, task: TaskKind, *, scene: str, created_utc: str, app_version: str
+) -> RunInfo:
+    """`run.json` of the run folder that a participant's trials of one task in one home go to."""
+    kind = config.scene_kind(scene)
     return RunInfo(
-        run_id=run_id_for(config, status.code, status.task, kind=kind),
+        run_id=run_id_for(config, code, task, kind=kind),
         who="human",
         who_kind="human",
         scene_kind=kind,
@@ -113,7 +123,7 @@ def _run_info(config: StudyConfig, status: TrialStatus, *, created_utc: str, app
             "actions": config.actions,
             "max_steps": config.max_steps,
             "query_index": config.query_index,
-            "clutter": config.scene(status.key.scene).clutter,
+            "clutter": config.scene(scene).clutter,
         },
         versions={"personal-viz": app_version},
         created_utc=created_utc,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sim.errors import TaskStateError
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Vector3
-from sim.types import Action, EndReason, EpisodeKey, Task
+from sim.types import Action, EndReason, EpisodeKey, Observation, Task
 
 from .clock import TrialClock
 from .commands import (
@@ -88,7 +88,7 @@ class PanSession:
         self._clock = TrialClock()
         self._armed_s = -math.inf
         self._ended: EndReason | None = None
-        self._rgb: NDArray[np.uint8] | None = None
+        self._observation: Observation | None = None
 
     @property
     def end_reason(self) -> EndReason | None:
@@ -99,6 +99,15 @@ class PanSession:
     def is_over(self) -> bool:
         """Whether the trial takes no more commands."""
         return self.end_reason is not None
+
+    @property
+    def observation(self) -> Observation | None:
+        """What the robot senses now, for a researcher who watches; None before `Start`. Participants get the view."""
+        return self._observation
+
+    @property
+    def _rgb(self) -> NDArray[np.uint8] | None:
+        return self._observation.rgb if self._observation is not None else None
 
     def view(self, now_s: float) -> PanView:
         """What to show now; `is_armed` falls back by itself after STOP_WITHIN_S."""
@@ -125,7 +134,7 @@ class PanSession:
     def _events(self, command: PanCommand, t_s: float, busy: bool) -> tuple[Event, ...]:
         match command:
             case Start():
-                self._rgb = self._env.reset().rgb
+                self._observation = self._env.reset()
                 return (self._open(t_s), *self._shown(t_s))
             case Resume(away_s=away_s):
                 if away_s > self._resume_within_s:
@@ -166,7 +175,7 @@ class PanSession:
         return None if action in self._task.actions else "action"
 
     def _act(self, action: Action, t_s: float) -> Act:
-        self._rgb = self._env.step(action, t_s=t_s).rgb
+        self._observation = self._env.step(action, t_s=t_s)
         step = self._env.steps[-1]
         return Act(t_s=t_s, action=action, position=step.position, yaw=step.yaw, tilt=step.tilt, collided=step.collided)
 
@@ -184,7 +193,7 @@ class PanSession:
         return (Shown(t_s=t_s, step=len(self._env.steps), frame_hash=digest),)
 
     def _rebuild(self, events: Sequence[Event]) -> None:
-        self._rgb = self._env.restore([event.step for event in events if isinstance(event, Act)]).rgb
+        self._observation = self._env.restore([event.step for event in events if isinstance(event, Act)])
         self._clock = TrialClock(already_s=_last_time(events))
         self._ended = end_reason(events)
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import viser
 
 from human_study.commands import Click, PanCommand, PogCommand, Resume, Start
-from human_study.events import Error
-from human_study.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome
+from human_study.events import Error, Event
+from human_study.outcome import pan_outcome, pog_outcome, technical_outcome
 from human_study.session import (
     STOP_WITHIN_S,
     PanSession,
@@ -33,7 +33,7 @@ from sim.episodes.schema import Episode
 from sim.scenes.scene import Scene
 from sim.tasks.pan import PanEnv
 from sim.tasks.pog import PogScene
-from sim.tasks.run_files import ClickRay
+from sim.tasks.run_files import Answer, ClickRay, EpisodeRun
 from sim.types import EpisodeKey
 from sim.world.renderer import Renderer
 
@@ -42,6 +42,7 @@ from .panels import Page
 from .pog_app import PogApp
 from .scene_view import StoreyCopies
 from .store_link import StoreLink, TrialPlace
+from .watch import TrialWatch, Watches
 
 WELCOME = {
     "pan": (
@@ -74,6 +75,14 @@ class Home:
     config: StudyConfig
     opened_s: float
     """`time.monotonic()` when this worker began to serve."""
+    watches: Watches
+    """What a researcher sees meanwhile."""
+
+
+def pan_env(episode: Episode, scene: Scene, renderer: Renderer, config: StudyConfig) -> PanEnv:
+    """What a PAN participant walks in."""
+    camera, max_steps = config.robot_camera, config.max_steps
+    return PanEnv(episode.start, scene.navigation, renderer=renderer, camera=camera, max_steps=max_steps)
 
 
 class _Signal(enum.Enum):
@@ -113,6 +122,7 @@ class Seat:
         self._screen = 0
         self._is_busy = False
         self._page = Page(client)
+        self._watch = TrialWatch()
         threading.Thread(target=self._run, daemon=True, name=f"seat-{code}").start()
 
     def leave(self) -> None:
@@ -155,6 +165,8 @@ class Seat:
         except Exception:  # the live session's door: the participant is told, the operator sees everything
             traceback.print_exc()
             self._page.notice("Something went wrong", "Nothing that you did is lost. Open your personal link again.")
+        finally:
+            self._watch.leave()
 
     def _welcome(self) -> None:
         """Instructions before a participant's first trial; whoever comes back goes on at once."""
@@ -187,11 +199,13 @@ class Seat:
         progress = f"Trial {place.order_no} of {len(self._link.trials(self.code))}"
         # time in which the study was not served, or could not store, is not the participant's absence
         away_s = 0.0 if was_paused else min(trial.away_s, time.monotonic() - self._home.opened_s)
+        result: EpisodeRun | Answer | None = None
         try:
             episode = self._home.episodes[trial.key]
             play = self._play_pan if trial.task == "pan" else self._play_pog
             play(trial, episode, progress, away_s)
-            outcome = self._outcome(trial, episode)
+            result = self._result(trial, episode)
+            outcome = result.end if isinstance(result, EpisodeRun) else result
         except (StoreFullError, SupersededError, TrialEndedError, _GoneError):
             raise
         except Exception as error:  # the live session's door: the same trial must not fail for ever
@@ -199,12 +213,14 @@ class Seat:
             self._link.append_many(trial.trial_id, trial.epoch, (Error(message=repr(error)[:500], is_fatal=True),))
             outcome = technical_outcome(trial.key, trial.task, participant=self.code)
         self._link.finish_trial(trial.trial_id, outcome)
+        self._watch.end(result)
         if self._next_place() is not None:
             self._ask("Saved", f"{progress} is stored.", "Next trial")
 
     def _play_pan(self, trial: Trial, episode: Episode, progress: str, away_s: float) -> None:
-        session, update = self._begin_pan(trial, episode, away_s)
+        session, update, stored = self._begin_pan(trial, episode, away_s)
         app = PanApp(self._page, update.view, self._new_screen(), scene_label=self._home.scene.label, progress=progress)
+        self._watch = self._home.watches.begin(trial, episode, stored, session.observation)
         while not session.is_over:
             try:
                 item = self._wait(timeout_s=STOP_WITHIN_S if update.view.is_armed else None)
@@ -216,10 +232,12 @@ class Seat:
                 self._link.append_many(trial.trial_id, trial.epoch, update.events)
                 self._is_busy = self._is_busy and item.is_busy
             app.show(update.view)
+            self._watch.tell(update.events, session.observation)
 
     def _play_pog(self, trial: Trial, episode: Episode, progress: str, away_s: float) -> None:
-        session, update = self._begin_pog(trial, episode, away_s)
+        session, update, stored = self._begin_pog(trial, episode, away_s)
         app = PogApp(self._page, update.view, self._new_screen(), copies=self._home.copies, progress=progress)
+        self._watch = self._home.watches.begin(trial, episode, stored)
         try:
             while not session.is_over:
                 command = self._wait().content
@@ -230,19 +248,16 @@ class Seat:
                 update = session.handle(command, time.monotonic())
                 self._link.append_many(trial.trial_id, trial.epoch, update.events)
                 app.show(update.view)
+                self._watch.tell(update.events)
         finally:
             app.close()
 
-    def _begin_pan(self, trial: Trial, episode: Episode, away_s: float) -> tuple[PanSession, SessionUpdate[PanView]]:
-        """A new session, or the stored one at the same step and pose; its first events are stored."""
+    def _begin_pan(
+        self, trial: Trial, episode: Episode, away_s: float
+    ) -> tuple[PanSession, SessionUpdate[PanView], list[Event]]:
+        """A new session, or the stored one at the same step and pose, and all its events, which are stored."""
         config, scene = self._home.config, self._home.scene
-        env = PanEnv(
-            episode.start,
-            scene.navigation,
-            renderer=self._home.renderer,
-            camera=config.robot_camera,
-            max_steps=config.max_steps,
-        )
+        env = pan_env(episode, scene, self._home.renderer, config)
         options = {"key": trial.key, "task": config.task_for(episode, "pan"), "scene_digest": scene.digest}
         stored = self._link.events(trial.trial_id)
         if stored:
@@ -251,10 +266,12 @@ class Seat:
             session = PanSession(env, **options, resume_within_s=config.resume_within_s)
         update = session.handle(Resume(away_s) if stored else Start(), time.monotonic())
         self._link.append_many(trial.trial_id, trial.epoch, update.events)
-        return session, update
+        return session, update, [*stored, *update.events]
 
-    def _begin_pog(self, trial: Trial, episode: Episode, away_s: float) -> tuple[PogSession, SessionUpdate[PogView]]:
-        """A new session, or the stored one with the same storey and mark; its first events are stored."""
+    def _begin_pog(
+        self, trial: Trial, episode: Episode, away_s: float
+    ) -> tuple[PogSession, SessionUpdate[PogView], list[Event]]:
+        """A new session, or the stored one with the same storey and mark, and all its events, which are stored."""
         config, scene = self._home.config, self._home.scene
         options = {
             "key": trial.key,
@@ -267,14 +284,14 @@ class Seat:
         session = pog_session_from_events(stored, **options) if stored else PogSession(**options)
         update = session.handle(Resume(away_s) if stored else Start(), time.monotonic())
         self._link.append_many(trial.trial_id, trial.epoch, update.events)
-        return session, update
+        return session, update, [*stored, *update.events]
 
-    def _outcome(self, trial: Trial, episode: Episode) -> Outcome:
+    def _result(self, trial: Trial, episode: Episode) -> EpisodeRun | Answer:
         """The result of a finished trial from its stored events; stays on the server."""
         events = self._link.events(trial.trial_id)
         if trial.task == "pan":
             navigation = self._home.scene.navigation
-            return pan_outcome(events, episode, navigation=navigation, participant=self.code).end
+            return pan_outcome(events, episode, navigation=navigation, participant=self.code)
         return pog_outcome(events, episode, storeys=self._home.storeys, participant=self.code)
 
     def _ask(self, title: str, text: str, button: str) -> None:

@@ -24,8 +24,9 @@ from sim.tasks.pog import PogScene
 from sim.tasks.rules import scene_storeys
 
 from .scene_view import StoreyCopies
-from .seat import Home, Seat
+from .seat import Home, Seat, pan_env
 from .store_link import StoreLink
+from .watch import Watches
 
 
 def main() -> None:
@@ -35,10 +36,18 @@ def main() -> None:
     parser.add_argument("--study", type=Path, required=True)
     parser.add_argument("--dataset", type=Path, required=True)
     parser.add_argument("--scenes-dir", type=Path)
+    parser.add_argument("--rerun", help="show each trial live: a folder of recordings or a viewer's address")
+    parser.add_argument("--with-pixels", action="store_true", help="pictures of licensed scans too")
     options = parser.parse_args()
     link = StoreLink(socket.socket(fileno=options.fd))
     try:
-        home = open_home(load_study(options.study), PersonalDataset(options.dataset), options.scenes_dir)
+        home = open_home(
+            load_study(options.study),
+            PersonalDataset(options.dataset),
+            options.scenes_dir,
+            rerun=options.rerun,
+            with_pixels=options.with_pixels,
+        )
         server = serve(home, link)
     except PersonalVizError as error:
         with contextlib.suppress(StudyError):  # the gateway, once told, does not wait for our thanks
@@ -47,10 +56,19 @@ def main() -> None:
     link.tell_ready(server.get_port())
     link.is_closed.wait()
     server.stop()
+    home.watches.close()
 
 
-def open_home(config: StudyConfig, dataset: PersonalDataset, scenes_dir: Path | None) -> Home:
-    """The study's one scene with all that participants need of it.
+def open_home(
+    config: StudyConfig,
+    dataset: PersonalDataset,
+    scenes_dir: Path | None,
+    *,
+    rerun: str | None = None,
+    with_pixels: bool = False,
+) -> Home:
+    """The study's one scene with all that participants need of it, and what a researcher sees (`rerun`, a folder or a
+    viewer's address; `with_pixels` as in `RerunObserver`).
 
     Raises:
         PersonalVizError: Scene or episodes cannot be read, or a system library is missing.
@@ -64,15 +82,22 @@ def open_home(config: StudyConfig, dataset: PersonalDataset, scenes_dir: Path | 
         ) from None
     name = config.scenes[0].name
     scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=config.scenes[0].clutter)
+    renderer = renderer_of(scene)
+    observers = None
+    if rerun is not None:
+        from .watch_rerun import RerunObservers  # Rerun takes a second to import
+
+        observers = RerunObservers(scene, config, rerun, with_pixels=with_pixels)
     return Home(
         scene=scene,
-        renderer=renderer_of(scene),
+        renderer=renderer,
         pog_scene=PogScene(scene, make_renderer=Raycaster),
         copies=StoreyCopies(scene),
         episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
         storeys=scene_storeys(dataset.goals(name).values()),
         config=config,
         opened_s=time.monotonic(),
+        watches=Watches(observers, make_env=lambda episode: pan_env(episode, scene, renderer, config)),
     )
 
 

@@ -15,6 +15,7 @@ from sim.tasks.run_files import Answer, EpisodeRun, RunInfo
 from sim.types import Camera
 
 from . import paths
+from .palette import Rgb as Rgb
 
 JPEG_QUALITY = 80
 LIFT = 0.15
@@ -25,7 +26,6 @@ WHOLE, TRAIL, FRAME = -0.7, -2.0, -3.0
 """Radii of paths and of a picture's frame; negative = points of the screen, to be seen in homes of any size."""
 ANSWER_STEP = 1
 """Step at which a POG answer appears."""
-Rgb = tuple[int, int, int]
 
 
 @dataclass(frozen=True, slots=True)

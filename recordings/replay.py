@@ -16,7 +16,7 @@ from sim.world.renderer import Renderer
 
 from . import paths
 from .blueprints import comparison_blueprint
-from .divergence import divergence_of
+from .divergence import Divergence, divergence_of
 from .log_divergence import log_divergence
 from .log_goal import GoalRegion, goal_region, log_goal
 from .log_grounding import log_layers, reground, reground_markdown
@@ -25,9 +25,9 @@ from .log_record import log_record_answer, log_record_end, log_record_start, log
 from .log_run import ANSWER_STEP, Trace, indexes, log_answer, log_no_clock, log_run, path_lengths, times
 from .log_scene import log_scene
 from .log_text import log_task
+from .palette import RUN_COLORS as RUN_COLORS
 from .pictures import picture_cameras, rendered_jpegs
 from .stream import open_recording
-from .traces import RUN_COLORS as RUN_COLORS
 from .traces import best_two, require_same_home, select_traces
 from .traces import common_episode as common_episode
 
@@ -69,9 +69,7 @@ def log_comparison(
     goal = goal_region(episode, scene.navigation)
     maps = [storey_map(scene.navigation, index) for index in _floors_shown(traces, goal, scene)]
     best = best_two(traces)
-    pair = (traces.index(best[0]), traces.index(best[1])) if len(best) == 2 else None
-    ways = [trace.positions if isinstance(trace.run, EpisodeRun) else None for trace in traces]
-    divergence = divergence_of(ways, goal.path, pair=pair)
+    divergence = _divergence(traces, goal, best)
     regrounded = [] if dataset is None else reground(traces, episode, dataset)
     may_show = scene.kind != "scan" or with_pixels
     with open_recording(out, episode.key) as stream:
@@ -86,9 +84,7 @@ def log_comparison(
             more=reground_markdown(regrounded),
         )
         if may_show:
-            log_scene(stream, scene, storeys=[storey.index for storey in maps])
-            for storey in maps:
-                log_map_picture(stream, storey)
+            _log_home(stream, scene, maps)
         _log_walks(stream, traces, episode, renderer if may_show else None, camera, best)
         _log_answers(stream, traces)
         _log_on_maps(stream, traces, maps, scene)
@@ -110,6 +106,19 @@ def _floors_shown(traces: Sequence[Trace], goal: GoalRegion, scene: Scene) -> li
     """Storeys on which a run, an answer or a target is, from the lowest."""
     heights = np.concatenate([goal.floors_y, *(trace.positions[:, 1] for trace in traces)])
     return sorted(set(storeys_of(heights, scene.navigation).tolist()))
+
+
+def _divergence(traces: Sequence[Trace], goal: GoalRegion, best: Sequence[Trace]) -> Divergence:
+    """Where the runs leave the shortest path, and where the best two part."""
+    pair = (traces.index(best[0]), traces.index(best[1])) if len(best) == 2 else None
+    ways = [trace.positions if isinstance(trace.run, EpisodeRun) else None for trace in traces]
+    return divergence_of(ways, goal.path, pair=pair)
+
+
+def _log_home(stream: rr.RecordingStream, scene: Scene, maps: Sequence[StoreyMap]) -> None:
+    log_scene(stream, scene, storeys=[storey.index for storey in maps])
+    for storey in maps:
+        log_map_picture(stream, storey)
 
 
 def _log_identity(stream: rr.RecordingStream, episode: Episode, scene: Scene) -> None:

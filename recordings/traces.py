@@ -1,6 +1,7 @@
 """Which runs of an episode a recording shows, under which names and colours, and which two it shows largest."""
 
 import math
+import re
 from collections.abc import Sequence
 
 from sim.errors import RecordingError
@@ -8,19 +9,8 @@ from sim.scenes.scene import Scene
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey
 
-from .log_run import Rgb, Trace
-
-RUN_COLORS: tuple[Rgb, ...] = (
-    (86, 180, 233),
-    (230, 159, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (240, 228, 66),
-    (213, 94, 0),
-    (0, 114, 178),
-    (150, 90, 220),
-)
-"""Okabe and Ito's palette, which colour-blind people can tell apart, and a violet; more runs begin it again."""
+from .log_run import Trace
+from .palette import RUN_COLORS
 
 
 def select_traces(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
@@ -36,11 +26,17 @@ def select_traces(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
             f"{names}: found no run of episode {key}; expected at least one. Choose another --episode."
         )
     labels = _distinct([_with_code(info.run_id, item) for info, item in found])
-    titles = _distinct([_with_code(info.who, item) for info, item in found])
+    titles = _distinct([_with_code(short_name(info.who), item) for info, item in found])
     return [
         Trace(label, title, RUN_COLORS[index % len(RUN_COLORS)], info, item)
         for index, (label, title, (info, item)) in enumerate(zip(labels, titles, found, strict=True))
     ]
+
+
+def short_name(who: str) -> str:
+    """What titles call someone: of an agent named `package.module:factory` the module alone."""
+    plugin = re.fullmatch(r"(?:\w+\.)*(\w+):\w+", who)
+    return plugin[1] if plugin else who
 
 
 def common_episode(runs: Sequence[Run]) -> EpisodeKey:

@@ -4,21 +4,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from recordings.palette import RUN_COLORS, Rgb
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey, SceneKind
-
-Rgb = tuple[int, int, int]
-RUN_COLORS: tuple[Rgb, ...] = (
-    (86, 180, 233),
-    (230, 159, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (240, 228, 66),
-    (213, 94, 0),
-    (0, 114, 178),
-    (150, 90, 220),
-)
-"""As in recordings.traces, which is not imported here because it brings Rerun; a test compares them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """Worker of `personal-viz import`: runs of another simulator become a run folder."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -41,45 +42,17 @@ def import_files(
 ) -> int:
     """Checks and scores files of another simulator, prints where the run was written.
 
-    Args:
-        files: Steps files of `recordings/habitat_writer.py`, or pose files; read as one run.
-        dataset: Folder of the episodes that were played.
-        scenes_dir: Folder of the scans; None for invented homes.
-        out: Folder that gets `<run_id>/`.
-        who: The agent's name in tables.
-        run_id: Name of the folder; None = `who` and a digest.
-        allow_schematic: Score on schematic homes all the same.
-        frame: Of pose files, which need it.
-        quaternion: Order of quaternions without names.
-        poses: Of the body or of the camera.
-        camera_axes: Of the camera.
-        columns: Of CSV files, with commas between.
-        rows: Whether a row's pose is after or before its action.
-        stopped: Whether the runs ended with STOP, where files do not say.
-        allow_sliding: Whether the robot slid, where files do not say.
-        episode: SPLIT/SCENE/ID of the only file.
-        rounding: Metres of rounding in the positions.
-        motion: `free` for robots with other actions than the paper's.
-        max_move: Metres from row to row at most, in free motion.
-        max_turn_deg: Degrees from row to row at most, in free motion.
-        max_steps: Step budget, in free motion.
+    Options are those of the command line (`personal_viz.cli_runs.Import`); `allow_schematic` scores on schematic homes
+    all the same.
 
     Returns:
         0; problems are raised as one-line errors.
     """
     check_options(run_id=run_id)
     free = _free_motion(motion, max_move=max_move, max_turn_deg=max_turn_deg, max_steps=max_steps)
-    if not 0 < rounding <= MAX_ROUNDING:
-        raise PersonalVizError(
-            f"--rounding is {rounding}; expected more than 0 and at most {MAX_ROUNDING} (metres). "
-            "Write positions with more decimals."
-        )
+    _require_rounding(rounding)
     others = (quaternion, camera_axes, columns, rows, stopped, episode, free, allow_sliding, poses == "camera")
-    if frame is None and any(others):
-        raise PersonalVizError(
-            "--frame is missing beside other options of pose files; expected world, zup, ros, start, start-ros or gps. "
-            "Give it; steps files (.jsonl) need none of these options."
-        )
+    _require_frame(frame, others)
     reading = None
     if frame is not None:
         reading = PoseReading(
@@ -108,6 +81,23 @@ def import_files(
     for folder in folders:
         _print_run(folder, read_run(folder), who, is_free=free is not None)
     return 0
+
+
+def _require_rounding(rounding: float) -> None:
+    if not 0 < rounding <= MAX_ROUNDING:
+        raise PersonalVizError(
+            f"--rounding is {rounding}; expected more than 0 and at most {MAX_ROUNDING} (metres). "
+            "Write positions with more decimals."
+        )
+
+
+def _require_frame(frame: PoseFrame | None, others: Sequence[object]) -> None:
+    """Refuses other options of pose files without the frame, which they all need."""
+    if frame is None and any(others):
+        raise PersonalVizError(
+            "--frame is missing beside other options of pose files; expected world, zup, ros, start, start-ros or gps. "
+            "Give it; steps files (.jsonl) need none of these options."
+        )
 
 
 def _free_motion(

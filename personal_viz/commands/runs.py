@@ -2,7 +2,8 @@
 
 import json as json_module
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -14,8 +15,11 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, PersonalVizError
 from sim.scenes.kind import common_kind
+from sim.scenes.scene import Scene
 from sim.tasks.metrics import MetricRow, metric_rows, read_runs, require_comparable
+from sim.tasks.observers import Observer
 from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import RunInfo
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
 from sim.types import SPLITS, ClutterLevel, EpisodeKey, Split, SuccessRule
@@ -56,11 +60,11 @@ def run(
         chosen = [episodes.episode(key_from_text(episode))]
     if not chosen:
         raise PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
-    kind = common_kind(episodes, {episode.key.scene for episode in chosen}, scenes_dir)
+    kind = common_kind(episodes, {item.key.scene for item in chosen}, scenes_dir)
     require_no_scan(kind, clutter=clutter)
     by_scene: dict[str, list[EpisodeKey]] = {}
-    for episode in chosen:
-        by_scene.setdefault(episode.key.scene, []).append(episode.key)
+    for item in chosen:
+        by_scene.setdefault(item.key.scene, []).append(item.key)
     if scenes_dir is not None:
         from sim.scenes.sources import find_scan
 
@@ -80,17 +84,48 @@ def run(
         config={"actions": "paper6", "clutter": clutter},
     )
     writer = RunWriter(out / run_id, info)
-    work = [
-        AgentJob(dataset, name, tuple(keys), scenes_dir=scenes_dir, agent=agent, seed=seed, clutter=clutter)
-        for name, keys in sorted(by_scene.items())
-    ]
-    left = sum(episode.key not in writer.done for episode in chosen)
-    print(f"{len(chosen)} episodes in {len(work)} scenes ({kind}), {len(chosen) - left} of them done before")
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
-        bar = progress.add_task(agent, total=left)
-        run_agent(work, writer, processes=jobs, on_episode=lambda: progress.update(bar, advance=1))
-    print(f"Written to {out / run_id}; see it with: personal-viz metrics {out / run_id}")
+    left = [item.key for item in chosen if item.key not in writer.done]
+    print(f"{len(chosen)} episodes in {len(by_scene)} scenes ({kind}), {len(chosen) - len(left)} of them done before")
+    with _observing(rerun, left, info, with_pixels=with_pixels) as make_observer:
+        work = [
+            AgentJob(
+                dataset,
+                name,
+                tuple(keys),
+                scenes_dir=scenes_dir,
+                agent=agent,
+                seed=seed,
+                clutter=clutter,
+                make_observer=make_observer,
+            )
+            for name, keys in sorted(by_scene.items())
+        ]
+        with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
+            bar = progress.add_task(agent, total=len(left))
+            run_agent(work, writer, processes=jobs, on_episode=lambda: progress.update(bar, advance=1))
+        print(f"Written to {out / run_id}; see it with: personal-viz metrics {out / run_id}")
     return 0
+
+
+@contextmanager
+def _observing(
+    rerun: str | None, left: Sequence[EpisodeKey], info: RunInfo, *, with_pixels: bool
+) -> Iterator[Callable[[Scene], Observer] | None]:
+    """What makes observers for the option `--rerun`; what it needs is checked, or started, before any episode."""
+    if rerun is None or not left:
+        if rerun is not None:
+            print("No episode is left to run, so nothing is recorded. Give another --run-id to run them again.")
+        yield None
+        return
+    from recordings.live import live_sink
+    from recordings.observer import ObserveRuns
+
+    if info.scene_kind == "scan" and not with_pixels:
+        print("The homes are licensed scans: geometry and pictures are left out. --with-pixels stores them.")
+    with live_sink(rerun, left) as sink:
+        yield ObserveRuns(sink, info.model_dump_json(), with_pixels=with_pixels)
+        if sink.kind != "address":
+            print(f"Recorded to {sink.where}; see it with: rerun {sink.where}")
 
 
 def select_episodes(

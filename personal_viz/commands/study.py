@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from pathlib import Path
 from typing import Literal
@@ -25,7 +25,7 @@ from sim.cache import cache_dir
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.scenes.kind import scene_kind
-from sim.types import SPLITS, ClutterLevel, Split
+from sim.types import SPLITS, ClutterLevel, EpisodeKey, Split
 
 SECRETS_FILE = "secrets.json"
 """Personal tokens in clear, readable by the owner only; never exported."""
@@ -73,7 +73,10 @@ def serve(
     rerun: str | None = None,
     with_pixels: bool = False,
 ) -> int:
-    """Serves the study until Ctrl-C; a study folder that exists goes on where it was."""
+    """Serves the study until Ctrl-C; a study folder that exists goes on where it was.
+
+    `rerun` shows each trial while it happens to the researcher, with pictures of scans only `with_pixels`.
+    """
     check_options(run_id=None, limit=limit, seed=seed)
     episodes = PersonalDataset(dataset)
     episodes.require_scene(scene)
@@ -92,10 +95,11 @@ def serve(
         )
         save_study(folder, config)
         plan = _plan(folder, config, episodes, scene=scene, split=split, limit=limit)
-        with open_store(folder, config) as store:
+        with _shown_live(rerun, plan) as where, open_store(folder, config) as store:
             tokens = _tokens(folder, store, plan)
             print(_opening(config.scenes[0]), flush=True)
-            _run(store, dataset, scenes_dir, listener, plan, tokens)
+            more = [*(["--rerun", where] if where else []), *(["--with-pixels"] if with_pixels else [])]
+            _run(store, dataset, scenes_dir, listener, plan, tokens, more)
     print(f"Stopped. Everything is in {folder}; see it with: personal-viz study export {folder}")
     return 0
 
@@ -219,8 +223,9 @@ def _run(
     listener: socket.socket,
     plan: StudyPlan,
     tokens: dict[str, str],
+    more: Sequence[str],
 ) -> None:
-    """Starts the worker, prints the links, serves until Ctrl-C, ends the worker.
+    """Starts the worker (with `more` arguments), prints the links, serves until Ctrl-C, ends the worker.
 
     Raises:
         StudyError: The worker cannot start, or ended while it was needed.
@@ -232,7 +237,7 @@ def _run(
         return ticket.code if ticket else None
 
     worker_ended = threading.Event()
-    with _worker(store, dataset, scenes_dir, code_of_ticket, worker_ended) as worker_port:
+    with _worker(store, dataset, scenes_dir, code_of_ticket, worker_ended, more) as worker_port:
         app = Gateway(store.code_of_token, worker_port, tickets=tickets, hosts=HOSTS).app()
         server = uvicorn.Server(
             uvicorn.Config(
@@ -259,6 +264,36 @@ def _run(
             )
 
 
+@contextlib.contextmanager
+def _shown_live(rerun: str | None, plan: StudyPlan) -> Iterator[str | None]:
+    """Where the worker streams trials to, a folder or a viewer's address; None = nobody watches.
+
+    Raises:
+        StudyError: `rerun` names one file: a study has several trials.
+        RecordingError: Nobody listens at the address, or no viewer can be started.
+    """
+    if rerun is None:
+        yield None
+        return
+    num_trials = sum(len(participant.trials) for participant in plan.participants)
+    if rerun.endswith(".rrd"):
+        raise StudyError(
+            f"--rerun {rerun}: this study has {num_trials} trials; expected one for a single file. "
+            "Give a folder (one file per trial), rerun+http://HOST:PORT/proxy or spawn."
+        )
+    from recordings.live import live_sink  # Rerun takes a second to import
+
+    keys = [
+        EpisodeKey(trial.split, trial.scene, trial.episode_id)
+        for person in plan.participants
+        for trial in person.trials
+    ]
+    with live_sink(rerun, keys) as sink:
+        where = str(Path(sink.where).resolve()) if sink.kind == "folder" else sink.where
+        print(f"Trials are shown live, for the researcher only: {where}", flush=True)
+        yield where
+
+
 def _stop_when(worker_ended: threading.Event, server: uvicorn.Server) -> None:
     worker_ended.wait()
     server.should_exit = True
@@ -271,12 +306,14 @@ def _worker(
     scenes_dir: Path | None,
     code_of_ticket: Callable[[str], str | None],
     ended: threading.Event,
+    more: Sequence[str],
 ) -> Iterator[int]:
     """The viser worker's port; the worker ends with the block. `ended` is set when it is gone."""
     ours, theirs = socket.socketpair()
     command = [sys.executable, "-m", "personal_viz.server", "--fd", str(theirs.fileno())]
     command += ["--study", str(store.folder), "--dataset", str(dataset)]
     command += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
+    command += more
     # a session of its own: Ctrl-C reaches the gateway alone, which then closes the socket
     # and no standard output: viser prints its own address there, which participants must not use
     process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True, stdout=subprocess.DEVNULL)

@@ -4,18 +4,20 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.errors import AgentError
-from sim.types import PAPER6, Action, Camera, ClutterLevel, EpisodeKey, Task
+from sim.errors import AgentError, RecordingError
+from sim.scenes.scene import Scene
+from sim.types import PAPER6, Action, Camera, ClutterLevel, EpisodeKey, Observation, Task
 from sim.world.navigation_map import NavigationMap
 
 from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent
+from .observers import Explains, Insight, Observer
 from .pan import PanEnv
 from .rules import score_run
-from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart
+from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
 from .run_writer import RunWriter
 from .workers import SceneJob, results, without
 
@@ -33,15 +35,84 @@ class AgentJob(SceneJob):
     seed: int
     clutter: ClutterLevel = 0
     """How much furniture without a caption stands in homes without a scan."""
+    make_observer: Callable[[Scene], Observer] | None = None
+    """Makes what watches the scene's episodes; it is sent to processes and compared, as the whole job is."""
 
 
-def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int) -> None:
+@dataclass(frozen=True, slots=True)
+class Played:
+    """A finished episode, and what kept an observer from showing it."""
+
+    run: EpisodeRun
+    problem: RecordingError | None = None
+
+
+@runtime_checkable
+class Closes(Protocol):
+    """An observer that can end what it shows of an episode that was broken off; observers need not."""
+
+    def close(self) -> None:
+        """Ends it as it is."""
+        ...
+
+
+class Watch:
+    """Tells an observer of one episode; its first failure is kept and the episode goes on unwatched."""
+
+    def __init__(self, observer: Observer | None, episode: Episode) -> None:
+        """None watches nothing."""
+        self._observer = observer
+        self._episode = episode
+        self.problem: RecordingError | None = None
+        """What the observer could not write."""
+
+    def reset(self, observation: Observation) -> None:
+        """The episode begins."""
+        self._tell(lambda observer: observer.on_reset(self._episode, observation))
+
+    def step(self, step: Step, observation: Observation, agent: Agent) -> None:
+        """The agent took a step.
+
+        Raises:
+            AgentError: Its insight cannot be had or shown.
+        """
+        if self._observer is not None:
+            insight = _insight_of(agent)
+            self._tell(lambda observer: observer.on_step(step, observation, insight))
+
+    def end(self, run: EpisodeRun) -> None:
+        """The episode is over and scored."""
+        self._tell(lambda observer: observer.on_end(run))
+
+    def break_off(self) -> None:
+        """The agent failed: an observer that can be closed shows all up to there."""
+        self._tell(lambda observer: observer.close() if isinstance(observer, Closes) else None)
+
+    def _tell(self, call: Callable[[Observer], None]) -> None:
+        if self._observer is None:
+            return
+        try:
+            call(self._observer)
+        except RecordingError as error:
+            self._observer, self.problem = None, error
+
+
+def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, watch: Watch | None = None) -> None:
     """Steps `env` with the agent's actions until the episode is over.
+
+    Args:
+        agent: Who acts.
+        env: Where; reset first.
+        task: What the agent is told.
+        seed: Of the agent's random numbers.
+        watch: What is told of each step. It changes nothing of what the agent is told or asked to do.
 
     Raises:
         AgentError: The agent raised, or returned something that is not one of the task's actions.
     """
     observation = env.reset()
+    if watch is not None:
+        watch.reset(observation)
     _call_agent(agent.reset, task, env.camera, seed=seed)
     while not env.is_over:
         action = _call_agent(agent.act, observation)
@@ -52,6 +123,8 @@ def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int) -> None:
                 "Correct its act()."
             )
         observation = env.step(action)
+        if watch is not None:
+            watch.step(env.steps[-1], observation, agent)
 
 
 def run_from_env(episode: Episode, env: PanEnv, *, scene_digest: str, navigation: NavigationMap) -> EpisodeRun:
@@ -80,8 +153,10 @@ def run_from_env(episode: Episode, env: PanEnv, *, scene_digest: str, navigation
     )
 
 
-def open_job(job: AgentJob) -> Callable[[EpisodeKey], EpisodeRun]:
+def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
     """Opens the job's scene; the result runs the agent over one of the scene's episodes and scores it.
+
+    Pictures are rendered for agents that look at them, and for observers; neither changes where an agent goes.
 
     Raises:
         SceneError: The scene cannot be opened.
@@ -92,21 +167,28 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], EpisodeRun]:
     dataset = PersonalDataset(job.dataset_root)
     scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.clutter)
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
-    plugin, renderer = None, None
-    if ":" in job.agent:
+    plugin = load_agent(job.agent) if ":" in job.agent else None
+    observer = job.make_observer(scene) if job.make_observer else None
+    renderer = None
+    if plugin is not None or observer is not None:
         from sim.scenes.labels import renderer_of
 
-        plugin, renderer = load_agent(job.agent), renderer_of(scene)
+        renderer = renderer_of(scene)
 
-    def run_episode(key: EpisodeKey) -> EpisodeRun:
+    def run_episode(key: EpisodeKey) -> Played:
         episode = episodes[key]
+        watch = Watch(observer, episode)
         agent = plugin or _own_agent(job.agent, episode, scene.navigation)
         env = PanEnv(episode.start, scene.navigation, renderer=renderer, camera=Camera())
         try:
-            play_episode(agent, env, episode.task("pan", actions=PAPER6), seed=episode_seed(job.seed, key))
+            task = episode.task("pan", actions=PAPER6)
+            play_episode(agent, env, task, seed=episode_seed(job.seed, key), watch=watch)
         except AgentError as error:
+            watch.break_off()
             raise AgentError(f"{key}: {error}") from error
-        return run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation)
+        run = run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation)
+        watch.end(run)
+        return Played(run, watch.problem)
 
     return run_episode
 
@@ -123,11 +205,14 @@ def run_agent(
         on_episode: Called after each episode is on disk.
 
     Raises:
-        PersonalVizError: An episode could not be run; all before it are on disk.
+        PersonalVizError: An episode could not be run; all before it are on disk. Or its observer failed; then it is on
+            disk as well.
     """
-    for run in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
-        writer.add_episode(run)
+    for played in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
+        writer.add_episode(played.run)
         on_episode()
+        if played.problem is not None:
+            raise played.problem
 
 
 def episode_seed(seed: int, key: EpisodeKey) -> int:
@@ -139,6 +224,23 @@ def _own_agent(name: str, episode: Episode, navigation: NavigationMap) -> Agent:
     if name == "random":
         return RandomAgent()
     return ShortestPathAgent(episode, navigation)
+
+
+def _insight_of(agent: Agent) -> Insight | None:
+    """What the agent shows of its reasoning, if it does.
+
+    Raises:
+        AgentError: It raised, or returned something else.
+    """
+    if not isinstance(agent, Explains):
+        return None
+    insight = _call_agent(agent.insight)
+    if insight is not None and not isinstance(insight, Insight):
+        raise AgentError(
+            f"{type(agent).__name__}.insight() returned {type(insight).__name__}; expected an Insight or None "
+            "(sim.tasks.observers). Correct the agent."
+        )
+    return insight
 
 
 def _call_agent(method: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:

@@ -3,7 +3,8 @@
 from personal_viz.browsing.catalogue import PAGE, Catalogue, ListPage, Wanted, list_page, neighbour
 from personal_viz.browsing.episode_texts import facts_html, head_html, list_html, runs_html, story_html
 from personal_viz.browsing.messages import MessageQueue, Said, Slid, Stepped
-from personal_viz.browsing.shown_runs import RUN_COLORS, RunIndex
+from personal_viz.browsing.shown_runs import RunIndex
+from recordings.palette import RUN_COLORS
 from sim.episodes.ownership import ownership_graph
 
 from .browse_worlds import episode, run_of
@@ -117,12 +118,6 @@ def test_the_table_of_runs_has_a_check_box_for_each_that_is_off_for_hidden_ones(
     assert 'data-click="show 0" checked' in table
     assert 'data-click="show 1" aria-label="Show rpg"' in table
     assert "No run" in runs_html((), hidden=(), walked=None)
-
-
-def test_our_colours_of_runs_are_those_of_the_recordings() -> None:
-    from recordings.traces import RUN_COLORS as RECORDED
-
-    assert RUN_COLORS == RECORDED
 
 
 def test_a_slow_visitor_handles_only_the_last_of_many_slides_and_hovers() -> None:

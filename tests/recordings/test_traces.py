@@ -2,7 +2,7 @@
 
 import pytest
 
-from recordings.traces import best_two, common_episode, select_traces
+from recordings.traces import best_two, common_episode, select_traces, short_name
 from sim.errors import RecordingError
 from sim.tasks.run_files import EpisodeRun, Run
 
@@ -69,3 +69,11 @@ def test_runs_without_measures_come_last_and_answers_are_not_shown(agent_run: Ru
     runs = [Run(info=info("import"), episodes=(unmeasured,)), agent_run]
     assert [trace.label for trace in best_two(select_traces(runs, KEY))] == ["straight.agent", "import"]
     assert best_two(select_traces([answer_run], KEY)) == ()
+
+
+@pytest.mark.parametrize(
+    ("who", "title"),
+    [("my_package.agents:make", "agents"), ("agents:make", "agents"), ("v1.2: mine", "v1.2: mine"), ("human", "human")],
+)
+def test_titles_name_the_module_of_a_plug_in(who: str, title: str) -> None:
+    assert short_name(who) == title

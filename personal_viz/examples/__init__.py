@@ -1,0 +1,1 @@
+"""Examples, each one run by a test."""

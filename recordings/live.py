@@ -1,0 +1,280 @@
+"""Where a running episode is streamed to: an .rrd file, a folder of them, or a viewer that listens.
+
+A file is written while the episode runs, so that a crash leaves what was flushed; a viewer sees it at once.
+"""
+
+import contextlib
+import http.client
+import os
+import re
+import select
+import threading
+import weakref
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.chunk import Chunk, OptimizationProfile, RrdReader
+
+from sim.errors import RecordingError
+from sim.types import EpisodeKey
+
+from . import paths
+from .stream import open_recording
+
+CONNECT_S = 3.0
+"""A viewer on this machine or in its network answers sooner."""
+FLUSH_S = 10.0
+"""Longest wait until a viewer has taken what is sent; it is then taken as gone."""
+MAX_PARTS = 64
+"""A file that was flushed more often is written anew at its end; that takes half a second."""
+SPAWN = "spawn"
+_ADDRESS = re.compile(
+    r"(?:rerun\+http|grpc)://(?P<host>\[[0-9a-fA-F:.]+\]|[^\s/:\[\]]+):(?P<port>\d{1,5})(?:/proxy)?/?"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSink:
+    """A place for recordings of running episodes; small, so that worker processes can be sent one."""
+
+    kind: Literal["file", "folder", "address"]
+    where: str
+    """The file, the folder, or the viewer's address."""
+    application_id: str = paths.APPLICATION_ID
+    """A viewer keeps recordings and layouts of applications apart: two people may do one episode at once."""
+
+    def file_of(self, key: EpisodeKey) -> Path | None:
+        """The file of an episode's recording; None when a viewer gets it."""
+        if self.kind == "address":
+            return None
+        return Path(self.where) if self.kind == "file" else Path(self.where) / f"{key.split}-{key.scene}-{key[2]}.rrd"
+
+    def open(self, key: EpisodeKey) -> "LiveRecording":
+        """The recording of one episode; a file that was there is replaced.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        rr.set_strict_mode(True)  # it stays on: Rerun would else warn and drop what it cannot use
+        stream = rr.RecordingStream(self.application_id, recording_id=paths.recording_id(key), send_properties=False)
+        stream.set_log_time_enabled(False)
+        path = self.file_of(key)
+        if path is None:
+            stream.connect_grpc(self.where)
+            return LiveRecording(key, stream, self.where, None)
+        return LiveRecording(key, stream, str(path), _PipedFile(path, stream))
+
+
+@contextlib.contextmanager
+def live_sink(option: str, keys: Sequence[EpisodeKey]) -> Iterator[LiveSink]:
+    """The sink that an option `--rerun` names: FILE.rrd, a folder, rerun+http://HOST:PORT/proxy, or spawn.
+
+    Args:
+        option: What the user gave; grpc://HOST:PORT means the same as rerun+http://HOST:PORT/proxy.
+        keys: The episodes that will be recorded.
+
+    Raises:
+        RecordingError: A file for several episodes, a form that is not known, nobody listens at the address, or no
+            viewer can be started.
+    """
+    if option == SPAWN:
+        from .viewer import live_viewer
+
+        with live_viewer() as address:
+            yield LiveSink("address", address)
+    elif "://" in option:
+        yield LiveSink("address", _answering(option))
+    elif option.endswith(".rrd"):
+        if len(keys) > 1:
+            raise RecordingError(
+                f"--rerun {option}: found {len(keys)} episodes for one file; expected one. Give a folder (one file per "
+                "episode), or choose one with --episode SPLIT/SCENE/ID."
+            )
+        yield LiveSink("file", option)
+    else:
+        if Path(option).is_file():
+            raise RecordingError(
+                f"--rerun {option}: found a file that does not end in .rrd; expected FILE.rrd, a folder, "
+                "rerun+http://HOST:PORT/proxy or spawn. Give another name."
+            )
+        yield LiveSink("folder", option)
+
+
+class LiveRecording:
+    """One open recording. Whoever logs calls `flush` when something should be seen, and `close` at the end."""
+
+    def __init__(self, key: EpisodeKey, stream: rr.RecordingStream, where: str, file: "_PipedFile | None") -> None:
+        """Use `LiveSink.open`."""
+        self.stream = stream
+        self._key = key
+        self._blueprint: rrb.Blueprint | None = None
+        self._num_parts = 0
+        self._where = where
+        self._file = file
+        self._finalizer = weakref.finalize(self, _end, stream, file)  # also at exit, when an episode was broken off
+
+    def lay_out(self, blueprint: rrb.Blueprint) -> None:
+        """From now on the viewer shows this layout."""
+        self._blueprint = blueprint
+        self.stream.send_blueprint(blueprint)
+
+    def flush(self) -> None:
+        """Returns when all that was logged is in the file, or with the viewer.
+
+        Raises:
+            RecordingError: The file cannot be written, or the viewer is gone.
+        """
+        try:
+            self.stream.flush(timeout_sec=FLUSH_S)
+        except RuntimeError as error:  # what Rerun raises for a lost connection
+            self._finalizer.detach()
+            threading.Thread(target=self.stream.disconnect, daemon=True).start()  # it may wait for an answer for ever
+            reason = " ".join(str(error).split())
+            raise RecordingError(
+                f"--rerun {self._where}: the viewer took no more data ({reason}); expected it to stay open. Start it "
+                "again, or write to a file: --rerun FILE.rrd."
+            ) from None
+        self._num_parts += 1
+        if self._file is not None:
+            self._file.require_written()
+
+    def close(self) -> None:
+        """Ends the recording: a file is then complete.
+
+        Raises:
+            RecordingError: The file cannot be written, or the viewer is gone.
+        """
+        if not self._finalizer.alive:
+            return
+        self.flush()
+        self._finalizer()
+        if self._file is not None:
+            self._file.require_written()
+            if self._num_parts > MAX_PARTS and self._blueprint is not None:
+                self._join_parts(self._file.path)
+
+    def _join_parts(self, path: Path) -> None:
+        """Writes the finished file anew with few large chunks: each small one spends 2 kB on describing itself."""
+        assert self._blueprint is not None
+        reader = RrdReader(str(path))
+        (store,) = reader.recordings()
+        joined = reader.stream(store=store).collect(optimize=OptimizationProfile.OBJECT_STORE)
+        with open_recording(path, self._key) as stream:
+            # in the order of time: a viewer stands at the first moment that it reads
+            stream.send_chunks(sorted(joined.stream(), key=_first_step))
+            stream.send_blueprint(self._blueprint)
+
+
+class _PipedFile:
+    """A file that gets what Rerun's own file writer writes, through a pipe.
+
+    Rerun would else write itself, and on a full disk it waits for ever or raises without saying why. Its streams of
+    bytes in memory are no help: each part is a whole recording, and parts put together cannot be read.
+    """
+
+    def __init__(self, path: Path, stream: rr.RecordingStream) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+        self._problem: OSError | None = None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise _cannot_write(path, error) from None
+        self._outlet, inlet = os.pipe()
+        os.set_blocking(self._outlet, False)
+        self._thread = threading.Thread(target=self._copy_all, name=f"recording {path.name}", daemon=True)
+        self._thread.start()
+        try:
+            stream.save(f"/dev/fd/{inlet}")
+        finally:
+            os.close(inlet)  # Rerun holds its own; when it closes that, the thread ends
+
+    def require_written(self) -> None:
+        """Returns when what Rerun has flushed is in the file; raises RecordingError when it cannot be."""
+        self._copy()
+        if self._problem is not None:
+            raise _cannot_write(self.path, self._problem) from None
+
+    def wait(self) -> None:
+        """Returns when Rerun has closed its end and all is in the file."""
+        self._thread.join()
+
+    def _copy_all(self) -> None:
+        while True:
+            select.select([self._outlet], [], [])
+            if self._copy():
+                break
+        with self._lock:
+            os.close(self._outlet)
+            self._outlet = -1
+            self._file.close()
+
+    def _copy(self) -> bool:
+        """Moves what is in the pipe into the file; whether the pipe has ended. Reads on after an error: Rerun waits."""
+        with self._lock:
+            while self._outlet >= 0:
+                try:
+                    data = os.read(self._outlet, 1 << 20)
+                except BlockingIOError:
+                    return False
+                if not data:
+                    break
+                self._write(data)
+        return True
+
+    def _write(self, data: bytes) -> None:
+        if self._problem is not None:
+            return
+        try:
+            left = memoryview(data)
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._problem = error
+
+
+def _end(stream: rr.RecordingStream, file: _PipedFile | None) -> None:
+    stream.disconnect()
+    if file is not None:
+        file.wait()
+
+
+def _first_step(chunk: Chunk) -> int:
+    """The earliest step in a chunk; -1 for what is shown at all times."""
+    batch = chunk.to_record_batch()
+    return -1 if chunk.is_static or paths.STEP not in batch.schema.names else min(batch.column(paths.STEP).to_pylist())
+
+
+def _answering(option: str) -> str:
+    """The address in Rerun's form, once somebody listens there."""
+    match = _ADDRESS.fullmatch(option)
+    port = int(match["port"]) if match else 0
+    if match is None or not 0 < port < 65536:
+        raise RecordingError(
+            f"--rerun is {option!r}; expected FILE.rrd, a folder, rerun+http://HOST:PORT/proxy or spawn. "
+            "Rerun's viewer says its address when it starts; by default it is rerun+http://127.0.0.1:9876/proxy."
+        )
+    probe = http.client.HTTPConnection(match["host"].strip("[]"), port, timeout=CONNECT_S)
+    try:
+        probe.request("HEAD", "/")  # what listens but never answers would keep Rerun waiting for ever
+        probe.getresponse()
+    except (OSError, http.client.HTTPException) as error:
+        raise RecordingError(
+            f"--rerun {option}: no viewer answers there ({error}); expected a Rerun viewer. Start one first with: "
+            f"rerun --port {port}, or let us do it: --rerun spawn."
+        ) from None
+    finally:
+        probe.close()
+    return f"rerun+http://{match['host']}:{port}/proxy"
+
+
+def _cannot_write(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"--rerun {path}: cannot be written ({error}); expected a folder with space that you can write. Give another "
+        "place; finished episodes are kept."
+    )

@@ -1,0 +1,268 @@
+"""One running episode in its recording: rows are gathered for a moment and sent together, Rerun's cost is per call."""
+
+import math
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import imagecodecs
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from sim.episodes.schema import Episode
+from sim.frames import T_world_agent, T_world_camera
+from sim.scenes.scene import Scene
+from sim.tasks.observers import Insight
+from sim.tasks.run_files import Step
+from sim.types import STOREY_GAP, Observation, Pose
+from sim.world.fog import SeenArea
+
+from .live import LiveRecording
+from .live_blueprint import live_blueprint
+from .log_goal import goal_region, log_goal
+from .log_insight import Place, log_insight, log_insight_maps, log_insight_styles, require_fits
+from .log_maps import StoreyMap, log_map_picture, storey_map, storeys_of
+from .log_run import JPEG_QUALITY
+from .log_scene import log_scene
+from .log_steps import (
+    DEPTH_FACTOR,
+    DEPTH_PER_METRE,
+    Row,
+    Walker,
+    log_figures,
+    log_map_styles,
+    log_rows,
+    log_styles,
+    log_whole_way,
+    set_moment,
+)
+from .map_pictures import Resampler, seen_png
+
+SEND_S = 0.1
+"""Longest time for which steps are gathered; people and most agents take longer for each, and theirs go at once."""
+MAP_EVERY = 5
+"""Maps that grow are sent after this many steps."""
+
+
+@dataclass(slots=True)
+class _Storey:
+    """One storey that is shown, and what the robot has seen of it."""
+
+    map: StoreyMap
+    seen: SeenArea
+    resampler: Resampler
+    num_seen: int = -1
+    """Cells that the last picture showed as seen."""
+
+
+class LiveEpisode:
+    """Logs one episode step by step; the recording's owner opens and closes it."""
+
+    def __init__(
+        self, episode: Episode, scene: Scene, recording: LiveRecording, walker: Walker, *, may_show: bool, follows: bool
+    ) -> None:
+        """Nothing is logged before `start`.
+
+        Args:
+            episode: With its targets: distances to them are shown from the start, they themselves at the end.
+            scene: The home.
+            recording: Where to.
+            walker: Who walks.
+            may_show: Whether geometry, maps and pictures of this home may be shown.
+            follows: Whether the viewer's cursor stays at the newest data.
+        """
+        self._episode = episode
+        self._scene = scene
+        self._recording = recording
+        self._stream = recording.stream
+        self._walker = walker
+        self._may_show = may_show
+        self._follows = follows
+        self._goal = goal_region(episode, scene.navigation)
+        self._T_world_start = T_world_agent(episode.start)
+        self._storeys: dict[int, _Storey] = {}
+        self._has_depth = False
+        self._explains = False
+        self._shown: frozenset[str] = frozenset()
+        self._unsent: list[Row] = []
+        self._poses: list[Pose] = []
+        self._sent_at = 0.0
+        self._encoder = ThreadPoolExecutor(1, thread_name_prefix="jpeg")
+
+    def start(self, observation: Observation) -> None:
+        """Logs the home and the first moment.
+
+        Raises:
+            RecordingError: It cannot be written.
+        """
+        self._has_depth = self._may_show and observation.depth_m is not None
+        log_styles(self._stream, self._walker, with_depth=self._has_depth)
+        self._add(self._episode.start, None, observation)
+        self._send()
+
+    def step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
+        """Logs one step; what the agent had in mind belongs to the moment before it.
+
+        Raises:
+            AgentError: Parts of the insight do not fit together.
+            RecordingError: It cannot be written.
+        """
+        if insight is not None:
+            require_fits(insight)
+            self._explain(insight, with_maps=self._last.number % MAP_EVERY == 0)
+        self._add(step.pose, step, observation)
+        if time.monotonic() - self._sent_at >= SEND_S:
+            self._send()
+
+    def end(self) -> None:
+        """Logs what is left, the whole way and the goal.
+
+        Raises:
+            RecordingError: It cannot be written.
+        """
+        if self._storeys:
+            self._log_seen(self._storeys[self._last.storey])
+        for index in sorted(set(self._goal.storeys.tolist())):
+            self._show_storey(index)
+        self._send()
+        maps = self._maps
+        floors = storeys_of(np.array([pose.position[1] for pose in self._poses]), self._scene.navigation)
+        log_whole_way(self._stream, self._walker, self._poses, floors, maps)
+        set_moment(self._stream, self._walker, self._last)
+        log_goal(self._stream, self._goal, maps)
+        self._stream.reset_time()
+
+    @property
+    def _maps(self) -> list[StoreyMap]:
+        """Of the storeys shown, from the lowest."""
+        return [self._storeys[index].map for index in sorted(self._storeys)]
+
+    def _add(self, pose: Pose, step: Step | None, observation: Observation) -> None:
+        """Gathers one moment."""
+        (index,) = storeys_of(np.array([pose.position[1]]), self._scene.navigation).tolist()
+        storey = self._show_storey(index)
+        before = None if step is None else self._last
+        walked = 0.0 if before is None else math.dist(pose.position, before.pose.position)
+        camera = self._walker.camera
+        if before is not None and before.pose == pose:  # a blocked step, STOP: the robot sees what it saw
+            T, jpeg = before.T_world_camera, before.jpeg
+        else:
+            T = T_world_camera(pose, camera)
+            jpeg = None
+            if self._may_show:
+                jpeg = None if observation.rgb is None else self._encoder.submit(jpeg_beside, observation.rgb)
+                storey.seen.see(T, camera, observation.depth_m)
+        self._last = Row(
+            number=0 if before is None else before.number + 1,
+            pose=pose,
+            T_world_camera=T,
+            storey=index,
+            path_m=walked if before is None else before.path_m + walked,
+            step=step,
+            before=None if before is None else before.pose,
+            storey_before=None if before is None else before.storey,
+            jpeg=jpeg,
+            depth_mm=_quarter(observation.depth_m) if self._has_depth and observation.depth_m is not None else None,
+        )
+        self._unsent.append(self._last)
+        self._poses.append(pose)
+        if self._last.number % MAP_EVERY == 0:
+            self._log_seen(storey)
+
+    def close(self) -> None:
+        """Logs what is left, also of an episode that was broken off.
+
+        Raises:
+            RecordingError: It cannot be written.
+        """
+        self._send()
+        self._encoder.shutdown()
+
+    def _send(self) -> None:
+        """Logs what was gathered and flushes."""
+        rows, self._unsent = self._unsent, []
+        if rows:
+            log_rows(self._stream, self._walker, rows, self._maps)
+            positions = np.array([row.pose.position for row in rows])
+            log_figures(self._stream, self._walker, rows, "centre_distance", self._apart(positions).min(axis=1))
+            log_figures(self._stream, self._walker, rows, "goal_distance", self._left(positions))
+        self._recording.flush()
+        self._sent_at = time.monotonic()
+
+    def _left(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) metres to walk to where STOP succeeds, 0 there (DTG of rule `paper`); inf where there is no way."""
+        if not len(self._goal.places):
+            return np.full(len(positions), np.inf)
+        left = self._scene.navigation.distances(positions, self._goal.places)
+        on_storey = np.abs(positions[:, None, 1] - self._goal.floors_y) < STOREY_GAP  # (N, M)
+        there = on_storey & (self._apart(positions) <= self._goal.radii)
+        return np.where(there.any(axis=1), 0.0, left)
+
+    def _apart(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, M) planar metres to each target's centre."""
+        return np.linalg.norm(positions[:, None, [0, 2]] - self._goal.centres[:, [0, 2]], axis=-1)
+
+    def _show_storey(self, index: int) -> _Storey:
+        """The storey, shown from now on."""
+        if index not in self._storeys:
+            shown = storey_map(self._scene.navigation, index)
+            resampler = Resampler(self._T_world_start, shown.grid)
+            self._storeys[index] = _Storey(shown, SeenArea(shown.free, shown.grid), resampler)
+            if self._may_show:
+                log_scene(self._stream, self._scene, storeys=[index])
+                log_map_picture(self._stream, shown)
+            log_map_styles(self._stream, self._walker, shown)
+            if self._explains:
+                log_insight_styles(self._stream, self._walker.label, shown)
+            self._lay_out()
+        return self._storeys[index]
+
+    def _lay_out(self) -> None:
+        blueprint = live_blueprint(
+            self._walker,
+            self._maps,
+            explains=self._explains and self._may_show,
+            with_depth=self._has_depth,
+            follows=self._follows,
+        )
+        self._recording.lay_out(blueprint)
+
+    def _log_seen(self, storey: _Storey) -> None:
+        """Logs the map of what was seen, if it has grown since the last one."""
+        if not self._may_show:
+            return
+        seen = storey.seen.cells
+        if (count := int(np.count_nonzero(seen))) == storey.num_seen:
+            return
+        storey.num_seen = count
+        set_moment(self._stream, self._walker, self._last)
+        picture = rr.EncodedImage(contents=seen_png(storey.map.free, seen), media_type="image/png", draw_order=0.0)
+        self._stream.log(self._walker.entity("map", storey.map.part, "seen"), picture)
+        self._stream.reset_time()
+
+    def _explain(self, insight: Insight, *, with_maps: bool) -> None:
+        if not self._explains:
+            self._explains = True
+            for shown in self._maps:
+                log_insight_styles(self._stream, self._walker.label, shown)
+            self._lay_out()
+        storey = self._storeys[self._last.storey]
+        place = Place(self._T_world_start, self._last.pose.position[1], storey.map, storey.resampler)
+        set_moment(self._stream, self._walker, self._last)
+        self._shown = log_insight(self._stream, self._walker, insight, place, shown=self._shown)
+        if with_maps and self._may_show:
+            log_insight_maps(self._stream, self._walker.label, insight, place)
+        self._stream.reset_time()
+
+
+def jpeg_beside(rgb: NDArray[np.uint8]) -> bytes:
+    """The same bytes as `log_run.jpeg_bytes`, while other threads run: Pillow holds Python's lock as it encodes."""
+    return bytes(imagecodecs.jpeg8_encode(rgb, level=JPEG_QUALITY, subsampling="420"))
+
+
+def _quarter(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Every DEPTH_FACTOR-th pixel in millimetres."""
+    few = depth_m[DEPTH_FACTOR // 2 :: DEPTH_FACTOR, DEPTH_FACTOR // 2 :: DEPTH_FACTOR]
+    deepest = np.float32(np.iinfo(np.uint16).max / DEPTH_PER_METRE)
+    return (np.minimum(few, deepest) * np.float32(DEPTH_PER_METRE)).astype(np.uint16)

@@ -1,0 +1,121 @@
+"""`study serve --rerun`: each trial becomes a recording for the researcher, and participants are sent nothing of it."""
+
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pytest
+from rerun.chunk import RrdReader
+
+from human_study.events import Act
+from human_study.export import export_study
+from human_study.records import read_study
+from personal_viz.commands.study import serve
+from personal_viz.served import start_study
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import StudyError
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeStart, RunInfo, Step, read_run
+
+from .test_no_ground_truth_on_the_wire import assert_no_answer, marked_dataset  # noqa: F401 - a fixture
+from .wire import enter
+
+pytestmark = pytest.mark.slow
+
+
+def texts(path: Path, entity: str, component: str) -> list[str]:
+    """The texts of one component, in the order of steps where they have one."""
+    found: list[tuple[int, str]] = []
+    for chunk in RrdReader(str(path)).stream():
+        if chunk.entity_path != entity:
+            continue
+        batch: Any = chunk.to_record_batch()
+        for name in batch.schema.names:
+            if name.split(":")[-1] == component:
+                steps = [0] * batch.num_rows if chunk.is_static else batch.column("step").cast(pa.int64()).to_pylist()
+                found += [(step, value[0]) for step, value in zip(steps, batch.column(name).to_pylist(), strict=True)]
+    return [text for _, text in sorted(found, key=lambda row: row[0])]
+
+
+def entities(path: Path) -> set[str]:
+    """Entity paths of a recording."""
+    return {chunk.entity_path for chunk in RrdReader(str(path)).stream()}
+
+
+def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
+    dataset, live = PersonalDataset(marked_dataset), tmp_path / "live"
+    home = ("--dataset", str(marked_dataset), "--scene", "Marked", "--limit", "1")
+    study = start_study(tmp_path / "study", "study", "serve", *home, "--rerun", str(live))
+    try:
+        with enter(study.links["pan"]) as walker:
+            walker.press("Start")
+            walker.receive_until(lambda message: "Step 0 of 500" in str(message))
+            walker.press("Turn left (A or Left)")
+            walker.receive_until(lambda message: "Step 1 of 500" in str(message))
+        with enter(study.links["pan"]) as walker_again:
+            walker_again.receive_until(lambda message: "Step 1 of 500" in str(message))
+            walker_again.press("Forward (W or Up)")
+            walker_again.receive_until(lambda message: "Step 2 of 500" in str(message))
+            walker_again.press("Give up this search")
+            walker_again.receive_until(lambda message: "Thank you" in str(message))
+        with enter(study.links["pog"]) as pointer:
+            pointer.press("Start")
+            pointer.receive_until(lambda message: "Click the object to mark it" in str(message))
+            pointer.press("Give up this search")
+            pointer.receive_until(lambda message: "Thank you" in str(message))
+    finally:
+        assert study.end() == 0
+    for client in (walker, walker_again, pointer):
+        assert_no_answer(client, dataset)
+        sent = [data.decode("latin-1").lower() for data in client.buffers] + [str(client.messages).lower()]
+        assert not any(word in text for text in sent for word in ("rerun", ".rrd"))
+    assert_recordings_hold_what_is_stored(tmp_path / "study", live, tmp_path / "runs")
+
+
+def assert_recordings_hold_what_is_stored(study: Path, live: Path, out: Path) -> None:
+    """Each finished trial's recording holds the very lines that `study export` writes."""
+    exported = {folder.name: read_run(folder) for folder in export_study(study, out)}
+    with read_study(study) as reader:
+        trials = [status for code in reader.codes() for status in reader.trials(code)]
+        assert [status.code for status in trials] == ["p01", "p02"]
+        for status in trials:
+            rrd = live / f"{status.code}-{status.key.split}-{status.key.scene}-{status.key.episode_id}.rrd"
+            run_id = f"{reader.config.study}-{status.code}-{status.task}"
+            record = f"/runs/{run_id}-{status.code}/record"
+            info = RunInfo.model_validate_json(texts(rrd, record, "info")[0])
+            same = {"created_utc", "versions", "git_commit"}  # these say when and with what it was written
+            assert info.model_dump(exclude=same) == exported[run_id].info.model_dump(exclude=same)
+            assert "/goal/centre" in entities(rrd)
+            assert status.trial_id is not None
+            if status.task == "pog":
+                assert [Answer.model_validate_json(line) for line in texts(rrd, record, "line")] == [status.outcome]
+                continue
+            start = EpisodeStart.model_validate_json(texts(rrd, record, "start")[-1])
+            assert start == exported[run_id].episodes[0].start
+            steps = [stored.event.step for stored in reader.events(status.trial_id) if isinstance(stored.event, Act)]
+            assert [Step.model_validate_json(line) for line in texts(rrd, f"{record}/line", "line")] == steps
+            assert len(steps) == 2
+            assert EpisodeEnd.model_validate_json(texts(rrd, f"{record}/end", "end")[0]) == status.outcome
+            pictures = [
+                chunk.num_rows
+                for chunk in RrdReader(str(rrd)).stream()
+                if chunk.entity_path == f"/runs/{run_id}-{status.code}/camera"
+                and any("EncodedImage:blob" in name for name in chunk.to_record_batch().schema.names)
+            ]
+            assert sum(pictures) == 3, "also of the step before the page was opened again"
+
+
+def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
+    with pytest.raises(StudyError, match=r"--rerun x\.rrd: this study has 2 trials; expected one for a single file\."):
+        serve(
+            dataset=marked_dataset,
+            scene="Marked",
+            scenes_dir=None,
+            out=tmp_path / "study",
+            split=(),
+            limit=1,
+            seed=0,
+            actions="paper4",
+            port=0,
+            rerun="x.rrd",
+        )
+    assert not (tmp_path / "study" / "study.db").exists()

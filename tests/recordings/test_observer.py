@@ -1,0 +1,407 @@
+"""The live observer: what stands in the recording of a running episode, read back with Rerun's own reader."""
+
+import io
+import subprocess
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import rerun_cli
+from PIL import Image
+from rerun.chunk import RrdReader
+
+from recordings import live_episode
+from recordings.live import LiveSink
+from recordings.log_maps import storey_map
+from recordings.log_run import jpeg_bytes
+from recordings.map_pictures import HEAT_PALETTE, SEEN_PALETTE
+from recordings.observer import ObserveRuns, RerunObserver
+from sim.episodes.schema import Episode
+from sim.errors import AgentError
+from sim.scenes.scene import Scene
+from sim.tasks.observers import FREE, OCCUPIED, Detection, Insight
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import EpisodeRun, RunInfo
+from sim.types import Action, Camera, GridSpec
+from sim.world.raycast import Raycaster
+
+from .conftest import info, to_the_table, walk
+
+SMALL = Camera(width=64, height=48)
+Tables = dict[tuple[str, bool], dict[str, list[Any]]]
+RUN = "/runs/straight.agent"
+MAP = f"{RUN}/map/storey_0"
+GRID = GridSpec((-2.0, -3.0), 0.5, (8, 6))
+"""A grid of the start frame: x from -2 to 1, z from -3 to 1."""
+
+
+def tables(rrd: Path, *, kind: str = "recordings") -> Tables:
+    """(entity, is static) to its columns as lists, all chunks of an entity together."""
+    reader = RrdReader(str(rrd))
+    (store,) = getattr(reader, kind)()
+    found: Tables = {}
+    for chunk in reader.stream(store=store):
+        batch = chunk.to_record_batch()
+        columns = found.setdefault((chunk.entity_path, chunk.is_static), {})
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            if not name.startswith("rerun."):
+                values = column.cast(pa.int64()) if pa.types.is_temporal(column.type) else column
+                columns.setdefault(name, []).extend(values.to_pylist())
+    return found
+
+
+def observe(
+    sink: LiveSink,
+    home: Scene,
+    episode: Episode,
+    renderer: Raycaster | None,
+    actions: Sequence[Action],
+    *,
+    insights: Sequence[Insight | None] = (),
+    run: EpisodeRun | None = None,
+    who: RunInfo | None = None,
+    **options: Any,
+) -> EpisodeRun:
+    """Plays the actions through an observer; step i comes with insight i."""
+    run = run or walk(home, episode, actions)
+    observer = RerunObserver(home, sink, who or info("straight.agent"), camera=SMALL, **options)
+    env = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL)
+    observer.on_reset(episode, env.reset())
+    for number, step in enumerate(run.steps):
+        observation = env.step(step.action)
+        observer.on_step(step, observation, insights[number] if number < len(insights) else None)
+    observer.on_end(run)
+    return run
+
+
+def column(found: Tables, entity: str, name: str, *, static: bool = False) -> list[Any]:
+    """A column's rows in the order of their steps."""
+    columns = found[(entity, static)]
+    if static:
+        return columns[name]
+    return [columns[name][index] for index in np.argsort(columns["step"], kind="stable")]
+
+
+@pytest.fixture(scope="module")
+def rrd(
+    tmp_path_factory: pytest.TempPathFactory, home: Scene, episode: Episode, renderer: Raycaster
+) -> tuple[Path, EpisodeRun]:
+    """An agent of 40 steps that reaches the table."""
+    out = tmp_path_factory.mktemp("live") / "box.rrd"
+    return out, observe(LiveSink("file", str(out)), home, episode, renderer, to_the_table())
+
+
+def test_every_step_has_a_row_in_every_entity(rrd: tuple[Path, EpisodeRun]) -> None:
+    rows = {entity: len(columns["step"]) for (entity, static), columns in tables(rrd[0]).items() if not static}
+    seen = rows.pop(f"{MAP}/seen")
+    assert 3 <= seen <= 9
+    assert rows == {
+        f"{RUN}/camera": 41,
+        f"{RUN}/depth": 41,
+        f"{RUN}/trail": 40,
+        f"{RUN}/actions": 40,
+        f"{RUN}/centre_distance": 41,
+        f"{RUN}/goal_distance": 41,
+        f"{RUN}/record/line": 40,
+        f"{MAP}/robot": 41,
+        f"{MAP}/trail": 40,
+        "/goal/centre": 1,
+        "/goal/region": 1,
+        "/goal/places": 1,
+        "/goal/path": 1,
+        "/goal/map/storey_0": 1,
+        "/goal/map/storey_0/region": 1,
+        "/goal/map/storey_0/places": 1,
+        "/goal/map/storey_0/path": 1,
+    }
+
+
+def test_the_finished_file_is_whole(rrd: tuple[Path, EpisodeRun]) -> None:
+    program = Path(rerun_cli.__file__).with_name("rerun")
+    done = subprocess.run([program, "rrd", "verify", rrd[0]], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert [path.name for path in rrd[0].parent.iterdir()] == ["box.rrd"]
+
+
+def test_rows_stand_at_the_same_steps_and_metres_as_in_a_replay(rrd: tuple[Path, EpisodeRun]) -> None:
+    found = tables(rrd[0])
+    assert sorted(found[(f"{RUN}/camera", False)]["step"]) == list(range(41))
+    metres = np.array(column(found, f"{RUN}/camera", "path_m")) / 1e9
+    assert metres[[0, 3, 4, 27, 30, 40]] == pytest.approx([0, 0, 0.25, 6, 6, 8.25])
+    assert "time_s" not in found[(f"{RUN}/camera", False)]
+
+
+def test_pictures_are_what_the_camera_saw(rrd: tuple[Path, EpisodeRun]) -> None:
+    blobs = column(tables(rrd[0]), f"{RUN}/camera", "EncodedImage:blob")
+    last = np.asarray(Image.open(io.BytesIO(bytes(blobs[40][0]))))
+    assert last.shape == (48, 64, 3)
+    assert (np.abs(last - np.array([150, 60, 40])).max(axis=-1) < 30).mean() > 0.2  # the red table
+
+
+def test_depth_is_a_quarter_as_large_and_in_millimetres(
+    rrd: tuple[Path, EpisodeRun], episode: Episode, home: Scene, renderer: Raycaster
+) -> None:
+    found = tables(rrd[0])
+    depth = np.frombuffer(bytes(column(found, f"{RUN}/depth", "DepthImage:buffer")[0][0]), np.uint16).reshape(12, 16)
+    truth = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL).reset().depth_m
+    assert truth is not None
+    assert depth[6, 8] == pytest.approx(truth[26, 34] * 1000, abs=1)
+    resolution = column(found, f"{RUN}/depth", "Pinhole:resolution", static=True)
+    assert [row for row in resolution if row] == [[[16.0, 12.0]]]
+
+
+def test_distances_fall_to_the_goal_and_the_walk_ends_at_zero(rrd: tuple[Path, EpisodeRun]) -> None:
+    found = tables(rrd[0])
+    centre = np.array(column(found, f"{RUN}/centre_distance", "Scalars:scalars")).ravel()
+    walk_m = np.array(column(found, f"{RUN}/goal_distance", "Scalars:scalars")).ravel()
+    assert centre[0] == pytest.approx(np.hypot(6.1, 3.0))
+    assert centre[40] == pytest.approx(np.hypot(0.1, 0.75), abs=0.01)
+    paper = rrd[1].end.measures.rules["paper"] if rrd[1].end.measures else None
+    assert paper is not None
+    assert walk_m[0] == pytest.approx(paper.start_distance)
+    assert walk_m[40] == 0
+
+
+def test_the_seen_map_grows_and_ends_with_both_rooms(rrd: tuple[Path, EpisodeRun], home: Scene) -> None:
+    blobs = column(tables(rrd[0]), f"{MAP}/seen", "EncodedImage:blob")
+    pictures = [np.asarray(Image.open(io.BytesIO(bytes(blob[0]))).convert("RGB")) for blob in blobs]
+    free = storey_map(home.navigation, 0).free
+    shares = [(picture[free] == SEEN_PALETTE[3]).all(axis=-1).mean() for picture in pictures]
+    assert (np.diff(shares) >= 0).all()  # walls are seen too
+    assert 0.05 < shares[0] < 0.5
+    assert shares[-1] > 0.7
+    assert np.unique(pictures[0][free], axis=0).tolist() == sorted(SEEN_PALETTE[[1, 3]].tolist())
+
+
+def test_the_goal_and_the_measures_come_with_the_end_only(rrd: tuple[Path, EpisodeRun]) -> None:
+    found = tables(rrd[0])
+    assert found[("/goal/centre", False)]["step"] == [40]
+    assert found[("/goal/region", False)]["step"] == [40]
+    texts = [text[0] for text in found[("/task", True)]["TextDocument:text"]]
+    assert ["| straight.agent | yes |" in text for text in texts] == [False, True]
+    assert all("**Query:** Find Nell's table." in text for text in texts)
+    assert "Nell keeps the red table" in texts[0]
+
+
+def test_the_record_holds_the_run_files_own_lines(rrd: tuple[Path, EpisodeRun]) -> None:
+    found, run = tables(rrd[0]), rrd[1]
+    lines = [row[0] for row in column(found, f"{RUN}/record/line", "line")]
+    assert lines == [step.model_dump_json() for step in run.steps]
+    assert found[(f"{RUN}/record", True)]["start"] == [[run.start.model_dump_json()]]
+    assert found[(f"{RUN}/record/end", True)]["end"] == [[run.end.model_dump_json()]]
+    assert RunInfo.model_validate_json(found[(f"{RUN}/record", True)]["info"][0][0]).run_id == "straight.agent"
+
+
+def test_the_blueprint_shows_camera_home_map_plot_actions_and_task(rrd: tuple[Path, EpisodeRun]) -> None:
+    found = tables(rrd[0], kind="blueprints")
+    names = [row[0] for columns in found.values() for row in columns.get("ViewBlueprint:display_name", []) if row]
+    assert sorted(names) == [
+        "Actions",
+        "Depth",
+        "Home",
+        "Metres to the goal",
+        "Seen so far",
+        "Task and results",
+        "straight.agent sees",
+    ]
+
+
+def test_collisions_are_marked_where_a_wall_stopped_the_robot(
+    tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
+) -> None:
+    actions = [Action.LEFT, Action.LEFT, Action.LEFT, *[Action.FORWARD] * 6, Action.STOP]
+    run = observe(LiveSink("file", str(tmp_path / "a.rrd")), home, episode, renderer, actions)
+    blocked = [number for number, step in enumerate(run.steps, start=1) if step.collided]
+    found = tables(tmp_path / "a.rrd")
+    assert blocked
+    assert column(found, f"{RUN}/collisions", "step") == blocked
+    assert column(found, f"{MAP}/collisions", "step") == blocked
+    marks = column(found, f"{RUN}/collisions", "Points3D:positions")
+    assert marks[0][0][::2] == pytest.approx(run.steps[blocked[0] - 1].position[::2])
+    assert column(found, f"{RUN}/actions", "TextLog:text")[blocked[0] - 1] == ["straight.agent: forward (blocked)"]
+
+
+INSIGHT = Insight(
+    grid=GRID,
+    occupancy=np.full(GRID.shape, FREE, np.uint8),
+    similarity=np.where(np.arange(48).reshape(8, 6) < 24, np.nan, np.arange(48).reshape(8, 6)).astype(np.float32),
+    frontiers=np.array([[0.0, -2.0], [1.0, -1.0]]),
+    detections=(Detection("table", (10, 5, 30, 25), 0.75, (0.0, 0.4, -2.0)), Detection("bed", (1, 2, 3, 4), 0.5)),
+    candidates=np.array([[0.0, 0.4, -2.0], [1.0, 0.2, -1.0]]),
+    candidate_scores=(0.9, 0.25),
+    goal=(0.0, 0.0, -1.0),
+    note="it looks like a table",
+)
+
+
+@pytest.fixture(scope="module")
+def explained(tmp_path_factory: pytest.TempPathFactory, home: Scene, episode: Episode, renderer: Raycaster) -> Tables:
+    """Two steps with all there is to show, one with nothing."""
+    out = tmp_path_factory.mktemp("live") / "explained.rrd"
+    actions = [Action.RIGHT, Action.RIGHT, Action.STOP]
+    insights = [INSIGHT, replace(INSIGHT, detections=(), candidates=None, candidate_scores=()), Insight()]
+    observe(LiveSink("file", str(out)), home, turned(episode), renderer, actions, insights=insights)
+    return tables(out)
+
+
+def turned(episode: Episode) -> Episode:
+    """The same episode, the robot faces left (-x) at its start."""
+    turn = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))
+    return replace(episode, record=episode.record.model_copy(update={"start_rotation": turn}))
+
+
+def test_an_insight_stands_at_the_moment_in_which_the_agent_had_it(explained: Tables) -> None:
+    assert column(explained, f"{RUN}/note", "step") == [0, 1]
+    assert column(explained, f"{RUN}/note", "TextLog:text")[0] == ["because: it looks like a table"]
+    assert column(explained, f"{RUN}/frontiers", "step") == [0, 1, 2]
+
+
+def test_points_of_the_start_frame_are_shown_in_the_world(explained: Tables) -> None:
+    # the robot starts at (-3, 0, 1.1) and faces -x: 2 m ahead is x = -5, 1 m to its right is z = 0.1
+    frontiers = np.array(column(explained, f"{RUN}/frontiers", "Points3D:positions")[0])
+    assert frontiers[:, [0, 2]] == pytest.approx(np.array([[-5.0, 1.1], [-4.0, 0.1]]), abs=1e-5)
+    (chosen,) = column(explained, f"{RUN}/chosen", "Points3D:positions")[0]
+    assert chosen[::2] == pytest.approx([-4.0, 1.1], abs=1e-5)
+
+
+def test_candidates_and_detections_carry_their_scores(explained: Tables) -> None:
+    assert column(explained, f"{RUN}/candidates", "Points3D:labels")[0] == ["1 0.90", "2 0.25"]
+    assert column(explained, f"{RUN}/found", "Points3D:labels")[0] == ["table 0.75"]
+    boxes = f"{RUN}/camera/detections"
+    assert column(explained, boxes, "Boxes2D:labels")[0] == ["table 0.75", "bed 0.50"]
+    assert column(explained, boxes, "Boxes2D:centers")[0] == [[20.0, 15.0], [2.0, 3.0]]
+    assert column(explained, boxes, "Boxes2D:half_sizes")[0] == [[10.0, 10.0], [1.0, 1.0]]
+
+
+def test_what_is_no_longer_there_is_taken_away(explained: Tables) -> None:
+    assert column(explained, f"{RUN}/candidates", "step") == [0, 1]
+    assert column(explained, f"{RUN}/candidates", "Points3D:positions")[1] == []
+    assert column(explained, f"{RUN}/camera/detections", "Boxes2D:centers")[1] == []
+    assert column(explained, f"{MAP}/frontiers", "Points2D:positions")[2] == []
+
+
+def test_an_agents_grids_are_turned_onto_the_storeys_map(explained: Tables, home: Scene) -> None:
+    shown = storey_map(home.navigation, 0)
+    (blob,) = column(explained, f"{MAP}/similarity", "EncodedImage:blob")
+    similarity = np.asarray(Image.open(io.BytesIO(bytes(blob[0]))).convert("RGBA"))
+    assert similarity.shape == (*shown.grid.shape, 4)
+
+    def colour(x: float, z: float) -> list[int]:
+        row, col = shown.grid.rc_from_xz(np.array([x, z]))
+        return similarity[row, col].tolist()
+
+    # the grid's last cell, (row 7, col 5), lies 0.75 m behind and 0.75 m to the right of the start: x = -2.25, z = 0.35
+    assert colour(-2.25, 0.35) == HEAT_PALETTE[-1].tolist()
+    assert colour(-4.75, 0.35)[3] == 0  # ahead: not seen
+    assert colour(2.0, 0.35)[3] == 0  # outside the grid
+    (blob,) = column(explained, f"{MAP}/occupancy", "EncodedImage:blob")
+    assert np.asarray(Image.open(io.BytesIO(bytes(blob[0]))).convert("RGBA")).shape == similarity.shape
+
+
+@pytest.mark.parametrize(
+    ("insight", "message"),
+    [
+        (Insight(occupancy=np.full((2, 2), OCCUPIED, np.uint8)), "found occupancy without grid"),
+        (Insight(grid=GRID, similarity=np.zeros((2, 2), np.float32)), r"similarity has shape \(2, 2\); expected"),
+        (Insight(frontiers=np.zeros((3, 3))), r"frontiers has shape \(3, 3\); expected \(N, 2\)"),
+        (Insight(candidates=np.zeros((2, 3)), candidate_scores=(0.5,)), "found 1 candidate_scores for 2 candidates"),
+    ],
+)
+def test_an_insight_that_does_not_fit_together_names_what_is_wrong(
+    tmp_path: Path, home: Scene, episode: Episode, insight: Insight, message: str
+) -> None:
+    sink = LiveSink("file", str(tmp_path / "a.rrd"))
+    with pytest.raises(AgentError, match=message):
+        observe(sink, home, episode, None, [Action.LEFT, Action.STOP], insights=[insight])
+
+
+def test_a_scan_shows_poses_and_figures_only(
+    tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
+) -> None:
+    scan = replace(home, kind="scan")
+    observe(LiveSink("file", str(tmp_path / "a.rrd")), scan, episode, renderer, to_the_table(), insights=[INSIGHT])
+    found = tables(tmp_path / "a.rrd")
+    shown = {name for columns in found.values() for name in columns}
+    assert not {name for name in shown if name.startswith(("EncodedImage", "DepthImage", "Asset3D"))}
+    assert not {entity for entity, _ in found if entity.startswith("/scene")}
+    assert len(found[(f"{RUN}/camera", False)]["step"]) == 41
+    assert (tmp_path / "a.rrd").stat().st_size < 500_000
+
+
+def test_a_scan_with_leave_shows_all_and_a_notice(
+    tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
+) -> None:
+    scan = replace(home, kind="scan")
+    sink = LiveSink("file", str(tmp_path / "a.rrd"))
+    observe(sink, scan, episode, renderer, to_the_table()[:4], with_pixels=True)
+    found = tables(tmp_path / "a.rrd")
+    assert "EncodedImage:blob" in found[(f"{RUN}/camera", False)]
+    assert ("/scene/mesh/storey_0", True) in found
+    assert all("HM3D's terms of use" in text[0] for text in found[("/task", True)]["TextDocument:text"])
+
+
+def test_without_a_renderer_the_map_grows_from_the_floor_plan(tmp_path: Path, home: Scene, episode: Episode) -> None:
+    observe(LiveSink("file", str(tmp_path / "a.rrd")), home, episode, None, to_the_table())
+    found = tables(tmp_path / "a.rrd")
+    assert "EncodedImage:blob" not in found[(f"{RUN}/camera", False)]
+    assert (f"{RUN}/depth", False) not in found
+    assert len(found[(f"{MAP}/seen", False)]["step"]) >= 3
+
+
+def test_a_person_has_a_code_and_a_clock(tmp_path: Path, home: Scene, episode: Episode) -> None:
+    run = walk(home, episode, [Action.FORWARD, Action.LEFT, Action.STOP], participant="P07")
+    who = info("study", who="human", who_kind="human")
+    sink = LiveSink("file", str(tmp_path / "a.rrd"))
+    observe(sink, home, episode, None, [], run=run, who=who, participant="P07")
+    found = tables(tmp_path / "a.rrd")
+    seconds = np.array(column(found, "/runs/study-P07/camera", "time_s")) / 1e9
+    assert seconds == pytest.approx([0, 0.5, 1.0, 1.5])
+    assert column(found, "/runs/study-P07/actions", "TextLog:text")[0] == ["human-P07: forward"]
+
+
+def test_an_episode_that_was_broken_off_is_complete_up_to_there(
+    tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
+) -> None:
+    run = walk(home, episode, to_the_table())
+    observer = RerunObserver(home, LiveSink("file", str(tmp_path / "a.rrd")), info("straight.agent"), camera=SMALL)
+    env = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL)
+    observer.on_reset(episode, env.reset())
+    for step in run.steps[:6]:
+        observer.on_step(step, env.step(step.action), None)
+    observer.close()
+    found = tables(tmp_path / "a.rrd")
+    assert sorted(found[(f"{RUN}/camera", False)]["step"]) == list(range(7))
+    assert not {entity for entity, _ in found if entity.startswith("/goal")}
+
+
+def test_steps_of_a_slow_agent_are_in_the_file_at_once(
+    tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_episode, "SEND_S", 0.0)
+    observer = RerunObserver(home, LiveSink("file", str(tmp_path / "a.rrd")), info("straight.agent"), camera=SMALL)
+    env = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL)
+    observer.on_reset(episode, env.reset())
+    for number, step in enumerate(walk(home, episode, to_the_table()).steps[:3], start=1):
+        observer.on_step(step, env.step(step.action), None)
+        chunks = RrdReader(str(tmp_path / "a.rrd")).stream()
+        rows = sum(chunk.num_rows for chunk in chunks if chunk.entity_path == f"{RUN}/camera" and not chunk.is_static)
+        assert rows == number + 1
+    observer.close()
+
+
+@pytest.mark.parametrize("shape", [(480, 640, 3), (48, 64, 3), (33, 47, 3)])
+def test_pictures_have_the_same_bytes_live_and_in_a_replay(shape: tuple[int, int, int]) -> None:
+    rng = np.random.default_rng(0)
+    small = Image.fromarray(rng.integers(0, 255, (12, 16, 3), dtype=np.uint8))
+    picture = np.asarray(small.resize((shape[1], shape[0]), Image.Resampling.BICUBIC))
+    assert live_episode.jpeg_beside(picture) == jpeg_bytes(picture)
+
+
+def test_makers_of_observers_are_compared_by_what_they_hold(home: Scene) -> None:
+    makers = [ObserveRuns(LiveSink("folder", "live"), info("a").model_dump_json()) for _ in range(2)]
+    assert len(set(makers)) == 1
+    assert isinstance(makers[0](home), RerunObserver)
