@@ -113,10 +113,7 @@ def _homes(
     views: list[rrb.View] = []
     for storey in maps:
         rows, cols = storey.grid.shape
-        middle_xz = np.asarray(storey.grid.origin_xz) + np.array([cols, rows]) * storey.grid.cell / 2
-        middle = np.array([middle_xz[0], storey.floor_y, middle_xz[1]])
-        extent = max(rows, cols * len(maps) / aspect) * storey.grid.cell
-        eye = rrb.EyeControls3D(position=middle + extent * EYE, look_target=middle, eye_up=(0.0, 1.0, 0.0))
+        eye = home_eye(storey, extent=max(rows, cols * len(maps) / aspect) * storey.grid.cell)
         views.append(
             rrb.Spatial3DView(
                 origin="/",
@@ -156,9 +153,9 @@ def _storey_name(view: str, storey: StoreyMap, maps: Sequence[StoreyMap]) -> str
     return view if len(maps) == 1 else f"{view}, storey {storey.index + 1}"
 
 
-def _trails(traces: Sequence[Trace], *parts: str) -> Overrides:
-    """Trails show all their rows up to the time cursor, on every timeline; all else shows its latest row."""
-    until_now = rrb.VisibleTimeRanges(
+def until_now(entities: Sequence[str]) -> Overrides:
+    """These show all their rows up to the time cursor, on every timeline; all else shows its latest row."""
+    ranges = rrb.VisibleTimeRanges(
         [
             rrb.VisibleTimeRange(
                 timeline, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
@@ -166,5 +163,17 @@ def _trails(traces: Sequence[Trace], *parts: str) -> Overrides:
             for timeline in paths.TIMELINES
         ]
     )
+    return dict.fromkeys(entities, ranges)
+
+
+def home_eye(storey: StoreyMap, *, extent: float) -> rrb.EyeControls3D:
+    """Looks at a storey's middle from above, so far that `extent` metres fit."""
+    rows, cols = storey.grid.shape
+    middle_xz = np.asarray(storey.grid.origin_xz) + np.array([cols, rows]) * storey.grid.cell / 2
+    middle = np.array([middle_xz[0], storey.floor_y, middle_xz[1]])
+    return rrb.EyeControls3D(position=middle + extent * EYE, look_target=middle, eye_up=(0.0, 1.0, 0.0))
+
+
+def _trails(traces: Sequence[Trace], *parts: str) -> Overrides:
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun) and trace.run.steps]
-    return {paths.run_path(trace.label, *parts): until_now for trace in walks}
+    return until_now([paths.run_path(trace.label, *parts) for trace in walks])

@@ -1,21 +1,16 @@
 """How the viewer lays a running episode out: camera | home | map; below them distances, actions and task."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
-import numpy as np
 import rerun.blueprint as rrb
-from rerun.blueprint.api import VisualizerLike
 from rerun.blueprint.encodings import TextLogColumn
-from rerun.encodings import EntityPathLike
 
 from . import paths
+from .blueprints import BACKGROUND, home_eye, until_now
 from .log_insight import OCCUPANCY, SIMILARITY
 from .log_maps import StoreyMap
 from .log_steps import Walker
 
-BACKGROUND = (24, 26, 30)
-EYE = np.array([0.0, 1.25, 0.22])
-"""Where the home is looked at from, from its middle, in units of its depth: steep, so that walls hide little."""
 _IN_HOME = ("camera", "path", "trail", "collisions", "frontiers", "candidates", "chosen", "found")
 _PAST_TOO = ("trail", "collisions")
 """Entities that show all their rows up to the time cursor; all others show their latest one."""
@@ -73,10 +68,7 @@ def _flat(origin: str, contents: list[str], name: str) -> rrb.View:
 
 def _home(walker: Walker, storey: StoreyMap, count: int) -> rrb.View:
     rows, cols = storey.grid.shape
-    middle_xz = np.asarray(storey.grid.origin_xz) + np.array([cols, rows]) * storey.grid.cell / 2
-    middle = np.array([middle_xz[0], storey.floor_y, middle_xz[1]])
     extent = max(rows, cols) * storey.grid.cell * (1.0 if count == 1 else 1.3)  # several share the height
-    eye = rrb.EyeControls3D(position=middle + extent * EYE, look_target=middle, eye_up=(0.0, 1.0, 0.0))
     shown = [walker.entity(name) for name in _IN_HOME]
     return rrb.Spatial3DView(
         origin="/",
@@ -84,8 +76,8 @@ def _home(walker: Walker, storey: StoreyMap, count: int) -> rrb.View:
         name="Home" if count == 1 else f"Home, storey {storey.index + 1}",
         background=BACKGROUND,
         line_grid=False,
-        eye_controls=eye,
-        overrides=_until_now([walker.entity(name) for name in _PAST_TOO]),
+        eye_controls=home_eye(storey, extent=extent),
+        overrides=until_now([walker.entity(name) for name in _PAST_TOO]),
     )
 
 
@@ -101,19 +93,5 @@ def _map(walker: Walker, storey: StoreyMap, *, own: bool, many: bool) -> rrb.Vie
         contents=[*plan, f"{goal}/**", f"{below}/**", *(f"- {below}/{name}" for name in hidden)],
         name=f"{name}, storey {storey.index + 1}" if many else name,
         background=BACKGROUND,
-        overrides=_until_now([f"{below}/{name}" for name in _PAST_TOO]),
+        overrides=until_now([f"{below}/{name}" for name in _PAST_TOO]),
     )
-
-
-def _until_now(
-    entities: Sequence[str],
-) -> dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]:
-    ranges = rrb.VisibleTimeRanges(
-        [
-            rrb.VisibleTimeRange(
-                timeline, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
-            )
-            for timeline in paths.TIMELINES
-        ]
-    )
-    return dict.fromkeys(entities, ranges)

@@ -5,7 +5,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import imagecodecs
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from .live_blueprint import live_blueprint
 from .log_goal import goal_region, log_goal
 from .log_insight import Place, log_insight, log_insight_maps, log_insight_styles, require_fits
 from .log_maps import StoreyMap, log_map_picture, storey_map, storeys_of
-from .log_run import JPEG_QUALITY
+from .log_run import jpeg_bytes
 from .log_scene import log_scene
 from .log_steps import (
     DEPTH_FACTOR,
@@ -151,7 +150,7 @@ class LiveEpisode:
             T = T_world_camera(pose, camera)
             jpeg = None
             if self._may_show:
-                jpeg = None if observation.rgb is None else self._encoder.submit(jpeg_beside, observation.rgb)
+                jpeg = None if observation.rgb is None else self._encoder.submit(jpeg_bytes, observation.rgb)
                 storey.seen.see(T, camera, observation.depth_m)
         self._last = Row(
             number=0 if before is None else before.number + 1,
@@ -254,11 +253,6 @@ class LiveEpisode:
         if with_maps and self._may_show:
             log_insight_maps(self._stream, self._walker.label, insight, place)
         self._stream.reset_time()
-
-
-def jpeg_beside(rgb: NDArray[np.uint8]) -> bytes:
-    """The same bytes as `log_run.jpeg_bytes`, while other threads run: Pillow holds Python's lock as it encodes."""
-    return bytes(imagecodecs.jpeg8_encode(rgb, level=JPEG_QUALITY, subsampling="420"))
 
 
 def _quarter(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import rerun as rr
-
 from sim.episodes.schema import Episode
 from sim.scenes.scene import Scene
 from sim.tasks.observers import Insight
@@ -14,6 +12,7 @@ from .live import LiveRecording, LiveSink
 from .live_episode import LiveEpisode
 from .log_record import log_record_end, log_record_start
 from .log_run import Trace
+from .log_scene import log_identity
 from .log_steps import Walker
 from .log_text import log_task
 from .palette import RUN_COLORS
@@ -76,12 +75,7 @@ class RerunObserver:
             follows=self._sink.kind == "address",
         )
         self._running = (episode, recording, live)
-        stream.send_recording_name(f"{episode.key} in {scene.label}")
-        facts = rr.AnyValues(
-            episode=str(episode.key), scene=scene.name, scene_kind=scene.kind, scene_digest=scene.digest
-        )
-        stream.send_property("episode", facts)
-        stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
+        log_identity(stream, episode, scene)
         log_record_start(stream, self._walker.label, self._info, self._start_of(episode))
         log_task(stream, episode, scene, [], has_scan_pixels=self._has_scan_pixels)
         live.start(observation)

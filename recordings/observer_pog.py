@@ -13,13 +13,13 @@ from sim.scenes.scene import Scene
 from sim.tasks.run_files import Answer, ClickRay, RunInfo, Vector3
 
 from . import paths
+from .blueprints import BACKGROUND, home_eye
 from .live import LiveRecording, LiveSink
-from .live_blueprint import BACKGROUND, EYE
 from .log_goal import goal_region, log_goal
 from .log_maps import POINT, StoreyMap, log_answer_on_map, log_map_picture, storey_map, storeys_of
 from .log_record import log_record_answer
 from .log_run import ANSWER_STEP, Rgb, Trace, log_answer, rgba_u32
-from .log_scene import log_scene
+from .log_scene import log_identity, log_scene
 from .log_text import log_task
 from .palette import RUN_COLORS
 
@@ -76,12 +76,7 @@ class AnswerObserver:
         """
         self._live = None  # a broken-off one ends here
         live = self._live = _Live(episode, self._sink.open(episode.key))
-        stream, scene = live.stream, self._scene
-        stream.send_recording_name(f"{episode.key} in {scene.label}")
-        key = str(episode.key)
-        facts = rr.AnyValues(episode=key, scene=scene.name, scene_kind=scene.kind, scene_digest=scene.digest)
-        stream.send_property("episode", facts)
-        stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
+        log_identity(live.stream, episode, self._scene)
         self._log_task(live, [])
         self._show_storey(live, 0)
         live.recording.flush()
@@ -149,7 +144,7 @@ class AnswerObserver:
             log_scene(live.stream, self._scene, storeys=[index])
             log_map_picture(live.stream, storey)
         maps = [live.maps[number] for number in sorted(live.maps)]
-        live.stream.send_blueprint(self._blueprint(maps))
+        live.recording.lay_out(self._blueprint(maps))
 
     def _say(self, live: _Live, t_s: float, text: str) -> None:
         """Sets the time to `t_s` and writes a line of the log."""
@@ -189,13 +184,7 @@ class AnswerObserver:
 
     def _home_view(self, storey: StoreyMap) -> rrb.View:
         rows, cols = storey.grid.shape
-        middle_xz = np.asarray(storey.grid.origin_xz) + np.array([cols, rows]) * storey.grid.cell / 2
-        middle = np.array([middle_xz[0], storey.floor_y, middle_xz[1]])
-        eye = rrb.EyeControls3D(
-            position=middle + max(rows, cols / 1.5) * storey.grid.cell * EYE,
-            look_target=middle,
-            eye_up=(0.0, 1.0, 0.0),
-        )
+        eye = home_eye(storey, extent=max(rows, cols / 1.5) * storey.grid.cell)
         shown = [paths.run_path(self._label, name) for name in (MARKS, MARK_RAY, "candidates", "click_ray")]
         return rrb.Spatial3DView(
             origin="/",

@@ -23,7 +23,7 @@ from .log_grounding import log_layers, reground, reground_markdown
 from .log_maps import StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map, storeys_of
 from .log_record import log_record_answer, log_record_end, log_record_start, log_record_steps
 from .log_run import ANSWER_STEP, Trace, indexes, log_answer, log_no_clock, log_run, path_lengths, times
-from .log_scene import log_scene
+from .log_scene import log_identity, log_scene
 from .log_text import log_task
 from .palette import RUN_COLORS as RUN_COLORS
 from .pictures import picture_cameras, rendered_jpegs
@@ -73,7 +73,7 @@ def log_comparison(
     regrounded = [] if dataset is None else reground(traces, episode, dataset)
     may_show = scene.kind != "scan" or with_pixels
     with open_recording(out, episode.key) as stream:
-        _log_identity(stream, episode, scene)
+        log_identity(stream, episode, scene)
         log_task(
             stream,
             episode,
@@ -119,13 +119,6 @@ def _log_home(stream: rr.RecordingStream, scene: Scene, maps: Sequence[StoreyMap
     log_scene(stream, scene, storeys=[storey.index for storey in maps])
     for storey in maps:
         log_map_picture(stream, storey)
-
-
-def _log_identity(stream: rr.RecordingStream, episode: Episode, scene: Scene) -> None:
-    stream.send_recording_name(f"{episode.key} in {scene.label}")
-    facts = rr.AnyValues(episode=str(episode.key), scene=scene.name, scene_kind=scene.kind, scene_digest=scene.digest)
-    stream.send_property("episode", facts)
-    stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
 
 
 def _log_walks(

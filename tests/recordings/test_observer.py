@@ -17,7 +17,6 @@ from rerun.chunk import RrdReader
 from recordings import live_episode
 from recordings.live import LiveSink
 from recordings.log_maps import storey_map
-from recordings.log_run import jpeg_bytes
 from recordings.map_pictures import HEAT_PALETTE, SEEN_PALETTE
 from recordings.observer import ObserveRuns, RerunObserver
 from sim.episodes.schema import Episode
@@ -391,14 +390,6 @@ def test_steps_of_a_slow_agent_are_in_the_file_at_once(
         rows = sum(chunk.num_rows for chunk in chunks if chunk.entity_path == f"{RUN}/camera" and not chunk.is_static)
         assert rows == number + 1
     observer.close()
-
-
-@pytest.mark.parametrize("shape", [(480, 640, 3), (48, 64, 3), (33, 47, 3)])
-def test_pictures_have_the_same_bytes_live_and_in_a_replay(shape: tuple[int, int, int]) -> None:
-    rng = np.random.default_rng(0)
-    small = Image.fromarray(rng.integers(0, 255, (12, 16, 3), dtype=np.uint8))
-    picture = np.asarray(small.resize((shape[1], shape[0]), Image.Resampling.BICUBIC))
-    assert live_episode.jpeg_beside(picture) == jpeg_bytes(picture)
 
 
 def test_makers_of_observers_are_compared_by_what_they_hold(home: Scene) -> None:
