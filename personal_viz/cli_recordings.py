@@ -38,6 +38,7 @@ class Compare:
     out: Annotated[Path, arg(help="Folder of index.html, index.md, recordings and contact sheets.")]
     scenes_dir: ScenesDir = None
     with_pixels: WithPixels = False
+    picture_width: Annotated[int, arg(help="Width of what robots saw in the recordings, in pixels; 0 = none.")] = 320
     jobs: Annotated[int, arg(help="Worker processes, one scene each.")] = 1
     open: OpenIt = False
 

@@ -7,45 +7,52 @@ from playwright.sync_api import BrowserContext, expect
 
 from sim.episodes.dataset import PersonalDataset
 from sim.scenes.sources import open_scene
-from sim.types import Split
+from sim.tasks.run_files import read_run
 
 from .browser import open_chromium
-from .commands.recordings import replay
-from .commands.runs import run
+from .screenshots_browse import picture_browser
 from .screenshots_homes import picture_homes
-from .screenshots_rerun import screenshot_rrd
+from .screenshots_recordings import KEYS, first_walk, picture_recordings, run_agent
 from .screenshots_sim import picture_simulator
-from .served import served_demo
+from .served import ServedStudy, served_demo
 
 PICTURES = Path(__file__).parent / "pictures"
-SPLIT: Split = "easy"
-"""The split whose first episode is replayed."""
+SHOWN_STEP = 5
+"""Of the PAN screen's picture."""
 
 
 def main() -> None:
-    """Writes study-pan.png, study-pog.png, simulator.png, replay.png and the homes' into `personal_viz/pictures`."""
+    """Writes pictures of the study, the simulator, recordings, homes and `browse` into `personal_viz/pictures`."""
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="personal-pictures-") as folder:
+        dataset = Path(folder) / "demo" / "dataset"
         with served_demo(Path(folder) / "demo") as study, open_chromium() as browser:
-            _picture_pan(browser, study.links["pan"])
+            _picture_pan(browser, study, dataset=dataset, runs=Path(folder) / "way")
             _picture_pog(browser, study.links["pog"])
-        _picture_simulator(Path(folder))
-        _picture_replay(Path(folder))
+        _picture_simulator(dataset)
+        picture_recordings(PICTURES, study.folder, dataset=dataset, folder=Path(folder))
     picture_homes(PICTURES)
+    picture_browser(PICTURES)
     print(f"Written to {PICTURES}")
 
 
-def _picture_pan(browser: BrowserContext, link: str) -> None:
-    """The PAN screen after some steps."""
+def _picture_pan(browser: BrowserContext, study: ServedStudy, *, dataset: Path, runs: Path) -> None:
+    """The PAN screen after some steps; then the script walks on to the goal, whose way an agent knows, and stops."""
+    way = run_agent("shortest-path", key=first_walk(study.folder), dataset=dataset, runs=runs, name="way")
+    keys = ["d", "a", *(KEYS[step.action] for step in read_run(way).episodes[0].steps[:-1])]
     page = browser.new_page()
-    page.goto(link)
+    page.goto(study.links["pan"])
     page.get_by_role("button", name="Start").click()
     expect(page.get_by_text("Step 0 of 500")).to_be_visible(timeout=60_000)
-    for number, key in enumerate(("d", "a", "w", "w", "w"), start=1):
+    for number, key in enumerate(keys, start=1):
         page.keyboard.press(key, delay=60)  # sessions drop presses within 50 ms of the last one
         expect(page.get_by_text(f"Step {number} of 500")).to_be_visible()
-    expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", "5")
-    page.screenshot(path=PICTURES / "study-pan.png")
+        if number == SHOWN_STEP:
+            expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", str(SHOWN_STEP))
+            page.screenshot(path=PICTURES / "study-pan.png")
+    page.keyboard.press("Enter", delay=60)
+    page.keyboard.press("Enter", delay=60)
+    expect(page.get_by_text("Saved")).to_be_visible()
 
 
 def _picture_pog(browser: BrowserContext, link: str) -> None:
@@ -63,34 +70,11 @@ def _picture_pog(browser: BrowserContext, link: str) -> None:
     page.screenshot(path=PICTURES / "study-pog.png")
 
 
-def _picture_simulator(folder: Path) -> None:
+def _picture_simulator(dataset: Path) -> None:
     """One view and the map of a long way."""
-    dataset = PersonalDataset(folder / "demo" / "dataset")
-    episode = next(dataset.episodes(splits=("hard",)))
-    picture_simulator(open_scene(dataset, episode.key.scene), episode, PICTURES / "simulator.png")
-
-
-def _picture_replay(folder: Path) -> None:
-    """Two agents of one episode side by side in Rerun's web viewer."""
-    dataset = folder / "demo" / "dataset"
-    key = next(PersonalDataset(dataset).episodes(splits=(SPLIT,))).key
-    for agent in ("shortest-path", "random"):
-        run(
-            agent=agent,
-            dataset=dataset,
-            out=folder / "runs",
-            scenes_dir=None,
-            scene=(key.scene,),
-            split=(key.split,),
-            limit=1,
-            seed=1,
-            jobs=1,
-            run_id=agent,
-        )
-    rrd = folder / "pair.rrd"
-    runs = (folder / "runs" / "shortest-path", folder / "runs" / "random")
-    replay(runs=runs, out=rrd, dataset=dataset, scenes_dir=None, episode=str(key), with_pixels=False)
-    screenshot_rrd(rrd, PICTURES / "replay.png", at_end=True)
+    episodes = PersonalDataset(dataset)
+    episode = next(episodes.episodes(splits=("hard",)))
+    picture_simulator(open_scene(episodes, episode.key.scene), episode, PICTURES / "simulator.png")
 
 
 if __name__ == "__main__":

@@ -112,7 +112,7 @@ class LiveEpisode:
             self._explain(insight, with_maps=self._last.number % MAP_EVERY == 0)
         self._add(step.pose, step, observation)
         if time.monotonic() - self._sent_at >= SEND_S:
-            self._send()
+            self._send(waits=False)
 
     def end(self) -> None:
         """Logs what is left, the whole way and the goal.
@@ -145,12 +145,15 @@ class LiveEpisode:
         walked = 0.0 if before is None else math.dist(pose.position, before.pose.position)
         camera = self._walker.camera
         if before is not None and before.pose == pose:  # a blocked step, STOP: the robot sees what it saw
-            T, jpeg = before.T_world_camera, before.jpeg
+            T, jpeg, depth_mm = before.T_world_camera, before.jpeg, before.depth_mm
         else:
             T = T_world_camera(pose, camera)
-            jpeg = None
+            jpeg = depth_mm = None
             if self._may_show:
-                jpeg = None if observation.rgb is None else self._encoder.submit(jpeg_bytes, observation.rgb)
+                if observation.rgb is not None:
+                    jpeg = self._encoder.submit(jpeg_bytes, observation.rgb)
+                if self._has_depth and observation.depth_m is not None:
+                    depth_mm = self._encoder.submit(_quarter, observation.depth_m)
                 storey.seen.see(T, camera, observation.depth_m)
         self._last = Row(
             number=0 if before is None else before.number + 1,
@@ -162,7 +165,7 @@ class LiveEpisode:
             before=None if before is None else before.pose,
             storey_before=None if before is None else before.storey,
             jpeg=jpeg,
-            depth_mm=_quarter(observation.depth_m) if self._has_depth and observation.depth_m is not None else None,
+            depth_mm=depth_mm,
         )
         self._unsent.append(self._last)
         self._poses.append(pose)
@@ -178,9 +181,16 @@ class LiveEpisode:
         self._send()
         self._encoder.shutdown()
 
-    def _send(self) -> None:
-        """Logs what was gathered and flushes."""
-        rows, self._unsent = self._unsent, []
+    def _send(self, *, waits: bool = True) -> None:
+        """Logs what was gathered and flushes.
+
+        Without `waits`, moments whose picture is still encoded stay for the next time, unless all are such.
+        """
+        count = len(self._unsent)
+        if not waits:
+            ready = [k for k, row in enumerate(self._unsent, start=1) if row.jpeg is None or row.jpeg.done()]
+            count = ready[-1] if ready else count
+        rows, self._unsent = self._unsent[:count], self._unsent[count:]
         if rows:
             log_rows(self._stream, self._walker, rows, self._maps)
             positions = np.array([row.pose.position for row in rows])

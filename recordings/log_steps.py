@@ -66,8 +66,8 @@ class Row:
     storey_before: int | None = None
     jpeg: Future[bytes] | None = None
     """The picture, which may still be encoded."""
-    depth_mm: NDArray[np.uint16] | None = None
-    """(H / DEPTH_FACTOR, W / DEPTH_FACTOR) millimetres, 0 = no return."""
+    depth_mm: Future[NDArray[np.uint16]] | None = None
+    """(H / DEPTH_FACTOR, W / DEPTH_FACTOR) millimetres, 0 = no return; follows the picture."""
 
 
 def log_styles(stream: rr.RecordingStream, walker: Walker, *, with_depth: bool) -> None:
@@ -201,7 +201,7 @@ def _log_views(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row]) 
     if len(jpegs) == len(rows):
         pictures = list(rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs)))
     stream.send_columns(walker.entity("camera"), times, [*columns, *pictures])
-    depths = [row.depth_mm for row in rows if row.depth_mm is not None]
+    depths = [row.depth_mm.result() for row in rows if row.depth_mm is not None]
     if len(depths) == len(rows):
         height, width = depths[0].shape
         layout = rr.encodings.ImageFormat(width=width, height=height, channel_datatype=rr.ChannelDatatype.U16)

@@ -1,0 +1,196 @@
+"""Run folders -> one `Trial` per run of an episode, in figures, and the runs themselves split by scene on disk.
+
+A study of 2,000 episodes has millions of steps: they are read one run folder at a time and put where a worker process
+finds those of its own scene.
+"""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sim.episodes.schema import Episode
+from sim.errors import RunFileError
+from sim.tasks.metrics import read_runs
+from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
+from sim.types import ClutterLevel, EndReason, EpisodeKey, SceneKind, TaskKind, WhoKind
+
+CLUTTER: Mapping[str, ClutterLevel] = {"0": 0, "1": 1, "2": 2}
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Setting:
+    """In which homes runs were made; results of different settings never share a table."""
+
+    kind: SceneKind
+    clutter: ClutterLevel = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One run or answer of one person or agent, in figures."""
+
+    key: EpisodeKey
+    task: TaskKind
+    setting: Setting | None
+    """None = an answer on an oracle map."""
+    who: str
+    who_kind: WhoKind
+    condition: str
+    participant: str | None
+    run_id: str
+    reason: EndReason
+    success: bool | None
+    """Rule `paper` (PAN) or planar distance (POG); None = not scored: a technical failure, or no usable point."""
+    spl: float | None
+    """0-1; None for answers and where `success` is None."""
+    steps: int | None
+    """None for answers."""
+    time_s: float | None
+    """Seconds from start to end; None where no time was measured."""
+    distance_m: float | None
+    """Metres to the goal at the end (PAN, geodesic) or of the first candidate from the nearest target (POG, planar)."""
+    scene_digest: str | None
+    """Version of the home; answers name none."""
+    digest: str
+    """sha256 of the run's lines and of its `run.json`."""
+
+    @property
+    def name(self) -> str:
+        """Who, and which participant."""
+        return f"{self.who} {self.participant}" if self.participant else self.who
+
+
+@dataclass(frozen=True, slots=True)
+class Gathered:
+    """All runs of a comparison."""
+
+    trials: tuple[Trial, ...]
+    """In the order of the run folders, within one those of PAN first."""
+    runs: tuple[Run, ...]
+    """For metrics: every run without its steps."""
+
+
+def gather(
+    folders: Sequence[Path], *, dataset_digest: str, episodes: Mapping[EpisodeKey, Episode], into: Path
+) -> Gathered:
+    """Reads run folders, and writes each scene's part of each run below `into`.
+
+    Args:
+        folders: Run folders, or folders of run folders.
+        dataset_digest: Of the episode files that the runs must be on.
+        episodes: All of the dataset.
+        into: An empty folder; `scene_runs` reads it.
+
+    Raises:
+        RunFileError: A run is damaged, empty, on other episode files or of an episode that the dataset does not hold.
+    """
+    trials: list[Trial] = []
+    runs: list[Run] = []
+    for number, folder in enumerate(_run_folders(folders)):
+        run = read_runs([folder])[0]
+        _require_dataset(run, dataset_digest, episodes)
+        for item in (*run.episodes, *run.answers):
+            trials.append(_trial(run.info, item))
+        _split(run, into, number)
+        light = tuple(item.model_copy(update={"steps": ()}) for item in run.episodes)
+        runs.append(run.model_copy(update={"episodes": light}))
+    _require_one_version(trials)
+    return Gathered(tuple(trials), tuple(runs))
+
+
+def scene_runs(into: Path, scene: str) -> list[Run]:
+    """What `gather` put aside of one scene, in the order of the run folders."""
+    folders = sorted(path for path in (into / scene).glob("*") if path.is_dir())
+    return read_runs(folders) if folders else []
+
+
+def setting_of(info: RunInfo) -> Setting | None:
+    """Where a run was made; None = on an oracle map."""
+    if info.scene_kind == "oracle-map":
+        return None
+    return Setting(info.scene_kind, CLUTTER.get(str(info.config.get("clutter", 0)), 0))
+
+
+def _run_folders(folders: Sequence[Path]) -> list[Path]:
+    """As `read_runs` finds them: each folder named, or those one level below it."""
+    if not folders:
+        raise RunFileError("found no run folder on the command line; expected at least one, such as runs/<run_id>.")
+    found: list[Path] = []
+    for folder in folders:
+        inside = sorted(path.parent for path in folder.glob("*/run.json")) if folder.is_dir() else []
+        found += [folder] if (folder / "run.json").is_file() or not inside else inside
+    return found
+
+
+def _require_dataset(run: Run, dataset_digest: str, episodes: Mapping[EpisodeKey, Episode]) -> None:
+    if run.info.dataset_digest != dataset_digest:
+        raise RunFileError(
+            f"{run.info.run_id}: dataset_digest is {run.info.dataset_digest[:12]!r}, that of --dataset "
+            f"{dataset_digest[:12]!r}; expected runs on the same episode files. Give the --dataset of the run, or "
+            "leave the run out."
+        )
+    for item in (*run.episodes, *run.answers):
+        if item.key not in episodes:
+            raise RunFileError(
+                f"{run.info.run_id}: found a run of {str(item.key)[:120]!r}, which --dataset does not hold; expected "
+                "one of its episodes. Give the --dataset of the run, or leave the run out."
+            )
+
+
+def _require_one_version(trials: Sequence[Trial]) -> None:
+    """Refuses runs on two versions of a home before any home is opened."""
+    first: dict[tuple[Setting | None, str], Trial] = {}
+    for trial in trials:
+        if trial.scene_digest is None:
+            continue
+        other = first.setdefault((trial.setting, trial.key.scene), trial)
+        if other.scene_digest != trial.scene_digest:
+            assert other.scene_digest is not None
+            raise RunFileError(
+                f"{trial.run_id}: was made on {trial.key.scene} with scene_digest {trial.scene_digest[:12]!r}, "
+                f"{other.run_id} with {other.scene_digest[:12]!r}; expected one version of each home. Compare the runs "
+                "of one version, or run the others again."
+            )
+
+
+def _split(run: Run, into: Path, number: int) -> None:
+    lines: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for item in run.episodes:
+        block = (item.start, *item.steps, item.end)
+        lines[(item.key.scene, "steps.jsonl")] += [line.model_dump_json() for line in block]
+    for answer in run.answers:
+        lines[(answer.key.scene, "answers.jsonl")].append(answer.model_dump_json())
+    for (scene, name), found in lines.items():
+        folder = into / scene / f"{number:05d}"
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "run.json").write_text(run.info.model_dump_json(), encoding="utf-8")
+        (folder / name).write_text("\n".join(found) + "\n", encoding="utf-8")
+
+
+def _trial(info: RunInfo, item: EpisodeRun | Answer) -> Trial:
+    digest = hashlib.sha256(info.model_dump_json().encode())
+    digest.update(item.model_dump_json().encode())
+    names = (setting_of(info), info.who, info.who_kind, info.condition)
+    if isinstance(item, Answer):
+        measures = item.measures if item.reason != "technical" else None
+        success = measures.success if measures else None
+        distance = measures.planar_distance if measures else None
+        return Trial(
+            item.key, "pog", *names, item.participant, info.run_id, item.reason, success, None, None, item.t_s,
+            distance, None, digest.hexdigest(),
+        )  # fmt: skip
+    scored = item.end.measures if item.end.reason != "technical" else None
+    rule = scored.rules["paper"] if scored else None
+    time_s = item.steps[-1].t_s if item.steps else None
+    return Trial(
+        item.key, "pan", *names, item.start.participant, info.run_id, item.end.reason,
+        rule.success if rule else None,
+        rule.spl if rule else None,
+        len(item.steps),
+        time_s or None,  # runs that measured no time store 0
+        rule.dtg if rule else None,
+        item.end.measures.scene_digest if item.end.measures else None,
+        digest.hexdigest(),
+    )  # fmt: skip

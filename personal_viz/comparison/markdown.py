@@ -1,0 +1,71 @@
+"""The same rows as the page, as Markdown: for repositories, chats and readers without a browser."""
+
+from collections.abc import Sequence
+
+from .made import RECORDING, SHEET, THUMBNAIL
+from .rows import UNITS, Means, Row, Section
+from .wording import Page, facts, groups_of, metric_cells, metric_heads, metric_table, trial_name, written
+
+_ESCAPED = frozenset("\\`*_{}[]<>#|~&$")
+"""Punctuation that Markdown may read as more than itself; a backslash before it keeps it."""
+
+
+def page_markdown(page: Page) -> str:
+    """The page as one Markdown document; links are relative."""
+    parts = ["# People and agents, episode by episode", page.counts, *(f"> {note}" for note in page.notes)]
+    for section in page.sections:
+        parts += [f"## {section.title}"]
+        parts += [f"> {section.remark}"] if section.remark else []
+        parts += [_summary(section), UNITS[section.task], _episodes(section)]
+    parts.append(f"Open a recording with `rerun FILE/{RECORDING}`.")
+    return "\n\n".join(parts) + "\n"
+
+
+def plain(text: str) -> str:
+    """Text that Markdown shows as it is, on one line."""
+    return "".join("\\" + char if char in _ESCAPED else char for char in " ".join(text.split()))
+
+
+def _summary(section: Section) -> str:
+    splits, lines = metric_table(section)
+    heads = ["who", "kind", *(f"{split} {head}" for split in splits for head in metric_heads(section))]
+    rows = [
+        [plain(who), kind, *(cell for row in rows for cell in metric_cells(row, section))] for who, kind, rows in lines
+    ]
+    return _table(heads, rows, num_text=2)
+
+
+def _episodes(section: Section) -> str:
+    groups = groups_of(section)
+    heads = ["map", "episode", "query", "succeeded", "not", "recording"]
+    heads += [f"{head} {figure.head}" for _, head in groups for figure in section.figures]
+    rows = []
+    for row in section.rows:
+        values: dict[str, Means] = {"people": row.people, "agents": row.agents, "difference": row.difference}
+        figures = [
+            written(values[name][figure.name], figure.digits, is_signed=name == "difference")
+            for name, _ in groups
+            for figure in section.figures
+        ]
+        links = f"[{RECORDING}]({row.folder}/{RECORDING}), [{SHEET}]({row.folder}/{SHEET})"
+        picture = f"![map]({row.folder}/{THUMBNAIL})"
+        rows.append(
+            [picture, plain(str(row.key)), plain(row.query), _names(row, True), _names(row, False), links, *figures]
+        )
+    return _table(heads, rows, num_text=6)
+
+
+def _names(row: Row, success: bool) -> str:
+    """Who did (not) succeed, with figures; trials that were not scored are among those that did not."""
+    chosen = [trial for trial in row.trials if bool(trial.success) is success]
+    return "; ".join(
+        plain(f"{trial_name(trial)}"
+              f"{'' if trial.success is not None else ' not scored'}: {facts(trial)}")
+        for trial in chosen
+    )  # fmt: skip
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, num_text: int) -> str:
+    """A table whose first `num_text` columns are text, the others numbers to the right."""
+    rule = ["---"] * num_text + ["---:"] * (len(heads) - num_text)
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (heads, rule, *rows))

@@ -1,0 +1,153 @@
+"""Trials to comparable rows: means, differences, order, and what is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from personal_viz.comparison.gathered import Setting, Trial, gather
+from personal_viz.comparison.rows import difference, means, sections
+from sim.errors import RunFileError
+from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
+from sim.types import EpisodeKey
+
+from .compared_runs import written
+
+KEY = EpisodeKey("easy", "Hut", "1")
+HOME = Setting("schematic")
+
+
+def trial(who: str, *, success: bool | None, key: EpisodeKey = KEY, **changes: object) -> Trial:
+    """A PAN trial of 10 steps and SPL 0.5 if successful; `human` is a person who needs 4 s."""
+    is_human = who == "human"
+    base = Trial(
+        key, "pan", HOME, who, "human" if is_human else "agent", "none", "P01" if is_human else None, who, "stop",
+        success, None if success is None else 0.5 * success, 10, 4.0 if is_human else None, 0.0, "d" * 64, "digest",
+    )  # fmt: skip
+    return replace(base, **changes)
+
+
+def info(run_id: str, **changes: object) -> RunInfo:
+    values = {
+        "run_id": run_id,
+        "who": run_id,
+        "who_kind": "agent",
+        "scene_kind": "schematic",
+        "dataset_digest": "d",
+        "created_utc": "2026-01-01T00:00:00+00:00",
+    }
+    return RunInfo.model_validate(values | changes)
+
+
+def walk(scene_digest: str, *, scene: str = "Hut", episode_id: str = "1") -> EpisodeRun:
+    """A run that stopped at once and failed."""
+    rule = {"success": False, "spl": 0.0, "soft_spl": 0.0, "dtg": 2.0, "start_distance": 2.0}
+    return EpisodeRun.model_validate(
+        {
+            "start": {
+                "split": "easy", "scene": scene, "episode_id": episode_id, "position": (0.0, 0.0, 0.0), "yaw": 0.0,
+            },
+            "steps": [{"action": "stop", "position": (0.0, 0.0, 0.0), "yaw": 0.0}],
+            "end": {
+                "reason": "stop",
+                "measures": {
+                    "rules": {"paper": rule, "habitat": rule, "authors": rule}, "centre_distance": 3.0, "path_m": 0.0,
+                    "num_steps": 1, "collisions": 0, "stored_geodesic": 2.0, "scene_digest": scene_digest,
+                },
+            },
+        }
+    )  # fmt: skip
+
+
+def test_people_minus_agents_is_the_difference_of_their_means() -> None:
+    trials = [
+        trial("human", success=True, steps=20),
+        trial("human", success=True, steps=30),
+        trial("a", success=True, steps=100),
+        trial("b", success=False, steps=60),
+    ]
+    people, agents = means(trials, "human", "pan"), means(trials, "agent", "pan")
+    assert people == {"sr": 100.0, "spl": 50.0, "steps": 25.0, "time_s": 4.0}
+    assert agents == {"sr": 50.0, "spl": 25.0, "steps": 80.0, "time_s": None}
+    assert difference(people, agents) == {"sr": 50.0, "spl": 25.0, "steps": -55.0, "time_s": None}
+
+
+def test_trials_that_were_not_scored_are_in_no_mean() -> None:
+    trials = [trial("human", success=True), trial("human", success=None, steps=500, reason="technical")]
+    assert means(trials, "human", "pan")["steps"] == 10.0
+    assert means(trials, "agent", "pan")["sr"] is None
+
+
+def test_rows_come_by_the_human_lead_and_rows_without_one_come_last(tmp_path: Path) -> None:
+    even, ahead, alone = (EpisodeKey("easy", "Hut", name) for name in ("1", "2", "3"))
+    runs = [
+        Run(info=info("human", who_kind="human"), episodes=(walk("d"),)),
+        Run(info=info("a"), episodes=(walk("d"),)),
+    ]
+    trials = [
+        trial("human", success=True, key=even),
+        trial("a", success=True, key=even),
+        trial("human", success=True, key=ahead),
+        trial("a", success=False, key=ahead),
+        trial("a", success=True, key=alone),
+    ]
+    keys = dict.fromkeys((even, ahead, alone), "Find it.")
+    found = sections(trials, runs, queries=keys, folders={(HOME, key): "f" for key in keys})
+    assert [row.key.episode_id for row in found[0].rows] == ["2", "1", "3"]
+    assert [row.difference["sr"] for row in found[0].rows] == [100.0, 0.0, None]
+
+
+def test_kinds_tasks_and_oracle_maps_never_share_a_table() -> None:
+    kinds = ("invented", "scan", "schematic")
+    runs = [Run(info=info(kind, scene_kind=kind), episodes=(walk("d"),)) for kind in kinds]
+    answer = Answer(
+        split="easy", scene="Hut", episode_id="1", candidates=((0.0, 0.0, 0.0),),
+        measures={"success": True, "top3_success": True, "planar_distance": 0.1, "distance_3d": 0.1},  # type: ignore[arg-type]
+    )  # fmt: skip
+    runs.append(Run(info=info("map", scene_kind="oracle-map"), answers=(answer,)))
+    trials = [trial(kind, success=True, setting=Setting(kind)) for kind in kinds]
+    trials.append(trial("map", success=True, setting=None, task="pog", spl=None, steps=None))
+    folders = {(one.setting, KEY): "f" for one in trials}
+    found = sections(trials, runs, queries={KEY: "Find it."}, folders=folders)
+    assert [section.title.split(", ")[1] for section in found] == [
+        "scans",
+        "schematic homes",
+        "invented homes",
+        "oracle maps",
+    ]
+    assert [len(section.rows[0].trials) for section in found] == [1, 1, 1, 1]
+    assert found[0].remark == ""
+    assert "no human baseline for PersONAL" in found[1].remark
+    assert "no human baseline for PersONAL" in found[2].remark
+
+
+def gathered(runs: Path, aside: Path) -> object:
+    known = {KEY: None}
+    return gather([runs], dataset_digest="d", episodes=known, into=aside)  # type: ignore[arg-type]
+
+
+def test_runs_on_two_versions_of_a_home_are_refused(tmp_path: Path) -> None:
+    written(Run(info=info("old"), episodes=(walk("1" * 64),)), tmp_path / "runs")
+    written(Run(info=info("young"), episodes=(walk("2" * 64),)), tmp_path / "runs")
+    with pytest.raises(RunFileError, match="young: was made on Hut with scene_digest '222222222222', old with"):
+        gathered(tmp_path / "runs", tmp_path / "aside")
+
+
+def test_runs_on_other_episode_files_are_refused(tmp_path: Path) -> None:
+    written(Run(info=info("other", dataset_digest="e" * 64), episodes=(walk("d"),)), tmp_path / "runs")
+    with pytest.raises(RunFileError, match="other: dataset_digest is 'eeeeeeeeeeee'"):
+        gathered(tmp_path / "runs", tmp_path / "aside")
+
+
+def test_an_answer_whose_scene_is_a_path_writes_nothing(tmp_path: Path) -> None:
+    answer = Answer(split="easy", scene="../../away", episode_id="1", candidates=())
+    written(Run(info=info("evil"), answers=(answer,)), tmp_path / "runs")
+    with pytest.raises(RunFileError, match="which --dataset does not hold"):
+        gathered(tmp_path / "runs", tmp_path / "aside")
+    assert not (tmp_path / "aside").exists()
+    assert not (tmp_path / "away").exists()
+
+
+def test_no_folder_at_all_is_an_error_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(RunFileError, match="found no run folder on the command line"):
+        gather([], dataset_digest="d", episodes={}, into=tmp_path)
