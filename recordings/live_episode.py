@@ -4,6 +4,7 @@ import math
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 import rerun as rr
@@ -16,6 +17,7 @@ from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
 from sim.types import STOREY_GAP, Observation, Pose
 from sim.world.fog import SeenArea
+from sim.world.raycast import own_cores
 
 from .live import LiveRecording
 from .live_blueprint import live_blueprint
@@ -87,7 +89,7 @@ class LiveEpisode:
         self._unsent: list[Row] = []
         self._poses: list[Pose] = []
         self._sent_at = 0.0
-        self._encoder = ThreadPoolExecutor(1, thread_name_prefix="jpeg")
+        self._encoder = ThreadPoolExecutor(own_cores(), thread_name_prefix="jpeg")
 
     def start(self, observation: Observation) -> None:
         """Logs the home and the first moment.
@@ -184,12 +186,13 @@ class LiveEpisode:
     def _send(self, *, waits: bool = True) -> None:
         """Logs what was gathered and flushes.
 
-        Without `waits`, moments whose picture is still encoded stay for the next time, unless all are such.
+        Without `waits`, moments from the first whose picture is still encoded stay for the next time, unless it is the
+        very first.
         """
         count = len(self._unsent)
         if not waits:
-            ready = [k for k, row in enumerate(self._unsent, start=1) if row.jpeg is None or row.jpeg.done()]
-            count = ready[-1] if ready else count
+            encoded = takewhile(lambda row: row.jpeg is None or row.jpeg.done(), self._unsent)
+            count = len(list(encoded)) or count
         rows, self._unsent = self._unsent[:count], self._unsent[count:]
         if rows:
             log_rows(self._stream, self._walker, rows, self._maps)

@@ -1,15 +1,19 @@
 """What recordings cost: an episode logged live beside a loop that only encodes its pictures, and a big comparison."""
 
+import io
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 from pydantic import BaseModel, ConfigDict
 
 from recordings.live import LiveSink
-from recordings.log_run import jpeg_bytes
+from recordings.log_run import JPEG_QUALITY, jpeg_bytes
 from recordings.observer import RerunObserver
 from recordings.replay import log_comparison
 from sim.scenes.labels import renderer_of
@@ -49,11 +53,15 @@ class RecordingFigures(BaseModel):
     steps_per_s: float
     """Steps of an episode per elapsed second of the live observer writing a file: picture, map, texts, distances."""
     encode_only_steps_per_s: float
-    """The same for a loop that encodes the same JPEGs and does nothing else."""
+    """The same for a loop that encodes the same JPEGs with Pillow and does nothing else."""
+    encode_only_fast_steps_per_s: float
+    """The same with the encoder that the observer uses; its bytes are equal."""
     cost_over_encoding: float
-    """Elapsed seconds of the first over the second; medians."""
+    """Elapsed seconds of the observer over those of the loop with Pillow; medians."""
+    cost_over_fast_encoding: float
+    """The same over the loop with the observer's own encoder."""
     cpu_cost_over_encoding: float
-    """The same in CPU seconds of all threads."""
+    """CPU seconds of all threads over those of the loop with Pillow."""
     mb_with_pixels: float
     """Size of the episode's file as of a scan with pictures: geometry, pictures, map; 10^6 bytes."""
     mb_without: float
@@ -97,12 +105,14 @@ def measure_recordings(settings: RecordingSettings, *, progress: Callable[[str],
         progress(f"{settings.num_people} people and {settings.num_agents} agents in one recording")
         build_s = _build_s(home, runs, renderer, folder / "compare.rrd")
         compared = (folder / "compare.rrd").stat().st_size
-    log, encode = timings["log"], timings["encode"]
+    log, encode, fast = timings["log"], timings["encode"], timings["encode fast"]
     return RecordingFigures(
         settings=settings,
         steps_per_s=settings.agent_steps / log.wall_s,
         encode_only_steps_per_s=settings.agent_steps / encode.wall_s,
+        encode_only_fast_steps_per_s=settings.agent_steps / fast.wall_s,
         cost_over_encoding=log.wall_s / encode.wall_s,
+        cost_over_fast_encoding=log.wall_s / fast.wall_s,
         cpu_cost_over_encoding=log.core_s / encode.core_s,
         mb_with_pixels=with_pixels / 1e6,
         mb_without=without / 1e6,
@@ -129,7 +139,8 @@ def markdown(figures: RecordingFigures) -> str:
     used = figures.settings
     text = (
         f"One episode of {used.agent_steps} steps in an invented home, logged by the observer of `run --rerun` into a "
-        f"file, beside a loop that encodes the same JPEGs: medians of {used.repeats} episodes each, in turn. Then "
+        f"file, beside loops that encode the same JPEGs, with Pillow and (fast) with our own encoder: medians of "
+        f"{used.repeats} episodes each, in turn. Then "
         f"{used.num_people} walkers of {used.person_steps} steps and {used.num_agents} of {used.agent_steps} in one "
         f"recording: {figures.compare_pictures} poses, each with its picture, rendered again."
     )
@@ -148,10 +159,17 @@ def _live_timings(home: RecordedHome, played: Played, out: Path, *, repeats: int
     """Medians over whole episodes, with one of each before that is not counted."""
     pictures = [observation.rgb for observation in played.observations if observation.rgb is not None]
     work = {
-        "encode": lambda _: [jpeg_bytes(rgb) for rgb in pictures],
+        "encode": lambda _: [_pillow_jpeg(rgb) for rgb in pictures],
+        "encode fast": lambda _: [jpeg_bytes(rgb) for rgb in pictures],
         "log": lambda _: _log_live(home, home.scene, played, out, with_pixels=False),
     }
     return interleaved(work, calls=repeats, warm_ups=1)
+
+
+def _pillow_jpeg(rgb: NDArray[np.uint8]) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(rgb).save(buffer, "JPEG", quality=JPEG_QUALITY)
+    return buffer.getvalue()
 
 
 def _log_live(home: RecordedHome, scene: Scene, played: Played, out: Path, *, with_pixels: bool) -> None:

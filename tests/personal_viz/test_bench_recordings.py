@@ -3,7 +3,9 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 import personal_viz.bench.recordings as bench
 import personal_viz.commands.bench as command
@@ -51,10 +53,17 @@ def test_people_take_time_and_have_a_code(home: RecordedHome) -> None:
 def test_figures_belong_together(figures: RecordingFigures) -> None:
     ratio = figures.encode_only_steps_per_s / figures.steps_per_s
     assert figures.cost_over_encoding == pytest.approx(ratio)
+    assert figures.cost_over_fast_encoding == pytest.approx(figures.encode_only_fast_steps_per_s / figures.steps_per_s)
     assert 0 < figures.mb_without < figures.mb_with_pixels
     assert figures.compare_pictures == 2 * 6 + 13
     assert figures.compare_mb > 0
     assert set(figures.model_dump()) >= KEYS
+
+
+def test_both_encoders_make_the_same_bytes() -> None:
+    small = np.random.default_rng(0).integers(0, 255, (12, 16, 3), dtype=np.uint8)
+    picture = np.asarray(Image.fromarray(small).resize((47, 33), Image.Resampling.BICUBIC))
+    assert bench._pillow_jpeg(picture) == bench.jpeg_bytes(picture)
 
 
 @pytest.mark.slow
