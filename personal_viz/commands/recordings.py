@@ -54,7 +54,7 @@ def replay(
         with_pixels=with_pixels,
         dataset=episodes,
     )
-    print(f"{out}: {key} in {scene.label}. Open it with: rerun {out}")
+    print(f"{out}: {key} in {scene.label}. Open it with --open, or: rerun {out}")
     if not has_pictures:
         print(
             "Geometry and pictures of the scan are left out; --with-pixels writes them, under the scan's terms of use."

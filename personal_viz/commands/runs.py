@@ -62,14 +62,7 @@ def run(
         raise PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
     kind = common_kind(episodes, {item.key.scene for item in chosen}, scenes_dir)
     require_no_scan(kind, clutter=clutter)
-    by_scene: dict[str, list[EpisodeKey]] = {}
-    for item in chosen:
-        by_scene.setdefault(item.key.scene, []).append(item.key)
-    if scenes_dir is not None:
-        from sim.scenes.sources import find_scan
-
-        for name in by_scene:
-            find_scan(name, scenes_dir)
+    by_scene = _by_scene(chosen, scenes_dir)
     level = f"-clutter{clutter}" if clutter else ""
     run_id = run_id or f"{agent.replace(':', '.')}-{kind}{level}-seed{seed}"
     check_options(run_id=run_id)
@@ -105,6 +98,19 @@ def run(
             run_agent(work, writer, processes=jobs, on_episode=lambda: progress.update(bar, advance=1))
         print(f"Written to {out / run_id}; see it with: personal-viz metrics {out / run_id}")
     return 0
+
+
+def _by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:
+    """The episodes' keys, scene by scene; raises SceneError when a scene has no scan below `scenes_dir`."""
+    found: dict[str, list[EpisodeKey]] = {}
+    for episode in chosen:
+        found.setdefault(episode.key.scene, []).append(episode.key)
+    if scenes_dir is not None:
+        from sim.scenes.sources import find_scan
+
+        for name in found:
+            find_scan(name, scenes_dir)
+    return found
 
 
 @contextmanager

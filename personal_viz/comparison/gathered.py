@@ -12,7 +12,7 @@ from pathlib import Path
 
 from sim.episodes.schema import Episode
 from sim.errors import RunFileError
-from sim.tasks.metrics import read_runs
+from sim.tasks.metrics import read_runs, run_folders
 from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
 from sim.types import ClutterLevel, EndReason, EpisodeKey, SceneKind, TaskKind, WhoKind
 
@@ -88,7 +88,7 @@ def gather(
     """
     trials: list[Trial] = []
     runs: list[Run] = []
-    for number, folder in enumerate(_run_folders(folders)):
+    for number, folder in enumerate(run_folders(folders)):
         run = read_runs([folder])[0]
         _require_dataset(run, dataset_digest, episodes)
         for item in (*run.episodes, *run.answers):
@@ -111,17 +111,6 @@ def setting_of(info: RunInfo) -> Setting | None:
     if info.scene_kind == "oracle-map":
         return None
     return Setting(info.scene_kind, CLUTTER.get(str(info.config.get("clutter", 0)), 0))
-
-
-def _run_folders(folders: Sequence[Path]) -> list[Path]:
-    """As `read_runs` finds them: each folder named, or those one level below it."""
-    if not folders:
-        raise RunFileError("found no run folder on the command line; expected at least one, such as runs/<run_id>.")
-    found: list[Path] = []
-    for folder in folders:
-        inside = sorted(path.parent for path in folder.glob("*/run.json")) if folder.is_dir() else []
-        found += [folder] if (folder / "run.json").is_file() or not inside else inside
-    return found
 
 
 def _require_dataset(run: Run, dataset_digest: str, episodes: Mapping[EpisodeKey, Episode]) -> None:

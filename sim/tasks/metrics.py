@@ -98,18 +98,28 @@ def require_comparable(infos: Iterable[RunInfo]) -> None:
         )
 
 
+def run_folders(folders: Sequence[Path]) -> list[Path]:
+    """Each folder named, or where it is no run folder those one level below it.
+
+    Raises:
+        RunFileError: None is named.
+    """
+    if not folders:
+        raise RunFileError("found no run folder on the command line; expected at least one, such as runs/<run_id>.")
+    found: list[Path] = []
+    for folder in folders:
+        inside = sorted(path.parent for path in folder.glob("*/run.json")) if folder.is_dir() else []
+        found += [folder] if (folder / "run.json").is_file() or not inside else inside
+    return found
+
+
 def read_runs(folders: Sequence[Path]) -> list[Run]:
     """Every run folder named, or found one level below a named folder.
 
     Raises:
         RunFileError: A folder holds no run, or a run is damaged.
     """
-    if not folders:
-        raise RunFileError("found no run folder on the command line; expected at least one, such as runs/<run_id>.")
-    found = []
-    for folder in folders:
-        inside = sorted(path.parent for path in folder.glob("*/run.json")) if folder.is_dir() else []
-        found += [folder] if (folder / "run.json").is_file() or not inside else inside
+    found = run_folders(folders)
     runs = [read_run(folder) for folder in found]
     for folder, run in zip(found, runs, strict=True):
         if not run.episodes and not run.answers:
