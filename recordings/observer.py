@@ -16,6 +16,7 @@ from .log_scene import log_identity
 from .log_steps import Walker
 from .log_text import log_task
 from .palette import RUN_COLORS
+from .traces import short_name
 
 
 class RerunObserver:
@@ -50,7 +51,7 @@ class RerunObserver:
         code = f"-{participant}" if participant else ""
         self._walker = Walker(
             label=f"{info.run_id}{code}",
-            title=f"{info.who}{code}",
+            title=f"{short_name(info.who)}{code}",
             rgb=RUN_COLORS[0],
             camera=camera,
             is_timed=info.who_kind == "human",

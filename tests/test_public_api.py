@@ -30,7 +30,10 @@ PUBLIC = {
     "grounding.checks": ["check_encoder", "check_grounder"],
     "human_study.export": ["export_study"],
     "human_study.verify": ["verify_trial"],
+    "sim.tasks.observers": ["Detection", "Explains", "Insight", "Observer"],
     "recordings.replay": ["log_comparison"],
+    "recordings.read_rrd": ["read_rrd"],
+    "recordings.observer": ["RerunObserver"],
     "recordings.habitat_writer": ["RunWriter"],
 }
 
