@@ -253,15 +253,25 @@ def test_only_pages_of_this_port_and_host_are_ours() -> None:
 
 def test_ctrl_c_ends_the_command_cleanly(made: Path) -> None:
     command = [sys.executable, "-m", "personal_viz", "browse", "--dataset", str(made / "data"), "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hear_ctrl_c
+    ) as process:
         assert process.stdout is not None
         assert process.stderr is not None
-        line = process.stdout.readline()
-        assert re.search(r"3 episodes of 1 home: http://127\.0\.0\.1:\d+/$", line), line
-        assert "shows the goals" in process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=30) == 0
+        try:
+            line = process.stdout.readline()
+            assert re.search(r"3 episodes of 1 home: http://127\.0\.0\.1:\d+/$", line), line
+            assert "shows the goals" in process.stdout.readline()
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=60) == 0
+        finally:
+            process.kill()
         assert "Traceback" not in process.stderr.read()
+
+
+def hear_ctrl_c() -> None:
+    """Programs started in the background of a shell ignore it, and so do their children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def test_a_busy_port_is_one_clear_line(served: tuple[Library, str], made: Path) -> None:

@@ -66,13 +66,23 @@ def listening(pid: int) -> set[str]:
 def python(code: str) -> Iterator[subprocess.Popen[str]]:
     """Our code in a process of its own, as a user's terminal would start it."""
     process = subprocess.Popen(
-        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+        [sys.executable, "-c", code],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=hear_ctrl_c,
     )
     try:
         yield process
     finally:
         process.kill()
         process.communicate()
+
+
+def hear_ctrl_c() -> None:
+    """Programs started in the background of a shell ignore it, and so do their children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def wait_until_gone(pid: int) -> None:
