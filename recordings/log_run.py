@@ -58,14 +58,15 @@ def times(run: EpisodeRun) -> NDArray[np.float64] | None:
     return seconds if seconds.any() else None
 
 
-def indexes(run: EpisodeRun, *, first: int = 0) -> list[rr.TimeColumn]:
-    """The timelines of rows `first` to T of a run (row 0 = its start)."""
+def indexes(run: EpisodeRun, *, first: int = 0, end: int | None = None) -> list[rr.TimeColumn]:
+    """The timelines of rows `first` to T of a run (row 0 = its start), or to before `end`."""
+    rows = slice(first, end)
     columns = [
-        rr.TimeColumn(paths.STEP, sequence=np.arange(first, len(run.steps) + 1)),
-        rr.TimeColumn(paths.PATH_M, duration=path_lengths(run)[first:]),
+        rr.TimeColumn(paths.STEP, sequence=np.arange(len(run.steps) + 1)[rows]),
+        rr.TimeColumn(paths.PATH_M, duration=path_lengths(run)[rows]),
     ]
     seconds = times(run)
-    return columns if seconds is None else [*columns, rr.TimeColumn(paths.TIME_S, duration=seconds[first:])]
+    return columns if seconds is None else [*columns, rr.TimeColumn(paths.TIME_S, duration=seconds[rows])]
 
 
 def log_run(
@@ -73,29 +74,39 @@ def log_run(
     trace: Trace,
     *,
     targets: Sequence[Goal],
-    jpegs: Sequence[bytes] | None,
     camera: Camera,
 ) -> None:
-    """Logs a PAN run of T steps below `/runs/<label>`.
+    """Logs a PAN run of T steps below `/runs/<label>`, without pictures.
 
     Args:
         stream: The recording.
         trace: The run.
         targets: Of its episode; only the distance to their centres is logged.
-        jpegs: T + 1 pictures of what the robot saw through `camera`; None = none may be shown.
         camera: The robot's camera.
     """
     assert isinstance(trace.run, EpisodeRun)
     _log_camera(stream, trace, camera)
-    if jpegs is not None:
-        columns = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
-        stream.send_columns(paths.run_path(trace.label, "camera"), indexes(trace.run), columns)
     _log_path(stream, trace)
     _log_actions(stream, trace)
     _log_end(stream, trace, camera)
     centres = np.array([target.position for target in targets])[:, [0, 2]]
     apart = np.linalg.norm(trace.positions[:, None, [0, 2]] - centres, axis=-1).min(axis=1)
     log_series(stream, trace, "centre_distance", apart)
+
+
+def log_pictures(stream: rr.RecordingStream, trace: Trace, jpegs: Sequence[bytes], *, first: int = 0) -> None:
+    """Logs what the robot of a PAN run saw through its camera.
+
+    Args:
+        stream: The recording.
+        trace: The run.
+        jpegs: Successive pictures.
+        first: Row of the pose at which the first one was seen.
+    """
+    assert isinstance(trace.run, EpisodeRun)
+    columns = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
+    at = indexes(trace.run, first=first, end=first + len(jpegs))
+    stream.send_columns(paths.run_path(trace.label, "camera"), at, columns)
 
 
 def log_series(stream: rr.RecordingStream, trace: Trace, name: str, values: NDArray[np.float64]) -> None:

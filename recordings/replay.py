@@ -22,7 +22,7 @@ from .log_goal import GoalRegion, goal_region, log_goal
 from .log_grounding import log_layers, reground, reground_markdown
 from .log_maps import StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map, storeys_of
 from .log_record import log_record_answer, log_record_end, log_record_start, log_record_steps
-from .log_run import ANSWER_STEP, Trace, indexes, log_answer, log_no_clock, log_run, path_lengths, times
+from .log_run import ANSWER_STEP, Trace, indexes, log_answer, log_no_clock, log_pictures, log_run, path_lengths, times
 from .log_scene import log_identity, log_scene
 from .log_text import log_task
 from .palette import RUN_COLORS as RUN_COLORS
@@ -73,6 +73,8 @@ def log_comparison(
     regrounded = [] if dataset is None else reground(traces, episode, dataset)
     may_show = scene.kind != "scan" or with_pixels
     with open_recording(out, episode.key) as stream:
+        # viewers show what they have while they read on; without a blueprint they arrange it by themselves, and play it
+        stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded))
         log_identity(stream, episode, scene)
         log_task(
             stream,
@@ -85,14 +87,17 @@ def log_comparison(
         )
         if may_show:
             _log_home(stream, scene, maps)
-        _log_walks(stream, traces, episode, renderer if may_show else None, camera, best)
+        stream.flush()
+        later = _log_walks(stream, traces, episode, renderer if may_show else None, camera, best)
         _log_answers(stream, traces)
         _log_on_maps(stream, traces, maps, scene)
         log_divergence(stream, traces, divergence, maps=maps, navigation=scene.navigation)
         log_layers(stream, regrounded, maps, scene.navigation)
         _set_end(stream, traces)
         log_goal(stream, goal, maps)
-        stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded))
+        stream.flush()
+        for trace, jpegs in later:
+            log_pictures(stream, trace, jpegs, first=1)
     return out
 
 
@@ -128,21 +133,25 @@ def _log_walks(
     renderer: Renderer | None,
     camera: Camera,
     best: Sequence[Trace],
-) -> None:
-    """All PAN runs, the shown ones with the larger pictures."""
+) -> list[tuple[Trace, list[bytes]]]:
+    """All PAN runs, first pictures before all else, the shown ones' larger; returns the other pictures, for later."""
     walks = [(trace, trace.run) for trace in traces if isinstance(trace.run, EpisodeRun)]
     ways = [run.poses for _, run in walks]
     cameras = picture_cameras(ways, camera, is_shown=[trace in best for trace, _ in walks])
-    pictures = [None] * len(walks) if renderer is None else rendered_jpegs(renderer, ways, cameras)
+    pictures = [[]] * len(walks) if renderer is None else rendered_jpegs(renderer, ways, cameras)
+    for (trace, _), jpegs in zip(walks, pictures, strict=True):
+        if jpegs:
+            log_pictures(stream, trace, jpegs[:1])
     is_timed = any(times(run) is not None for _, run in walks)
-    for (trace, run), view, jpegs in zip(walks, cameras, pictures, strict=True):
-        log_run(stream, trace, targets=episode.targets, jpegs=jpegs, camera=view)
+    for (trace, run), view in zip(walks, cameras, strict=True):
+        log_run(stream, trace, targets=episode.targets, camera=view)
         if is_timed and times(run) is None:
             log_no_clock(stream, trace, view)
         log_record_start(stream, trace.label, trace.info, run.start)
         if run.steps:
             log_record_steps(stream, trace.label, run.steps, times=indexes(run, first=1))
         log_record_end(stream, trace.label, run.end)
+    return [(trace, jpegs[1:]) for (trace, _), jpegs in zip(walks, pictures, strict=True) if jpegs[1:]]
 
 
 def _log_answers(stream: rr.RecordingStream, traces: Sequence[Trace]) -> None:

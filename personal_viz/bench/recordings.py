@@ -16,6 +16,7 @@ from recordings.live import LiveSink
 from recordings.log_run import JPEG_QUALITY, jpeg_bytes
 from recordings.observer import RerunObserver
 from recordings.replay import log_comparison
+from sim.errors import MissingDependencyError
 from sim.scenes.labels import renderer_of
 from sim.scenes.scene import Scene
 from sim.tasks.pan import PanEnv
@@ -23,7 +24,9 @@ from sim.tasks.run_files import Run
 from sim.types import Observation
 from sim.world.renderer import Renderer
 
+from ..browser import open_chromium
 from .measure import Timing, interleaved
+from .opening import recording_opening_s
 from .walkers import RecordedHome, recorded_home, walked
 
 LIMITS = {
@@ -32,6 +35,7 @@ LIMITS = {
     "mb_with_pixels": 35.0,
     "mb_without": 2.0,
     "compare_build_s": 10.0,
+    "compare_open_s": 10.0,
 }
 """Most that the figures may be."""
 
@@ -74,6 +78,9 @@ class RecordingFigures(BaseModel):
     """Size of the episode's file as of a scan without `--with-pixels`: poses and figures."""
     compare_build_s: float
     """Elapsed seconds to write one recording of all people and agents; pictures are rendered again from the poses."""
+    compare_open_s: float | None
+    """Seconds after which Rerun's web viewer shows that recording with all its pictures, in a headless Chromium that
+    draws with the CPU; median; None = there is no Chromium or no Playwright."""
     compare_mb: float
     compare_pictures: int
     """Poses in it, each with its picture."""
@@ -111,6 +118,7 @@ def measure_recordings(settings: RecordingSettings, *, progress: Callable[[str],
         progress(f"{settings.num_people} people and {settings.num_agents} agents in one recording")
         build_s = _build_s(home, runs, renderer, folder / "compare.rrd")
         compared = (folder / "compare.rrd").stat().st_size
+        open_s = _open_s(folder / "compare.rrd", repeats=settings.repeats)
     log, encode, fast = timings["log"], timings["encode"], timings["encode fast"]
     return RecordingFigures(
         settings=settings,
@@ -123,6 +131,7 @@ def measure_recordings(settings: RecordingSettings, *, progress: Callable[[str],
         mb_with_pixels=with_pixels / 1e6,
         mb_without=without / 1e6,
         compare_build_s=build_s,
+        compare_open_s=open_s,
         compare_mb=compared / 1e6,
         compare_pictures=sum(len(run.episodes[0].poses) for run in runs),
     )
@@ -212,3 +221,15 @@ def _build_s(home: RecordedHome, runs: list[Run], renderer: Renderer, out: Path)
     before = time.perf_counter()
     log_comparison(runs, episode=home.episode, scene=home.scene, out=out, renderer=renderer, with_pixels=False)
     return time.perf_counter() - before
+
+
+def _open_s(rrd: Path, *, repeats: int) -> float | None:
+    """Median seconds to open it, each time in a browser that knows nothing."""
+    seconds = []
+    try:
+        for _ in range(repeats):
+            with open_chromium() as browser:
+                seconds.append(recording_opening_s(browser, rrd))
+    except MissingDependencyError:
+        return None
+    return float(np.median(seconds))

@@ -15,7 +15,7 @@ from sim.errors import PersonalVizError
 from sim.types import Action
 
 TINY = RecordingSettings(agent_steps=12, person_steps=5, num_people=2, num_agents=1, repeats=1)
-KEYS = {"steps_per_s", "encode_only_steps_per_s", "mb_with_pixels", "mb_without", "compare_build_s"}
+KEYS = {"steps_per_s", "encode_only_steps_per_s", "mb_with_pixels", "mb_without", "compare_build_s", "compare_open_s"}
 """What the issue asks for."""
 
 
@@ -80,7 +80,9 @@ def test_the_command_writes_and_prints_the_same_json(
 
 def test_a_missed_target_is_said() -> None:
     values = {name: 1.0 for name, field in RecordingFigures.model_fields.items() if field.annotation is float}
-    some = RecordingFigures(settings=TINY, compare_pictures=3, **{**values, "compare_build_s": 10.01})
+    some = RecordingFigures(
+        settings=TINY, compare_pictures=3, compare_open_s=None, **{**values, "compare_build_s": 10.01}
+    )
     rows = {row[0]: row[1:] for row in figure_rows(some)[1:]}
     assert rows["compare_build_s"] == ("10.01", "<= 10", "no")
     assert rows["mb_without"] == ("1.00", "<= 2", "yes")
@@ -96,4 +98,4 @@ def test_a_folder_that_cannot_be_made_is_found_before_anything_is_measured(tmp_p
 @pytest.mark.bench
 def test_recordings_keep_their_targets() -> None:
     found = bench.measure_recordings(bench.FULL, progress=print)
-    assert {name: value for name in LIMITS if (value := getattr(found, name)) > LIMITS[name]} == {}
+    assert {name: value for name in LIMITS if (value := getattr(found, name)) is None or value > LIMITS[name]} == {}

@@ -21,14 +21,17 @@ def tables(rrd: Path, *, kind: str = "recordings") -> Tables:
     """(entity, is static) to its columns as lists; `kind` is `recordings` or `blueprints`."""
     reader = RrdReader(str(rrd))
     (store,) = getattr(reader, kind)()
-    found: Tables = {}
+    parts: dict[tuple[str, bool, tuple[str, ...]], dict[str, list]] = {}
     for chunk in reader.stream(store=store):
         batch = chunk.to_record_batch()
-        columns = found.setdefault((chunk.entity_path, chunk.is_static), {})
-        for name, column in zip(batch.schema.names, batch.columns, strict=True):
-            if not name.startswith("rerun."):
-                values = column.cast(pa.int64()) if pa.types.is_temporal(column.type) else column
-                columns[name] = values.to_pylist()
+        names = tuple(name for name in batch.schema.names if not name.startswith("rerun."))
+        columns = parts.setdefault((chunk.entity_path, chunk.is_static, names), {name: [] for name in names})
+        for name in names:
+            column = batch.column(name)
+            columns[name] += (column.cast(pa.int64()) if pa.types.is_temporal(column.type) else column).to_pylist()
+    found: Tables = {}
+    for (entity, is_static, _), columns in parts.items():
+        found.setdefault((entity, is_static), {}).update(columns)
     return found
 
 

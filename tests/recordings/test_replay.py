@@ -1,6 +1,8 @@
 """One recording of many runs: what stands in the file, read back with Rerun's own reader."""
 
 import io
+import json
+import struct
 import subprocess
 import sys
 from collections import Counter
@@ -19,6 +21,7 @@ from recordings.paths import escape_part
 from recordings.replay import log_comparison
 from sim.episodes.schema import Episode
 from sim.errors import PersonalVizError, RecordingError
+from sim.scenes.glb import load_glb
 from sim.scenes.scene import Scene
 from sim.tasks.run_files import Run
 from sim.types import GridSpec
@@ -54,6 +57,23 @@ def test_the_file_is_whole_and_alone_in_its_folder(rrd: Path) -> None:
     program = Path(rerun_cli.__file__).with_name("rerun")
     done = subprocess.run([program, "rrd", "verify", rrd], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_what_a_viewer_shows_first_comes_first(rrd: Path) -> None:
+    """It shows what it has while it reads on: the layout, the home and one picture of each run, then all else."""
+    program = Path(rerun_cli.__file__).with_name("rerun")
+    lines = subprocess.run([program, "rrd", "print", rrd], capture_output=True, text=True, check=True).stdout
+    chunks = [(line.split(" - ")[1], line) for line in lines.splitlines() if line.startswith("Chunk(")]
+    layout = [at for at, (entity, _) in enumerate(chunks) if entity.startswith(("/view", "/container"))]
+    home = [at for at, (entity, _) in enumerate(chunks) if entity.startswith("/scene/mesh")]
+    runs = [at for at, (entity, _) in enumerate(chunks) if entity.startswith("/runs/")]
+    pictures = [at for at in runs if "EncodedImage" in chunks[at][1]]
+    first, pictures = pictures[:2], pictures[2:]
+    rows = [at for at in runs if at not in first + pictures]
+    assert len(first) == len(pictures) == 2
+    assert all(" 1 rows " in chunks[at][1] for at in first)
+    assert max(layout) < min(home) <= max(home) < min(first) <= max(first) < min(rows)
+    assert max(rows) < min(pictures)
 
 
 def test_the_episode_names_the_recording(rrd: Path) -> None:
@@ -197,6 +217,16 @@ def test_the_same_runs_make_the_same_content(
     runs = [agent_run, human_run, answer_run]
     assert record(again, runs, episode, home, renderer=renderer) == tables(rrd)
     again.unlink()
+
+
+def test_no_texture_asks_for_a_filter_which_rerun_would_warn_of(rrd: Path, tmp_path: Path) -> None:
+    ((content,),) = tables(rrd)[("/scene/mesh/storey_0", True)]["Asset3D:blob"]
+    (glb := tmp_path / "home.glb").write_bytes(bytes(content))
+    (length,) = struct.unpack_from("<I", glb.read_bytes(), 12)
+    samplers = json.loads(glb.read_bytes()[20 : 20 + length])["samplers"]
+    assert samplers
+    assert not [sampler for sampler in samplers if "Filter" in str(sampler)]
+    assert len(load_glb(glb, up="y").faces) > 0
 
 
 def test_a_scan_without_leave_shows_poses_only(

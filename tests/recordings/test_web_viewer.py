@@ -151,6 +151,7 @@ def test_the_viewers_page_names_no_other_machine_to_load_from() -> None:
     assert b"googleapis" not in page
     assert b"preconnect" not in page
     assert b'<script src="re_viewer.js">' in page
+    assert page.index(b"console.debug") < page.index(b"re_viewer.js")
 
 
 def test_the_viewers_files_are_taken_from_rerun_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -172,7 +173,7 @@ def test_a_port_that_is_taken_is_named(site: WebViewer, folder: Path) -> None:
 
 
 def watched_picture(address: str, wanted: tuple[int, int, int]) -> tuple[set[str], set[str]]:
-    """Shows an address in Chromium until a third of it has the colour.
+    """Shows an address in Chromium until a third of it has the colour, without the viewer's thousands of debug lines.
 
     Returns:
         (hosts of all requests that left the page, hosts that the page tried and its policy refused)
@@ -183,9 +184,11 @@ def watched_picture(address: str, wanted: tuple[int, int, int]) -> tuple[set[str
         pytest.skip("found no Chromium or Chrome; install one to run the browser tests")
     asked: set[str] = set()
     refused: set[str] = set()
+    said: list[str] = []
     with open_chromium(width=800, height=500) as browser:
         page = browser.new_page()
         page.set_default_timeout(120_000)
+        page.on("console", lambda message: said.append(message.type))
         page.on("request", lambda request: asked.add(request.url.split("/")[2]))
         page.add_init_script(
             "window.refused = []; addEventListener('securitypolicyviolation', e => refused.push(e.blockedURI))"
@@ -195,6 +198,7 @@ def watched_picture(address: str, wanted: tuple[int, int, int]) -> tuple[set[str
             page.wait_for_timeout(500)
             pixels = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
             if (np.abs(pixels - wanted).max(axis=-1) <= 6).mean() > 1 / 3:
+                assert "debug" not in said
                 refused |= {uri.split("/")[2] for uri in page.evaluate("window.refused") if "//" in uri}
                 return asked, refused
     raise AssertionError(f"{address} never showed the picture")
