@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg, subcommand
 
+from sim.types import SuccessRule
+
 from .cli_options import Clutter, Dataset, Limit, Rerun, ScenesDir, Splits, WithPixels
 
 
@@ -91,6 +93,24 @@ class StudyVerify:
 
 
 @dataclass
+class StudyReport:
+    """Tables and pictures of people and agents on the same episodes, every number with its interval."""
+
+    runs: Positional[tuple[Path, ...]]
+    """Run folders of people (study export) and of agents, or folders that hold them."""
+    out: Annotated[Path, arg(help="Folder for report.md, report.csv, report.tex, report.json and the pictures.")] = (
+        Path("runs/report")
+    )
+    rule: SuccessRule = "paper"
+    json: bool = False
+
+    def work(self) -> int:
+        from .commands.report import report
+
+        return report(runs=self.runs, out=self.out, rule=self.rule, json=self.json)
+
+
+@dataclass
 class Study:
     """Studies with people."""
 
@@ -99,6 +119,7 @@ class Study:
         | Annotated[StudyExport, subcommand("export")]
         | Annotated[StudyVerify, subcommand("verify")]
         | Annotated[StudyCheckDb, subcommand("check-db")]
+        | Annotated[StudyReport, subcommand("report")]
     )
 
     def work(self) -> int:

@@ -1,0 +1,241 @@
+"""The report of a study: people and agents on the same episodes, each number with its interval, same bytes twice."""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from human_study.report import StudyReport, require_totals, study_report
+from human_study.report_figures import outcome_matrix_svg, person_dots_svg
+from human_study.report_tables import csv_text, latex, markdown
+from human_study.statistics import wilson_interval
+from personal_viz.commands.report import report as report_command
+from sim.errors import RunFileError, StudyError
+from sim.tasks.metrics import metric_rows
+from sim.tasks.run_files import (
+    Answer,
+    AnswerMeasures,
+    EpisodeEnd,
+    EpisodeRun,
+    EpisodeStart,
+    Measures,
+    RuleMeasures,
+    Run,
+    RunInfo,
+    Step,
+)
+from sim.tasks.run_writer import RunWriter
+from sim.types import SPLITS, SUCCESS_RULES, Action, EndReason, Split
+
+EPISODES = [(split, str(k)) for split in SPLITS for k in range(4)]
+Succeeds = Callable[[Split, str], bool]
+
+
+def info(run_id: str, who: str, **more: object) -> RunInfo:
+    fields = {
+        "run_id": run_id,
+        "who": who,
+        "who_kind": "human" if who == "human" else "agent",
+        "scene_kind": "scan",
+        "dataset_digest": "d" * 64,
+        "created_utc": "2026-11-22T00:00:00+00:00",
+    }
+    return RunInfo.model_validate(fields | more)
+
+
+def pan(split: Split, episode: str, *, success: bool, steps: int, code: str | None, reason: EndReason = "stop"):
+    """An episode of so many steps, a second each."""
+    rule = RuleMeasures(
+        success=success, spl=0.5 * success, soft_spl=0.4, dtg=0.0 if success else 3.0, start_distance=5.0
+    )
+    measures = Measures(
+        rules=dict.fromkeys(SUCCESS_RULES, rule),
+        centre_distance=1.0,
+        path_m=4.0,
+        num_steps=steps,
+        collisions=0,
+        stored_geodesic=5.0,
+        scene_digest="s",
+    )
+    start = EpisodeStart(split=split, scene="Home", episode_id=episode, position=(0, 0, 0), yaw=0.0, participant=code)
+    walked = tuple(Step(action=Action.FORWARD, position=(0, 0, 0), yaw=0.0, t_s=float(k + 1)) for k in range(steps))
+    return EpisodeRun(start=start, steps=walked, end=EpisodeEnd(reason=reason, measures=measures))
+
+
+def pan_run(
+    run_id: str, who: str, succeeds: Succeeds, *, steps: int = 40, code: str | None = None, **more: object
+) -> Run:
+    episodes = [pan(split, name, success=succeeds(split, name), steps=steps, code=code) for split, name in EPISODES]
+    return Run(info=info(run_id, who, **more), episodes=tuple(episodes))
+
+
+def people(succeeds: Sequence[Succeeds]) -> list[Run]:
+    return [
+        pan_run(f"study-p{k:02d}-pan", "human", one, code=f"p{k:02d}", steps=30 + k)
+        for k, one in enumerate(succeeds, start=1)
+    ]
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[Run]:
+    """Three people, of whom one fails everywhere in hard, and an agent with two seeds."""
+    found = people([lambda s, e: True, lambda s, e: e != "0", lambda s, e: s != "hard"])
+    found += [
+        pan_run("walker-0", "walker", lambda s, e: e == "1", seed=0),
+        pan_run("walker-1", "walker", lambda s, e: e in "12", seed=1),
+    ]
+    return found
+
+
+@pytest.fixture(scope="module")
+def found(runs: list[Run]) -> StudyReport:
+    return study_report(runs)
+
+
+def row(found: StudyReport, who: str, split: str, measure: str, *, task: str = "pan"):
+    rows = [r for r in found.rows if (r.task, r.who, r.split, r.measure) == (task, who, split, measure)]
+    (only,) = rows
+    return only
+
+
+def test_peoples_rates_are_those_of_metrics_with_intervals_around_them(found: StudyReport, runs: list[Run]) -> None:
+    for known in (r for r in metric_rows(runs) if r.who == "human"):
+        ours = row(found, "human", known.split, "sr")
+        assert ours.value == pytest.approx(known.sr)
+        assert (ours.k, ours.n) == (known.k, known.n)
+        assert ours.low is not None
+        assert ours.high is not None
+        assert ours.low < ours.value < ours.high or known.sr == 100
+        assert row(found, "human", known.split, "spl").value == pytest.approx(known.spl)
+        assert row(found, "human", known.split, "dtg").value == pytest.approx(known.dtg)
+    total = row(found, "human", "total", "sr")
+    assert (total.num_participants, total.num_episodes) == (3, 12)
+    assert row(found, "human", "easy", "t_s").value == pytest.approx(32)
+
+
+def test_steps_limit_the_anytime_rate(found: StudyReport) -> None:
+    assert row(found, "human", "total", "sr_within_25").value == 0
+    assert row(found, "human", "total", "sr_within_50").value == row(found, "human", "total", "sr").value
+
+
+def test_an_agents_runs_are_averaged_and_differences_are_trial_by_trial(found: StudyReport) -> None:
+    agent = row(found, "walker", "total", "sr")
+    assert agent.value == pytest.approx(100 * (1 + 0.5) / 4)
+    assert (agent.k, agent.n, agent.num_participants, agent.num_episodes) == (9, 24, 1, 12)
+    apart = row(found, "human - walker", "total", "sr")
+    assert apart.kind == "difference"
+    assert apart.value == pytest.approx(row(found, "human", "total", "sr").value - agent.value)
+    assert (apart.k, apart.n) == (None, 36)
+    assert row(found, "human - walker", "hard", "steps").value == pytest.approx(32 - 40)
+    assert not [r for r in found.rows if r.who == "human - walker" and r.measure == "t_s"]  # agents have no clock
+
+
+def test_an_agent_is_shown_on_the_peoples_episodes_only(runs: list[Run]) -> None:
+    few = [run.model_copy(update={"episodes": run.episodes[:5]}) for run in runs[:3]]
+    once = study_report([*few, runs[3]])
+    agent = row(once, "walker", "total", "sr")
+    assert agent.n == 5
+    assert agent.value == pytest.approx((25 + 0) / 2)
+    easy = row(once, "walker", "easy", "sr")
+    wilson = wilson_interval(1, 4)
+    assert (easy.low, easy.high) == pytest.approx((100 * wilson.low, 100 * wilson.high))
+    others = runs[3].model_copy(update={"episodes": runs[3].episodes[5:]})
+    with pytest.raises(StudyError, match="none of the 5 episodes that people did"):
+        study_report([*few, others])
+
+
+def test_what_does_not_count_is_said(runs: list[Run]) -> None:
+    broken = pan("easy", "0", success=False, steps=3, code="p09", reason="technical")
+    added = Run(info=info("study-p09-pan", "human"), episodes=(broken,))
+    found = study_report([*runs, added])
+    assert [(cell.who, cell.reason, cell.n) for cell in found.left_out] == [("human", "technical failure", 1)]
+    assert row(found, "human", "total", "sr").n == 36
+    assert "| human | PAN | technical failure | 1 |" in markdown(found)
+
+
+def test_runs_that_cannot_stand_side_by_side_are_refused(runs: list[Run]) -> None:
+    with pytest.raises(StudyError, match="none of people"):
+        study_report(runs[3:])
+    with pytest.raises(RunFileError, match="expected one kind"):
+        study_report([*runs[:3], pan_run("w", "walker", lambda s, e: True, scene_kind="invented")])
+    with pytest.raises(RunFileError, match="second time"):
+        study_report([*runs, runs[0]])
+
+
+def test_a_total_that_is_no_mean_of_its_cells_is_refused(found: StudyReport) -> None:
+    wrong = [r.model_copy(update={"value": r.value + (r.split == "total")}) for r in found.rows]
+    with pytest.raises(StudyError, match=r"expected .* the mean of easy, medium, hard"):
+        require_totals(wrong)
+
+
+def answers(code: str, xz: tuple[float, float], *, success: bool) -> Run:
+    measures = AnswerMeasures(
+        success=success, top3_success=success, planar_distance=0.5 if success else 4.0, distance_3d=None
+    )
+    one = Answer(
+        split="easy",
+        scene="Home",
+        episode_id="7",
+        candidates=((xz[0], 1.0, xz[1]),),
+        participant=code,
+        t_s=9.0,
+        measures=measures,
+    )
+    return Run(info=info(f"study-{code}-pog", "human"), answers=(one,))
+
+
+def test_people_who_agree_on_a_wrong_place_make_an_episode_suspect() -> None:
+    near = [("p01", (2.0, 3.0)), ("p02", (2.4, 3.0)), ("p03", (2.0, 3.5)), ("p04", (2.1, 2.8))]
+    wrong = [answers(code, xz, success=False) for code, xz in near]
+    (suspect,) = study_report([*wrong, answers("p05", (9.0, 9.0), success=True)]).suspects
+    assert (suspect.num_agreeing, suspect.num_people) == (4, 5)
+    assert suspect.xz == pytest.approx((2.0, 3.0), abs=0.5)
+    assert not study_report([*wrong[:3], answers("p05", (9.0, 9.0), success=True)]).suspects  # three of four
+    assert not study_report(wrong[:2]).suspects
+
+
+def test_the_same_runs_give_the_same_bytes_in_any_order(found: StudyReport, runs: list[Run]) -> None:
+    again = study_report(runs[::-1])
+    assert again.model_dump_json() == found.model_dump_json()
+    for text in (markdown, csv_text, latex):
+        assert text(again) == text(found)
+    assert person_dots_svg(again, "pan") == person_dots_svg(found, "pan")
+    assert outcome_matrix_svg(again, "pan") == outcome_matrix_svg(found, "pan")
+
+
+def test_tables_hold_every_number_and_are_safe_in_a_spreadsheet(found: StudyReport, runs: list[Run]) -> None:
+    total = row(found, "human", "total", "sr")
+    assert total.low is not None
+    assert f"{total.value:.1f} [{total.low:.1f}, {total.high:.1f}] {total.k}/{total.n}" in markdown(found)
+    lines = list(csv.DictReader(io.StringIO(csv_text(found))))
+    assert len(lines) == len(found.rows)
+    assert [float(line["value"]) for line in lines] == [r.value for r in found.rows]
+    named = study_report([*runs[:3], pan_run("w", "=walker", lambda s, e: True)])
+    assert "'=walker" in csv_text(named)
+    assert r"human - walker" in latex(found)
+    assert latex(found).count(r"\begin{tabular}{lcccccccccccc}") == 1
+
+
+def test_other_homes_are_no_human_baseline(runs: list[Run], found: StudyReport) -> None:
+    assert "no human baseline" not in markdown(found)
+    invented = [run.model_copy(update={"info": run.info.model_copy(update={"scene_kind": "invented"})}) for run in runs]
+    assert "no human baseline" in markdown(study_report(invented))
+
+
+def test_the_command_writes_all_files(runs: list[Run], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for run in runs:
+        writer = RunWriter(tmp_path / "runs" / run.info.run_id, run.info)
+        for episode in run.episodes:
+            writer.add_episode(episode)
+    assert report_command(runs=[tmp_path / "runs"], out=tmp_path / "out", rule="paper", json=True) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "out" / "report.json").read_text())
+    assert {"low", "high", "k", "n", "method"} <= set(printed["rows"][0])
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"report.md", "report.csv", "report.tex", "report.json", "pan-people.svg", "pan-episodes.svg"}
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(StudyError, match="expected a folder"):
+        report_command(runs=[tmp_path / "runs"], out=tmp_path / "file", rule="paper", json=False)
