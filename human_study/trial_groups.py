@@ -143,5 +143,5 @@ def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
                 one, other = trial.figures[name], theirs[name]
                 apart[name] = None if one is None or other is None else one - other
             trials.append(CountedTrial(trial.key, trial.participant, apart, trial.item))
-    name = f"{people.who} - {agent.who}"
+    name = f"{people.who} - {agent.who}" + ("" if agent.condition == "none" else f" ({agent.condition})")
     return TrialGroup(people.task, people.scene_kind, name, people.kind, people.condition, tuple(trials))

@@ -133,6 +133,15 @@ def test_an_agents_runs_are_averaged_and_differences_are_trial_by_trial(found: S
     assert not [r for r in found.rows if r.who == "human - walker" and r.measure == "t_s"]  # agents have no clock
 
 
+def test_agents_of_two_conditions_have_their_own_differences(runs: list[Run]) -> None:
+    more = pan_run("walker-map", "walker", lambda s, e: True, condition="map")
+    found = study_report([*runs, more])
+    assert row(found, "human - walker (map)", "total", "sr").value == pytest.approx(
+        row(found, "human", "total", "sr").value - 100
+    )
+    assert row(found, "human - walker", "total", "sr").value > 0
+
+
 def test_an_agent_is_shown_on_the_peoples_episodes_only(runs: list[Run]) -> None:
     few = [run.model_copy(update={"episodes": run.episodes[:5]}) for run in runs[:3]]
     once = study_report([*few, runs[3]])
