@@ -1,11 +1,13 @@
 """Open a study's database file for writing: the lock, SQLite's settings, numbered migrations, the study's own row."""
 
 import fcntl
+import hashlib
 import os
 import platform
 import sqlite3
 import time
 from collections.abc import Sequence
+from contextlib import closing
 from importlib.metadata import version as package_version
 from pathlib import Path
 from typing import IO
@@ -13,14 +15,15 @@ from typing import IO
 from sim.errors import StudyError
 
 from .migrations import APPLICATION_ID, MIGRATIONS
-from .records import require_known_version, store_error
-from .study import StudyConfig
+from .plan import PLAN_FILE, StudyPlan
+from .records import DATABASE_FILE, require_known_version, store_error
+from .study import STUDY_FILE, StudyConfig
 
 LOCK_FILE = "study.lock"
 BACKUP_FOLDER = "backups"
 
 
-def open_database(path: Path, config: StudyConfig) -> sqlite3.Connection:
+def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.Connection:
     """The database, up to date and in autocommit mode, for use by one thread at a time; makes it when there is none.
 
     Raises:
@@ -33,13 +36,33 @@ def open_database(path: Path, config: StudyConfig) -> sqlite3.Connection:
             _apply_settings(database, path)
             for version in migrate(database, path):
                 audit(database, "migrate", f"schema version {version}")
-            _require_same_study(database, path, config)
+            _require_same_study(database, path, config, plan)
         except BaseException:
             database.close()
             raise
     except sqlite3.Error as error:
         raise store_error(path, error) from None
     return database
+
+
+def bring_up_to_date(folder: Path) -> list[int]:
+    """Migrate a study's database of an earlier version; returns the versions that were passed through, () for none.
+
+    Raises:
+        StudyError: There is none, another process uses it, or a step failed and the database is as it was.
+    """
+    path = folder / DATABASE_FILE
+    if not path.is_file():
+        raise StudyError(f"{path}: found no such file; expected a study. Run personal-viz study serve first.")
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+            if require_known_version(database, path) == len(MIGRATIONS):
+                return []
+        with take_lock(folder), closing(sqlite3.connect(path, isolation_level=None)) as database:
+            _apply_settings(database, path)
+            return migrate(database, path)
+    except sqlite3.Error as error:
+        raise store_error(path, error) from None
 
 
 def take_lock(folder: Path) -> IO[str]:
@@ -91,19 +114,25 @@ def _apply_settings(database: sqlite3.Connection, path: Path) -> None:
         database.execute(f"PRAGMA {setting}")
 
 
-def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyConfig) -> None:
+def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyConfig, plan: StudyPlan) -> None:
     """Write the study's row into a new database; raises StudyError when it holds another study's."""
-    row = database.execute("SELECT study_version FROM study").fetchone()
+    row = database.execute("SELECT study_version, plan FROM study").fetchone()
     if row is None:
+        version, at_ns = package_version("personal-viz"), time.time_ns()
         database.execute(
-            "INSERT INTO study VALUES (?, ?, ?, ?)",
-            (config.study_version, config.model_dump_json(), package_version("personal-viz"), time.time_ns()),
+            "INSERT INTO study(study_version, config, app_version, created_ns, plan) VALUES (?, ?, ?, ?, ?)",
+            (config.study_version, config.model_dump_json(), version, at_ns, plan.model_dump_json()),
         )
-    elif row[0] != config.study_version:
-        raise StudyError(
-            f"{path}: holds study_version {row[0][:12]}; expected {config.study_version[:12]}. "
-            "study.json was changed after the start: restore it, or begin a new study in another folder."
-        )
+        return
+    for name, found, expected, file in (
+        ("study_version", row[0], config.study_version, STUDY_FILE),
+        ("plan_version", hashlib.sha256(row[1].encode()).hexdigest(), plan.plan_version, PLAN_FILE),
+    ):
+        if found != expected:
+            raise StudyError(
+                f"{path}: holds {name} {found[:12]}; expected {expected[:12]}. "
+                f"{file} was changed after the start: restore it, or begin a new study in another folder."
+            )
 
 
 def migrate(database: sqlite3.Connection, path: Path, *, steps: Sequence[str] = MIGRATIONS) -> list[int]:

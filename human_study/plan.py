@@ -1,19 +1,35 @@
 """`plan.json`: who does which trials in which order, made offline from a seed. Holds no secret."""
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import StudyError, line_from_validation_error
-from sim.types import EpisodeKey, Split, TaskKind
+from sim.types import ClutterLevel, EpisodeKey, SceneKind, Split, TaskKind
 
-from .study import StudyConfig, write_whole
+from .study import Condition, StudyConfig, write_whole
 
 PLAN_FILE = "plan.json"
+PRACTICE_FOLDER = "practice"
+"""Dataset of the practice homes, in the study's folder."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
+Phase = Literal["practice", "check", "main"]
+"""`practice` is never counted, `check` shows attention, `main` is the study."""
+
+
+class StudyScene(BaseModel):
+    """A home that participants meet."""
+
+    model_config = _MODEL
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
+    kind: SceneKind
+    clutter: ClutterLevel = 0
+    """How much furniture without a caption stands in it."""
+    group: int = Field(default=0, ge=0)
+    """Homes of one group have one condition for a person; 0 where there is one condition."""
 
 
 class PlannedTrial(BaseModel):
@@ -21,11 +37,15 @@ class PlannedTrial(BaseModel):
 
     model_config = _MODEL
     order_no: int = Field(ge=1)
-    """Place in the participant's order, from 1."""
+    """Place in the participant's order over all phases, from 1."""
+    phase: Phase = "main"
     task: TaskKind
+    condition: Condition
     split: Split
     scene: str
     episode_id: str
+    rep: int = Field(default=0, ge=0)
+    """Which of the people that do this episode in this condition, from 1; 0 outside `main`."""
 
     @property
     def key(self) -> EpisodeKey:
@@ -39,45 +59,67 @@ class PlannedParticipant(BaseModel):
     model_config = _MODEL
     code: str = Field(pattern=r"^p[0-9]{2,}$")
     """Public: p01, p02, ..."""
+    task: TaskKind
+    arm: int = Field(default=0, ge=0)
+    """Shifts which group of homes has which condition."""
     trials: tuple[PlannedTrial, ...]
+    """A spare person has none of phase `main`: those that others leave are given out later."""
 
 
 class StudyPlan(BaseModel):
     """The whole plan of one frozen study."""
 
     model_config = _MODEL
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     study_version: str
-    participants: tuple[PlannedParticipant, ...]
+    scenes: tuple[StudyScene, ...] = Field(min_length=1)
+    """The study's homes."""
+    practice_scenes: tuple[StudyScene, ...] = ()
+    """Homes of practice and attention trials; invented, in the folder `practice`."""
+    texts: dict[str, str] = {}
+    """sha256 of the texts that participants read, by file name."""
+    is_pilot: bool = False
+    """Whether the study may be served without an ethics id; its records say so for ever."""
+    participants: tuple[PlannedParticipant, ...] = Field(min_length=1)
+
+    @property
+    def plan_version(self) -> str:
+        """sha256 of the plan: 64 hex digits."""
+        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
+
+    def scene(self, name: str) -> StudyScene:
+        """One of the plan's homes, also of practice.
+
+        Raises:
+            StudyError: The plan does not have the home.
+        """
+        for known in (*self.scenes, *self.practice_scenes):
+            if known.name == name:
+                return known
+        names = ", ".join(known.name for known in (*self.scenes, *self.practice_scenes))
+        raise StudyError(f"plan: scene is {name!r}; expected one of: {names}. Make the plan again.")
+
+    def participant(self, code: str) -> PlannedParticipant:
+        """One of the plan's participants.
+
+        Raises:
+            StudyError: The plan does not have the participant.
+        """
+        for known in self.participants:
+            if known.code == code:
+                return known
+        raise StudyError(f"plan: found no participant {code!r}; expected p01 to p{len(self.participants):02d}.")
+
+    def conditions_of(self, config: StudyConfig, person: PlannedParticipant) -> dict[str, Condition]:
+        """The condition that a person has in each of the study's homes."""
+        conditions = config.conditions(person.task)
+        return {scene.name: conditions[(scene.group + person.arm) % len(conditions)] for scene in self.scenes}
 
 
-def make_plan(
-    config: StudyConfig, episodes: Sequence[EpisodeKey], participants: Sequence[TaskKind], *, limit: int | None = None
-) -> StudyPlan:
-    """Give every participant the same episodes, each in an own order drawn from the study's seed.
-
-    Args:
-        episodes: The pool; its order does not matter.
-        participants: The task of each participant: ("pog", "pan") makes p01 answer POG and p02 do PAN.
-        limit: How many episodes to draw from the pool; None takes all.
-
-    Raises:
-        StudyError: The pool is empty, repeats an episode or leaves the study's scenes; a task or the limit is not
-            possible.
-    """
-    pool = sorted(set(episodes))
-    _require_plannable(config, episodes, participants, limit=limit)
-    drawn = np.random.default_rng(config.seed).permutation(len(pool))[:limit]
-    planned = []
-    for index, task in enumerate(participants):
-        rng = np.random.default_rng([config.seed, index + 1])
-        keys = [pool[drawn[place]] for place in rng.permutation(len(drawn))]
-        trials = tuple(
-            PlannedTrial(order_no=number, task=task, split=key.split, scene=key.scene, episode_id=key.episode_id)
-            for number, key in enumerate(keys, start=1)
-        )
-        planned.append(PlannedParticipant(code=f"p{index + 1:02d}", trials=trials))
-    return StudyPlan(study_version=config.study_version, participants=tuple(planned))
+def with_groups(config: StudyConfig, scenes: Sequence[StudyScene], order: Sequence[int]) -> tuple[StudyScene, ...]:
+    """The homes, dealt out to as many groups as the task with the most conditions has, in the given order."""
+    num_groups = max(len(config.conditions(task)) for task in config.task)
+    return tuple(scenes[place].model_copy(update={"group": number % num_groups}) for number, place in enumerate(order))
 
 
 def save_plan(folder: Path, plan: StudyPlan) -> Path:
@@ -87,7 +129,7 @@ def save_plan(folder: Path, plan: StudyPlan) -> Path:
         StudyError: The folder cannot be written.
     """
     path = folder / PLAN_FILE
-    write_whole(path, plan.model_dump_json(indent=2) + "\n")
+    write_whole(path, plan.model_dump_json(indent=1) + "\n")
     return path
 
 
@@ -102,37 +144,13 @@ def load_plan(folder: Path, config: StudyConfig) -> StudyPlan:
         plan = StudyPlan.model_validate_json(path.read_bytes(), strict=True)
     except OSError as error:
         raise StudyError(
-            f"{path}: cannot be read ({error.strerror}); expected a plan. Run personal-viz study init first."
+            f"{path}: cannot be read ({error.strerror}); expected a plan. Run personal-viz study plan first."
         ) from None
     except ValidationError as error:
         raise StudyError(line_from_validation_error(path, error, advice="Make the plan again.")) from None
     if plan.study_version != config.study_version:
         raise StudyError(
             f"{path}: study_version is {plan.study_version[:12]}; expected {config.study_version[:12]}. "
-            "Make the plan again for this study."
+            "study.yaml was changed after the plan: restore it, or make the plan again."
         )
     return plan
-
-
-def _require_plannable(
-    config: StudyConfig, episodes: Sequence[EpisodeKey], participants: Sequence[TaskKind], *, limit: int | None
-) -> None:
-    """Raises StudyError unless each episode is named once, lies in the study's scenes and each task is the study's."""
-    if not episodes or len(set(episodes)) != len(episodes):
-        raise StudyError(
-            f"study {config.study}: found {len(episodes)} episodes, {len(set(episodes))} of them different; "
-            "expected at least one, each once. Correct the list of episodes."
-        )
-    for key in episodes:
-        config.scene_kind(key.scene)
-    for task in participants:
-        if task not in config.tasks:
-            raise StudyError(
-                f"study {config.study}: a participant's task is {task!r}; expected one of {list(config.tasks)}. "
-                "Add the task to the study or leave the participant out."
-            )
-    if limit is not None and not 1 <= limit <= len(episodes):
-        raise StudyError(
-            f"study {config.study}: limit is {limit}; expected 1 to {len(episodes)}, the number of episodes. "
-            "Give another limit."
-        )

@@ -5,54 +5,35 @@ import json
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import StudyError, line_from_validation_error
 from sim.tasks.run_files import Answer, EpisodeEnd
-from sim.types import EpisodeKey, TaskKind
+from sim.types import EpisodeKey
 
 from .events import Event, event_from_json
 from .migrations import APPLICATION_ID, MIGRATIONS
 from .outcome import Outcome
+from .plan import StudyPlan
+from .record_types import (
+    ConsentEntry,
+    ExclusionEntry,
+    ParticipantRecord,
+    StoredEvent,
+    TrialStatus,
+    VerificationEntry,
+)
+from .stages import StageEntry
 from .study import StudyConfig
 from .tickets import token_matches
+from .vault import Vault
 
 DATABASE_FILE = "study.db"
+AUDIT_PILOT = "served as a pilot"
 _RESTORE = "Restore the folder from a backup."
-
-
-@dataclass(frozen=True, slots=True)
-class StoredEvent:
-    """An event with what the server added."""
-
-    seq: int
-    """Place in the trial, from 1, without gaps."""
-    epoch: int
-    """Of the tab that sent it."""
-    event: Event
-    t_srv_ns: int
-    """Server's wall clock; a label only."""
-    t_srv_mono_ns: int
-    """Server's monotonic clock; comparable within one boot."""
-
-
-@dataclass(frozen=True, slots=True)
-class TrialStatus:
-    """One planned trial and how far it is."""
-
-    code: str
-    """The participant."""
-    order_no: int
-    """Place in the participant's order, from 1."""
-    task: TaskKind
-    key: EpisodeKey
-    trial_id: str | None
-    """None while it was never opened."""
-    outcome: Outcome | None
-    """None while it has not ended."""
 
 
 class _OutcomeLine(BaseModel):
@@ -81,6 +62,24 @@ class StudyReader:
             raise StudyError(line_from_validation_error(f"{self._path}: study", error, advice=_RESTORE)) from None
 
     @property
+    def study_version(self) -> str:
+        """Hash of the study as it was frozen; all chains begin with it."""
+        return self._one("SELECT study_version FROM study")[0]
+
+    @property
+    def plan(self) -> StudyPlan:
+        """The plan that was frozen with the study."""
+        try:
+            return StudyPlan.model_validate_json(self._one("SELECT plan FROM study")[0], strict=True)
+        except ValidationError as error:
+            raise StudyError(line_from_validation_error(f"{self._path}: plan", error, advice=_RESTORE)) from None
+
+    @property
+    def is_pilot(self) -> bool:
+        """Whether the study was planned as a pilot, or ever served without an ethics id."""
+        return self.plan.is_pilot or bool(self._all("SELECT 1 FROM audit WHERE action = ?", AUDIT_PILOT))
+
+    @property
     def created_ns(self) -> int:
         """When the study was made: nanoseconds since 1970."""
         return self._one("SELECT created_ns FROM study")[0]
@@ -101,44 +100,119 @@ class StudyReader:
             found = code if token_matches(token, stored) else found
         return found
 
-    def trials(self, code: str) -> tuple[TrialStatus, ...]:
-        """All planned trials of a participant in order, each with its latest attempt.
+    def participant(self, code: str) -> ParticipantRecord:
+        """One participant with all stages and answers about consent.
 
         Raises:
             StudyError: There is no such participant.
         """
-        if code not in self.codes():
-            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {list(self.codes())}.")
         rows = self._all(
-            "SELECT order_no, task, split, scene, episode_id, trial_id, payload FROM slot"
-            " LEFT JOIN trial USING(slot_id) LEFT JOIN outcome USING(trial_id)"
-            " WHERE code = ? AND attempt IS (SELECT max(attempt) FROM trial WHERE trial.slot_id = slot.slot_id)"
-            " ORDER BY order_no",
+            "SELECT task, arm, participant.created_ns, claim.code IS NOT NULL FROM participant LEFT JOIN claim"
+            " USING(code) WHERE participant.code = ?",
             code,
         )
+        if not rows:
+            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {list(self.codes())}.")
+        task, arm, created_ns, is_claimed = rows[0]
+        stages = self._all("SELECT stage, detail, at_ns FROM stage WHERE code = ? ORDER BY seq", code)
+        consents = self._all("SELECT text_hash, given, at_ns FROM consent WHERE code = ? ORDER BY seq", code)
+        return ParticipantRecord(
+            code=code,
+            task=task,
+            arm=arm,
+            created_ns=created_ns,
+            is_claimed=bool(is_claimed) or bool(stages),
+            is_shredded=self._is_shredded(code),
+            stages=tuple(StageEntry(stage, json.loads(detail), at_ns) for stage, detail, at_ns in stages),
+            consents=tuple(ConsentEntry(text_hash, bool(given), at_ns) for text_hash, given, at_ns in consents),
+        )
+
+    def trials(self, code: str) -> tuple[TrialStatus, ...]:
+        """All assigned trials of a participant in order, each with all its attempts.
+
+        Raises:
+            StudyError: There is no such participant.
+        """
+        if not self._all("SELECT 1 FROM participant WHERE code = ?", code):
+            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {list(self.codes())}.")
+        rows = self._all(
+            "SELECT order_no, phase, task, condition, split, scene, episode_id, rep, made_by, attempt, trial_id,"
+            " outcome.payload, release.at_ns IS NOT NULL, opened_ns, prior_visits_scene, prior_visits_split,"
+            " secs_in_scene_before FROM assignment LEFT JOIN trial USING(assignment_id) LEFT JOIN outcome"
+            " USING(trial_id) LEFT JOIN release ON release.assignment_id = assignment.assignment_id"
+            " WHERE code = ? ORDER BY order_no, attempt",
+            code,
+        )
+        is_shredded = self._is_shredded(code)
         return tuple(
-            TrialStatus(code, row[0], row[1], EpisodeKey(row[2], row[3], row[4]), row[5], self._outcome(row[6]))
+            TrialStatus(
+                code=code,
+                order_no=row[0],
+                phase=row[1],
+                task=row[2],
+                condition=row[3],
+                key=EpisodeKey(*row[4:7]),
+                rep=row[7],
+                made_by=row[8],
+                attempt=row[9] or 0,
+                trial_id=row[10],
+                outcome=None if is_shredded else self._outcome(code, row[10], row[11]),
+                has_ended=row[11] is not None,
+                is_released=bool(row[12]),
+                is_shredded=is_shredded,
+                opened_ns=row[13],
+                prior_visits_scene=row[14],
+                prior_visits_split=row[15],
+                secs_in_scene_before=row[16],
+            )
             for row in rows
         )
 
     def events(self, trial_id: str) -> tuple[StoredEvent, ...]:
-        """All events of a trial in order; () for an unknown trial.
+        """All events of a trial in order; () for an unknown trial, and where the participant's key is deleted.
 
         Raises:
             StudyError: An event is not one that this version knows.
         """
+        code = self._code_of_trial(trial_id)
+        if code is None or self._is_shredded(code):
+            return ()
         rows = self._all(
             "SELECT seq, epoch, payload, t_srv_ns, t_srv_mono_ns FROM event WHERE trial_id = ? ORDER BY seq", trial_id
         )
         return tuple(
-            StoredEvent(row[0], row[1], event_from_json(row[2], where=f"{self._path}: {trial_id}/{row[0]}"), *row[3:])
-            for row in rows
+            StoredEvent(seq, epoch, self._event(code, f"{trial_id}/{seq}", payload), wall_ns, mono_ns)
+            for seq, epoch, payload, wall_ns, mono_ns in rows
         )
 
     def outcome(self, trial_id: str) -> Outcome | None:
-        """How the trial ended; None while it has not."""
+        """How the trial ended; None while it has not, and where the participant's key is deleted."""
         rows = self._all("SELECT payload FROM outcome WHERE trial_id = ?", trial_id)
-        return self._outcome(rows[0][0]) if rows else None
+        code = self._code_of_trial(trial_id)
+        if not rows or code is None or self._is_shredded(code):
+            return None
+        return self._outcome(code, trial_id, rows[0][0])
+
+    def verifications(self) -> tuple[VerificationEntry, ...]:
+        """All results of doing trials again, oldest first."""
+        columns = "trial_id, run_id, status, max_position_error, first_bad_step, detail, sim_hash, at_ns"
+        return tuple(
+            VerificationEntry(*row)
+            for row in self._all(f"SELECT {columns} FROM verification ORDER BY at_ns, trial_id, run_id")
+        )
+
+    def exclusions(self) -> tuple[ExclusionEntry, ...]:
+        """All exclusions, oldest first, undone ones too."""
+        rows = self._all(
+            "SELECT exclusion_id, target_kind, target, rule_id, reason, exclusion.at_ns, exclusion_undone.at_ns IS NOT"
+            " NULL FROM exclusion LEFT JOIN exclusion_undone USING(exclusion_id) ORDER BY exclusion_id"
+        )
+        return tuple(ExclusionEntry(*row[:6], is_undone=bool(row[6])) for row in rows)
+
+    def num_events(self, code: str) -> int:
+        """How many events a participant's trials have."""
+        query = "SELECT count(*) FROM event JOIN trial USING(trial_id) JOIN assignment USING(assignment_id)"
+        return self._all(f"{query} WHERE code = ?", code)[0][0]
 
     def head_hash(self, trial_id: str) -> str | None:
         """Hash of the trial's last event, which stands for all before it; None without events."""
@@ -157,7 +231,7 @@ class StudyReader:
         broken = self._all("PRAGMA foreign_key_check")
         if broken:
             raise StudyError(f"{self._path}: table {broken[0][0]} names a row that is missing. {_RESTORE}")
-        heads = self._check_chains(self._one("SELECT study_version FROM study")[0])
+        heads = self._check_chains(self.study_version)
         for trial_id, head in self._all("SELECT trial_id, head_hash FROM outcome"):
             if heads.get(trial_id) != head:
                 raise StudyError(
@@ -182,9 +256,26 @@ class StudyReader:
             heads[trial_id] = stored
         return heads
 
-    def _outcome(self, payload: str | None) -> Outcome | None:
+    @cached_property
+    def _vault(self) -> Vault:
+        return Vault(self._path.parent)
+
+    def _is_shredded(self, code: str) -> bool:
+        """Whether the participant withdrew and the key is gone; a lost key of anybody else is an error on reading."""
+        is_withdrawn = self._all("SELECT 1 FROM stage WHERE code = ? AND stage = 'withdrawn'", code)
+        return bool(is_withdrawn) and not self._vault.has_key(code)
+
+    def _code_of_trial(self, trial_id: str) -> str | None:
+        rows = self._all("SELECT code FROM trial JOIN assignment USING(assignment_id) WHERE trial_id = ?", trial_id)
+        return rows[0][0] if rows else None
+
+    def _event(self, code: str, place: str, payload: str) -> Event:
+        return event_from_json(self._vault.open(code, payload, where=place), where=f"{self._path}: {place}")
+
+    def _outcome(self, code: str, trial_id: str, payload: str | None) -> Outcome | None:
         if payload is None:
             return None
+        payload = self._vault.open(code, payload, where=f"{trial_id}/outcome")
         try:
             return _OutcomeLine.model_validate_json(f'{{"outcome": {payload}}}', strict=True).outcome
         except ValidationError as error:
@@ -220,7 +311,7 @@ def read_study(folder: Path) -> Iterator[StudyReader]:
             if version < len(MIGRATIONS):
                 raise StudyError(
                     f"{path}: has schema version {version}; expected {len(MIGRATIONS)}. "
-                    "Open it once with personal-viz study serve, which brings it up to date."
+                    "personal-viz study check-db brings it up to date, with a backup."
                 )
             yield StudyReader(database, path)
         finally:

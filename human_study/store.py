@@ -16,20 +16,18 @@ from typing import IO
 from sim.errors import StudyError
 from sim.types import EpisodeKey, TaskKind
 
+from .assigning import assign, due_order_no, fill
 from .database import audit, open_database, take_lock
 from .events import Event, Reconnect, event_to_json
 from .outcome import Outcome
-from .plan import PlannedTrial
-from .records import (
-    DATABASE_FILE,
-    StoredEvent,
-    TrialStatus,
-    event_hash,
-    first_hash,
-    read_study,
-)
-from .study import StudyConfig
-from .tickets import new_id
+from .people import PeopleWrites
+from .plan import Phase, PlannedParticipant, StudyPlan
+from .record_types import StoredEvent, TrialStatus
+from .records import DATABASE_FILE, event_hash, first_hash, read_study
+from .stages import has_dropped_out, way_out
+from .study import Condition, StudyConfig
+from .trial_writes import Now, code_of, last_event, new_trial, queue_again, seconds_since_last_event
+from .vault import Vault
 from .writer import GroupWriter
 
 
@@ -49,26 +47,31 @@ class Trial:
     code: str
     """The participant."""
     order_no: int
+    phase: Phase
     task: TaskKind
+    condition: Condition
     key: EpisodeKey
+    attempt: int
+    """From 1; more after a failure of ours."""
     epoch: int
     """1 when first opened; pass it with every append."""
     away_s: float
     """Seconds since the trial's last event; 0 without events."""
 
 
-class StudyStore:
+class StudyStore(PeopleWrites):
     """The open store of one study; made by `open_store`, a context manager."""
 
-    def __init__(self, folder: Path, config: StudyConfig, database: sqlite3.Connection, lock: IO[str]) -> None:
+    def __init__(
+        self, folder: Path, config: StudyConfig, plan: StudyPlan, database: sqlite3.Connection, lock: IO[str]
+    ) -> None:
         """Takes over a database that is up to date and a lock that is held."""
-        self.folder = folder
-        self.config = config
-        self._path = folder / DATABASE_FILE
+        path = folder / DATABASE_FILE
+        super().__init__(folder, config, plan, GroupWriter(database, path), Vault(folder))
+        self._path = path
         self._database = database
         self._lock = lock
         self._boot_id = _boot_id()
-        self._writer = GroupWriter(database, self._path)
 
     def __enter__(self) -> "StudyStore":
         """The store itself."""
@@ -84,31 +87,67 @@ class StudyStore:
         self._database.close()
         self._lock.close()
 
-    def add_participant(self, code: str, token_hash: str, trials: Sequence[PlannedTrial]) -> None:
+    def add_participant(self, person: PlannedParticipant, token_hash: str) -> None:
         """Register a participant with the planned trials.
 
         Raises:
-            StudyError: The code or the token is taken, or two trials share a place in the order.
+            StudyError: The code or the token is taken, two trials share a place in the order, or somebody else has one
+                of the episodes.
         """
 
         def job(database: sqlite3.Connection) -> None:
             now_ns = time.time_ns()
             taken = database.execute(
-                "SELECT code FROM participant WHERE code = ? OR token_hash = ?", (code, token_hash)
+                "SELECT code FROM participant WHERE code = ? OR token_hash = ?", (person.code, token_hash)
             ).fetchone()
-            if taken or len({trial.order_no for trial in trials}) != len(trials):
+            if taken or len({trial.order_no for trial in person.trials}) != len(person.trials):
                 raise StudyError(
-                    f"{self._path}: participant {code!r} is registered already or has two trials in one place; "
+                    f"{self._path}: participant {person.code!r} is registered already or has two trials in one place; "
                     "expected a new code and an order without repeats. Make a new plan in a new folder."
                 )
-            database.execute("INSERT INTO participant VALUES (?, ?, ?)", (code, token_hash, now_ns))
-            database.executemany(
-                "INSERT INTO slot VALUES (?, ?, ?, ?, ?, ?, ?)",
-                [(new_id(), code, trial.order_no, trial.task, *trial.key) for trial in trials],
+            database.execute(
+                "INSERT INTO participant(code, token_hash, created_ns, task, arm) VALUES (?, ?, ?, ?, ?)",
+                (person.code, token_hash, now_ns, person.task, person.arm),
             )
-            audit(database, "add participant", code)
+            try:
+                for trial in person.trials:
+                    assign(database, person.code, trial)
+            except sqlite3.IntegrityError as error:
+                raise StudyError(
+                    f"{self._path}: participant {person.code!r}: {error}; expected episodes that nobody else has. "
+                    "Make the plan again in a new folder."
+                ) from None
+            audit(database, "add participant", person.code)
 
+        self._vault.add(person.code)
         self._writer.write(job)
+
+    def next_trial(self, code: str) -> TrialStatus | None:
+        """The participant's trial that is due; gives one out that others left when all planned ones are done.
+
+        Asked again before that trial has ended, the answer is the same. None when there is nothing (more) to do.
+
+        Raises:
+            StudyError: There is no such participant, or the participant has left for good.
+        """
+        person = self.participant(code)
+        out = way_out(person.stages)
+        if out is not None:
+            raise StudyError(f"{self._path}: participant {code!r} has left ({out}); expected one who takes part.")
+        if has_dropped_out(person.stages):
+            self.enter_stage(code, "returned")
+
+        def job(database: sqlite3.Connection) -> int | None:
+            number = due_order_no(database, code)
+            if number is None and fill(database, self.config, self.plan, code):
+                number = due_order_no(database, code)
+            return number
+
+        number = self._writer.write(job)
+        if number is None:
+            return None
+        with read_study(self.folder) as reader:
+            return next(trial for trial in reversed(reader.trials(code)) if trial.order_no == number)
 
     def open_trial(self, code: str, order_no: int) -> Trial:
         """Begin a planned trial, or take it over: the newest opening writes, older ones are refused from now on.
@@ -122,27 +161,28 @@ class StudyStore:
         now = self._now()
 
         def job(database: sqlite3.Connection) -> Trial:
-            slot = database.execute(
-                "SELECT slot_id, task, split, scene, episode_id FROM slot WHERE code = ? AND order_no = ?",
+            row = database.execute(
+                "SELECT assignment_id, phase, task, condition, split, scene, episode_id FROM assignment"
+                " WHERE code = ? AND order_no = ?",
                 (code, order_no),
             ).fetchone()
-            if slot is None:
+            if row is None:
                 raise StudyError(
-                    f"{self._path}: participant {code!r} has no trial {order_no}; expected one of the plan's. "
+                    f"{self._path}: participant {code!r} has no trial {order_no}; expected one that next_trial gave. "
                     "Check the code and the number."
                 )
-            slot_id, task, *key = slot
-            trial_id = self._latest_attempt(database, slot_id, now.wall_ns)
+            assignment_id, phase, task, condition, *names = row
+            key = EpisodeKey(*names)
+            self._require_consent(database, code)
+            trial_id, attempt = self._latest_attempt(database, code, assignment_id, key, now.wall_ns)
             self._require_running(database, trial_id)
-            last_epoch = database.execute("SELECT max(epoch) FROM sitting WHERE trial_id = ?", (trial_id,)).fetchone()[
-                0
-            ]
-            epoch = (last_epoch or 0) + 1
+            last_epoch = database.execute("SELECT max(epoch) FROM sitting WHERE trial_id = ?", (trial_id,)).fetchone()
+            epoch = (last_epoch[0] or 0) + 1
             database.execute("INSERT INTO sitting VALUES (?, ?, ?)", (trial_id, epoch, now.wall_ns))
-            away_s = _seconds_since_last_event(database, trial_id, now)
+            away_s = seconds_since_last_event(database, trial_id, now)
             if away_s is not None:
-                self._insert(database, trial_id, epoch, [Reconnect(epoch=epoch, away_s=away_s)], now)
-            return Trial(trial_id, code, order_no, task, EpisodeKey(*key), epoch, away_s or 0.0)
+                self._insert(database, code, trial_id, epoch, [Reconnect(epoch=epoch, away_s=away_s)], now)
+            return Trial(trial_id, code, order_no, phase, task, condition, key, attempt, epoch, away_s or 0.0)
 
         return self._writer.write(job)
 
@@ -170,7 +210,8 @@ class StudyStore:
                     f"trial {trial_id}: epoch is {epoch}; expected {newest}, the newest tab. Continue in that tab."
                 )
             self._require_running(database, trial_id)
-            return self._insert(database, trial_id, epoch, events, now)
+            code = code_of(database, trial_id)
+            return self._insert(database, code, trial_id, epoch, events, now)
 
         return self._writer.write(job) if events else ()
 
@@ -182,6 +223,7 @@ class StudyStore:
             outcome: `EpisodeEnd` with measures for PAN, the whole `Answer` for POG.
 
         Raises:
+            TrialEndedError: The participant gave the trial back, or withdrew.
             StoreFullError: The disk is full.
             StudyError: The trial has no events, or the store is closed.
         """
@@ -191,13 +233,14 @@ class StudyStore:
         def job(database: sqlite3.Connection) -> None:
             if database.execute("SELECT 1 FROM outcome WHERE trial_id = ?", (trial_id,)).fetchone():
                 return
-            _, head = _last_event(database, trial_id)
+            self._require_held(database, trial_id)
+            _, head = last_event(database, trial_id)
             if head is None:
                 raise StudyError(f"{self._path}: trial {trial_id!r} has no events; expected at least 'open'.")
-            database.execute(
-                "INSERT INTO outcome VALUES (?, ?, ?, ?, ?)",
-                (trial_id, reason, outcome.model_dump_json(), head, now_ns),
-            )
+            code = code_of(database, trial_id)
+            payload = self._vault.seal(code, outcome.model_dump_json(), where=f"{trial_id}/outcome")
+            database.execute("INSERT INTO outcome VALUES (?, ?, ?, ?, ?)", (trial_id, reason, payload, head, now_ns))
+            queue_again(database, trial_id, reason, now_ns, is_crossed=self.config.design.kind == "crossed")
 
         self._writer.write(job)
         with read_study(self.folder) as reader:
@@ -225,18 +268,28 @@ class StudyStore:
         with read_study(self.folder) as reader:
             return reader.check()
 
-    def _now(self) -> "_Now":
-        return _Now(time.time_ns(), time.monotonic_ns(), self._boot_id)
+    def _now(self) -> Now:
+        return Now(time.time_ns(), time.monotonic_ns(), self._boot_id)
 
-    def _latest_attempt(self, database: sqlite3.Connection, slot_id: str, now_ns: int) -> str:
+    def _require_consent(self, database: sqlite3.Connection, code: str) -> None:
+        """Raises StudyError where the study asks for consent and the last answer is not yes."""
+        if "consent" not in self.config.flow:
+            return
+        row = database.execute("SELECT given FROM consent WHERE code = ? ORDER BY seq DESC LIMIT 1", (code,)).fetchone()
+        if row is None or not row[0]:
+            raise StudyError(
+                f"{self._path}: participant {code!r} has not consented; expected consent before the first trial."
+            )
+
+    def _latest_attempt(
+        self, database: sqlite3.Connection, code: str, assignment_id: str, key: EpisodeKey, now_ns: int
+    ) -> tuple[str, int]:
+        """(id, attempt) of the trial to go on with; makes the first one, with what the participant knew before."""
         row = database.execute(
-            "SELECT trial_id FROM trial WHERE slot_id = ? ORDER BY attempt DESC LIMIT 1", (slot_id,)
+            "SELECT trial_id, attempt FROM trial WHERE assignment_id = ? ORDER BY attempt DESC LIMIT 1",
+            (assignment_id,),
         ).fetchone()
-        if row is not None:
-            return row[0]
-        trial_id = new_id()
-        database.execute("INSERT INTO trial VALUES (?, ?, 1, ?)", (trial_id, slot_id, now_ns))
-        return trial_id
+        return row if row is not None else (new_trial(database, code, assignment_id, 1, key, now_ns), 1)
 
     def _require_running(self, database: sqlite3.Connection, trial_id: str) -> None:
         row = database.execute("SELECT end_reason FROM outcome WHERE trial_id = ?", (trial_id,)).fetchone()
@@ -244,15 +297,27 @@ class StudyStore:
             raise TrialEndedError(
                 f"trial {trial_id}: has ended ({row[0]}); expected a running trial. Open the participant's next trial."
             )
+        self._require_held(database, trial_id)
+
+    def _require_held(self, database: sqlite3.Connection, trial_id: str) -> None:
+        """Raises TrialEndedError where the trial was given back."""
+        row = database.execute(
+            "SELECT reason FROM release JOIN trial USING(assignment_id) WHERE trial_id = ?", (trial_id,)
+        ).fetchone()
+        if row is not None:
+            raise TrialEndedError(
+                f"trial {trial_id}: was given back ({row[0]}); expected a running trial. Open the participant's next."
+            )
 
     def _insert(
-        self, database: sqlite3.Connection, trial_id: str, epoch: int, events: Sequence[Event], now: "_Now"
+        self, database: sqlite3.Connection, code: str, trial_id: str, epoch: int, events: Sequence[Event], now: Now
     ) -> tuple[int, ...]:
-        last_seq, head = _last_event(database, trial_id)
+        last_seq, head = last_event(database, trial_id)
         prev = head or first_hash(self.config.study_version, trial_id)
         rows = []
         for seq, event in enumerate(events, start=last_seq + 1):
-            row = (trial_id, seq, epoch, event.kind, now.wall_ns, now.mono_ns, now.boot_id, event_to_json(event))
+            payload = self._vault.seal(code, event_to_json(event), where=f"{trial_id}/{seq}")
+            row = (trial_id, seq, epoch, event.kind, now.wall_ns, now.mono_ns, now.boot_id, payload)
             digest = event_hash(prev, row)
             rows.append((*row, prev, digest))
             prev = digest
@@ -260,14 +325,7 @@ class StudyStore:
         return tuple(row[1] for row in rows)
 
 
-@dataclass(frozen=True, slots=True)
-class _Now:
-    wall_ns: int
-    mono_ns: int
-    boot_id: str
-
-
-def open_store(folder: Path, config: StudyConfig) -> StudyStore:
+def open_store(folder: Path, config: StudyConfig, plan: StudyPlan) -> StudyStore:
     """Open a study's store for writing; makes it when the folder has none.
 
     Raises:
@@ -276,36 +334,13 @@ def open_store(folder: Path, config: StudyConfig) -> StudyStore:
     """
     with ExitStack() as opened:
         lock = opened.enter_context(take_lock(folder))
-        database = opened.enter_context(closing(open_database(folder / DATABASE_FILE, config)))
+        database = opened.enter_context(closing(open_database(folder / DATABASE_FILE, config, plan)))
         with read_study(folder) as reader:
             reader.check()
         opened.pop_all()
-    return StudyStore(folder, config, database, lock)
-
-
-def _last_event(database: sqlite3.Connection, trial_id: str) -> tuple[int, str | None]:
-    """(seq, hash) of a trial's last event; (0, None) without events."""
-    row = database.execute(
-        "SELECT seq, hash FROM event WHERE trial_id = ? ORDER BY seq DESC LIMIT 1", (trial_id,)
-    ).fetchone()
-    return row or (0, None)
-
-
-def _seconds_since_last_event(database: sqlite3.Connection, trial_id: str, now: _Now) -> float | None:
-    """Seconds since the participant's last event; None without events. Reloading alone does not restart the count.
-
-    Within one boot the monotonic clock counts; across boots only the wall clock is left.
-    """
-    row = database.execute(
-        "SELECT t_srv_ns, t_srv_mono_ns, boot_id FROM event WHERE trial_id = ? AND kind <> 'reconnect'"
-        " ORDER BY seq DESC LIMIT 1",
-        (trial_id,),
-    ).fetchone()
-    if row is None:
-        return None
-    wall_ns, mono_ns, boot_id = row
-    passed_ns = now.mono_ns - mono_ns if boot_id == now.boot_id else now.wall_ns - wall_ns
-    return max(0, passed_ns) / 1e9
+    store = StudyStore(folder, config, plan, database, lock)
+    store.finish_withdrawals()
+    return store
 
 
 def _boot_id() -> str:

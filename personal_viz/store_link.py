@@ -10,13 +10,18 @@ import threading
 import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 import msgspec
 from pydantic import TypeAdapter
 
 from human_study.events import Event, event_from_json, event_to_json
 from human_study.outcome import Outcome
+from human_study.plan import Phase
+from human_study.record_types import TrialStatus
+from human_study.stages import Stage, StageEntry, has_reached
 from human_study.store import StudyStore, SupersededError, Trial, TrialEndedError
+from human_study.study import Condition
 from human_study.writer import StoreFullError
 from sim.errors import StudyError
 from sim.types import EpisodeKey, TaskKind
@@ -45,8 +50,36 @@ class WhoHolds(msgspec.Struct, tag=True, frozen=True):
     ticket: str
 
 
-class ListTrials(msgspec.Struct, tag=True, frozen=True):
-    """The participant's trials and which are over."""
+class AskPerson(msgspec.Struct, tag=True, frozen=True):
+    """Where the participant is in the study."""
+
+    code: str
+
+
+class EnterStage(msgspec.Struct, tag=True, frozen=True):
+    """The participant reached a stage."""
+
+    code: str
+    stage: Stage
+    detail: dict[str, Any]
+
+
+class GiveConsent(msgspec.Struct, tag=True, frozen=True):
+    """The participant's answer to the text that was shown."""
+
+    code: str
+    text: str
+    given: bool
+
+
+class Withdraw(msgspec.Struct, tag=True, frozen=True):
+    """The participant withdraws."""
+
+    code: str
+
+
+class NextTrial(msgspec.Struct, tag=True, frozen=True):
+    """The participant's trial that is due."""
 
     code: str
 
@@ -79,7 +112,20 @@ class FinishTrial(msgspec.Struct, tag=True, frozen=True):
     outcome: str
 
 
-Request = Ready | Failed | WhoHolds | ListTrials | OpenTrial | ListEvents | AppendEvents | FinishTrial
+Request = (
+    Ready
+    | Failed
+    | WhoHolds
+    | AskPerson
+    | EnterStage
+    | GiveConsent
+    | Withdraw
+    | NextTrial
+    | OpenTrial
+    | ListEvents
+    | AppendEvents
+    | FinishTrial
+)
 
 
 class Letter(msgspec.Struct, frozen=True):
@@ -100,13 +146,34 @@ class Reply(msgspec.Struct, frozen=True):
 
 
 class TrialPlace(msgspec.Struct, frozen=True):
-    """One planned trial of a participant."""
+    """One assigned trial of a participant."""
 
     order_no: int
+    phase: Phase
     task: TaskKind
+    condition: Condition
     key: EpisodeKey
     is_begun: bool
     is_over: bool
+    """Ended, or given back to others."""
+
+
+class PersonPlace(msgspec.Struct, frozen=True):
+    """Where a participant is in the study."""
+
+    code: str
+    task: TaskKind
+    stages: list[StageEntry]
+    """Oldest first."""
+    trials: list[TrialPlace]
+    """In order, without those given back; each with its last attempt."""
+    completion_code: str | None
+    """What the participant gets at the end; None before `finished` is stored."""
+
+    @property
+    def is_withdrawn(self) -> bool:
+        """Whether the participant withdrew."""
+        return has_reached(self.stages, "withdrawn")
 
 
 class StoreLink:
@@ -133,9 +200,25 @@ class StoreLink:
         """Participant who holds a ticket, None if nobody does."""
         return msgspec.json.decode(self._ask(WhoHolds(ticket)), type=str | None)
 
-    def trials(self, code: str) -> list[TrialPlace]:
-        """The participant's trials in order."""
-        return msgspec.json.decode(self._ask(ListTrials(code)), type=list[TrialPlace])
+    def person(self, code: str) -> PersonPlace:
+        """Where the participant is in the study."""
+        return msgspec.json.decode(self._ask(AskPerson(code)), type=PersonPlace)
+
+    def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
+        """`StudyStore.enter_stage`."""
+        self._ask(EnterStage(code, stage, detail or {}))
+
+    def give_consent(self, code: str, text: str, *, given: bool) -> None:
+        """`StudyStore.give_consent`."""
+        self._ask(GiveConsent(code, text, given))
+
+    def withdraw(self, code: str) -> None:
+        """`StudyStore.withdraw`."""
+        self._ask(Withdraw(code))
+
+    def next_trial(self, code: str) -> TrialPlace | None:
+        """The trial that is due, None when there is nothing (more) to do (`StudyStore.next_trial`)."""
+        return msgspec.json.decode(self._ask(NextTrial(code)), type=TrialPlace | None)
 
     def open_trial(self, code: str, order_no: int) -> Trial:
         """`StudyStore.open_trial`."""
@@ -197,6 +280,7 @@ class StoreService:
         store: StudyStore,
         *,
         code_of_ticket: Callable[[str], str | None],
+        completion_code: Callable[[str], str],
         on_end: Callable[[], None],
     ) -> None:
         """Starts answering.
@@ -205,11 +289,13 @@ class StoreService:
             connection: Our end of the socket pair.
             store: Owned by the gateway.
             code_of_ticket: Participant who holds a ticket.
+            completion_code: What a participant gets at the end; asked for only when that is stored.
             on_end: Called once when the worker is gone, whoever ended it.
         """
         self._connection = connection
         self._store = store
         self._code_of_ticket = code_of_ticket
+        self._completion_code = completion_code
         self._on_end = on_end
         self._lock = threading.Lock()
         self._pool = ThreadPoolExecutor(8, thread_name_prefix="store-service")
@@ -256,11 +342,17 @@ class StoreService:
                 self.started.set_exception(StudyError(message))
             case WhoHolds(ticket=ticket):
                 return self._code_of_ticket(ticket)
-            case ListTrials(code=code):
-                return [
-                    TrialPlace(item.order_no, item.task, item.key, item.trial_id is not None, item.outcome is not None)
-                    for item in self._store.trials(code)
-                ]
+            case AskPerson(code=code):
+                return self._person(code)
+            case EnterStage(code=code, stage=stage, detail=detail):
+                self._store.enter_stage(code, stage, detail)
+            case GiveConsent(code=code, text=text, given=given):
+                self._store.give_consent(code, text, given=given)
+            case Withdraw(code=code):
+                self._store.withdraw(code)
+            case NextTrial(code=code):
+                due = self._store.next_trial(code)
+                return None if due is None else _place(due)
             case OpenTrial(code=code, order_no=order_no):
                 return self._store.open_trial(code, order_no)
             case ListEvents(trial_id=trial_id):
@@ -270,3 +362,27 @@ class StoreService:
             case FinishTrial(trial_id=trial_id, outcome=outcome):
                 self._store.finish_trial(trial_id, _OUTCOME.validate_json(outcome))
         return None
+
+    def _person(self, code: str) -> PersonPlace:
+        record = self._store.participant(code)
+        latest = {trial.order_no: trial for trial in self._store.trials(code) if not trial.is_released}
+        is_finished = has_reached(record.stages, "finished")
+        return PersonPlace(
+            code=code,
+            task=record.task,
+            stages=list(record.stages),
+            trials=[_place(trial) for trial in latest.values()],
+            completion_code=self._completion_code(code) if is_finished else None,
+        )
+
+
+def _place(trial: TrialStatus) -> TrialPlace:
+    return TrialPlace(
+        order_no=trial.order_no,
+        phase=trial.phase,
+        task=trial.task,
+        condition=trial.condition,
+        key=trial.key,
+        is_begun=trial.trial_id is not None,
+        is_over=not trial.is_due,
+    )

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from human_study.commands import Move, Resume, Start
 from human_study.session import PanSession, pan_session_from_events
-from human_study.store import open_store
 from sim.types import Action
 
 from .small_world import SCENE_DIGEST, env, episode, study
+from .stores import open_small
 
 WALK = (Action.FORWARD, Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT, Action.RIGHT, Action.FORWARD)
 
@@ -17,7 +17,7 @@ WALK = (Action.FORWARD, Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGH
 def walk_until_killed(folder: Path, acknowledged: Connection) -> None:
     """Take p02's first trial where it stands and walk; send (seq, step, pose) after each acknowledged write."""
     config = study()
-    store = open_store(folder, config)
+    store = open_small(folder, config)
     trial = store.open_trial("p02", 1)
     events = [stored.event for stored in store.events(trial.trial_id)]
     world, task = env(with_pictures=True), config.task_for(episode(), "pan")

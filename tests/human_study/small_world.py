@@ -6,8 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from human_study.plan import StudyPlan, make_plan
-from human_study.study import StudyConfig, StudyScene
+from human_study.plan import StudyPlan, StudyScene
+from human_study.planning import make_plan
+from human_study.study import StudyConfig
 from sim.episodes.schema import AgentState, Episode, EpisodeInfo, EpisodeRecord, Goal, ViewPoint
 from sim.tasks.pan import PanEnv
 from sim.types import Camera, EpisodeKey, GridSpec
@@ -127,15 +128,28 @@ def episode(episode_id: str = "0") -> Episode:
     return Episode(EpisodeKey("easy", "room", episode_id), record, (goal,))
 
 
+ROOM = StudyScene(name="room", kind="invented")
+"""The room as a home of the study."""
+
+
 def study(**changes: object) -> StudyConfig:
-    """A study in the room."""
-    values = {"study": "pilot", "dataset_digest": "0" * 64, "scenes": (StudyScene(name="room", kind="invented"),)}
-    return StudyConfig(**(values | changes))  # type: ignore[arg-type]
+    """A small study in the room: everybody does everything, no pages before the trials."""
+    values = {
+        "study": "pilot",
+        "dataset": {"sha256": "0" * 64},
+        "task": ("pog", "pan"),
+        "design": {"kind": "crossed", "raters_per_episode": 1},
+        "pog": {"conditions": ("map_open",)},
+        "flow": ("instructions",),
+        "practice": {"pan": 0, "pog": 0},
+        "checks": {"every": None},
+    }
+    return StudyConfig.model_validate(values | changes)
 
 
 def plan(config: StudyConfig, episode_ids: Sequence[str] = ("0", "1", "2")) -> StudyPlan:
     """p01 points, p02 walks."""
-    return make_plan(config, [episode(name).key for name in episode_ids], ("pog", "pan"))
+    return make_plan(config, [ROOM], [episode(name).key for name in episode_ids])
 
 
 def env(*, max_steps: int = 500, with_pictures: bool = False) -> PanEnv:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from human_study.events import Key, Open
 from human_study.store import StudyStore, Trial, open_store
+from human_study.study import StudyConfig
 from human_study.tickets import token_hash
 from sim.types import Action
 
@@ -24,11 +25,17 @@ OPEN = Open(
 )
 
 
+def open_small(folder: Path, config: StudyConfig | None = None) -> StudyStore:
+    """The store of a small study; makes it where there is none."""
+    config = config or study()
+    return open_store(folder, config, plan(config))
+
+
 def filled(folder: Path) -> StudyStore:
     """A store with the plan's two participants, whose tokens are `token-p01` and `token-p02`."""
-    store = open_store(folder, study())
+    store = open_small(folder)
     for person in plan(study()).participants:
-        store.add_participant(person.code, token_hash(f"token-{person.code}"), person.trials)
+        store.add_participant(person, token_hash(f"token-{person.code}"))
     return store
 
 

@@ -13,12 +13,12 @@ import pytest
 from human_study.events import Act
 from human_study.records import read_study
 from human_study.session import pan_session_from_events
-from human_study.store import open_store
 from human_study.tickets import token_hash
 from sim.types import Pose
 
 from .crash_writer import WALK, walk_until_killed
 from .small_world import SCENE_DIGEST, env, episode, plan, study
+from .stores import open_small
 
 KILLS = 50
 Ack = tuple[int, int, Pose]
@@ -47,9 +47,9 @@ def left_over(pipe: Connection) -> list[Ack]:
 @pytest.mark.slow
 def test_a_trial_survives_fifty_kills_at_random_instants(tmp_path: Path) -> None:
     config = study()
-    with open_store(tmp_path, config) as store:
+    with open_small(tmp_path, config) as store:
         for person in plan(config, ("0",)).participants:
-            store.add_participant(person.code, token_hash(person.code), person.trials)
+            store.add_participant(person, token_hash(person.code))
     rng = np.random.default_rng(7)
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.human_study.crash_writer"])

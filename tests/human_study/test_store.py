@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from human_study.events import Act, Event, Reconnect
-from human_study.plan import PlannedTrial
+from human_study.record_types import VerificationEntry
 from human_study.records import read_study
-from human_study.store import SupersededError, TrialEndedError, open_store
+from human_study.store import SupersededError, TrialEndedError
 from human_study.tickets import new_token, token_hash
 from human_study.writer import StoreFullError
 from sim.errors import StudyError
@@ -20,7 +20,7 @@ from sim.tasks.run_files import EpisodeEnd
 from sim.types import Action
 
 from .small_world import plan, study
-from .stores import KEY, OPEN, filled, opened
+from .stores import KEY, OPEN, filled, open_small, opened
 
 
 def test_stored_events_come_back_as_they_were(tmp_path: Path) -> None:
@@ -46,8 +46,8 @@ def test_a_participants_trials_are_in_the_plans_order(tmp_path: Path) -> None:
 
 def test_a_token_finds_its_owner_and_is_not_in_any_file(tmp_path: Path) -> None:
     token = new_token()
-    with open_store(tmp_path, study()) as store:
-        store.add_participant("p01", token_hash(token), plan(study()).participants[0].trials)
+    with open_small(tmp_path) as store:
+        store.add_participant(plan(study()).participants[0], token_hash(token))
         assert store.code_of_token(token) == "p01"
         assert store.code_of_token(token[:-1]) is None
     for path in tmp_path.rglob("*"):
@@ -56,7 +56,7 @@ def test_a_token_finds_its_owner_and_is_not_in_any_file(tmp_path: Path) -> None:
 
 def test_a_participant_is_registered_once(tmp_path: Path) -> None:
     with filled(tmp_path) as store, pytest.raises(StudyError, match="'p01' is registered already"):
-        store.add_participant("p01", token_hash("other"), ())
+        store.add_participant(plan(study()).participants[0], token_hash("other"))
 
 
 def test_opening_a_trial_again_hands_it_to_the_newest_tab(tmp_path: Path) -> None:
@@ -131,12 +131,22 @@ def test_unknown_trials_and_participants_are_named(tmp_path: Path) -> None:
             store.trials("p77")
 
 
-@pytest.mark.parametrize("table", ["study", "participant", "slot", "trial", "sitting", "event", "outcome", "audit"])
+TABLES = ("study", "participant", "assignment", "release", "claim", "trial", "sitting", "event", "outcome", "stage")
+TABLES += ("consent", "verification", "exclusion", "exclusion_undone", "audit")
+
+
+@pytest.mark.parametrize("table", TABLES)
 def test_no_row_can_be_changed_or_deleted(tmp_path: Path, table: str) -> None:
     store, trial = opened(tmp_path)
     store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+    assert store.claim_person(None) == "p01"
+    store.give_consent("p02", "text", given=True)
+    store.undo_exclusion(store.exclude("trial", trial.trial_id, rule_id="r1", reason="because"))
+    store.add_verification(VerificationEntry(trial.trial_id, "v1", "verified", 0.0, None, "", "s" * 64, 1))
+    store.drop_out("p02", "away")
     store.close()
     database = sqlite3.connect(tmp_path / "study.db")
+    assert database.execute(f"SELECT count(*) FROM {table}").fetchone()[0]
     column = database.execute(f"SELECT name FROM pragma_table_info('{table}') LIMIT 1").fetchone()[0]
     for sql in (f"UPDATE {table} SET {column} = {column}", f"DELETE FROM {table}"):
         with pytest.raises(sqlite3.IntegrityError, match=f"{table} is append-only"):
@@ -194,7 +204,7 @@ def test_one_refused_write_does_not_stop_the_others_of_its_commit(tmp_path: Path
 
 
 def _hold(folder: Path, ready: object, release: object) -> None:
-    with open_store(folder, study()):
+    with open_small(folder):
         ready.set()  # type: ignore[attr-defined]
         release.wait(20)  # type: ignore[attr-defined]
 
@@ -207,12 +217,12 @@ def test_a_second_process_is_refused_and_told_who_holds_the_study(tmp_path: Path
     try:
         assert ready.wait(20)
         with pytest.raises(StudyError, match=f"is in use by process {holder.pid}; expected") as caught:
-            open_store(tmp_path, study())
+            open_small(tmp_path)
         assert "\n" not in str(caught.value)
     finally:
         release.set()
         holder.join(60)
-    open_store(tmp_path, study()).close()
+    open_small(tmp_path).close()
 
 
 def test_a_full_disk_refuses_the_write_keeps_the_rest_and_works_again_with_space(tmp_path: Path) -> None:
@@ -276,14 +286,14 @@ def test_a_closed_store_says_so(tmp_path: Path) -> None:
 def test_an_unwritable_place_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="expected a folder that you can write"):
-        open_store(tmp_path / "file" / "study", study())
+        open_small(tmp_path / "file" / "study")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_a_read_only_folder_is_one_line(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(StudyError, match="expected a folder that you can write"):
-        open_store(tmp_path, study())
+        open_small(tmp_path)
 
 
 def test_a_folder_without_a_study_cannot_be_read(tmp_path: Path) -> None:
@@ -307,10 +317,11 @@ def test_the_settings_are_those_of_the_design(tmp_path: Path) -> None:
 
 
 def test_two_trials_in_one_place_of_the_order_are_refused(tmp_path: Path) -> None:
-    trial = PlannedTrial(order_no=1, task="pan", split="easy", scene="room", episode_id="0")
-    with open_store(tmp_path, study()) as store:
+    person = plan(study()).participants[1]
+    twice = person.model_copy(update={"trials": (person.trials[0], person.trials[0])})
+    with open_small(tmp_path) as store:
         with pytest.raises(StudyError, match="an order without repeats"):
-            store.add_participant("p01", token_hash("t"), [trial, trial])
+            store.add_participant(twice, token_hash("t"))
         with read_study(tmp_path) as reader:
             assert reader.codes() == ()
 

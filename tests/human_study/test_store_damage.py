@@ -7,16 +7,15 @@ from pathlib import Path
 import pytest
 
 from human_study import database as database_module
-from human_study.database import migrate
+from human_study.database import bring_up_to_date, migrate
 from human_study.events import GaveUp, Shown
 from human_study.migrations import MIGRATIONS
 from human_study.records import read_study
-from human_study.store import open_store
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
 
 from .small_world import study
-from .stores import KEY, OPEN, edit, filled, opened
+from .stores import KEY, edit, filled, open_small, opened
 
 
 @pytest.mark.parametrize(
@@ -25,7 +24,7 @@ from .stores import KEY, OPEN, edit, filled, opened
 def test_a_file_that_is_not_a_database_is_one_line(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "study.db").write_bytes(content)
     with pytest.raises(StudyError, match=r"study\.db: .*expected.*\. .*") as caught:
-        open_store(tmp_path, study())
+        open_small(tmp_path)
     assert "\n" not in str(caught.value)
     assert (tmp_path / "study.db").read_bytes() == content
 
@@ -40,7 +39,7 @@ def test_bytes_overwritten_inside_the_database_are_found_at_opening(tmp_path: Pa
     data[middle : middle + 4096] = b"\x55" * 4096
     path.write_bytes(bytes(data))
     with pytest.raises(StudyError, match=r"(found a damaged file|SQLite found damage).*Restore the folder"):
-        open_store(tmp_path, study())
+        open_small(tmp_path)
 
 
 def test_a_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
@@ -49,28 +48,28 @@ def test_a_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
     database.close()
     before = (tmp_path / "study.db").read_bytes()
     with pytest.raises(StudyError, match="database of another program"):
-        open_store(tmp_path, study())
+        open_small(tmp_path)
     assert (tmp_path / "study.db").read_bytes() == before
 
 
 def test_a_newer_version_is_refused(tmp_path: Path) -> None:
     filled(tmp_path).close()
     edit(tmp_path, "PRAGMA user_version = 99")
-    for use in (lambda: open_store(tmp_path, study()), lambda: read_study(tmp_path).__enter__()):
-        with pytest.raises(StudyError, match=r"has schema version 99; expected at most 1.*newer personal-viz"):
+    for use in (lambda: open_small(tmp_path), lambda: read_study(tmp_path).__enter__()):
+        with pytest.raises(StudyError, match=r"has schema version 99; expected at most 2.*newer personal-viz"):
             use()
 
 
 def test_another_studys_store_is_refused(tmp_path: Path) -> None:
     filled(tmp_path).close()
-    with pytest.raises(StudyError, match=r"study\.json was changed after the start"):
-        open_store(tmp_path, study(seed=1))
+    with pytest.raises(StudyError, match=r"study\.yaml was changed after the start"):
+        open_small(tmp_path, study(dataset={"sha256": "0" * 64, "seed": 1}))
 
 
 @pytest.mark.parametrize(
     "sql",
     [
-        "UPDATE event SET payload = replace(payload, 'KeyW', 'KeyA') WHERE seq = 2",
+        "UPDATE event SET payload = (SELECT payload FROM event AS other WHERE other.seq = 3) WHERE seq = 2",
         "UPDATE event SET t_srv_ns = t_srv_ns + 1 WHERE seq = 2",
         "UPDATE event SET epoch = 2 WHERE seq = 2",
         "DELETE FROM event WHERE seq = 2",
@@ -83,7 +82,7 @@ def test_a_changed_chain_is_found_at_opening(tmp_path: Path, sql: str) -> None:
     store.close()
     edit(tmp_path, sql)
     with pytest.raises(StudyError, match=rf"trial {trial.trial_id}, event \d+ does not continue the chain"):
-        open_store(tmp_path, study())
+        open_small(tmp_path)
 
 
 def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -> None:
@@ -93,7 +92,7 @@ def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -
     store.close()
     edit(tmp_path, "DELETE FROM event WHERE seq = 2")
     with pytest.raises(StudyError, match="ends with another event than when it was finished"):
-        open_store(tmp_path, study())
+        open_small(tmp_path)
 
 
 def version_1(folder: Path) -> Path:
@@ -105,36 +104,49 @@ def version_1(folder: Path) -> Path:
     return folder / "study.db"
 
 
-def test_a_store_of_version_1_opens_and_goes_on(tmp_path: Path) -> None:
+def test_a_store_of_version_1_is_brought_up_to_date_and_read(tmp_path: Path) -> None:
     version_1(tmp_path)
-    with open_store(tmp_path, study()) as store:
-        status = store.trials("p02")
+    with pytest.raises(StudyError, match=r"schema version 1; expected 2\..*check-db brings it up to date"):
+        read_study(tmp_path).__enter__()
+    assert bring_up_to_date(tmp_path) == [2]
+    assert bring_up_to_date(tmp_path) == []
+    with read_study(tmp_path) as reader:
+        status = reader.trials("p02")
         assert [trial.outcome for trial in status] == [EpisodeEnd(reason="giveup"), None]
-        assert [stored.event.kind for stored in store.events(status[0].trial_id or "")] == ["open", "key", "giveup"]
-        trial = store.open_trial("p02", 2)
-        assert store.append(trial.trial_id, trial.epoch, OPEN) == 1
-        assert store.check() == 4
+        assert [(trial.phase, trial.condition, trial.rep, trial.attempt) for trial in status] == [
+            ("main", "none", 1, 1),
+            ("main", "none", 1, 0),
+        ]
+        assert [stored.event.kind for stored in reader.events(status[0].trial_id or "")] == ["open", "key", "giveup"]
+        assert reader.participant("p02").task == "pan"
+        assert reader.config.design.kind == "crossed"
+        assert [scene.name for scene in reader.plan.scenes] == ["room"]
+        assert reader.check() == 3
+    with pytest.raises(StudyError, match=r"holds study_version .*study\.yaml was changed after the start"):
+        open_small(tmp_path)
 
 
 def test_a_migration_keeps_a_copy_of_what_was_and_moves_the_version(tmp_path: Path) -> None:
     path = version_1(tmp_path)
     database = sqlite3.connect(path, isolation_level=None)
-    assert migrate(database, path, steps=(*MIGRATIONS, "ALTER TABLE trial ADD COLUMN phase TEXT")) == [2]
-    assert database.execute("PRAGMA user_version").fetchone()[0] == 2
-    assert database.execute("SELECT phase FROM trial").fetchall() == [(None,)]
+    assert migrate(database, path, steps=(*MIGRATIONS, "ALTER TABLE trial ADD COLUMN later TEXT")) == [2, 3]
+    assert database.execute("PRAGMA user_version").fetchone()[0] == 3
+    assert database.execute("SELECT later FROM trial").fetchall() == [(None,)]
     database.close()
     (copy,) = (tmp_path / database_module.BACKUP_FOLDER).iterdir()
     shutil.copy(copy, path)
-    with open_store(tmp_path, study()) as store:
-        assert store.check() == 3
+    bring_up_to_date(tmp_path)
+    with read_study(tmp_path) as reader:
+        assert reader.check() == 3
 
 
 def test_a_migration_that_fails_leaves_the_database_as_it_was(tmp_path: Path) -> None:
     path = version_1(tmp_path)
+    bring_up_to_date(tmp_path)
     database = sqlite3.connect(path, isolation_level=None)
-    bad = "ALTER TABLE trial ADD COLUMN phase TEXT; INSERT INTO nowhere VALUES (1)"
-    with pytest.raises(StudyError, match="cannot go from schema version 1 to 2"):
+    bad = "ALTER TABLE trial ADD COLUMN later TEXT; INSERT INTO nowhere VALUES (1)"
+    with pytest.raises(StudyError, match="cannot go from schema version 2 to 3"):
         migrate(database, path, steps=(*MIGRATIONS, bad))
     database.close()
-    with open_store(tmp_path, study()) as store:
-        assert store.check() == 3
+    with read_study(tmp_path) as reader:
+        assert reader.check() == 3

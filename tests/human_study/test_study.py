@@ -1,28 +1,59 @@
-"""The frozen study file, the plan, tokens and events as text."""
+"""The frozen study file, tokens and events as text."""
 
-import json
+import datetime
+import hashlib
 from pathlib import Path
 
 import pytest
+import yaml
 
 from human_study.events import EVENT_KINDS, Act, Clicked, Event, event_from_json, event_to_json
-from human_study.plan import load_plan, make_plan, save_plan
-from human_study.study import StudyCamera, StudyConfig, StudyScene, load_study, save_study
+from human_study.study import StudyConfig, StudyDataset, load_study, save_study
 from human_study.tickets import new_id, new_token, token_hash, token_matches
 from sim.errors import StudyError
 from sim.types import Action, Camera
 
-from .small_world import episode, plan, study
+from .small_world import episode, study
 from .test_session import RAY
 
-KEYS = [episode(str(number)).key for number in range(20)]
+EXAMPLE = """
+study: personal-pan-2026
+version: 1
+dataset: {sha256: "abc", splits: {easy: 50, medium: 50, hard: 50}, stratify: scene, max_per_scene: 5, seed: 7}
+task: pan            # pan | pog
+actions: paper4
+steps: 500
+success: paper
+design: {kind: house-once, raters_per_episode: 5, trials_per_person: 30, overbook: 1.15}
+memory: {arms: [none, topdown], by: scene_half, max_s: 60}
+practice: {pan: 2}
+checks: {every: 15}
+breaks: {every: 10, sitting_max: 30}
+resume_within_s: 600
+lease_s: 900
+aggregate: {total: mean_of_splits, weight: trials}
+primary: [human_minus_agent_SR, memory_effect_SR]
+privacy: {platform_id: none, retention: 2027-12-31, on_withdraw: delete}
+recruit: {kind: local}   # local | link | prolific (codes in secrets.toml)
+"""
+
+
+def test_the_example_of_the_specification_reads(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(EXAMPLE)
+    config = load_study(tmp_path)
+    assert (config.task, config.memory.arms, config.memory.max_s) == (("pan",), ("none", "topdown"), 60.0)
+    assert config.dataset.splits == {"easy": 50, "medium": 50, "hard": 50}
+    assert config.privacy.retention == datetime.date(2027, 12, 31)
+    assert config.design.trials_per_person == 30
 
 
 def test_the_study_version_is_the_hash_of_what_was_chosen() -> None:
-    # sha256 of {"dataset_digest":"<64 zeros>","scenes":[{"kind":"invented","name":"room"}],"study":"pilot"}
-    assert study().study_version == "728ec81f65df7527a194c9bdd71c687d69bd2947c5a1cee572c3a76de271c279"
-    assert study(seed=0).study_version == study().study_version
-    assert study(seed=1).study_version != study().study_version
+    config = StudyConfig(study="pilot", dataset=StudyDataset(sha256="0"), task=("pan",))
+    text = '{"dataset":{"sha256":"0"},"study":"pilot","task":["pan"]}'
+    assert config.canonical_json() == text
+    assert config.study_version == hashlib.sha256(text.encode()).hexdigest()
+    assert study(steps=500).study_version == study().study_version
+    assert study(steps=499).study_version != study().study_version
 
 
 def test_a_field_of_a_later_version_leaves_running_studies_alone() -> None:
@@ -35,12 +66,12 @@ def test_a_field_of_a_later_version_leaves_running_studies_alone() -> None:
 
 
 def test_a_study_file_comes_back_as_it_was_and_is_never_replaced(tmp_path: Path) -> None:
-    config = study(camera=StudyCamera(width=320, height=240), actions="paper6")
+    config = study(camera={"width": 320, "height": 240}, actions="paper6", privacy={"retention": "2027-12-31"})
     path = save_study(tmp_path, config)
     assert load_study(tmp_path) == config
     assert save_study(tmp_path, config) == path
     with pytest.raises(StudyError, match="A study never changes"):
-        save_study(tmp_path, study(seed=9))
+        save_study(tmp_path, study(steps=9))
     assert load_study(tmp_path) == config
     assert config.robot_camera == Camera(320, 240, 79.0, 0.88)
     assert Action.LOOK_UP in config.action_set
@@ -49,77 +80,54 @@ def test_a_study_file_comes_back_as_it_was_and_is_never_replaced(tmp_path: Path)
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"steps": 3}, "steps is 3; expected: Extra inputs are not permitted"),
-        ({"max_steps": 501}, "max_steps is 501; expected: Input should be less than or equal to 500"),
+        ({"max_steps": 3}, "max_steps is 3; expected: Extra inputs are not permitted"),
+        ({"steps": 501}, "steps is 501; expected: Input should be less than or equal to 500"),
         ({"actions": "all"}, "actions is 'all'; expected: Input should be 'paper4' or 'paper6'"),
         ({"study": "../up"}, "study is '../up'"),
-        ({"tasks": ["pan", "pan"]}, "each of tasks once"),
+        ({"task": ["pan", "pan"]}, "each of task once"),
+        ({"memory": {"arms": ["none", "none"]}}, "each of memory.arms once"),
+        ({"design": {"kind": "random"}}, "design.kind is 'random'"),
+        ({"privacy": {"retention": "soon"}}, "privacy.retention is 'soon'"),
+        ({"resume_within_s": float("inf")}, "resume_within_s is inf"),
     ],
 )
 def test_a_bad_study_file_names_the_field(tmp_path: Path, change: dict[str, object], message: str) -> None:
-    values = json.loads(study().model_dump_json()) | change
-    (tmp_path / "study.json").write_text(json.dumps(values))
+    values = study().model_dump(mode="json") | change
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(values))
     with pytest.raises(StudyError) as caught:
         load_study(tmp_path)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("study: [", r"study\.yaml, line \d+: is not YAML"),
+        ("- a", "holds list; expected fields such as study:"),
+        ("!!python/object/apply:os.getcwd []", r"study\.yaml, line 1: is not YAML"),
+    ],
+)
+def test_a_file_that_is_no_study_is_one_line(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "study.yaml").write_text(text)
+    with pytest.raises(StudyError, match=message) as caught:
+        load_study(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
 def test_a_folder_without_a_study_says_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="personal-viz study init"):
+        load_study(tmp_path)
+    (tmp_path / "study.json").write_text("{}")
+    with pytest.raises(StudyError, match=r"study\.json: is of an earlier version.*check-db, then export"):
         load_study(tmp_path)
 
 
 def test_participants_see_the_studys_query_and_limits() -> None:
-    task = study(query_index=1, max_steps=7).task_for(episode(), "pan")
+    task = study(query_index=1, steps=7).task_for(episode(), "pan")
     assert (task.queries, task.max_steps, len(task.actions)) == (("Where is it?",), 7, 4)
     with pytest.raises(StudyError, match="has 2 queries; expected 0 to 1"):
         study(query_index=2).task_for(episode(), "pan")
-
-
-def test_everybody_gets_the_same_episodes_in_an_own_order() -> None:
-    people = make_plan(study(), KEYS, ("pog", "pan"), limit=8).participants
-    orders = [[trial.key for trial in person.trials] for person in people]
-    assert [person.code for person in people] == ["p01", "p02"]
-    assert [{trial.task for trial in person.trials} for person in people] == [{"pog"}, {"pan"}]
-    assert [trial.order_no for trial in people[0].trials] == [1, 2, 3, 4, 5, 6, 7, 8]
-    assert sorted(orders[0]) == sorted(orders[1])
-    assert orders[0] != orders[1]
-    assert len(set(orders[0])) == 8
-
-
-def test_the_plan_follows_from_the_seed_alone() -> None:
-    first = make_plan(study(), KEYS, ("pog", "pan"), limit=5)
-    assert make_plan(study(), KEYS[::-1], ("pog", "pan"), limit=5) == first
-    assert make_plan(study(seed=1), KEYS, ("pog", "pan"), limit=5).participants != first.participants
-
-
-def test_a_plan_comes_back_as_it_was_and_belongs_to_one_study(tmp_path: Path) -> None:
-    save_plan(tmp_path, plan(study()))
-    assert load_plan(tmp_path, study()) == plan(study())
-    with pytest.raises(StudyError, match="Make the plan again for this study"):
-        load_plan(tmp_path, study(seed=1))
-
-
-@pytest.mark.parametrize(
-    ("keys", "people", "limit", "message"),
-    [
-        ([], ("pan",), None, "found 0 episodes"),
-        ([KEYS[0], KEYS[0]], ("pan",), None, "found 2 episodes, 1 of them different"),
-        ([KEYS[0]._replace(scene="barn")], ("pan",), None, "scene is 'barn'; expected one of: room"),
-        (KEYS, ("pog",), None, "a participant's task is 'pog'"),
-        (KEYS, ("pan",), 21, "limit is 21; expected 1 to 20"),
-        (KEYS, ("pan",), 0, "limit is 0; expected 1 to 20"),
-    ],
-)
-def test_an_impossible_plan_is_refused(keys: list, people: tuple, limit: int | None, message: str) -> None:
-    with pytest.raises(StudyError, match=message):
-        make_plan(study(tasks=("pan",)), keys, people, limit=limit)
-
-
-def test_a_study_may_mix_scene_kinds_and_knows_which_is_which() -> None:
-    config = study(scenes=(StudyScene(name="a", kind="scan"), StudyScene(name="b", kind="invented")))
-    assert (config.scene_kind("a"), config.scene_kind("b")) == ("scan", "invented")
 
 
 def test_tokens_are_128_bit_and_match_only_their_own_hash() -> None:
@@ -173,27 +181,4 @@ def test_text_that_is_no_event_is_refused_in_one_line(text: str, message: str) -
 
 
 def test_the_list_of_events_is_closed_and_named_once() -> None:
-    assert len(set(EVENT_KINDS)) == len(EVENT_KINDS) == 15
-
-
-def test_studies_and_plans_as_version_1_wrote_them_still_read_and_newer_ones_are_refused(tmp_path: Path) -> None:
-    text = (
-        '{"schema_version":1,"study":"pilot","dataset_digest":"' + "0" * 64 + '","scenes":[{"name":"room",'
-        '"kind":"invented"}],"tasks":["pan","pog"],"actions":"paper4","max_steps":500,"query_index":0,'
-        '"resume_within_s":600.0,"seed":0,"camera":{"width":640,"height":480,"hfov_deg":79.0,"mount_height":0.88}}'
-    )
-    planned = (
-        '{"schema_version":1,"study_version":"728ec81f65df7527a194c9bdd71c687d69bd2947c5a1cee572c3a76de271c279",'
-        '"participants":[{"code":"p01","trials":[{"order_no":1,"task":"pan","split":"easy","scene":"room",'
-        '"episode_id":"1"}]}]}'
-    )
-    (tmp_path / "study.json").write_text(text)
-    (tmp_path / "plan.json").write_text(planned)
-    assert load_study(tmp_path) == study()
-    assert load_plan(tmp_path, study()) == make_plan(study(), [episode("1").key], ("pan",))
-    (tmp_path / "plan.json").write_text(planned.replace('"schema_version":1', '"schema_version":2'))
-    with pytest.raises(StudyError, match=r"plan\.json: schema_version is 2; expected"):
-        load_plan(tmp_path, study())
-    (tmp_path / "study.json").write_text(text.replace('"schema_version":1', '"schema_version":2'))
-    with pytest.raises(StudyError, match=r"study\.json: schema_version is 2; expected"):
-        load_study(tmp_path)
+    assert len(set(EVENT_KINDS)) == len(EVENT_KINDS) == 29

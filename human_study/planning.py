@@ -1,0 +1,223 @@
+"""Makes the plan of a study: who meets which episode under which condition, in which order. Offline, from the seed."""
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.errors import StudyError
+from sim.types import EpisodeKey, TaskKind
+
+from .max_flow import flow_of
+from .ordering import in_order
+from .plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, with_groups
+from .study import Condition, StudyConfig
+
+_MORE_PEOPLE = 200
+"""So many more people than the least are tried before a plan counts as impossible."""
+
+
+@dataclass(frozen=True, slots=True)
+class Practice:
+    """Trials outside the pool."""
+
+    scenes: tuple[StudyScene, ...] = ()
+    keys: tuple[EpisodeKey, ...] = ()
+    """For practice, easiest first; taken in turns."""
+    check_keys: tuple[EpisodeKey, ...] = ()
+    """For attention trials: the target is in plain view; taken in turns."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Slot:
+    """An episode in a condition, for one person."""
+
+    condition: Condition
+    key: EpisodeKey
+    rep: int = 0
+
+
+def make_plan(
+    config: StudyConfig,
+    scenes: Sequence[StudyScene],
+    episodes: Sequence[EpisodeKey],
+    *,
+    practice: Practice | None = None,
+    texts: Mapping[str, str] | None = None,
+    is_pilot: bool = False,
+) -> StudyPlan:
+    """The plan: the same one for the same arguments, in whatever order scenes and episodes come.
+
+    With several conditions of a task, homes are dealt out to as many groups, and a person's arm says which group has
+    which condition; so conditions are mixed over a person's order and need no blocks.
+
+    Args:
+        config: The study.
+        scenes: Its homes with their kinds.
+        episodes: Its episodes (`sampling.sample_episodes`).
+        practice: Practice and attention trials.
+        texts: sha256 of consent and instructions, by file name.
+        is_pilot: Whether it may be served without an ethics id.
+
+    Raises:
+        StudyError: The episodes are none, repeated or outside the homes; the design is not possible; practice or
+            attention trials are asked for but there is no episode for them.
+    """
+    keys, practice = sorted(set(episodes)), practice or Practice()
+    _require_plannable(config, scenes, episodes, practice)
+    rng = np.random.default_rng([config.dataset.seed, 1])
+    homes = sorted(scenes, key=lambda scene: scene.name)
+    grouped = with_groups(config, homes, [int(place) for place in rng.permutation(len(homes))])
+    groups = {scene.name: scene.group for scene in grouped}
+    people: list[tuple[TaskKind, int, list[_Slot]]] = []
+    by_task = [_people(config, task, keys, groups, rng) for task in config.task]
+    for place in range(max(len(found) for found in by_task)):  # tasks in turns
+        for task, found in zip(config.task, by_task, strict=True):
+            if place < len(found):
+                people.append((task, *found[place]))
+    num_spare = math.ceil(len(people) * config.design.overbook) - len(people)
+    people += [(config.task[i % len(config.task)], i // len(config.task), []) for i in range(num_spare)]
+    draft = StudyPlan(
+        study_version=config.study_version,
+        scenes=tuple(sorted(grouped, key=lambda scene: scene.name)),
+        practice_scenes=practice.scenes,
+        texts=dict(texts or {}),
+        is_pilot=is_pilot,
+        participants=(PlannedParticipant(code="p01", task=config.task[0], trials=()),),
+    )
+    planned = []
+    for number, (task, arm, slots) in enumerate(people, start=1):
+        order = in_order(slots, np.random.default_rng([config.dataset.seed, 2, number]), key=lambda slot: slot.key)
+        trials = _trials(config, task, order, practice)
+        planned.append(PlannedParticipant(code=f"p{number:02d}", task=task, arm=arm, trials=trials))
+    return draft.model_copy(update={"participants": tuple(planned)})
+
+
+def _people(
+    config: StudyConfig, task: TaskKind, keys: list[EpisodeKey], groups: dict[str, int], rng: np.random.Generator
+) -> list[tuple[int, list[_Slot]]]:
+    """(arm, slots) of each person who does the task."""
+    conditions = config.conditions(task)
+    if config.design.kind == "crossed":
+        num_people = config.design.raters_per_episode * len(conditions)
+        chosen = [
+            [_Slot(_condition(conditions, groups, key, person), key) for key in keys] for person in range(num_people)
+        ]
+    else:
+        chosen = _house_once(config, conditions, keys, groups, rng)
+    raters: Counter[tuple[Condition, EpisodeKey]] = Counter()
+    people = []
+    for person, slots in enumerate(chosen):
+        numbered = []
+        for slot in slots:
+            raters[slot.condition, slot.key] += 1
+            numbered.append(_Slot(slot.condition, slot.key, raters[slot.condition, slot.key]))
+        people.append((person % len(conditions), numbered))
+    return people
+
+
+def _house_once(
+    config: StudyConfig,
+    conditions: tuple[Condition, ...],
+    keys: list[EpisodeKey],
+    groups: dict[str, int],
+    rng: np.random.Generator,
+) -> list[list[_Slot]]:
+    """Slots of each person, nobody in one home twice; as few people as a maximum flow finds enough.
+
+    Raises:
+        StudyError: No number of people is enough.
+    """
+    raters, most = config.design.raters_per_episode, config.design.trials_per_person or len(groups)
+    num_slots = raters * len(keys) * len(conditions)
+    per_home = Counter(key.scene for key in keys)
+    least = max(math.ceil(num_slots / min(most, len(per_home))), raters * len(conditions) * max(per_home.values()))
+    step = len(conditions)
+    shuffled = [keys[place] for place in rng.permutation(len(keys))]
+    for num_people in range(math.ceil(least / step) * step, least + _MORE_PEOPLE, step):
+        edges: list[tuple[str, str, int]] = []
+        for person in (int(place) for place in rng.permutation(num_people)):
+            edges.append(("from", f"person {person}", most))
+            edges += [(f"person {person}", f"visit {person} {scene}", 1) for scene in sorted(per_home)]
+            for key in (shuffled[place] for place in rng.permutation(len(shuffled))):
+                condition = _condition(conditions, groups, key, person)
+                edges.append((f"visit {person} {key.scene}", f"episode {condition} {key}", 1))
+        edges += [(f"episode {condition} {key}", "to", raters) for condition in conditions for key in shuffled]
+        flow = flow_of(edges, source="from", sink="to")
+        if sum(amount for (tail, _), amount in flow.items() if tail == "from") == num_slots:
+            return _slots_of(flow, num_people, conditions, keys)
+    raise StudyError(
+        f"study {config.study}: design house-once with {most} trials a person and {max(per_home.values())} episodes in "
+        f"one home found no plan with up to {least + _MORE_PEOPLE} people; expected one. Lower dataset.max_per_scene."
+    )
+
+
+def _slots_of(
+    flow: dict[tuple[str, str], int], num_people: int, conditions: tuple[Condition, ...], keys: list[EpisodeKey]
+) -> list[list[_Slot]]:
+    by_name = {f"episode {condition} {key}": _Slot(condition, key) for condition in conditions for key in keys}
+    slots: dict[int, list[_Slot]] = defaultdict(list)
+    for tail, head in flow:
+        if tail.startswith("visit "):
+            slots[int(tail.split()[1])].append(by_name[head])
+    return [sorted(slots[person], key=lambda slot: slot.key) for person in range(num_people)]
+
+
+def _condition(conditions: tuple[Condition, ...], groups: dict[str, int], key: EpisodeKey, person: int) -> Condition:
+    return conditions[(groups[key.scene] + person % len(conditions)) % len(conditions)]
+
+
+def _trials(
+    config: StudyConfig, task: TaskKind, slots: Sequence[_Slot], practice: Practice
+) -> tuple[PlannedTrial, ...]:
+    """A person's trials: practice first, then the counted ones with attention trials between them."""
+    conditions = config.conditions(task)
+    num_practice = config.practice.pan if task == "pan" else config.practice.pog
+    trials: list[PlannedTrial] = []
+
+    def add(phase: str, condition: Condition, key: EpisodeKey, rep: int = 0) -> None:
+        names = {"split": key.split, "scene": key.scene, "episode_id": key.episode_id}
+        number = len(trials) + 1
+        trials.append(PlannedTrial(order_no=number, phase=phase, task=task, condition=condition, rep=rep, **names))  # type: ignore[arg-type]
+
+    for number in range(num_practice):
+        add("practice", conditions[number % len(conditions)], practice.keys[number % len(practice.keys)])
+    for number, slot in enumerate(slots, start=1):
+        add("main", slot.condition, slot.key, slot.rep)
+        if config.checks.every is not None and number % config.checks.every == 0:
+            place = number // config.checks.every - 1
+            add("check", slot.condition, practice.check_keys[place % len(practice.check_keys)])
+    return tuple(trials)
+
+
+def _require_plannable(
+    config: StudyConfig, scenes: Sequence[StudyScene], episodes: Sequence[EpisodeKey], practice: Practice
+) -> None:
+    """Raises StudyError unless each episode is named once, in one of the homes, and what is asked for exists."""
+    if not episodes or len(set(episodes)) != len(episodes):
+        raise StudyError(
+            f"study {config.study}: found {len(episodes)} episodes, {len(set(episodes))} of them different; "
+            "expected at least one, each once. Correct the list of episodes."
+        )
+    outside = {key.scene for key in episodes} - {scene.name for scene in scenes}
+    if outside:
+        raise StudyError(
+            f"study {config.study}: episodes lie in {sorted(outside)}; expected the study's homes "
+            f"{sorted(scene.name for scene in scenes)}. Add the homes."
+        )
+    wants_practice = any(config.practice.pan if task == "pan" else config.practice.pog for task in config.task)
+    most = config.design.trials_per_person or len(episodes)
+    wants_checks = config.checks.every is not None and most >= config.checks.every
+    for what, is_wanted, keys in (
+        ("practice", wants_practice, practice.keys),
+        ("checks", wants_checks, practice.check_keys),
+    ):
+        if is_wanted and not keys:
+            raise StudyError(f"study {config.study}: {what} asks for trials, but there is no episode for them.")
+    if config.design.kind == "crossed" and config.design.trials_per_person not in (None, len(episodes)):
+        raise StudyError(
+            f"study {config.study}: design.trials_per_person is {config.design.trials_per_person}; expected "
+            f"{len(episodes)} in a crossed design, where everybody does every episode. Leave it out."
+        )

@@ -1,0 +1,55 @@
+"""Where a participant is in the study: an append-only list of stages, from which every page is derived."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Stage = Literal[
+    "arrived",
+    "device_ok",
+    "device_failed",
+    "consented",
+    "declined",
+    "instructed",
+    "quiz_passed",
+    "quiz_failed",
+    "keys_changed",
+    "sitting_started",
+    "break_started",
+    "break_ended",
+    "finished",
+    "withdrawn",
+    "screened_out",
+    "dropped_out",
+    "returned",
+    "full",
+]
+OUT: tuple[Stage, ...] = ("declined", "withdrawn", "screened_out", "full")
+"""Stages after which a participant does nothing more."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageEntry:
+    """A stage that a participant reached."""
+
+    stage: Stage
+    detail: dict[str, Any]
+    """Answers of the quiz, the coarse profile of the device and the like."""
+    at_ns: int
+    """Server's wall clock."""
+
+
+def has_reached(entries: Sequence[StageEntry], stage: Stage) -> bool:
+    """Whether the stage is among the entries."""
+    return any(entry.stage == stage for entry in entries)
+
+
+def way_out(entries: Sequence[StageEntry]) -> Stage | None:
+    """The stage by which the participant left for good; None while there is none."""
+    return next((entry.stage for entry in entries if entry.stage in OUT), None)
+
+
+def has_dropped_out(entries: Sequence[StageEntry]) -> bool:
+    """Whether the participant's trials were given to others and the participant has not returned since."""
+    moves = [entry.stage for entry in entries if entry.stage in ("dropped_out", "returned")]
+    return bool(moves) and moves[-1] == "dropped_out"

@@ -1,0 +1,133 @@
+"""Encrypts what a participant did with a key of their own, so that deleting the key deletes the data everywhere.
+
+The keys are in `keys.json` beside the database, never in backups or exports. A hash chain over the ciphertext still
+verifies after a key is gone.
+"""
+
+import base64
+import json
+import os
+import secrets
+from pathlib import Path
+
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+
+from sim.errors import StudyError
+
+KEYS_FILE = "keys.json"
+_NONCE_BYTES = 12
+
+
+class Vault:
+    """The keys of one study's participants."""
+
+    def __init__(self, folder: Path) -> None:
+        """Reads the keys that are there.
+
+        Args:
+            folder: Of the study.
+
+        Raises:
+            StudyError: The file is damaged.
+        """
+        self._path = folder / KEYS_FILE
+        self._ciphers: dict[str, AESGCM] = {}
+        self._keys: dict[str, str] = {}
+        try:
+            self._keys = json.loads(self._path.read_bytes()) if self._path.exists() else {}
+            self._ciphers = {code: AESGCM(base64.b64decode(key)) for code, key in self._keys.items()}
+        except (OSError, ValueError, TypeError, AttributeError) as error:
+            raise StudyError(
+                f"{self._path}: cannot be read ({error}); expected the keys of the participants. Restore the file: "
+                "without it nothing that they did can be read."
+            ) from None
+
+    def has_key(self, code: str) -> bool:
+        """Whether what the participant did can be read."""
+        return code in self._ciphers
+
+    def add(self, code: str) -> None:
+        """Make a key for a new participant; on disk when this returns. An existing key stays.
+
+        Raises:
+            StudyError: The file cannot be written.
+        """
+        if code not in self._keys:
+            key = AESGCM.generate_key(256)
+            self._save(self._keys | {code: base64.b64encode(key).decode()})
+            self._ciphers[code] = AESGCM(key)
+
+    def shred(self, code: str) -> None:
+        """Delete a participant's key; what it encrypted cannot be read by anybody from now on.
+
+        Raises:
+            StudyError: The file cannot be written.
+        """
+        if code in self._keys:
+            self._save({known: key for known, key in self._keys.items() if known != code})
+            del self._ciphers[code]
+
+    def seal(self, code: str, text: str, *, where: str) -> str:
+        """The text as a JSON string of ciphertext, bound to the place where it is kept.
+
+        Raises:
+            StudyError: The participant has no key (any more).
+        """
+        nonce = secrets.token_bytes(_NONCE_BYTES)
+        sealed = nonce + self._cipher(code).encrypt(nonce, text.encode(), where.encode())
+        return json.dumps(base64.b64encode(sealed).decode())
+
+    def open(self, code: str, payload: str, *, where: str) -> str:
+        """The text of a payload. Payloads of the first schema version are JSON objects in clear and come back as is.
+
+        Raises:
+            StudyError: The key is gone or the payload was changed.
+        """
+        if payload.startswith("{"):
+            return payload
+        sealed = base64.b64decode(json.loads(payload))
+        try:
+            text = self._cipher(code).decrypt(sealed[:_NONCE_BYTES], sealed[_NONCE_BYTES:], where.encode())
+        except InvalidTag:
+            raise StudyError(
+                f"{self._path.parent}: {where} cannot be decrypted; expected a payload as it was written, and its own "
+                "key. Restore the folder from a backup, with keys.json."
+            ) from None
+        return text.decode()
+
+    def _cipher(self, code: str) -> AESGCM:
+        if code not in self._ciphers:
+            raise StudyError(
+                f"{self._path}: has no key of participant {code}; expected one, unless the participant withdrew. "
+                "Restore keys.json if it was lost."
+            )
+        return self._ciphers[code]
+
+    def _save(self, keys: dict[str, str]) -> None:
+        write_private(self._path, json.dumps(keys, indent=1, sort_keys=True) + "\n")
+        self._keys = keys
+
+
+def write_private(path: Path, text: str) -> None:
+    """Write a small file that only its owner can read, whole or not at all, on disk when this returns.
+
+    Raises:
+        StudyError: It cannot be written.
+    """
+    beside = path.with_name(path.name + ".part")
+    try:
+        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be written ({error.strerror}); expected a folder that you can write. Free some space."
+        ) from None

@@ -1,0 +1,194 @@
+"""Verbs `study init` and `study plan`: the files of a study before anybody takes part."""
+
+import hashlib
+from collections import Counter
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from human_study.ethics import consent_text, instructions_text, open_places
+from human_study.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, StudyScene, save_plan
+from human_study.planning import Practice, make_plan
+from human_study.records import DATABASE_FILE
+from human_study.sampling import sample_episodes
+from human_study.study import STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, load_study, save_study, write_whole
+from human_study.vault import write_private
+from personal_viz.recruit_codes import CODES_FILE
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import StudyError
+from sim.scenes.kind import scene_kind
+from sim.types import SPLITS, EpisodeKey
+
+TEXTS = ("consent.md", "instructions.md")
+"""What participants read; frozen by their hashes when the plan is made."""
+CODES_TEMPLATE = """# Codes that the recruiting platform gave for this study; uncomment with
+# recruit.kind: prolific. Never share this file.
+# [prolific]
+# completion = ""
+# screen_out = ""
+# no_consent = ""
+"""
+PRACTICE_HOME = "PracticeHome"
+_IN_VIEW = 0.004
+"""Least share of the first picture that the target of an attention trial fills."""
+
+
+def init(
+    *,
+    folder: Path,
+    dataset: Path,
+    name: str | None,
+    task: tuple[Literal["pan", "pog"], ...],
+    design: Literal["house-once", "crossed"],
+    per_split: int,
+    seed: int,
+) -> int:
+    """Writes study.yaml, consent.md, instructions.md and secrets.toml for the researcher to read and change."""
+    episodes = PersonalDataset(dataset)
+    splits = sorted({episode.key.split for episode in episodes.episodes()}, key=SPLITS.index)
+    if (folder / STUDY_FILE).exists():
+        raise StudyError(f"{folder / STUDY_FILE}: exists already; expected a new folder. Give another, or edit it.")
+    config = StudyConfig(
+        study=name or folder.resolve().name,
+        dataset=StudyDataset(sha256=episodes.digest(), splits=dict.fromkeys(splits, per_split), seed=seed),
+        task=task,
+        design=StudyDesign(kind=design),
+    )
+    save_study(folder, config)
+    write_texts(folder, config)
+    write_private(folder / CODES_FILE, CODES_TEMPLATE)
+    left = sorted({field for text in TEXTS for field in open_places((folder / text).read_text(encoding="utf-8"))})
+    print(f"Written to {folder}: {STUDY_FILE}, {', '.join(TEXTS)}, {CODES_FILE}")
+    if left:
+        print(f"Fill these in {STUDY_FILE}, then run init's texts again with study ethics: {', '.join(left)}")
+    print(f"Next: personal-viz study plan {folder} --dataset {dataset}")
+    return 0
+
+
+def plan(*, folder: Path, dataset: Path, scenes_dir: Path | None, pilot: bool) -> int:
+    """Draws the episodes, assigns them and writes plan.json; refuses once the study has begun."""
+    if (folder / DATABASE_FILE).exists():
+        raise StudyError(
+            f"{folder / DATABASE_FILE}: the study has begun; expected one without records. A plan never changes after "
+            "that: give a new study another folder."
+        )
+    made = plan_study(folder, dataset, scenes_dir, pilot=pilot)
+    config = load_study(folder)
+    per_person = Counter(sum(trial.phase == "main" for trial in person.trials) for person in made.participants)
+    spare = per_person.pop(0, 0)
+    num_trials = sum(number * people for number, people in per_person.items())
+    keys = {trial.key for person in made.participants for trial in person.trials if trial.phase == "main"}
+    print(f"{config.study}: {len(keys)} episodes in {len(made.scenes)} homes, design {config.design.kind}")
+    sizes = ", ".join(f"{people} people x {number} trials" for number, people in sorted(per_person.items()))
+    print(f"  {num_trials} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
+    print(f"  most meetings of one person with one home: {_most_visits(made)}")
+    kinds = Counter(scene.kind for scene in made.scenes)
+    print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
+    if set(kinds) != {"scan"}:
+        print("  Not a human baseline for PersONAL: that is claimed on scans only.")
+    print(f"Written to {folder / PLAN_FILE}. Next: personal-viz study serve {folder} --dataset {dataset}")
+    return 0
+
+
+def plan_study(folder: Path, dataset: Path, scenes_dir: Path | None, *, pilot: bool) -> StudyPlan:
+    """The plan of a study folder, written.
+
+    Raises:
+        PersonalVizError: The study file, the dataset or a home cannot be used.
+    """
+    config, episodes = load_study(folder), PersonalDataset(dataset)
+    digest = episodes.digest()
+    if config.dataset.sha256 != digest:
+        raise StudyError(
+            f"{folder / STUDY_FILE}: dataset.sha256 is {config.dataset.sha256[:12]}; expected {digest[:12]}, that of "
+            f"{dataset}. Give the dataset that the study is about, or correct the field."
+        )
+    keys = sample_episodes(config, [episode.key for episode in episodes.episodes()])
+    scenes = [
+        StudyScene(name=name, kind=kind, clutter=0 if kind == "scan" else config.clutter)
+        for name in sorted({key.scene for key in keys})
+        for kind in (scene_kind(episodes, name, scenes_dir),)
+    ]
+    write_texts(folder, config)
+    texts = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in TEXTS}
+    made = make_plan(config, scenes, keys, practice=_practice(folder, config), texts=texts, is_pilot=pilot)
+    save_plan(folder, made)
+    return made
+
+
+def write_texts(folder: Path, config: StudyConfig) -> None:
+    """Writes what participants read where the researcher has not written it.
+
+    Raises:
+        StudyError: The folder cannot be written.
+    """
+    for name, text in zip(TEXTS, (consent_text(config), instructions_text(config)), strict=True):
+        if not (folder / name).exists():
+            write_whole(folder / name, text)
+
+
+def require_texts(folder: Path, made: StudyPlan) -> None:
+    """Refuses texts that were changed after the plan.
+
+    Raises:
+        StudyError: Names the file.
+    """
+    for name, expected in made.texts.items():
+        path = folder / name
+        found = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "nothing"
+        if found != expected:
+            raise StudyError(
+                f"{path}: sha256 is {found[:12]}; expected {expected[:12]}, the text that was planned. Restore it, or "
+                "make the plan again before anybody takes part."
+            )
+
+
+def _practice(folder: Path, config: StudyConfig) -> Practice | None:
+    """Practice and attention trials in an invented home outside the pool, made from the study's seed."""
+    wanted = sum(config.practice.pan if task == "pan" else config.practice.pog for task in config.task)
+    if not wanted and config.checks.every is None:
+        return None
+    from sim.episodes.generation import invent_dataset
+
+    root = folder / PRACTICE_FOLDER
+    if not (root / "scenes" / f"{PRACTICE_HOME}.plan.json").is_file():
+        invent_dataset(root, name=PRACTICE_HOME, seed=config.dataset.seed + 1)
+    in_view = _by_view(PersonalDataset(root), config)
+    plain = tuple(key for key, share in in_view if share >= _IN_VIEW)
+    if config.checks.every is not None and not plain:
+        raise StudyError(
+            f"study {config.study}: no episode of the practice home begins with its target in plain view; expected one "
+            "for attention trials. Change dataset.seed, or set checks.every to null."
+        )
+    scene = StudyScene(name=PRACTICE_HOME, kind="invented")
+    return Practice((scene,), tuple(key for key, _ in in_view), plain)
+
+
+def _by_view(dataset: PersonalDataset, config: StudyConfig) -> list[tuple[EpisodeKey, float]]:
+    """Episodes of the practice home with the share of the first picture that their target fills, largest first."""
+    from sim.frames import T_world_camera
+    from sim.scenes.labels import renderer_of
+    from sim.scenes.sources import open_scene
+
+    scene = open_scene(dataset, PRACTICE_HOME)
+    renderer = renderer_of(scene)
+    ids = {item.name: item.instance_id for item in scene.objects}
+    shares = []
+    for episode in dataset.episodes(scenes=(PRACTICE_HOME,)):
+        camera = config.robot_camera
+        seen = renderer.render(T_world_camera(episode.start, camera), camera).instance_ids
+        targets = [ids[goal.object_name] for goal in episode.targets if goal.object_name in ids]
+        shares.append((episode.key, float(np.isin(seen, targets).mean())))
+    return sorted(shares, key=lambda item: (-item[1], item[0]))
+
+
+def _most_visits(made: StudyPlan) -> int:
+    return max(
+        (
+            count
+            for person in made.participants
+            for count in Counter(trial.scene for trial in person.trials if trial.phase == "main").values()
+        ),
+        default=0,
+    )

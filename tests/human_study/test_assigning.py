@@ -1,0 +1,220 @@
+"""Who gets which episode while a study runs: leases, drop-outs, refills, open links, withdrawal."""
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from human_study.events import Abandoned, Error, GaveUp
+from human_study.plan import StudyScene
+from human_study.planning import make_plan
+from human_study.records import read_study
+from human_study.stages import has_dropped_out
+from human_study.store import StudyStore, TrialEndedError, open_store
+from human_study.tickets import token_hash
+from sim.errors import StudyError
+from sim.tasks.run_files import EpisodeEnd
+from sim.types import EpisodeKey
+
+from .small_world import study
+from .stores import KEY, OPEN
+
+HOMES = ("A", "B", "C")
+
+
+def started(folder: Path, **changes: object) -> StudyStore:
+    """A study of three homes: p01 and p02 do one episode of each, p03 is spare."""
+    values = {
+        "task": ("pan",),
+        "design": {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5},
+    }
+    config = study(**(values | changes))
+    keys = [EpisodeKey("easy", home, "0") for home in HOMES]
+    plan = make_plan(config, [StudyScene(name=home, kind="invented") for home in HOMES], keys)
+    store = open_store(folder, config, plan)
+    for person in plan.participants:
+        if store.code_of_token(person.code) is None:
+            store.add_participant(person, token_hash(person.code))
+    return store
+
+
+def do_next(store: StudyStore, code: str, *, reason: str = "giveup") -> EpisodeKey | None:
+    """The participant's next trial, ended with this reason; its episode."""
+    place = store.next_trial(code)
+    if place is None:
+        return None
+    trial = store.open_trial(code, place.order_no)
+    ends = {"giveup": GaveUp(), "abandoned": Abandoned(away_s=1e4), "technical": Error(message="x", is_fatal=True)}
+    store.append_many(trial.trial_id, trial.epoch, [OPEN, ends[reason]])
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
+    return trial.key
+
+
+def homes_done(store: StudyStore, code: str) -> list[str]:
+    """Homes in which the participant finished a trial and kept it."""
+    return sorted(trial.key.scene for trial in store.trials(code) if trial.has_ended and not trial.is_released)
+
+
+def test_a_trial_that_is_due_stays_the_same_until_it_ends(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        first = store.next_trial("p01")
+        assert first is not None
+        store.open_trial("p01", first.order_no)
+        again = store.next_trial("p01")
+        assert again is not None
+        assert (again.order_no, again.key) == (first.order_no, first.key)
+        assert [do_next(store, "p01") for _ in range(4)][-1] is None
+        assert homes_done(store, "p01") == list(HOMES)
+
+
+def test_what_a_drop_out_leaves_goes_to_a_spare_person_once(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        assert store.next_trial("p03") is None
+        done = do_next(store, "p01")
+        assert store.drop_out("p01", "away") == 2
+        assert store.drop_out("p01", "away") == 0
+        given = [do_next(store, "p03"), do_next(store, "p03"), do_next(store, "p03")]
+        assert given[2] is None
+        assert sorted(key.scene for key in given if key) == sorted(set(HOMES) - {done.scene if done else ""})
+        assert {trial.made_by for trial in store.trials("p03")} == {"fill"}
+        assert store.next_trial("p01") is None
+        assert not has_dropped_out(store.participant("p01").stages)  # asked for more: has returned
+
+
+def test_who_comes_back_in_time_gets_the_own_episodes_again(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        store.drop_out("p01", "away")
+        assert has_dropped_out(store.participant("p01").stages)
+        assert sorted(key.scene for key in iter(lambda: do_next(store, "p01"), None)) == list(HOMES)
+        assert store.next_trial("p03") is None
+
+
+def test_an_abandoned_trial_goes_to_somebody_who_has_not_met_the_home(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        left = do_next(store, "p01", reason="abandoned")
+        assert left is not None
+        assert do_next(store, "p03") == left
+        assert len(list(iter(lambda: do_next(store, "p01"), None))) == 2
+        visited = [trial.key.scene for trial in store.trials("p01") if trial.trial_id]
+        assert sorted(visited) == list(HOMES)
+
+
+def test_a_technical_failure_is_queued_once_more(tmp_path: Path) -> None:
+    crossed = {"kind": "crossed", "raters_per_episode": 1}
+    with started(tmp_path / "crossed", design=crossed) as store:
+        first = do_next(store, "p01", reason="technical")
+        assert do_next(store, "p01", reason="technical") == first
+        assert do_next(store, "p01") != first
+        attempts = [trial for trial in store.trials("p01") if trial.key == first]
+        assert [(trial.attempt, trial.prior_visits_scene) for trial in attempts] == [(1, 0), (2, 1)]
+    with started(tmp_path / "once") as store:
+        first = do_next(store, "p01", reason="technical")
+        assert do_next(store, "p01") != first
+        assert do_next(store, "p03") == first
+
+
+def test_fifty_who_come_at_once_get_different_places(tmp_path: Path) -> None:
+    config = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 50})
+    plan = make_plan(config, [StudyScene(name="A", kind="invented")], [EpisodeKey("easy", "A", "0")])
+    with open_store(tmp_path, config, plan) as store:
+        for person in plan.participants:
+            store.add_participant(person, token_hash(person.code))
+        barrier, got = threading.Barrier(50), []
+
+        def arrive() -> None:
+            barrier.wait()
+            got.append(store.claim_person(None))
+
+        threads = [threading.Thread(target=arrive) for _ in range(50)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert sorted(got) == sorted(person.code for person in plan.participants)
+        assert store.claim_person(None) is None
+        slots = [(trial.key, trial.rep) for code in got for trial in store.trials(code)]
+        assert len(set(slots)) == len(slots) == 50
+
+
+def test_the_same_person_of_a_platform_gets_the_same_place(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        assert store.claim_person("a" * 64) == "p01"
+        assert store.claim_person("a" * 64) == "p01"
+        assert store.claim_person("b" * 64) == "p02"
+        assert store.claim_person("c" * 64) is None  # nothing is left for the spare person
+        store.drop_out("p02", "away")
+        assert store.claim_person("c" * 64) == "p03"
+
+
+def test_nobody_can_hold_an_episode_that_somebody_has(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        person = store.plan.participants[0]
+        double = person.model_copy(update={"code": "p99"})
+        with pytest.raises(StudyError, match="somebody has this episode; expected episodes that nobody else has"):
+            store.add_participant(double, token_hash("p99"))
+        with read_study(tmp_path) as reader:
+            assert "p99" not in reader.codes()
+
+
+def test_withdrawal_deletes_what_was_done_and_the_chain_still_verifies(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        key = do_next(store, "p01")
+        place = store.next_trial("p01")
+        assert place is not None
+        running = store.open_trial("p01", place.order_no)
+        store.append_many(running.trial_id, running.epoch, [OPEN, KEY])
+        backup = store.back_up()
+        store.withdraw("p01")
+        with pytest.raises(TrialEndedError, match="was given back"):
+            store.append(running.trial_id, running.epoch, KEY)
+        with pytest.raises(StudyError, match=r"'p01' has left \(withdrawn\)"):
+            store.next_trial("p01")
+        assert store.check() == 4
+        with read_study(tmp_path) as reader:
+            assert reader.participant("p01").is_shredded
+            for trial in reader.trials("p01"):
+                assert trial.outcome is None
+                assert reader.events(trial.trial_id or "") == ()
+        given = {do_next(store, "p03"), do_next(store, "p03"), do_next(store, "p03")}
+        assert key in given
+    for path in (tmp_path / "study.db", backup):
+        assert b"KeyW" not in path.read_bytes()
+    assert "p01" not in (tmp_path / "keys.json").read_text()
+
+
+def test_a_withdrawal_that_was_cut_short_is_finished_at_the_next_start(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        do_next(store, "p01")
+        keys = (tmp_path / "keys.json").read_bytes()
+        store.withdraw("p01")
+    (tmp_path / "keys.json").write_bytes(keys)  # as if the program had ended before the key was deleted
+    started(tmp_path).close()
+    assert "p01" not in (tmp_path / "keys.json").read_text()
+
+
+def test_what_is_kept_after_a_withdrawal_can_still_be_read(tmp_path: Path) -> None:
+    with started(tmp_path, privacy={"on_withdraw": "keep"}) as store:
+        do_next(store, "p01")
+        store.withdraw("p01")
+        assert [trial.outcome for trial in store.trials("p01") if trial.has_ended] == [EpisodeEnd(reason="giveup")]
+        assert sum(trial.is_released for trial in store.trials("p01")) == 2
+
+
+def test_no_trial_begins_before_consent(tmp_path: Path) -> None:
+    with started(tmp_path, flow=("consent",)) as store:
+        with pytest.raises(StudyError, match="'p01' has not consented"):
+            store.open_trial("p01", 1)
+        store.give_consent("p01", "text", given=True)
+        assert store.open_trial("p01", 1).order_no == 1
+        store.give_consent("p02", "text", given=False)
+        with pytest.raises(StudyError, match=r"has left \(declined\)"):
+            store.next_trial("p02")
+        assert store.participant("p02").consents[0].given is False
+
+
+def test_a_lost_key_is_an_error_and_not_a_withdrawal(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        do_next(store, "p01")
+    (tmp_path / "keys.json").unlink()
+    with read_study(tmp_path) as reader, pytest.raises(StudyError, match="has no key of participant p01"):
+        reader.trials("p01")

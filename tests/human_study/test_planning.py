@@ -1,0 +1,208 @@
+"""Drawing episodes, assigning them to people, and the order in which people meet them."""
+
+import itertools
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from human_study.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, load_plan, save_plan
+from human_study.planning import Practice, make_plan
+from human_study.sampling import sample_episodes
+from human_study.study import StudyConfig
+from sim.errors import StudyError
+from sim.types import SPLITS, EpisodeKey
+
+from .small_world import plan, study
+
+HOMES = tuple(f"home{number:02d}" for number in range(31))
+POOL = [EpisodeKey(split, home, str(number)) for split in SPLITS for home in HOMES for number in range(10)]
+PRACTICE = Practice(
+    (StudyScene(name="practice", kind="invented"),),
+    tuple(EpisodeKey("easy", "practice", str(number)) for number in range(3)),
+    (EpisodeKey("easy", "practice", "0"),),
+)
+
+
+def house_once(**changes: object) -> StudyConfig:
+    """The recommended design: 150 episodes of 31 homes, five people each."""
+    values = {
+        "dataset": {"sha256": "0", "seed": 7},
+        "task": ("pan",),
+        "design": {"kind": "house-once", "trials_per_person": 30},
+    }
+    return study(**(values | changes))
+
+
+def planned(config: StudyConfig, keys: tuple[EpisodeKey, ...]) -> StudyPlan:
+    """The plan over all homes of the episodes."""
+    scenes = [StudyScene(name=name, kind="schematic") for name in sorted({key.scene for key in keys})]
+    return make_plan(config, scenes, keys, practice=PRACTICE)
+
+
+def main(person: PlannedParticipant) -> list[PlannedTrial]:
+    """Counted trials in order."""
+    return [trial for trial in person.trials if trial.phase == "main"]
+
+
+def test_the_draw_has_the_asked_splits_and_few_of_one_home() -> None:
+    keys = sample_episodes(house_once(), POOL)
+    assert Counter(key.split for key in keys) == dict.fromkeys(SPLITS, 50)
+    assert set(Counter(key.scene for key in keys).values()) == {4, 5}
+    assert max(Counter((key.split, key.scene) for key in keys).values()) == 2
+    assert sample_episodes(house_once(), POOL[::-1]) == keys
+    other = house_once(dataset={"sha256": "0", "seed": 8})
+    assert sample_episodes(other, POOL) != keys
+
+
+def test_a_draw_that_the_dataset_cannot_give_says_what_it_can() -> None:
+    config = house_once(dataset={"sha256": "0", "splits": {"easy": 40}, "max_per_scene": 1})
+    with pytest.raises(StudyError, match=r"asks for \{'easy': 40\}.*at most 1 of one home gives \{'easy': 31\}"):
+        sample_episodes(config, POOL)
+    with pytest.raises(StudyError, match="found no episode of \\['barn'\\]"):
+        sample_episodes(house_once(dataset={"sha256": "0", "scenes": ("barn",)}), POOL)
+
+
+def test_all_episodes_of_a_split_can_be_asked_for() -> None:
+    dataset = {"sha256": "0", "splits": {"hard": "all"}, "max_per_scene": None, "scenes": HOMES[:2]}
+    keys = sample_episodes(house_once(dataset=dataset), POOL)
+    assert keys == tuple(sorted(key for key in POOL if key.split == "hard" and key.scene in HOMES[:2]))
+
+
+def test_house_once_needs_25_people_of_30_trials_and_shows_nobody_a_home_twice() -> None:
+    keys = sample_episodes(house_once(), POOL)
+    people = planned(house_once(), keys).participants
+    assert len(people) == 25
+    raters: Counter[EpisodeKey] = Counter()
+    for person in people:
+        trials = main(person)
+        assert len(trials) == 30
+        assert len({trial.scene for trial in trials}) == 30
+        raters.update(trial.key for trial in trials)
+    assert raters == dict.fromkeys(keys, 5)
+
+
+def test_memory_arms_are_counterbalanced_over_halves_of_the_homes() -> None:
+    config = house_once(memory={"arms": ("none", "topdown")})
+    made = planned(config, sample_episodes(config, POOL))
+    assert len(made.participants) == 50
+    raters: Counter[tuple[str, EpisodeKey]] = Counter()
+    for person in made.participants:
+        conditions = made.conditions_of(config, person)
+        assert {trial.condition for trial in main(person)} == {"none", "topdown"}
+        assert all(trial.condition == conditions[trial.scene] for trial in main(person))
+        raters.update((trial.condition, trial.key) for trial in main(person))
+    assert set(raters.values()) == {5}
+    assert Counter(person.arm for person in made.participants) == {0: 25, 1: 25}
+    by_home = {home: {made.conditions_of(config, person)[home] for person in made.participants} for home in HOMES}
+    assert all(found == {"none", "topdown"} for found in by_home.values())
+
+
+def test_crossed_gives_everybody_everything_and_counts_raters() -> None:
+    config = house_once(design={"kind": "crossed", "raters_per_episode": 5})
+    keys = sample_episodes(config, POOL)
+    people = planned(config, keys).participants
+    assert len(people) == 5
+    assert all({trial.key for trial in main(person)} == set(keys) for person in people)
+    assert len({tuple(trial.key for trial in main(person)) for person in people}) == 5
+    reps = Counter((trial.key, trial.rep) for person in people for trial in main(person))
+    assert set(reps.values()) == {1}
+    assert {rep for _, rep in reps} == {1, 2, 3, 4, 5}
+
+
+def test_splits_are_interleaved_and_homes_are_not_neighbours() -> None:
+    config = house_once(design={"kind": "crossed", "raters_per_episode": 1})
+    (person,) = planned(config, sample_episodes(config, POOL)).participants
+    trials = main(person)
+    assert all(a.scene != b.scene for a, b in itertools.pairwise(trials))
+    for place in range(3, 150, 3):
+        counts = Counter(trial.split for trial in trials[:place])
+        assert max(counts.values()) - min(counts.get(split, 0) for split in SPLITS) <= 4
+
+
+def test_practice_comes_first_and_attention_trials_between() -> None:
+    config = house_once(practice={"pan": 2}, checks={"every": 10})
+    person = planned(config, sample_episodes(config, POOL)).participants[0]
+    assert [trial.order_no for trial in person.trials] == list(range(1, 36))
+    assert "".join(trial.phase[0] for trial in person.trials) == "pp" + ("m" * 10 + "c") * 3
+    assert {trial.scene for trial in person.trials if trial.phase != "main"} == {"practice"}
+    assert {trial.rep for trial in person.trials if trial.phase != "main"} == {0}
+
+
+def test_spare_people_have_practice_only() -> None:
+    config = house_once(practice={"pan": 1}, design={"kind": "house-once", "trials_per_person": 30, "overbook": 1.15})
+    people = planned(config, sample_episodes(config, POOL)).participants
+    assert len(people) == 29
+    assert [[trial.phase for trial in person.trials] for person in people[25:]] == [["practice"]] * 4
+
+
+def test_two_tasks_take_turns_and_use_the_same_episodes() -> None:
+    config = house_once(task=("pan", "pog"), design={"kind": "crossed", "raters_per_episode": 2})
+    people = planned(config, sample_episodes(config, POOL)).participants
+    assert [person.task for person in people] == ["pan", "pog", "pan", "pog"]
+    assert {trial.condition for trial in people[1].trials} == {"map_open"}
+    assert {trial.key for trial in main(people[0])} == {trial.key for trial in main(people[1])}
+
+
+def test_the_plan_follows_from_the_seed_alone() -> None:
+    config = house_once()
+    keys = sample_episodes(config, POOL)
+    scenes = [StudyScene(name=name, kind="schematic") for name in HOMES]
+    assert make_plan(config, scenes[::-1], keys[::-1]) == make_plan(config, scenes, keys)
+    other = house_once(dataset={"sha256": "0", "seed": 8})
+    assert make_plan(other, scenes, keys).participants != make_plan(config, scenes, keys).participants
+
+
+def test_a_plan_comes_back_as_it_was_and_belongs_to_one_study(tmp_path: Path) -> None:
+    made = plan(study())
+    save_plan(tmp_path, made)
+    assert load_plan(tmp_path, study()) == made
+    assert load_plan(tmp_path, study()).plan_version == made.plan_version
+    with pytest.raises(StudyError, match=r"study\.yaml was changed after the plan"):
+        load_plan(tmp_path, study(steps=9))
+
+
+@pytest.mark.parametrize(
+    ("config", "keys", "message"),
+    [
+        (study(), [], "found 0 episodes"),
+        (study(), [POOL[0], POOL[0]], "found 2 episodes, 1 of them different"),
+        (study(), [POOL[0]._replace(scene="barn")], r"episodes lie in \['barn'\]"),
+        (study(practice={"pan": 1}), [POOL[0]], "practice asks for trials"),
+        (study(checks={"every": 2}), POOL[:3], "checks asks for trials"),
+        (study(design={"kind": "crossed", "trials_per_person": 2}), POOL[:3], "trials_per_person is 2; expected 3"),
+    ],
+)
+def test_an_impossible_plan_is_refused(config: StudyConfig, keys: list[EpisodeKey], message: str) -> None:
+    with pytest.raises(StudyError, match=message):
+        make_plan(config, [StudyScene(name=name, kind="scan") for name in HOMES], keys)
+
+
+def test_a_plan_may_mix_scene_kinds_and_knows_which_is_which() -> None:
+    scenes = [StudyScene(name="a", kind="scan"), StudyScene(name="b", kind="invented")]
+    made = make_plan(study(), scenes, [EpisodeKey("easy", "a", "0"), EpisodeKey("easy", "b", "0")])
+    assert (made.scene("a").kind, made.scene("b").kind) == ("scan", "invented")
+    with pytest.raises(StudyError, match="scene is 'c'; expected one of: a, b"):
+        made.scene("c")
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    per_home=st.lists(st.integers(1, 4), min_size=1, max_size=6),
+    raters=st.integers(1, 4),
+    arms=st.sampled_from([("none",), ("none", "topdown"), ("none", "topdown", "glb")]),
+)
+def test_every_house_once_plan_fills_all_places_and_keeps_the_rule(
+    per_home: list[int], raters: int, arms: tuple[str, ...]
+) -> None:
+    keys = [EpisodeKey("easy", HOMES[home], str(n)) for home, count in enumerate(per_home) for n in range(count)]
+    config = house_once(memory={"arms": arms}, design={"kind": "house-once", "raters_per_episode": raters})
+    made = planned(config, tuple(keys))
+    filled: Counter[tuple[str, EpisodeKey]] = Counter()
+    for person in made.participants:
+        trials = main(person)
+        assert len({trial.scene for trial in trials}) == len(trials)
+        filled.update((trial.condition, trial.key) for trial in trials)
+    assert filled == {(arm, key): raters for arm in arms for key in keys}
