@@ -4,6 +4,8 @@ Functions of one write transaction: all that they decide is decided again by nob
 itself refuses a second live holder (trigger `one_holder`).
 """
 
+import hashlib
+import math
 import sqlite3
 import time
 from typing import NamedTuple
@@ -84,8 +86,9 @@ def release_one(database: sqlite3.Connection, assignment_id: str, reason: str) -
 def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, code: str) -> bool:
     """Give the participant one episode that nobody has (any more); False when there is none to give.
 
-    The one with the fewest other people, in a home that the participant has never met (`house-once`) or at least an
-    episode that the participant has not done. After each `checks.every` counted trials an attention trial comes, too.
+    The participant's own of the plan first, in its order; else the one with the fewest other people, in a home that the
+    participant has never met (`house-once`) or at least an episode that the participant has not done. After each
+    `checks.every` counted trials an attention trial comes, too.
     """
     slot = free_slot(database, config, plan, code)
     if slot is None:
@@ -94,7 +97,7 @@ def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, cod
     assign(database, code, _trial(number, "main", slot), made_by="fill")
     every = config.checks.every
     if every is not None and _num_main(database, code) % every == 0:
-        checks = [
+        checks: list[tuple[EpisodeKey, TaskKind]] = [
             (trial.key, trial.task)
             for person in plan.participants
             for trial in person.trials
@@ -128,7 +131,14 @@ def free_slot(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan
         if slot.condition == conditions[slot.key.scene]
         and (slot.key.scene not in homes if config.design.kind == "house-once" else slot.key not in met)
     ]
-    return min(allowed, key=lambda slot: (_num_holders(database, slot), slot.key, slot.rep), default=None)
+    planned = {(trial.task, trial.condition, trial.key, trial.rep): trial.order_no for trial in person.trials}
+
+    def preference(slot: Slot) -> tuple[float, int, str]:
+        """The own ones come first, in the plan's order; then the rarest, in an order that knows no difficulty."""
+        mixed = hashlib.sha256(f"{code}/{slot}".encode()).hexdigest()
+        return planned.get(slot, math.inf), _num_holders(database, slot), mixed
+
+    return min(allowed, key=preference, default=None)
 
 
 def _trial(number: int, phase: Phase, slot: Slot) -> PlannedTrial:

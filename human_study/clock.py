@@ -1,11 +1,14 @@
 """Time inside one trial."""
 
 import math
+from dataclasses import dataclass
 
 from sim.errors import TaskStateError
 
 SHORTEST_PRESS_S = 0.05
 """Presses and clicks that follow an accepted one sooner than this are dropped (HUMAN_STUDY.md, section 4)."""
+SHOWN_STEPS_S = (60, 10)
+"""The time left is shown in whole steps of the first, and in the last minute of the second (seconds)."""
 
 
 class TrialClock:
@@ -43,3 +46,30 @@ class TrialClock:
     def accept(self, t_s: float) -> None:
         """Note an accepted press."""
         self._accepted_s = t_s
+
+
+@dataclass(frozen=True, slots=True)
+class TimeLimit:
+    """How long something may take."""
+
+    began_s: float
+    limit_s: float
+
+    def is_up(self, t_s: float) -> bool:
+        """Whether it has taken that long."""
+        return t_s - self.began_s >= self.limit_s
+
+    def shown_s(self, t_s: float) -> int:
+        """Seconds left as they are shown: rounded up to SHOWN_STEPS_S."""
+        left = max(0.0, self.began_s + self.limit_s - t_s)
+        step = _step_of(left)
+        return step * math.ceil(left / step)
+
+    def moments(self, t_s: float) -> list[float]:
+        """Times at which it is up, or at which other seconds are shown."""
+        end_s, shown = self.began_s + self.limit_s, self.shown_s(t_s)
+        return [end_s, end_s - (shown - _step_of(shown))]
+
+
+def _step_of(left: float) -> int:
+    return SHOWN_STEPS_S[0] if left > SHOWN_STEPS_S[0] else SHOWN_STEPS_S[1]

@@ -5,6 +5,12 @@ from dataclasses import dataclass
 from sim.tasks.run_files import ClickRay, Vector3
 from sim.types import Action
 
+from .events import MapPixel
+from .page_events import Measure as Measure
+from .page_events import PageChanged as PageChanged
+from .page_events import PageCommand
+from .page_events import Resize as Resize
+
 
 @dataclass(frozen=True, slots=True)
 class Start:
@@ -17,6 +23,18 @@ class Resume:
 
     away_s: float = 0.0
     """Seconds since the trial's last event (`Trial.away_s`)."""
+    took_over: bool = False
+    """Whether another tab still showed it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Time has passed; `wait_s` of a session says when one is due."""
+
+
+@dataclass(frozen=True, slots=True)
+class CloseMap:
+    """Begin the task: leave the map or the home that is shown before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +63,7 @@ class PressStop:
 
 @dataclass(frozen=True, slots=True)
 class GiveUp:
-    """End the trial without an answer."""
+    """End the trial without an answer; asks once again: the second press within GIVE_UP_WITHIN_S ends it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +83,7 @@ class ShowStorey:
 
 @dataclass(frozen=True, slots=True)
 class LookFrom:
-    """The POG camera moved."""
+    """The camera in the 3-D home moved."""
 
     position: Vector3
     wxyz: tuple[float, float, float, float]
@@ -78,6 +96,8 @@ class Click:
     ray: ClickRay
     hit: Vector3 | None
     """Where the caller's ray met the shown storey; None = nothing was hit."""
+    pixel: MapPixel | None = None
+    """Where on the picture from above, whose `point` is the hit; None for the 3-D home."""
     t_cli_ms: float | None = None
 
 
@@ -86,5 +106,21 @@ class Confirm:
     """Make the marked point the answer."""
 
 
-PanCommand = Start | Resume | Move | PressStop | GiveUp | Fail
-PogCommand = Start | Resume | ShowStorey | LookFrom | Click | Confirm | GiveUp | Fail
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """Say how sure the answer is."""
+
+    value: int
+    """1 = guessed, 5 = certain."""
+
+    def __post_init__(self) -> None:
+        """Five keys, nothing else."""
+        assert self.value in RATINGS
+
+
+RATINGS = (1, 2, 3, 4, 5)
+TrialCommand = Start | Resume | Tick | CloseMap | ShowStorey | LookFrom | GiveUp | Fail | Rate | PageCommand
+"""What every trial takes."""
+PanCommand = TrialCommand | Move | PressStop
+PogCommand = TrialCommand | Click | Confirm
+Command = PanCommand | PogCommand

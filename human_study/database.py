@@ -4,6 +4,7 @@ import fcntl
 import hashlib
 import os
 import platform
+import shutil
 import sqlite3
 import time
 from collections.abc import Sequence
@@ -21,6 +22,10 @@ from .study import STUDY_FILE, StudyConfig
 
 LOCK_FILE = "study.lock"
 BACKUP_FOLDER = "backups"
+_PART = ".part"
+"""Ends the name of a copy that is not finished."""
+MIN_FREE_MB = 500
+"""Room that a study needs to be served: thousands of trials and the copies of them take less."""
 
 
 def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.Connection:
@@ -63,6 +68,31 @@ def bring_up_to_date(folder: Path) -> list[int]:
             return migrate(database, path)
     except sqlite3.Error as error:
         raise store_error(path, error) from None
+
+
+def free_mb(folder: Path) -> int:
+    """Room on the disk of a folder, MB. Raises StudyError where the folder cannot be asked."""
+    try:
+        return shutil.disk_usage(folder).free // 2**20
+    except OSError as error:
+        raise StudyError(
+            f"{folder}: cannot be asked for its free space ({error.strerror}); expected a study's folder. "
+            "Give another folder."
+        ) from None
+
+
+def require_free_space(folder: Path, *, least_mb: int = MIN_FREE_MB) -> None:
+    """Refuses to serve a study from a disk that is nearly full.
+
+    Raises:
+        StudyError: Less than `least_mb` is free.
+    """
+    found = free_mb(folder)
+    if found < least_mb:
+        raise StudyError(
+            f"{folder}: its disk has {found} MB free; expected at least {least_mb} MB before a study is served. "
+            "Free some space, or move the folder to a larger disk."
+        )
 
 
 def take_lock(folder: Path) -> IO[str]:
@@ -170,18 +200,22 @@ def migrate(database: sqlite3.Connection, path: Path, *, steps: Sequence[str] = 
 
 
 def backup(database: sqlite3.Connection, path: Path) -> None:
-    """Copy the whole database to a new file, also while it is used.
+    """Copy the whole database to a new file, also while it is used; one copy at a time. There is never half a copy.
 
     Raises:
-        OSError: The folder cannot be made.
+        OSError: The folder cannot be made, or the copy not be given its name.
         sqlite3.Error: The copy cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    copy = sqlite3.connect(path)
+    for left in path.parent.glob(f"*{_PART}*"):  # of a copy that broke off
+        left.unlink(missing_ok=True)
+    beside = path.with_name(path.name + _PART)
     try:
-        database.backup(copy)
+        with closing(sqlite3.connect(beside)) as copy:
+            database.backup(copy)
+        os.replace(beside, path)
     finally:
-        copy.close()
+        beside.unlink(missing_ok=True)  # a copy that failed leaves its room to the study
 
 
 def audit(database: sqlite3.Connection, action: str, target: str) -> None:

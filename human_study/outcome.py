@@ -4,19 +4,22 @@ Measures need the goal, so this runs on the server only, after the trial's last 
 call the same functions: there is one way from events to a result.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 from sim.episodes.schema import Episode
 from sim.errors import StudyError
 from sim.tasks.rules import score_answer, score_run
-from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Step, Vector3
 from sim.types import Action, EndReason, EpisodeKey, TaskKind
 from sim.world.navigation_map import NavigationMap
 
-from .events import Abandoned, Act, Clicked, Confirmed, Error, Event, GaveUp, Open
+from .events import Abandoned, Act, Clicked, Confirmed, Error, Event, GaveUp, MapOff, Open, Shown, TimedOut
 
 Outcome = EpisodeEnd | Answer
 """What the store keeps of a finished trial: a PAN run's end (its steps are the events), or a whole POG answer."""
+HIT_TOLERANCE = 1e-6
+"""Metres between a stored point on a map and the one that its pixel gives: rounding, nothing else."""
 
 
 def opening(events: Sequence[Event]) -> Open:
@@ -38,27 +41,45 @@ def end_reason(events: Sequence[Event]) -> EndReason | None:
     Raises:
         StudyError: The trial does not begin with `open`.
     """
+    end = trial_end(events)
+    return end[1] if end is not None else None
+
+
+def trial_end(events: Sequence[Event]) -> tuple[Event, EndReason] | None:
+    """The event that ended the trial, and why; None while it is running. What follows it changes no result.
+
+    Raises:
+        StudyError: The trial does not begin with `open`.
+    """
     opened = opening(events)
     num_steps = 0
     for event in events:
-        match event:
-            case GaveUp():
-                return "giveup"
-            case Abandoned():
-                return "abandoned"
-            case Confirmed():
-                return "click"
-            case Error(is_fatal=True):
-                return "technical"
-            case Act(action=Action.STOP):
-                return "stop"
-            case Act():
-                num_steps += 1
-                if num_steps >= opened.max_steps:
-                    return "steps"
-            case _:
-                pass
+        num_steps += isinstance(event, Act)
+        reason = _ends(event, is_last_step=num_steps >= opened.max_steps)
+        if reason is not None:
+            return event, reason
     return None
+
+
+def _ends(event: Event, *, is_last_step: bool) -> EndReason | None:
+    """Why this event ends its trial; None when it does not."""
+    match event:
+        case GaveUp():
+            return "giveup"
+        case TimedOut():
+            return "timeout"
+        case Abandoned():
+            return "abandoned"
+        case Confirmed():
+            return "click"
+        case Error(is_fatal=True):
+            return "technical"
+        case Act(action=Action.STOP):
+            return "stop"
+        case Act():
+            return "steps" if is_last_step else None
+        case _:
+            return None
 
 
 def pan_outcome(
@@ -100,11 +121,16 @@ def pog_outcome(
         participant: Public code.
 
     Raises:
-        StudyError: The trial is not over, is of PAN, or of another episode.
+        StudyError: The trial is not over, is of PAN, or of another episode, or a point on the map is not its pixel's.
     """
     opened, reason = _finished(events, "pog", episode)
+    for event in events:
+        if isinstance(event, Clicked):
+            _require_own_point(event, opened)
     marked = last_marked(events) if reason == "click" else None
     candidates = (marked.hit,) if marked is not None and marked.hit is not None else ()
+    end = trial_end(events)
+    ended_s = end[0].t_s if end is not None else None
     return Answer(
         split=opened.split,
         scene=opened.scene,
@@ -112,7 +138,7 @@ def pog_outcome(
         candidates=candidates,
         participant=participant,
         ray=marked.ray if marked is not None else None,
-        t_s=events[-1].t_s,
+        t_s=None if ended_s is None else ended_s - task_began_s(events),
         reason=reason,
         measures=score_answer(episode, candidates, storeys=storeys),
     )
@@ -149,12 +175,61 @@ def episode_run(events: Sequence[Event], *, end: EpisodeEnd, participant: str) -
         yaw=opened.yaw,
         participant=participant,
     )
-    return EpisodeRun(start=start, steps=tuple(event.step for event in events if isinstance(event, Act)), end=end)
+    return EpisodeRun(start=start, steps=walked_steps(events), end=end)
+
+
+def task_began_s(events: Sequence[Event]) -> float:
+    """When the task itself began, on the trial's clock: the robot's first picture (PAN) or the texts (POG).
+
+    Before that a map or the home was shown, where the condition asks for it; without one it is 0.
+    """
+    for event in events:
+        if isinstance(event, MapOff | Shown) and event.t_s is not None:
+            return event.t_s
+    return 0.0
+
+
+def walked_steps(events: Sequence[Event]) -> tuple[Step, ...]:
+    """The robot's steps; their `t_s` counts from the first picture, so that a look at the map before is no walking."""
+    began_s = task_began_s(events)
+    steps = (event.step for event in events if isinstance(event, Act))
+    return tuple(step.model_copy(update={"t_s": max(0.0, step.t_s - began_s)}) for step in steps)
+
+
+def largest_click_error(events: Sequence[Event], cast: Callable[[float, Vector3, Vector3], Vector3 | None]) -> float:
+    """How far the stored points of clicks on the 3-D home are from those that their rays give, metres.
+
+    Args:
+        events: All of a POG trial.
+        cast: (storey's floor height, ray's origin, direction) -> world point, None = meets nothing.
+
+    Returns:
+        inf where only one of the two met anything; 0 without such clicks.
+    """
+    errors = [0.0]
+    for event in events:
+        if isinstance(event, Clicked) and event.pixel is None:
+            found = cast(event.ray.storey_y, event.ray.origin, event.ray.direction)
+            is_same = found is None and event.hit is None
+            errors.append(math.dist(found, event.hit) if found and event.hit else 0.0 if is_same else math.inf)
+    return max(errors)
 
 
 def last_marked(events: Sequence[Event]) -> Clicked | None:
     """The last click that met the scene; None when there is none."""
     return next((event for event in reversed(events) if isinstance(event, Clicked) and event.hit is not None), None)
+
+
+def _require_own_point(event: Clicked, opened: Open) -> None:
+    """Raises StudyError when a point on the map is not the one of its pixel."""
+    if event.pixel is None:
+        return
+    found = event.pixel.point(event.ray.storey_y)
+    if event.hit is None or math.dist(found, event.hit) > HIT_TOLERANCE:
+        raise StudyError(
+            f"trial of pog {opened.key}: a click's point is {event.hit}; expected {found}, the place of its pixel "
+            f"{event.pixel.uv}. Run personal-viz study check-db."
+        )
 
 
 def _finished(events: Sequence[Event], task: TaskKind, episode: Episode) -> tuple[Open, EndReason]:

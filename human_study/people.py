@@ -3,7 +3,9 @@
 import hashlib
 import json
 import sqlite3
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,6 +36,7 @@ class PeopleWrites:
         self.plan = plan
         self._writer = writer
         self._vault = vault
+        self._backup_lock = threading.Lock()
 
     def participant(self, code: str) -> ParticipantRecord:
         """A participant's record. Raises StudyError for an unknown one."""
@@ -41,7 +44,9 @@ class PeopleWrites:
             return reader.participant(code)
 
     def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
-        """Note that a participant reached a stage; after `finished` the database is backed up.
+        """Note that a participant reached a stage; after `finished` the database is backed up if there is room.
+
+        Who is screened out gives the trials to others.
 
         Args:
             code: The participant.
@@ -58,10 +63,13 @@ class PeopleWrites:
         def job(database: sqlite3.Connection) -> None:
             self._require_known(database, code)
             _add_stage(database, code, stage, text)
+            if stage == "screened_out":
+                release(database, code, stage)
 
         self._writer.write(job)
         if stage == "finished":
-            self.back_up()
+            with suppress(StudyError):  # the stage is stored; whoever serves the study backs it up later, and tells
+                self.back_up()
 
     def give_consent(self, code: str, text: str, *, given: bool) -> None:
         """Store a participant's answer to the text that was shown.
@@ -216,20 +224,27 @@ class PeopleWrites:
         Raises:
             StudyError: The copy cannot be written.
         """
-        path = self.folder / BACKUP_FOLDER / f"study-{time.time_ns()}.db"
-        try:
-            source = sqlite3.connect(f"{(self.folder / DATABASE_FILE).absolute().as_uri()}?mode=ro", uri=True)
+        with self._backup_lock:
+            path = self.folder / BACKUP_FOLDER / f"study-{self._next_backup_ns()}.db"
             try:
-                backup(source, path)
-            finally:
-                source.close()
-            for old in sorted(path.parent.glob("study-[0-9]*.db"))[:-KEPT_BACKUPS]:
-                old.unlink(missing_ok=True)
-        except (OSError, sqlite3.Error) as error:
-            raise StudyError(
-                f"{path}: cannot be written ({error}); expected space for a copy of the database. The study goes on."
-            ) from None
-        return path
+                source = sqlite3.connect(f"{(self.folder / DATABASE_FILE).absolute().as_uri()}?mode=ro", uri=True)
+                try:
+                    backup(source, path)
+                finally:
+                    source.close()
+                for old in sorted(path.parent.glob("study-[0-9]*.db"))[:-KEPT_BACKUPS]:
+                    old.unlink(missing_ok=True)
+            except (OSError, sqlite3.Error) as error:
+                raise StudyError(
+                    f"{path}: cannot be written ({error}); expected space for a copy of the database. "
+                    "The study goes on."
+                ) from None
+            return path
+
+    def _next_backup_ns(self) -> int:
+        """Names a backup: now, or just after the newest one where the wall clock went back."""
+        names = [path.stem.removeprefix("study-") for path in (self.folder / BACKUP_FOLDER).glob("study-[0-9]*.db")]
+        return max([time.time_ns(), *(int(name) + 1 for name in names if name.isdecimal())])
 
     def _has_work(self, database: sqlite3.Connection, code: str) -> bool:
         """Whether there is something for the participant to do that counts."""

@@ -78,7 +78,8 @@ def make_plan(
             if place < len(found):
                 people.append((task, *found[place]))
     num_spare = math.ceil(len(people) * config.design.overbook) - len(people)
-    people += [(config.task[i % len(config.task)], i // len(config.task), []) for i in range(num_spare)]
+    for number in range(num_spare):
+        people.append((config.task[number % len(config.task)], number // len(config.task), []))
     draft = StudyPlan(
         study_version=config.study_version,
         scenes=tuple(sorted(grouped, key=lambda scene: scene.name)),

@@ -54,6 +54,15 @@ class StudyReader:
         self._database, self._path = database, path
 
     @property
+    def folder(self) -> Path:
+        """The study's folder."""
+        return self._path.parent
+
+    def rows(self, query: str, *values: str) -> list[tuple]:
+        """Rows of a query of ours, for summaries that need nothing of what people did decrypted."""
+        return self._all(query, *values)
+
+    @property
     def config(self) -> StudyConfig:
         """The study that the records were made under."""
         try:
@@ -261,9 +270,11 @@ class StudyReader:
         return Vault(self._path.parent)
 
     def _is_shredded(self, code: str) -> bool:
-        """Whether the participant withdrew and the key is gone; a lost key of anybody else is an error on reading."""
-        is_withdrawn = self._all("SELECT 1 FROM stage WHERE code = ? AND stage = 'withdrawn'", code)
-        return bool(is_withdrawn) and not self._vault.has_key(code)
+        """Whether the participant's data was deleted; a key that was lost is an error when something is read."""
+        if self._vault.has_key(code):
+            return False
+        withdrew = self._all("SELECT 1 FROM stage WHERE code = ? AND stage = 'withdrawn'", code)
+        return self._vault.is_shredded(code) or bool(withdrew)
 
     def _code_of_trial(self, trial_id: str) -> str | None:
         rows = self._all("SELECT code FROM trial JOIN assignment USING(assignment_id) WHERE trial_id = ?", trial_id)

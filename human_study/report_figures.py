@@ -1,4 +1,4 @@
-"""A study's report as pictures (SVG): each person beside the agents, and who succeeded at which episode."""
+"""A study's report as pictures (SVG): people beside agents, who succeeded where, effort, order, and the flow."""
 
 import io
 from collections.abc import Sequence
@@ -7,12 +7,15 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim.types import TaskKind
+from sim.types import SPLITS, TaskKind
 
 from .report import PersonOutcome, StudyReport
+from .row_labels import row_label
+from .trial_groups import TrialGroup
 
 _PERSON, _AGENT = "#1f5fa8", "#b5472f"
 _ROW_INCHES, _COLUMN_INCHES = 0.22, 0.16
+_LINES, _MARKERS = ("#1f5fa8", "#2e7d4f", "#7a4fa3", "#b5472f"), ("o", "s", "^", "D")
 _MOST_LABELS = 60
 """More episodes than this are not named."""
 
@@ -30,12 +33,15 @@ def person_dots_svg(report: StudyReport, task: TaskKind) -> str:
         for rate, number in zip(*np.unique(rates, return_counts=True), strict=True):
             heights = place + 0.09 * (np.arange(number) - (number - 1) / 2)
             axes.plot(np.full(number, rate), heights, "o", color=_PERSON, markersize=6, alpha=0.8)
-    for who, condition in agents:
-        rate = float(np.mean([o.success for o in outcomes if (o.who, o.condition) == (who, condition)])) * 100
+    by_rate: dict[float, list[str]] = {}
+    for name in agents:
+        rate = float(np.mean([o.success for o in outcomes if (o.who, o.condition) == name])) * 100
+        by_rate.setdefault(rate, []).append(row_label(*name))
+    for rate, names in by_rate.items():
         axes.axvline(rate, color=_AGENT, linestyle="--", linewidth=1)
-        axes.annotate(who, (rate, len(conditions) - 0.45), color=_AGENT, fontsize=8, rotation=20)
-    axes.set_yticks(range(len(conditions)), [who if c == "none" else f"{who} ({c})" for who, c in conditions])
-    axes.set_ylim(-0.6, len(conditions) + 0.1)
+        axes.annotate(", ".join(names), (rate, -0.5), color=_AGENT, fontsize=8, rotation=20)
+    axes.set_yticks(range(len(conditions)), [row_label(who, condition) for who, condition in conditions])
+    axes.set_ylim(len(conditions) - 0.4, -0.9 - 0.02 * max((len(", ".join(n)) for n in by_rate.values()), default=0))
     axes.set_xlim(-3, 103)
     axes.set_xlabel("success rate of a person over their trials (%)")
     return _svg(figure)
@@ -44,17 +50,25 @@ def person_dots_svg(report: StudyReport, task: TaskKind) -> str:
 def outcome_matrix_svg(report: StudyReport, task: TaskKind) -> str:
     """People and agents by episodes: filled square = success, open = failure, nothing = not done."""
     outcomes = [outcome for outcome in report.outcomes if outcome.task == task]
-    episodes = sorted({outcome.episode for outcome in outcomes})
-    rows = list(dict.fromkeys((o.who, o.condition, o.participant) for o in outcomes))
+    names = {outcome.episode for outcome in outcomes}
+    episodes = [name for split in SPLITS for name in sorted(names) if name.startswith(f"{split}/")]
+    names_of_rows = list(dict.fromkeys((o.who, o.condition) for o in outcomes))
+    found = {(o.who, o.condition, o.participant) for o in outcomes}
+    rows = sorted(found, key=lambda row: (names_of_rows.index(row[:2]), row[2]))
     width = max(5.0, 2.5 + _COLUMN_INCHES * len(episodes))
     figure = Figure(figsize=(width, 1.2 + _ROW_INCHES * len(rows)), layout="constrained")
     axes = figure.subplots()
     place = {name: at for at, name in enumerate(episodes)}
-    for at, name in enumerate(rows):
-        for outcome in (o for o in outcomes if (o.who, o.condition, o.participant) == name):
-            face = str(1 - outcome.success)
-            axes.plot(place[outcome.episode], at, "s", markersize=7, markeredgecolor="black", markerfacecolor=face)
-    labels = [participant.rpartition("/")[2] or who for who, _, participant in rows]
+    at = {name: number for number, name in enumerate(rows)}
+    axes.scatter(
+        [place[outcome.episode] for outcome in outcomes],
+        [at[outcome.who, outcome.condition, outcome.participant] for outcome in outcomes],
+        s=49,
+        marker="s",
+        edgecolors="black",
+        facecolors=[str(1 - outcome.success) for outcome in outcomes],
+    )
+    labels = [_row_name(who, condition, participant) for who, condition, participant in rows]
     axes.set_yticks(range(len(rows)), labels, fontsize=7)
     shown = episodes if len(episodes) <= _MOST_LABELS else []
     axes.set_xticks(range(len(shown)), shown, rotation=90, fontsize=6)
@@ -62,6 +76,92 @@ def outcome_matrix_svg(report: StudyReport, task: TaskKind) -> str:
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_title("filled: success", fontsize=8, loc="left")
     return _svg(figure)
+
+
+def effort_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
+    """Steps and time to decision of every trial, a line of dots per row: filled = success, open = failure."""
+    shown = [group for group in groups if group.task == task]
+    measures = ("steps", "t_s") if task == "pan" else ("t_s",)
+    figure = Figure(figsize=(4.6 * len(measures), 1.4 + 0.5 * len(shown)), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(measures), sharey=True))
+    for axes, measure in zip(panels, measures, strict=True):
+        for place, group in enumerate(shown):
+            color = _PERSON if group.kind == "human" else _AGENT
+            for is_success in (True, False):
+                known = [
+                    value
+                    for trial in group.trials
+                    if (value := trial.figures.get(measure)) is not None and (trial.figures["sr"] == 100) == is_success
+                ]
+                spread = 0.22 * np.sin(2.4 * np.arange(len(known)))  # dots beside each other, the same every time
+                face = color if is_success else "none"
+                axes.plot(known, place + spread, "o", markersize=4, color=color, markerfacecolor=face, alpha=0.6)
+        axes.set_xlabel("steps to decision" if measure == "steps" else "time to decision (s)")
+        axes.set_xlim(left=0)
+        axes.set_ylim(len(shown) - 0.4, -0.6)
+    panels[0].set_yticks(range(len(shown)), [row_label(group.who, group.condition) for group in shown], fontsize=8)
+    panels[0].set_title("filled: success", fontsize=8, loc="left")
+    return _svg(figure)
+
+
+def order_svg(report: StudyReport, task: TaskKind) -> str:
+    """Success rate by place in the order and by earlier visits, with intervals; a line per condition."""
+    rows = [row for row in report.blocks if row.task == task and row.measure == "sr"]
+    conditions = list(dict.fromkeys(row.condition for row in rows))
+    figure = Figure(figsize=(8, 3), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
+    for axes, by in zip(panels, ("order", "visits"), strict=True):
+        blocks = list(dict.fromkeys(row.block for row in rows if row.by == by))
+        for number, condition in enumerate(conditions):
+            found = [row for row in rows if row.by == by and row.condition == condition]
+            places = [blocks.index(row.block) + 0.12 * number for row in found]
+            low = [row.value - (row.value if row.low is None else row.low) for row in found]
+            high = [(row.value if row.high is None else row.high) - row.value for row in found]
+            label = row_label("human", condition) if by == "order" else None
+            style = {"color": _LINES[number % len(_LINES)], "marker": _MARKERS[number % len(_MARKERS)]}
+            axes.errorbar(places, [row.value for row in found], (low, high), capsize=2, label=label, **style)
+        axes.set_xticks(range(len(blocks)), blocks, fontsize=8)
+        axes.set_ylim(-3, 103)
+    panels[0].set_xlabel("place in the person's order")
+    panels[1].set_xlabel("home")
+    panels[0].set_ylabel("success (%)")
+    panels[0].legend(fontsize=7)
+    return _svg(figure)
+
+
+def flow_svg(report: StudyReport) -> str:
+    """Boxes from top to bottom for those who go on, ways out and detours beside them."""
+    step, width = 46, 250
+    parts, at = [], 0
+    for count in report.flow:
+        if count.is_aside:
+            y = max(at - 1, 0) * step + 12
+            x = 290 + 190 * sum(part.startswith(f'<g data-row="{at}"') for part in parts)
+            parts.append(
+                f'<g data-row="{at}"><rect x="{x}" y="{y}" width="180" height="30" fill="#fbeee9" stroke="{_AGENT}"/>'
+                f'<text x="{x + 90}" y="{y + 19}" text-anchor="middle">{count.point}: {count.n}</text></g>'
+            )
+            continue
+        y = at * step + 12
+        line = f'<path d="M140 {y - 16} v14" stroke="#555" marker-end="url(#tip)"/>' if at else ""
+        parts.append(
+            f'<g>{line}<rect x="15" y="{y}" width="{width}" height="30" fill="#eaf1f8" stroke="{_PERSON}"/>'
+            f'<text x="140" y="{y + 19}" text-anchor="middle">{count.point}: {count.n}</text></g>'
+        )
+        at += 1
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="860" height="{at * step + 12}" '
+        'font-family="sans-serif" font-size="12">'
+        '<defs><marker id="tip" markerWidth="8" markerHeight="8" refX="6" refY="3" orient="auto">'
+        '<path d="M0 0 L6 3 L0 6 z" fill="#555"/></marker></defs>' + "".join(parts) + "</svg>\n"
+    )
+
+
+def _row_name(who: str, condition: str, participant: str) -> str:
+    code = participant.rpartition("/")[2]
+    if who != "human":
+        return row_label(who, condition)
+    return code if condition == "none" else f"{code}, {condition.replace('_', ' ')}"
 
 
 def _rates(outcomes: Sequence[PersonOutcome]) -> list[float]:

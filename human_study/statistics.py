@@ -5,20 +5,29 @@ and an interval that takes trials for independent is too narrow: with five peopl
 (section 8's simulation).
 """
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 from scipy import stats
+from scipy.special import ndtri, stdtrit
 
 LEVEL = 0.95
 """Of all intervals."""
 NUM_RESAMPLES = 10_000
 """Of a bootstrap."""
+_ROUNDING = 1e-12
+"""Relative; standard errors below it are none."""
 _BLOCK = 1_000
 """Resamples held in memory at a time."""
+
+
+Weight = Literal["trials", "participants"]
+"""How a split is averaged: over its trials, or over its people's means."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +41,12 @@ class Trials:
     episode_index: NDArray[np.intp]
     """(N,), 0 to the number of episodes - 1, each at least once."""
     stratum_index: NDArray[np.intp]
-    """(N,), 0 to the number of strata - 1, each at least once: the splits. The mean is the plain mean of their means,
-    as the paper's Total is; an episode is in one of them."""
+    """(N,), 0 to the number of strata - 1, each at least once: the splits. An episode is in one of them."""
+    stratum_shares: tuple[float, ...] | None = None
+    """Of each stratum in the mean; None = the plain mean of the strata's means, as the paper's Total. (1, -1) makes the
+    mean a difference of two strata."""
+    weight: Weight = "trials"
+    """Within a stratum: each trial counts the same, or each participant."""
 
     @property
     def num_strata(self) -> int:
@@ -41,14 +54,37 @@ class Trials:
         return int(self.stratum_index.max(initial=-1)) + 1
 
     @property
+    def shares(self) -> NDArray[np.float64]:
+        """(S,), what each stratum counts in the mean."""
+        if self.stratum_shares is None:
+            return np.full(self.num_strata, 1 / self.num_strata)
+        return np.asarray(self.stratum_shares, np.float64)
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """(N,), what each trial counts in the mean."""
+        each = self._within_stratum
+        return self.shares[self.stratum_index] * each / np.bincount(self.stratum_index, each)[self.stratum_index]
+
+    @property
     def stratum_means(self) -> NDArray[np.float64]:
         """(S,)"""
-        return np.bincount(self.stratum_index, weights=self.values) / np.bincount(self.stratum_index)
+        each = self._within_stratum
+        return np.bincount(self.stratum_index, each * self.values) / np.bincount(self.stratum_index, each)
 
     @property
     def mean(self) -> float:
-        """Mean of the strata's means."""
-        return float(self.stratum_means.mean())
+        """The strata's means, by their shares."""
+        means = self.stratum_means
+        return float(means.mean() if self.stratum_shares is None else self.shares @ means)
+
+    @property
+    def _within_stratum(self) -> NDArray[np.float64]:
+        """(N,), what each trial counts in its stratum, in any unit."""
+        if self.weight == "trials":
+            return np.ones(len(self.values))
+        _, cell = np.unique(self.participant_index * self.num_strata + self.stratum_index, return_inverse=True)
+        return 1 / np.bincount(cell)[cell]
 
     @property
     def num_participants(self) -> int:
@@ -83,38 +119,58 @@ class Estimate(BaseModel):
     interval: Interval | None
     """Two-way; None where one participant and one episode, or one trial, say nothing about others."""
     bootstrap: Interval | None
-    """Participants and episodes both drawn again; None as for `interval`."""
+    """Participants and episodes both drawn again; None as for `interval`, and where none is made."""
 
 
 def trials_of(
-    values: Sequence[float], participants: Sequence[str], episodes: Sequence[str], strata: Sequence[str] | None = None
+    values: Sequence[float],
+    participants: Sequence[str],
+    episodes: Sequence[str],
+    strata: Sequence[str] | None = None,
+    *,
+    shares: Mapping[str, float] | None = None,
+    weight: Weight = "trials",
 ) -> Trials:
-    """Trials from parallel sequences; names may be any text, no `strata` is one for all."""
-    indexes = [_numbered(names) for names in (participants, episodes, strata or ["all"] * len(values))]
-    assert all(len(index) == len(values) for index in indexes)
+    """Trials from parallel sequences.
+
+    Args:
+        values: Finite numbers.
+        participants: Any text.
+        episodes: Any text.
+        strata: Any text; None = one for all.
+        shares: Of each stratum in the mean, of those that occur, in any unit; None = all the same.
+        weight: Within a stratum.
+    """
+    people, where = numbered(participants), numbered(episodes)
+    stratum = numbered(strata or ["all"] * len(values))
+    assert len(people) == len(where) == len(stratum) == len(values)
     numbers = np.asarray(values, np.float64)
     assert np.isfinite(numbers).all()
-    return Trials(numbers, *indexes)
+    stratum_shares = None
+    if shares is not None and strata:
+        found = [shares[name] for name in sorted(set(strata))]
+        stratum_shares = tuple(share / sum(found) for share in found)
+    return Trials(numbers, people, where, stratum, stratum_shares, weight)
 
 
-def rate(trials: Trials, *, seed: int = 0) -> Estimate:
+def rate(trials: Trials, *, seed: int | None = 0) -> Estimate:
     """Share of successes; the interval is built on the logit scale, so it stays within 0 and 1.
 
     Args:
         trials: At least one, each 0 or 1, or between them where runs of one agent at an episode were averaged.
-        seed: Of the bootstrap.
+        seed: Of the bootstrap; None = none is made.
     """
     return _estimate(trials, interval=rate_interval(trials), seed=seed)
 
 
-def mean(trials: Trials, *, seed: int = 0) -> Estimate:
+def mean(trials: Trials, *, seed: int | None = 0) -> Estimate:
     """Mean of any measure, or of differences on the same episodes.
 
     Args:
         trials: At least one.
-        seed: Of the bootstrap.
+        seed: Of the bootstrap; None = none is made.
     """
-    return _estimate(trials, interval=_mean_interval(trials), seed=seed)
+    return _estimate(trials, interval=mean_interval(trials), seed=seed)
 
 
 def two_way_variance(trials: Trials) -> tuple[float, float]:
@@ -123,21 +179,30 @@ def two_way_variance(trials: Trials) -> tuple[float, float]:
     The largest of the two-way sum and its parts, because the sum may come out too small, even negative (Cameron,
     Gelbach and Miller 2011). A factor with a single level adds nothing; with one level of both the variance is NaN.
     """
-    sizes = np.bincount(trials.stratum_index)
     centred = trials.values - trials.stratum_means[trials.stratum_index]
-    share = centred / (trials.num_strata * sizes[trials.stratum_index])
-    by_person = _cluster_variance(share, trials.participant_index)
-    by_episode = _cluster_variance(share, trials.episode_index)
-    _, cell = np.unique(trials.participant_index * trials.num_episodes + trials.episode_index, return_inverse=True)
-    by_cell = _cluster_variance(share, cell)
+    return clustered_variance(trials.weights * centred, trials.participant_index, trials.episode_index)
+
+
+def clustered_variance(
+    shares: NDArray[np.float64], participant_index: NDArray[np.intp], episode_index: NDArray[np.intp]
+) -> tuple[float, float]:
+    """(variance of a weighted sum, Satterthwaite's degrees of freedom), from each trial's part in it.
+
+    Args:
+        shares: (N,), weight times residual of each trial.
+        participant_index: (N,), as in `Trials`.
+        episode_index: (N,), as in `Trials`; of homes, which hold episodes, it makes the sum the three-way one.
+    """
+    by_person = _cluster_variance(shares, participant_index)
+    by_episode = _cluster_variance(shares, episode_index)
+    cell = participant_index * (int(episode_index.max(initial=-1)) + 1) + episode_index
+    by_cell = _cluster_variance(shares, np.unique(cell, return_inverse=True)[1])
     parts = [part for part in (by_person, by_episode, by_cell) if part is not None]
     if by_cell is None:
         return float("nan"), 0.0
+    together = 0.0
     if by_person is not None and by_episode is not None:
-        sign = (1.0, 1.0, -1.0)
-        together = sum(s * variance for s, (variance, _) in zip(sign, (by_person, by_episode, by_cell), strict=True))
-    else:
-        together = 0.0
+        together = by_person[0] + by_episode[0] - by_cell[0]
     variance = max(together, *(part for part, _ in parts))
     if variance == 0:
         return 0.0, float(min(df for _, df in parts))
@@ -154,7 +219,8 @@ def rate_interval(trials: Trials) -> Interval | None:
             exact, with people counted instead of trials.
     """
     assert ((trials.values >= 0) & (trials.values <= 1)).all()
-    n, share = len(trials.values), trials.mean
+    n, share = len(trials.values), min(max(trials.mean, 0.0), 1.0)  # weights sum to 1 but for rounding
+    share = float(round(share)) if np.isin(trials.values, (round(share),)).all() else share
     is_each_once = n == trials.num_episodes and trials.num_participants in (1, n)
     if is_each_once and trials.num_strata == 1 and np.isin(trials.values, (0, 1)).all():
         return wilson_interval(round(share * n), n)
@@ -163,10 +229,20 @@ def rate_interval(trials: Trials) -> Interval | None:
         return None
     if share in (0.0, 1.0):
         return _one_sided(trials, share)
-    half = float(stats.t.ppf((1 + LEVEL) / 2, df)) * np.sqrt(variance) / (share * (1 - share))
+    half = float(stdtrit(df, (1 + LEVEL) / 2)) * np.sqrt(variance) / (share * (1 - share))
     logit = np.log(share / (1 - share))
     low, high = 1 / (1 + np.exp(-(logit + np.array([-half, half]))))
     return Interval(low=float(low), high=float(high), method=f"two-way on the logit scale, t with {df:.1f} df")
+
+
+def mean_interval(trials: Trials) -> Interval | None:
+    """Two-way interval of a mean of any measure; None where one trial, or trials that are all alike, say nothing."""
+    variance, df = two_way_variance(trials)
+    if not variance > (_ROUNDING * float(np.abs(trials.values).max())) ** 2:
+        return None
+    value = trials.mean
+    half = float(stdtrit(df, (1 + LEVEL) / 2)) * float(np.sqrt(variance))
+    return Interval(low=value - half, high=value + half, method=f"two-way, t with {df:.1f} df")
 
 
 def pigeonhole_interval(trials: Trials, *, seed: int = 0, num_resamples: int = NUM_RESAMPLES) -> Interval | None:
@@ -183,17 +259,19 @@ def pigeonhole_interval(trials: Trials, *, seed: int = 0, num_resamples: int = N
     np.add.at(sums, at, trials.values)
     np.add.at(counts, at, 1.0)
     of_stratum = [np.unique(trials.episode_index[trials.stratum_index == s]) for s in range(trials.num_strata)]
-    rng = np.random.default_rng(seed)
     found = []
-    for first in range(0, num_resamples, _BLOCK):
-        block = min(_BLOCK, num_resamples - first)
-        of_people = _drawn_again(people, block, rng)
+    for of_people, *of_all in _draws((people, *(len(columns) for columns in of_stratum)), num_resamples, seed):
+        block = len(of_people)
         means = np.zeros(block)
-        for columns in of_stratum:
-            of_episodes = _drawn_again(len(columns), block, rng)
-            total = ((of_people @ sums[:, columns]) * of_episodes).sum(axis=1)
-            weight = ((of_people @ counts[:, columns]) * of_episodes).sum(axis=1)
-            means += np.divide(total, weight, out=np.full(block, np.nan), where=weight > 0) / len(of_stratum)
+        for columns, share, of_episodes in zip(of_stratum, trials.shares, of_all, strict=True):
+            total, weight = sums[:, columns], counts[:, columns]
+            if trials.weight == "trials":
+                over, under = ((of_people @ part * of_episodes).sum(axis=1) for part in (total, weight))
+            else:
+                of_each, has = of_episodes @ total.T, of_episodes @ weight.T
+                of_each = np.divide(of_each, has, out=np.zeros_like(of_each), where=has > 0)
+                over, under = (of_people * of_each).sum(axis=1), (of_people * (has > 0)).sum(axis=1)
+            means += share * np.divide(over, under, out=np.full(block, np.nan), where=under > 0)
         found.append(means[np.isfinite(means)])
     tail = (1 - LEVEL) / 2
     low, high = np.quantile(np.concatenate(found), [tail, 1 - tail])
@@ -203,7 +281,7 @@ def pigeonhole_interval(trials: Trials, *, seed: int = 0, num_resamples: int = N
 def wilson_interval(k: int, n: int) -> Interval:
     """Of a share of n independent trials: each participant and each episode once, or one run, which says nothing of
     other participants."""
-    z = float(stats.norm.ppf((1 + LEVEL) / 2))
+    z = float(ndtri((1 + LEVEL) / 2))
     centre, denominator = k / n + z**2 / (2 * n), 1 + z**2 / n
     half = z * np.sqrt(k / n * (1 - k / n) / n + z**2 / (4 * n**2))
     return Interval(
@@ -220,14 +298,20 @@ def mcnemar_p(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
     return 1.0 if discordant == 0 else float(stats.binomtest(only_first, discordant).pvalue)
 
 
-def _estimate(trials: Trials, *, interval: Interval | None, seed: int) -> Estimate:
+def numbered(names: Sequence[str]) -> NDArray[np.intp]:
+    """(N,) place of each name among the different ones in order."""
+    places = {name: place for place, name in enumerate(sorted(set(names)))}
+    return np.array([places[name] for name in names], np.intp)
+
+
+def _estimate(trials: Trials, *, interval: Interval | None, seed: int | None) -> Estimate:
     return Estimate(
         value=trials.mean,
         n=len(trials.values),
         num_participants=trials.num_participants,
         num_episodes=trials.num_episodes,
         interval=interval,
-        bootstrap=pigeonhole_interval(trials, seed=seed),
+        bootstrap=None if seed is None else pigeonhole_interval(trials, seed=seed),
     )
 
 
@@ -239,15 +323,6 @@ def _one_sided(trials: Trials, share: float) -> Interval:
     return Interval(low=low, high=high, method=f"exact, all {len(trials.values)} trials alike, counted as {n}")
 
 
-def _mean_interval(trials: Trials) -> Interval | None:
-    variance, df = two_way_variance(trials)
-    if np.isnan(variance):
-        return None
-    value = trials.mean
-    half = float(stats.t.ppf((1 + LEVEL) / 2, df)) * float(np.sqrt(variance))
-    return Interval(low=value - half, high=value + half, method=f"two-way, t with {df:.1f} df")
-
-
 def _cluster_variance(share: NDArray[np.float64], group: NDArray[np.intp]) -> tuple[float, int] | None:
     """(variance of the sum of centred shares when whole groups are drawn, its degrees of freedom); None = one group."""
     sums = np.bincount(group, weights=share)
@@ -255,12 +330,14 @@ def _cluster_variance(share: NDArray[np.float64], group: NDArray[np.intp]) -> tu
     return None if groups < 2 else (float(groups / (groups - 1) * (sums**2).sum()), groups - 1)
 
 
+@functools.lru_cache(maxsize=4)
+def _draws(sizes: tuple[int, ...], num_resamples: int, seed: int) -> list[tuple[NDArray[np.float64], ...]]:
+    """Per block of resamples: how often each of so many is drawn, for each of `sizes`. Measures of one row share it."""
+    rng = np.random.default_rng(seed)
+    blocks = [min(_BLOCK, num_resamples - first) for first in range(0, num_resamples, _BLOCK)]
+    return [tuple(_drawn_again(size, block, rng) for size in sizes) for block in blocks]
+
+
 def _drawn_again(number: int, num_resamples: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """(num_resamples, number): how often each is drawn when as many are drawn with replacement."""
     return rng.multinomial(number, np.full(number, 1 / number), size=num_resamples).astype(np.float64)
-
-
-def _numbered(names: Sequence[str]) -> NDArray[np.intp]:
-    """(N,) place of each name among the different ones in order."""
-    places = {name: place for place, name in enumerate(sorted(set(names)))}
-    return np.array([places[name] for name in names], np.intp)

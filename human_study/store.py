@@ -245,7 +245,8 @@ class StudyStore(PeopleWrites):
         self._writer.write(job)
         with read_study(self.folder) as reader:
             stored = reader.outcome(trial_id)
-        assert stored is not None
+        if stored is None:
+            raise TrialEndedError(f"trial {trial_id}: the participant withdrew; expected a trial that is kept.")
         return stored
 
     def events(self, trial_id: str) -> tuple[StoredEvent, ...]:

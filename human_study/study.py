@@ -227,6 +227,8 @@ class StudyConfig(BaseModel):
     information: tuple[Literal["rgb", "compass", "depth", "map"], ...] = ("rgb",)
     """What people have to go by, printed beside every comparison with agents."""
     aggregate: StudyAggregate = StudyAggregate()
+    exclusions: dict[str, str] = {}
+    """Rules of your own that leave trials or people out: id to what it says, written down before data."""
     primary: Annotated[tuple[str, ...], Field(max_length=3)] = ()
     """At most three hypotheses, named before the first trial."""
     privacy: StudyPrivacy = StudyPrivacy()

@@ -8,6 +8,15 @@ from sim.types import EndReason, EpisodeKey
 from .assigning import release_one
 from .tickets import new_id
 
+_PRESENT_NS = """
+SELECT sum(passed_ns) FROM (
+    SELECT CASE WHEN kind <> 'reconnect' THEN
+        t_srv_mono_ns - lag(t_srv_mono_ns) OVER (PARTITION BY boot_id ORDER BY seq)
+    END AS passed_ns FROM event WHERE event.trial_id = trial.trial_id
+)
+"""
+"""How long somebody was in a trial: by the steady clock of each boot, without what passed before each return."""
+
 
 @dataclass(frozen=True, slots=True)
 class Now:
@@ -29,8 +38,7 @@ def new_trial(
 ) -> str:
     """Id of a new attempt, stored with how often and how long the participant was in this home before."""
     visits = database.execute(
-        "SELECT split, (SELECT max(t_srv_ns) - min(t_srv_ns) FROM event WHERE event.trial_id = trial.trial_id)"
-        " FROM trial JOIN assignment USING(assignment_id) WHERE code = ? AND scene = ?",
+        f"SELECT split, ({_PRESENT_NS}) FROM trial JOIN assignment USING(assignment_id) WHERE code = ? AND scene = ?",
         (code, key.scene),
     ).fetchall()
     trial_id = new_id()

@@ -33,10 +33,10 @@ class Vault:
         """
         self._path = folder / KEYS_FILE
         self._ciphers: dict[str, AESGCM] = {}
-        self._keys: dict[str, str] = {}
+        self._keys: dict[str, str | None] = {}
         try:
             self._keys = json.loads(self._path.read_bytes()) if self._path.exists() else {}
-            self._ciphers = {code: AESGCM(base64.b64decode(key)) for code, key in self._keys.items()}
+            self._ciphers = {code: AESGCM(base64.b64decode(key)) for code, key in self._keys.items() if key}
         except (OSError, ValueError, TypeError, AttributeError) as error:
             raise StudyError(
                 f"{self._path}: cannot be read ({error}); expected the keys of the participants. Restore the file: "
@@ -46,6 +46,10 @@ class Vault:
     def has_key(self, code: str) -> bool:
         """Whether what the participant did can be read."""
         return code in self._ciphers
+
+    def is_shredded(self, code: str) -> bool:
+        """Whether the participant's key was deleted for good; a key that is merely missing was lost."""
+        return code in self._keys and self._keys[code] is None
 
     def add(self, code: str) -> None:
         """Make a key for a new participant; on disk when this returns. An existing key stays.
@@ -61,12 +65,14 @@ class Vault:
     def shred(self, code: str) -> None:
         """Delete a participant's key; what it encrypted cannot be read by anybody from now on.
 
+        A mark stays in its place: so a database from before the deletion, put back from a backup, is understood.
+
         Raises:
             StudyError: The file cannot be written.
         """
-        if code in self._keys:
-            self._save({known: key for known, key in self._keys.items() if known != code})
-            del self._ciphers[code]
+        if not self.is_shredded(code):
+            self._save(self._keys | {code: None})
+            self._ciphers.pop(code, None)
 
     def seal(self, code: str, text: str, *, where: str) -> str:
         """The text as a JSON string of ciphertext, bound to the place where it is kept.
@@ -104,7 +110,7 @@ class Vault:
             )
         return self._ciphers[code]
 
-    def _save(self, keys: dict[str, str]) -> None:
+    def _save(self, keys: dict[str, str | None]) -> None:
         write_private(self._path, json.dumps(keys, indent=1, sort_keys=True) + "\n")
         self._keys = keys
 

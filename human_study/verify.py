@@ -1,38 +1,64 @@
 """Do a trial's steps again and compare: is the record what the simulator does, and the outcome what the record says?"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 from sim.episodes.schema import Episode
 from sim.errors import StudyError, TaskStateError
 from sim.frames import wrap_angle
 from sim.tasks.pan import PanEnv
-from sim.tasks.run_files import Answer, EpisodeRun
+from sim.tasks.run_files import Answer, EpisodeRun, Vector3
+from sim.types import EpisodeKey
 from sim.world.navigation_map import NavigationMap
 
-from .events import Act, Event
-from .outcome import Outcome, opening, pan_outcome, pog_outcome
+from .events import Act, Error, Event
+from .outcome import (
+    Outcome,
+    end_reason,
+    episode_run,
+    largest_click_error,
+    opening,
+    pan_outcome,
+    pog_outcome,
+    technical_outcome,
+)
+from .record_types import VerificationStatus
 
 POSITION_TOLERANCE = 1e-4
 """Metres; the same program on the same scene agrees to the last bit, other builds of numpy to far less than this."""
 ANGLE_TOLERANCE = 1e-6
 """Radians."""
-Status = Literal["verified", "drift", "failed", "unsupported"]
+FAR_OFF = 1e6
+"""Metres that stand for a click of which only the stored or only the new ray meets anything."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialHome:
+    """A home with all that is needed to do its trials again."""
+
+    navigation: NavigationMap
+    scene_digest: str
+    storeys: Sequence[tuple[float, float]]
+    """(lowest, highest) floor of each storey, from `sim.tasks.rules.scene_storeys`."""
+    episode: Callable[[EpisodeKey], Episode]
+    """An episode of this home, with its targets; raises DatasetError for an unknown one."""
+    cast: Callable[[float, Vector3, Vector3], Vector3 | None] | None = None
+    """(storey's floor height, ray's origin, direction) -> where a click meets the home; None = rays are not cast again,
+    and the stored points are believed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verification:
     """What doing a trial again found."""
 
-    status: Status
-    """`verified`: all agrees. `drift`: a step leads elsewhere. `failed`: the events are impossible, or the stored
-    outcome is not theirs. `unsupported`: the trial was done on another scene."""
+    status: VerificationStatus
+    """`verified`: all agrees. `drift`: a step or click leads elsewhere. `failed`: the events are impossible, or the
+    stored outcome is not theirs. `unsupported`: the trial was done on another scene."""
     max_position_error: float
-    """Largest distance in metres between a stored and a simulated pose; 0 in POG."""
+    """Largest distance in metres between a stored and a simulated pose, or between the points of a click."""
     first_bad_step: int | None
-    """From 1, 0 = the start pose; None unless `drift`."""
+    """From 1, 0 = the start pose; None unless a step leads elsewhere."""
     recomputed: EpisodeRun | Answer | None
     """The result that the events give; None when they give none."""
     detail: str
@@ -40,43 +66,67 @@ class Verification:
 
 
 def verify_trial(
-    events: Sequence[Event],
-    outcome: Outcome,
-    episode: Episode,
-    *,
-    navigation: NavigationMap,
-    scene_digest: str,
-    storeys: Sequence[tuple[float, float]],
-    participant: str,
+    events: Sequence[Event], outcome: Outcome, key: EpisodeKey, *, home: TrialHome, participant: str
 ) -> Verification:
     """Compare a finished trial with what its events lead to.
 
     Args:
         events: All of the trial, in order.
         outcome: What the store says.
-        episode: The trial's episode, with its targets.
-        navigation: Of the scene.
-        scene_digest: Of the scene.
-        storeys: (lowest, highest) floor of each storey, from `sim.tasks.rules.scene_storeys`; used in POG.
+        key: The trial's episode.
+        home: In which the trial was done.
         participant: Public code.
+
+    Raises:
+        DatasetError: The home has no such episode.
     """
+    episode = home.episode(key)
+    if outcome.reason == "technical" and not events:
+        return Verification("verified", 0.0, None, None, "")
     try:
         opened = opening(events)
-        if opened.scene_digest != scene_digest:
-            text = f"done on scene {opened.scene_digest[:12]}, compared with {scene_digest[:12]}"
+        if opened.scene_digest != home.scene_digest:
+            text = f"done on scene {opened.scene_digest[:12]}, compared with {home.scene_digest[:12]}"
             return Verification("unsupported", 0.0, None, None, text)
-        if opened.task == "pog":
-            answer = pog_outcome(events, episode, storeys=storeys, participant=participant)
-            return _compared(answer, answer, outcome, 0.0)
-        run = pan_outcome(events, episode, navigation=navigation, participant=participant)
-        error, bad_step = _replayed(
-            events, PanEnv(episode.start, navigation, renderer=None, max_steps=opened.max_steps)
-        )
+        result = recompute(events, outcome, episode, home=home, participant=participant)
+        error, bad_step = 0.0, None
+        if isinstance(result, EpisodeRun):
+            env = PanEnv(episode.start, home.navigation, renderer=None, max_steps=opened.max_steps)
+            error, bad_step = _replayed(events, env)
+        elif home.cast is not None:
+            error = min(largest_click_error(events, home.cast), FAR_OFF)
     except (StudyError, TaskStateError) as problem:
         return Verification("failed", 0.0, None, None, str(problem))
     if bad_step is not None:
-        return Verification("drift", error, bad_step, run, f"step {bad_step} leads elsewhere than stored")
-    return _compared(run, run.end, outcome, error)
+        return Verification("drift", error, bad_step, result, f"step {bad_step} leads elsewhere than stored")
+    if error > POSITION_TOLERANCE:
+        return Verification("drift", error, None, result, "a click meets the home elsewhere than stored")
+    return _compared(result, outcome, error)
+
+
+def recompute(
+    events: Sequence[Event], outcome: Outcome, episode: Episode, *, home: TrialHome, participant: str
+) -> EpisodeRun | Answer:
+    """The result that a finished trial's events give.
+
+    Args:
+        events: All of the trial, in order.
+        outcome: What the store says; only whether it is a technical failure counts, which has no measures.
+        episode: The trial's episode, with its targets.
+        home: In which the trial was done.
+        participant: Public code.
+
+    Raises:
+        StudyError: The events are not those of a finished trial of this episode.
+    """
+    task = opening(events).task
+    is_failure = end_reason(events) is None or any(isinstance(event, Error) and event.is_fatal for event in events)
+    if outcome.reason == "technical" and is_failure:
+        end = technical_outcome(episode.key, task, participant=participant)
+        return end if isinstance(end, Answer) else episode_run(events, end=end, participant=participant)
+    if task == "pog":
+        return pog_outcome(events, episode, storeys=home.storeys, participant=participant)
+    return pan_outcome(events, episode, navigation=home.navigation, participant=participant)
 
 
 def _replayed(events: Sequence[Event], env: PanEnv) -> tuple[float, int | None]:
@@ -99,16 +149,15 @@ def _replayed(events: Sequence[Event], env: PanEnv) -> tuple[float, int | None]:
     return max(errors), bad
 
 
-def _compared(
-    recomputed: EpisodeRun | Answer, result: Outcome, stored: Outcome, max_position_error: float
-) -> Verification:
+def _compared(recomputed: EpisodeRun | Answer, stored: Outcome, max_position_error: float) -> Verification:
     """`verified` when the stored outcome is the recomputed one, else `failed` with the first field that differs."""
-    difference = _first_difference(stored.model_dump(mode="json"), result.model_dump(mode="json"), "outcome")
-    status: Status = "failed" if difference else "verified"
+    result = recomputed.end if isinstance(recomputed, EpisodeRun) else recomputed
+    difference = first_difference(stored.model_dump(mode="json"), result.model_dump(mode="json"), "outcome")
+    status: VerificationStatus = "failed" if difference else "verified"
     return Verification(status, max_position_error, None, recomputed, difference or "")
 
 
-def _first_difference(stored: object, found: object, where: str) -> str | None:
+def first_difference(stored: object, found: object, where: str) -> str | None:
     """Where two JSON values differ by more than rounding; None when they agree."""
     if isinstance(stored, dict) and isinstance(found, dict) and stored.keys() == found.keys():
         pairs = [(stored[key], found[key], f"{where}.{key}") for key in stored]
@@ -119,4 +168,4 @@ def _first_difference(stored: object, found: object, where: str) -> str | None:
         return None if is_close else f"{where} is stored as {stored!r}, recomputed as {found!r}"
     else:
         return None if stored == found else f"{where} is stored as {stored!r}, recomputed as {found!r}"
-    return next((text for a, b, place in pairs if (text := _first_difference(a, b, place))), None)
+    return next((text for a, b, place in pairs if (text := first_difference(a, b, place))), None)

@@ -9,12 +9,27 @@ from numpy.typing import NDArray
 from sim.tasks.run_files import Vector3
 from sim.types import Task
 
-from .events import Event
+from .events import Event, MapKind
+
+
+@dataclass(frozen=True, slots=True)
+class LookView:
+    """All that may be seen before the task: a map or the home, and no text."""
+
+    what: MapKind
+    storeys: tuple[float, ...]
+    """Floor height of each storey that can be shown, metres, ascending."""
+    storey: int
+    """Index of the shown one."""
+    wait_s: int
+    """Whole seconds until it can be left; 0 = now."""
+    left_s: int | None
+    """Whole seconds until it goes away by itself; None = it stays."""
 
 
 @dataclass(frozen=True, slots=True)
 class PanView:
-    """All that a PAN participant may see; holds no ground truth."""
+    """All that a walking PAN participant may see; holds no ground truth."""
 
     task: Task
     rgb: NDArray[np.uint8] | None
@@ -24,11 +39,15 @@ class PanView:
     is_armed: bool
     """Whether another press of STOP now ends the trial."""
     is_over: bool
+    is_giving_up: bool = False
+    """Whether another press of giving up now ends the trial."""
+    left_s: int | None = None
+    """Seconds until the time is up, in coarse steps; None = there is no limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class PogView:
-    """All that a POG participant may see; holds no ground truth and never says whether a point is right."""
+    """All that a pointing POG participant may see; holds no ground truth and never says whether a point is right."""
 
     task: Task
     storeys: tuple[float, ...]
@@ -38,16 +57,28 @@ class PogView:
     marker: Vector3 | None
     """The marked point, world metres."""
     is_over: bool
-
-
-ViewT = TypeVar("ViewT", PanView, PogView)
+    is_giving_up: bool = False
+    """Whether another press of giving up now ends the trial."""
+    left_s: int | None = None
+    """Seconds until the time is up, in coarse steps; None = there is no limit."""
 
 
 @dataclass(frozen=True, slots=True)
-class SessionUpdate(Generic[ViewT]):
+class RateView:
+    """The question how sure the answer is."""
+
+    choices: tuple[int, ...]
+    """From guessed to certain."""
+
+
+TaskViewT = TypeVar("TaskViewT", PanView, PogView)
+
+
+@dataclass(frozen=True, slots=True)
+class SessionUpdate(Generic[TaskViewT]):
     """What a command led to."""
 
     events: tuple[Event, ...]
     """Store these first, all or none."""
-    view: ViewT
+    view: LookView | TaskViewT | RateView
     """Show this when they are stored."""

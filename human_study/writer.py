@@ -13,11 +13,22 @@ from .records import store_error
 
 _LARGEST_BATCH = 256
 """Writes in one commit (HUMAN_STUDY.md, section 5)."""
+_NO_SPACE = sqlite3.SQLITE_FULL
+_LATER = (
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_READONLY,  # a disk with errors, which the system then lets nobody write
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_NOMEM,
+    sqlite3.SQLITE_BUSY,  # another program holds the file for longer than busy_timeout
+    sqlite3.SQLITE_LOCKED,
+)
+"""What may be over when the same write is tried again: the study pauses."""
+_WRITABLE = ("a disk that can be written", "look at the disk and its free space")
 T = TypeVar("T")
 
 
 class StoreFullError(StudyError):
-    """The disk is full or broken: nothing of this write was stored; the same write works once there is space."""
+    """The disk is full or cannot be written: nothing of this write was stored; the same write works once it can."""
 
 
 class _Write(Generic[T]):
@@ -87,15 +98,17 @@ class GroupWriter:
         self._database.execute("SAVEPOINT one_write")
         try:
             write.answer.append(write.job(self._database))
-        except StudyError as error:
+        except (StudyError, sqlite3.IntegrityError) as error:
             self._database.execute("ROLLBACK TO one_write")
-            write.error = error
+            write.error = error if isinstance(error, StudyError) else store_error(self._path, error)
         self._database.execute("RELEASE one_write")
 
     def _stopped(self, error: sqlite3.Error) -> StudyError:
-        if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if code == _NO_SPACE or code in _LATER:
+            wanted, advice = ("free space on the disk", "free some space") if code == _NO_SPACE else _WRITABLE
             return StoreFullError(
-                f"{self._path}: cannot be written now ({error}); expected free space on the disk. "
-                "Nothing was lost: free some space and go on."
+                f"{self._path}: cannot be written now ({error}); expected {wanted}. "
+                f"Nothing was lost: {advice} and go on."
             )
         return store_error(self._path, error)

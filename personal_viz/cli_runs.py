@@ -152,13 +152,13 @@ class CheckHabitat:
 class Bench:
     """Measure speed on this machine; each figure stands beside its reference measured in the same run."""
 
-    what: Positional[Literal["sim", "recordings"]]
+    what: Positional[Literal["sim", "recordings", "study"]]
     out: Annotated[Path, arg(help="Folder of the table, the plot and the JSON file.")] = Path("runs/bench")
     quick: Annotated[bool, arg(help="Fewer and smaller scenes, at most 50 s.")] = False
     json: Json = False
 
     def work(self) -> int:
-        from .commands.bench import bench_recordings, bench_sim
+        from .commands.bench import bench_recordings, bench_sim, bench_study
 
-        bench = {"sim": bench_sim, "recordings": bench_recordings}[self.what]
+        bench = {"sim": bench_sim, "recordings": bench_recordings, "study": bench_study}[self.what]
         return bench(out=self.out, quick=self.quick, json=self.json)

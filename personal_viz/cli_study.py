@@ -1,15 +1,23 @@
-"""Verbs of studies with people: demo, study."""
+"""Verbs of studies with people, from planning to serving: demo, study."""
 
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from tyro.conf import Positional, arg, subcommand
 
-from sim.types import SuccessRule
-
 from .cli_options import Clutter, Dataset, Limit, Rerun, ScenesDir, Splits, WithPixels
+from .cli_study_records import (
+    StudyCheckDb,
+    StudyExclude,
+    StudyExport,
+    StudyImportCheck,
+    StudyReport,
+    StudyVerify,
+)
+
+BotKind = Literal["shortest", "random", "slow", "impatient", "disconnecting"]
 
 
 @dataclass
@@ -49,14 +57,35 @@ class StudyInit:
 
 @dataclass
 class StudyPlanVerb:
-    """Draw the episodes, assign them to people, and freeze the study."""
+    """Draw the episodes, assign them to people, freeze the study; --power says beforehand how precise it will be."""
 
-    study: Positional[Path]
-    dataset: Dataset
+    study: Positional[Path | None] = None
+    dataset: Annotated[Path | None, arg(help="Folder of the PersONAL episodes; not needed for --power.")] = None
     scenes_dir: ScenesDir = None
     pilot: Annotated[bool, arg(help="May be served without an ethics id; all its records say so.")] = False
+    power: Annotated[bool, arg(help="Only simulate: width of intervals, power, and designs that do better.")] = False
+    people: Annotated[int, arg(help="--power without a study: people in all.")] = 25
+    episodes: Annotated[int, arg(help="--power without a study: episodes of each split.")] = 50
+    raters: Annotated[int, arg(help="--power without a study: people per episode.")] = 5
+    base_rate: Annotated[float, arg(help="--power: success rate of people.")] = 0.65
+    gap: Annotated[float, arg(help="--power: by which an agent is worse.")] = 0.15
+    simulations: Annotated[int, arg(help="--power: studies drawn per number.")] = 150
+    json: bool = False
 
     def work(self) -> int:
+        if self.power:
+            from .commands.power import power
+
+            return power(
+                study=self.study,
+                people=self.people,
+                episodes=self.episodes,
+                raters=self.raters,
+                base_rate=self.base_rate,
+                gap=self.gap,
+                simulations=self.simulations,
+                json=self.json,
+            )
         from .commands.study_files import plan
 
         return plan(folder=self.study, dataset=self.dataset, scenes_dir=self.scenes_dir, pilot=self.pilot)
@@ -89,6 +118,9 @@ class StudyServe:
     i_have_rights: Annotated[bool, arg(help="The scans' licence allows sending them to participants.")] = False
     pilot: Annotated[bool, arg(help="Serve without an ethics id; the records say so for ever.")] = False
     workers: Annotated[int | None, arg(help="viser processes; one per core, at most four.")] = None
+    max_people: Annotated[int, arg(help="Participants connected at once.")] = 200
+    per_address: Annotated[int, arg(help="Connections from one address; loopback and the proxy are not limited.")] = 64
+    dashboard_port: Annotated[int, arg(help="Of the researcher's page, on this machine only; 0 takes a free one.")] = 0
 
     def work(self) -> int:
         from .commands.study import serve
@@ -110,60 +142,81 @@ class StudyWithdraw:
 
 
 @dataclass
-class StudyExport:
-    """Write the finished trials of a study as run folders for metrics and replay."""
-
-    study: Positional[Path]
-    out: Path = Path("runs")
-
-    def work(self) -> int:
-        from .commands.study import export
-
-        return export(study=self.study, out=self.out)
-
-
-@dataclass
-class StudyCheckDb:
-    """Check the study's database: integrity and hash chains."""
+class StudyPurgeIds:
+    """Delete the ids of a recruiting platform that were kept for paying people."""
 
     study: Positional[Path]
 
     def work(self) -> int:
-        from .commands.study import check_db
+        from .commands.purge_ids import purge_ids
 
-        return check_db(study=self.study)
+        return purge_ids(study=self.study)
 
 
 @dataclass
-class StudyVerify:
-    """Do every finished trial again, step by step, and compare with what is stored."""
+class StudyStatus:
+    """Who is where, stuck or finished; never how well somebody does. Works while the study is served."""
 
     study: Positional[Path]
-    dataset: Dataset
-    scenes_dir: ScenesDir = None
+    json: bool = False
+    watch: Annotated[bool, arg(help="Stay, and show changes.")] = False
 
     def work(self) -> int:
-        from .commands.study import verify
+        from .commands.status import status
 
-        return verify(study=self.study, dataset=self.dataset, scenes_dir=self.scenes_dir)
+        return status(study=self.study, json=self.json, watch=self.watch)
 
 
 @dataclass
-class StudyReport:
-    """Tables and pictures of people and agents on the same episodes, every number with its interval."""
+class StudyDoctor:
+    """Check a deployment from outside: TLS, websocket, Origin, Host, cookies, clock, bandwidth."""
 
-    runs: Positional[tuple[Path, ...]]
-    """Run folders of people (study export) and of agents, or folders that hold them."""
-    out: Annotated[Path, arg(help="Folder for report.md, report.csv, report.tex, report.json and the pictures.")] = (
-        Path("runs/report")
-    )
-    rule: SuccessRule = "paper"
+    url: str
+    link: Annotated[str | None, arg(help="A personal link, to try the whole way in.")] = None
+    insecure_ca: Annotated[Path | None, arg(help="Certificate to trust besides the system's (PEM).")] = None
+    http_port: Annotated[int | None, arg(help="Where plain http is expected to lead to https; 80 by default.")] = None
     json: bool = False
 
     def work(self) -> int:
-        from .commands.report import report
+        from .commands.doctor import doctor
 
-        return report(runs=self.runs, out=self.out, rule=self.rule, json=self.json)
+        return doctor(**vars(self))
+
+
+@dataclass
+class StudyEthics:
+    """Write protocol, information sheet, consent, data-flow table, estimate and preregistration."""
+
+    study: Positional[Path]
+    out: Path = Path("runs/ethics")
+    fill: Annotated[bool, arg(help="Write consent.md and instructions.md of the study again from study.yaml.")] = False
+
+    def work(self) -> int:
+        from .commands.ethics import ethics
+
+        return ethics(study=self.study, out=self.out, fill=self.fill)
+
+
+@dataclass
+class StudyBots:
+    """Simulated participants through the real gateway: how fast it answers, and whether a key was lost."""
+
+    study: Positional[Path | None] = None
+    """A planned study, of which a copy is served; an invented one without."""
+    dataset: Annotated[Path | None, arg(help="Of the study.")] = None
+    scenes_dir: ScenesDir = None
+    participants: int = 10
+    seconds: float = 60.0
+    rate: Annotated[float, arg(help="Actions per second of each.")] = 2.0
+    kinds: Annotated[tuple[BotKind, ...], arg(help="How they behave, dealt out in turns.")] = get_args(BotKind)
+    seed: int = 0
+    url: Annotated[str | None, arg(help="Of a server that runs on the study: its records will hold the bots.")] = None
+    json: bool = False
+
+    def work(self) -> int:
+        from .commands.bots import bots
+
+        return bots(**vars(self))
 
 
 @dataclass
@@ -173,11 +226,18 @@ class Study:
     verb: (
         Annotated[StudyInit, subcommand("init")]
         | Annotated[StudyPlanVerb, subcommand("plan")]
+        | Annotated[StudyEthics, subcommand("ethics")]
         | Annotated[StudyServe, subcommand("serve")]
+        | Annotated[StudyStatus, subcommand("status")]
+        | Annotated[StudyDoctor, subcommand("doctor")]
+        | Annotated[StudyBots, subcommand("bots")]
         | Annotated[StudyWithdraw, subcommand("withdraw")]
-        | Annotated[StudyExport, subcommand("export")]
-        | Annotated[StudyVerify, subcommand("verify")]
+        | Annotated[StudyPurgeIds, subcommand("purge-ids")]
+        | Annotated[StudyExclude, subcommand("exclude")]
         | Annotated[StudyCheckDb, subcommand("check-db")]
+        | Annotated[StudyVerify, subcommand("verify")]
+        | Annotated[StudyExport, subcommand("export")]
+        | Annotated[StudyImportCheck, subcommand("import-check")]
         | Annotated[StudyReport, subcommand("report")]
     )
 

@@ -47,8 +47,8 @@ class GoneError(Exception):
     """The browser closed the connection."""
 
 
-class WithdrawnError(Exception):
-    """The participant leaves the study for good."""
+class WithdrawnError(GoneError):
+    """The participant leaves the study for good: a trial under way goes on as little as when the browser is gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +83,8 @@ class Desk:
         self.page, self.code = page, code
         self.device: Device | None = None
         """What the browser told last of itself; None before it did."""
+        self.has_lost_picture = False
+        """Whether the browser cannot draw in 3-D any more until the page is loaded again."""
         self.on_keys: Callable[[Mapping[KeyAction, str]], None] = lambda _: None
         """Called on the thread that waits when the participant chose other keys."""
         self._queue: queue.Queue[Item] = queue.Queue(MAX_WAITING)
@@ -130,6 +132,7 @@ class Desk:
                 self.put(Item(said))
                 self.put(Item(Resize(width, height)))
             case PageTold(what=what, t_cli_ms=t_cli_ms):
+                self.has_lost_picture = self.has_lost_picture or what == "context_lost"
                 self.put(Item(PageChanged(what, t_cli_ms)))
             case RoundTrip(ms=ms):
                 self.put(Item(Measure(ms)))

@@ -3,12 +3,14 @@
 viser itself has no login and listens on loopback only; whatever a browser sends passes through here.
 """
 
-import asyncio
-import secrets
+import contextlib
+import random
+import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Protocol, TypeVar
 from urllib.parse import urlsplit
 
 import msgspec
@@ -16,29 +18,32 @@ import viser
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
-from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
-from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.websockets import WebSocket, WebSocketDisconnect
-from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidHandshake
-from websockets.typing import Subprotocol
+from starlette.websockets import WebSocket
 
-MAX_MESSAGE_BYTES = 64 * 1024
-"""Largest message that a browser may send; clicks and camera poses need under 1 kB."""
+from sim.errors import StudyError
+
+from .admission import Admission, Arrival, DeviceProfile, Tickets
+from .gateway_http import Guard, address_of, small_body
+from .gateway_limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, is_forwarded
+from .gateway_options import ServeOptions
+from .gateway_proxy import BAD, LATER, join
+
 SESSION_COOKIE = "personal_session"
+PROBE_COOKIE = "personal_probe"
+"""Set by `/check/download` with the flags of the session's cookie, so that `study doctor` sees what becomes of them."""
+PROBE_BYTES = 256 * 1024
+PROXY_HEADER = "X-Study-Proxy"
+"""Of `/check/download`: whether the named proxy asked, and said for whom: `none`, `named` or `silent`."""
 STATIC = Path(__file__).parent / "static"
 VISER_CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
-ALLOWED_MESSAGES = frozenset(
-    {"ViewerCameraMessage", "ScenePointerMessage", "GuiUpdateMessage", "CommandTriggerMessage"}
-)
-"""What a participant's browser has to say to viser; share (tunnel), upload and render messages are not among it."""
-CAMERA_RATE = (100.0, 200)
-ACTION_RATE = (20.0, 40)
-"""(a second, at once): viser sends up to 50 camera messages a second, a person presses at most some 10 keys."""
-_OWN_PAGES_CSP = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
+MAX_JSON_BYTES = 4096
+MOST_PER_TICKET = 6
+"""Connections of one session: tabs, and lines that were cut and are not noticed yet."""
+Body = TypeVar("Body", bound=msgspec.Struct)
 _VISER_CSP = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob:; style-src 'unsafe-inline'; "
     "img-src 'self' data: blob:; font-src data:; worker-src blob:; connect-src 'self' data: blob:; "
@@ -46,65 +51,19 @@ _VISER_CSP = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Ticket:
-    """Admission of one browser session to the websocket."""
+class Seats(Protocol):
+    """What the gateway needs of the workers."""
 
-    session_id: str
-    code: str
-    """Public code of the participant."""
-
-
-class Tickets:
-    """Who may open a websocket, and as whom; in memory only. A participant's newest ticket revokes the older ones."""
-
-    def __init__(self) -> None:
-        """Starts empty."""
-        self._by_id: dict[str, Ticket] = {}
-
-    def issue(self, code: str) -> tuple[str, str]:
-        """A new (session id, ticket id) for a participant."""
-        session_id, ticket_id = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
-        kept = {known: ticket for known, ticket in self._by_id.items() if ticket.code != code}
-        self._by_id = {**kept, ticket_id: Ticket(session_id, code)}
-        return session_id, ticket_id
-
-    def find(self, ticket_id: str) -> Ticket | None:
-        """The ticket, None if it was never issued or is revoked."""
-        return self._by_id.get(ticket_id)
+    def seat(self, code: str) -> AbstractContextManager[int | None]:
+        """Port of a participant's worker for one connection; None when none is ready."""
+        ...
 
 
-class RateLimit:
-    """A token bucket: `rate` a second on average, `burst` at once."""
+class Entry(msgspec.Struct, frozen=True):
+    """What the page sends to enter."""
 
-    def __init__(self, rate: float, burst: int) -> None:
-        """Starts full."""
-        self._rate, self._burst = rate, burst
-        self._left, self._last_s = float(burst), 0.0
-
-    def allows(self, now_s: float) -> bool:
-        """Whether one more is allowed at this time (seconds on a steady clock)."""
-        self._left = min(self._burst, self._left + (now_s - self._last_s) * self._rate)
-        self._last_s = now_s
-        if self._left < 1:
-            return False
-        self._left -= 1
-        return True
-
-
-class SecureHeaders(BaseHTTPMiddleware):
-    """Refuses foreign Host headers and puts the security headers on every reply."""
-
-    async def dispatch(self, request: Request, call_next: RequestResponseEndpoint) -> Response:
-        """One request."""
-        if not _is_own_host(request.headers.get("host", ""), request.app.state.hosts):
-            return Response("unknown host", status_code=400)
-        response = await call_next(request)
-        response.headers.setdefault("Content-Security-Policy", _OWN_PAGES_CSP)
-        response.headers["X-Content-Type-Options"] = "nosniff"
-        response.headers["Referrer-Policy"] = "no-referrer"
-        response.headers["Cache-Control"] = "no-store"
-        return response
+    token: str = ""
+    device: DeviceProfile | None = None
 
 
 class Gateway:
@@ -112,52 +71,93 @@ class Gateway:
 
     def __init__(
         self,
-        code_of_token: Callable[[str], str | None],
-        worker_port: int,
+        admission: Admission,
+        seats: Seats,
         *,
         tickets: Tickets,
-        hosts: frozenset[str],
+        options: ServeOptions,
+        present: Callable[[str], AbstractContextManager[None]] | None = None,
+        screen_out_code: str | None = None,
+        tell: Callable[[str], None] | None = None,
     ) -> None:
         """Knows whom to let in and where viser is.
 
         Args:
-            code_of_token: Participant code of a personal token, None if unknown.
-            worker_port: Loopback port of the viser worker.
-            tickets: Filled here; the worker asks whose connection it has got.
-            hosts: Host names (without port) under which browsers may reach us.
+            admission: Who may take part.
+            seats: The viser workers.
+            tickets: Filled here; the workers ask whose connection they have got.
+            options: Host names, limits, TLS.
+            present: Entered for each participant's connection while it is open.
+            screen_out_code: Shown to people for whom there is no place.
+            tell: One line for the person at the terminal; None = standard error.
         """
-        self._code_of_token, self._worker_port, self._tickets, self._hosts = code_of_token, worker_port, tickets, hosts
+        self._admission, self._seats, self._tickets, self._options = admission, seats, tickets, options
+        self._present = present or (lambda _: contextlib.nullcontext())
+        self._screen_out_code = screen_out_code
+        self._tell = tell or (lambda line: print(f"personal-viz: {line}", file=sys.stderr))
+        self._guesses, self._joins, self._downloads = (AddressLimit(*rate) for rate in (GUESSES, JOINS, DOWNLOADS))
+        self._people, self._sessions = Holds(), Holds()
+        self._probe = random.Random(0).randbytes(PROBE_BYTES)  # cannot be compressed on the way
 
     def app(self) -> Starlette:
         """The ASGI application."""
-        app = Starlette(
-            routes=[
-                Route("/", self.enter_page),
-                Route("/enter", self.enter, methods=["POST"]),
-                Route("/view/", self.view),
-                WebSocketRoute("/ws/{ticket:str}", self.websocket),
-                Mount("/static", StaticFiles(directory=STATIC)),
-            ],
-            middleware=[Middleware(SecureHeaders)],
-        )
-        app.state.hosts = self._hosts
-        return app
+        routes = [
+            Route("/", self.enter_page),
+            Route("/enter", self.enter, methods=["POST"]),
+            Route("/view/", self.view),
+            Route("/check/download", self.download),
+            WebSocketRoute("/ws/{ticket:str}", self.websocket),
+            Mount("/static", StaticFiles(directory=STATIC)),
+        ]
+        if self._admission.has_open_link:
+            routes += [Route("/join", self.enter_page), Route("/join", self.join, methods=["POST"])]
+        return Starlette(routes=routes, middleware=[Middleware(Guard, options=self._options)])
 
     async def enter_page(self, _: Request) -> Response:
-        """The page that trades the token in its address for a session."""
+        """The page that trades the token in its address, or the parameters of a recruiting platform, for a session."""
         return FileResponse(STATIC / "enter.html")
 
     async def enter(self, request: Request) -> Response:
         """A session for a known token: a cookie for its websocket alone, and the address of the view."""
-        if not _is_same_origin(request.headers.get("origin"), request.headers.get("host", "")):
-            return Response("foreign origin", status_code=403)
-        code = await run_in_threadpool(self._code_of_token, await _token_in(request))
+        if not self._is_own_origin(request):
+            return PlainTextResponse("foreign origin", status_code=403)
+        address = address_of(request, self._options)
+        if not self._guesses.has_one(address, time.monotonic()):
+            return _too_many()
+        entry = await _json(request, Entry) or Entry()
+        code = await run_in_threadpool(self._admission.code_of_token, entry.token) if entry.token else None
         if code is None:
-            return Response("unknown token", status_code=401)
-        session_id, ticket_id = self._tickets.issue(code)
-        reply = JSONResponse({"view": f"/view/?websocket=ws://{request.headers['host']}/ws/{ticket_id}"})
-        reply.set_cookie(SESSION_COOKIE, session_id, httponly=True, samesite="strict", path=f"/ws/{ticket_id}")
+            self._guesses.allows(address, time.monotonic())
+            return PlainTextResponse("unknown token", status_code=401)
+        if self._is_crowded(code):
+            return PlainTextResponse("too many people at once", status_code=503, headers={"Retry-After": "60"})
+        profile = entry.device.coarse() if entry.device is not None else None
+        try:
+            session_id, ticket_id = await run_in_threadpool(self._tickets.issue, code, profile)
+        except StudyError as error:
+            return self._paused(error)
+        host = request.headers["host"]
+        scheme = "wss" if self._options.is_secure(host) else "ws"
+        reply = JSONResponse({"view": f"/view/?websocket={scheme}://{host}/ws/{ticket_id}"})
+        self._set_cookie(reply, request, SESSION_COOKIE, session_id, path=f"/ws/{ticket_id}")
         return reply
+
+    async def join(self, request: Request) -> Response:
+        """A personal token for somebody on the open link, or that there is no place any more."""
+        if not self._is_own_origin(request):
+            return PlainTextResponse("foreign origin", status_code=403)
+        if not self._joins.allows(address_of(request, self._options), time.monotonic()):
+            return _too_many()
+        arrival = await _json(request, Arrival)
+        if arrival is None or (self._admission.needs_platform_id and arrival.PROLIFIC_PID is None):
+            return PlainTextResponse("parameters of the platform are missing or damaged", status_code=400)
+        try:
+            token = await run_in_threadpool(self._admission.join, arrival)
+        except StudyError as error:
+            return self._paused(error)
+        if token is None:
+            return JSONResponse({"full": True, "code": self._screen_out_code})
+        return JSONResponse({"token": token})
 
     async def view(self, request: Request) -> Response:
         """viser's client; the entry page instead when the ticket in the address is not valid any more."""
@@ -166,118 +166,72 @@ class Gateway:
             return FileResponse(STATIC / "enter.html")
         return FileResponse(VISER_CLIENT, headers={"Content-Security-Policy": _VISER_CSP})
 
+    async def download(self, request: Request) -> Response:
+        """Bytes to measure the line with, for `study doctor`."""
+        if not self._downloads.allows(address_of(request, self._options), time.monotonic()):
+            return _too_many()
+        peer = request.client.host if request.client is not None else None
+        named = is_forwarded(peer, request.headers.getlist("x-forwarded-for"), self._options.proxy)
+        state = "none" if self._options.proxy is None else "named" if named else "silent"
+        reply = Response(self._probe, media_type="application/octet-stream", headers={PROXY_HEADER: state})
+        self._set_cookie(reply, request, PROBE_COOKIE, "1", path="/check/")
+        return reply
+
     async def websocket(self, socket: WebSocket) -> None:
         """A participant's connection, joined to viser."""
         ticket_id = socket.path_params["ticket"]
         ticket = self._tickets.find(ticket_id)
-        host = socket.headers.get("host", "")
-        cookie = socket.cookies.get(SESSION_COOKIE, "").encode()
-        if (
-            ticket is None
-            or not secrets.compare_digest(cookie, ticket.session_id.encode())
-            or not _is_own_host(host, self._hosts)
-            or not _is_same_origin(socket.headers.get("origin"), host)
+        if ticket is None or not ticket.admits(socket.cookies.get(SESSION_COOKIE, "")):
+            await socket.close(code=BAD)
+            return
+        if not self._is_own_origin(socket):
+            await socket.close(code=BAD)
+            return
+        if self._is_crowded(ticket.code):
+            await socket.close(code=LATER)
+            return
+        with (
+            self._people.one(ticket.code, None),
+            self._sessions.one(ticket_id, MOST_PER_TICKET) as is_allowed,
+            self._seats.seat(ticket.code) as port,
         ):
-            await socket.close(code=1008)
-            return
-        await _proxy(socket, self._worker_port, ticket_id)
+            if port is None or not is_allowed:
+                await socket.close(code=LATER)
+                return
+            with self._present(ticket.code):
+                reason = await join(socket, port, ticket_id)
+        if reason is not None:
+            self._tell(f"a connection of {ticket.code} was closed: it sent {reason}")
 
+    def _paused(self, error: StudyError) -> Response:
+        self._tell(str(error))
+        return PlainTextResponse("the study is paused", status_code=503, headers={"Retry-After": "60"})
 
-async def _token_in(request: Request) -> str:
-    """The token in a small JSON body; empty when there is none."""
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > 1024:
-            return ""
-    try:
-        return msgspec.json.decode(body, type=dict[str, str]).get("token", "")
-    except msgspec.MsgspecError:
-        return ""
+    def _is_crowded(self, code: str) -> bool:
+        return code not in self._people and len(self._people) >= self._options.max_people
 
-
-def _is_own_host(host: str, hosts: frozenset[str]) -> bool:
-    try:
-        return urlsplit(f"//{host}").hostname in hosts
-    except ValueError:
-        return False
-
-
-def _is_same_origin(origin: str | None, host: str) -> bool:
-    try:
-        return origin is not None and urlsplit(origin).netloc == host
-    except ValueError:
-        return False
-
-
-async def _proxy(socket: WebSocket, port: int, ticket_id: str) -> None:
-    """Joins a browser to viser until either side leaves."""
-    offered = [Subprotocol(name) for name in socket.scope.get("subprotocols", [])]
-    url = f"ws://127.0.0.1:{port}/?ticket={ticket_id}"
-    try:
-        upstream = await connect(url, subprotocols=offered, max_size=None, compression=None, open_timeout=10)
-    except (OSError, TimeoutError, InvalidHandshake):
-        await socket.close(code=1013)
-        return
-    async with upstream:
-        await socket.accept(subprotocol=upstream.subprotocol)
-        pumps = {asyncio.create_task(_to_viser(socket, upstream)), asyncio.create_task(_to_browser(socket, upstream))}
-        _, pending = await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
-        for task in pending:
-            task.cancel()
-        await asyncio.gather(*pumps, return_exceptions=True)
-
-
-async def _to_viser(socket: WebSocket, upstream: ClientConnection) -> None:
-    """Passes allowed messages on; a bad one ends the connection, one too many is dropped."""
-    camera, actions = RateLimit(*CAMERA_RATE), RateLimit(*ACTION_RATE)
-    while True:
+    def _is_own_origin(self, connection: HTTPConnection) -> bool:
+        """Whether the page that asks is ours: scheme, name and port."""
+        host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
         try:
-            data = await socket.receive_bytes()
-        except (WebSocketDisconnect, KeyError, RuntimeError):  # gone, or sent text, which viser never does
-            return
-        kind = allowed_kind(data)
-        if kind is None:
-            await socket.close(code=1008)
-            return
-        limit = camera if kind == "ViewerCameraMessage" else actions
-        if not limit.allows(time.monotonic()):
-            continue
-        try:
-            await upstream.send(data)
-        except ConnectionClosed:
-            return
+            parts = urlsplit(origin or "")
+        except ValueError:
+            return False
+        scheme = "https" if self._options.is_secure(host) else "http"
+        return (parts.scheme, parts.netloc.lower()) == (scheme, host.lower())
+
+    def _set_cookie(self, reply: Response, request: Request, name: str, value: str, *, path: str) -> None:
+        is_secure = self._options.is_secure(request.headers["host"])
+        reply.set_cookie(name, value, httponly=True, samesite="strict", secure=is_secure, path=path)
 
 
-async def _to_browser(socket: WebSocket, upstream: ClientConnection) -> None:
+def _too_many() -> Response:
+    return PlainTextResponse("too many tries; wait a minute", status_code=429, headers={"Retry-After": "60"})
+
+
+async def _json(request: Request, kind: type[Body]) -> Body | None:
+    """A small JSON body; None when it is not what we expect."""
     try:
-        async for data in upstream:
-            await socket.send_bytes(data if isinstance(data, bytes) else data.encode())
-        await socket.close(code=1012)
-    except (ConnectionClosed, WebSocketDisconnect, RuntimeError):
-        return
-
-
-def allowed_kind(data: bytes) -> str | None:
-    """The type of a browser's message; None unless it is small, well formed, of an allowed type and finite."""
-    if len(data) > MAX_MESSAGE_BYTES:
+        return msgspec.json.decode(await small_body(request, MAX_JSON_BYTES), type=kind)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
-    try:
-        message = msgspec.msgpack.decode(data)
-    except (msgspec.MsgspecError, RecursionError):
-        return None
-    if not isinstance(message, dict) or message.get("type") not in ALLOWED_MESSAGES or not _is_finite(message):
-        return None
-    if message["type"] == "GuiUpdateMessage" and set(message.get("updates", {})) != {"value"}:
-        return None  # viser would set any attribute that is named
-    return message["type"]
-
-
-def _is_finite(value: object) -> bool:
-    if isinstance(value, float):
-        return value - value == 0
-    if isinstance(value, dict):
-        return all(_is_finite(item) for item in value.values())
-    if isinstance(value, (list, tuple)):
-        return all(_is_finite(item) for item in value)
-    return True

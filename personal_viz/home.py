@@ -10,6 +10,7 @@ from sim.tasks.pog import PogScene
 from sim.types import EpisodeKey
 from sim.world.renderer import Renderer
 
+from .frames import Frames
 from .scene_view import StoreyCopies
 from .watch import Watches
 
@@ -19,7 +20,7 @@ class Home:
     """What all who are in a home share."""
 
     scene: Scene
-    renderer: Renderer
+    renderer: Frames
     pog_scene: PogScene
     copies: StoreyCopies
     episodes: dict[EpisodeKey, Episode]

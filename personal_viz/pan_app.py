@@ -2,20 +2,18 @@
 
 import base64
 import html
-import io
 from collections.abc import Awaitable, Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from human_study.commands import GiveUp, Move, PanCommand, PressStop
 from human_study.views import PanView
 from sim.types import Action
 
+from .frames import jpeg_bytes
 from .panels import Page, overlay_html
 
-JPEG_QUALITY = 80
 BUTTON_LABELS = {
     Action.FORWARD: "Forward (W or Up)",
     Action.LEFT: "Turn left (A or Left)",
@@ -34,13 +32,26 @@ HOTKEYS = {
     "F": ("KeyF", Action.LOOK_DOWN),
 }
 """viser's key names to (code that is logged, action); DESIGN.md, keys."""
+STOP_ARMED = "Press Enter or STOP again to finish"
+GIVING_UP = "Press Give up again to end this search"
 Send = Callable[[PanCommand], Awaitable[None]]
+Encode = Callable[[NDArray[np.uint8]], bytes]
 
 
 class PanApp:
     """Draws one PAN trial on a page and turns presses into commands."""
 
-    def __init__(self, page: Page, view: PanView, send: Send, *, scene_label: str, progress: str) -> None:
+    def __init__(
+        self,
+        page: Page,
+        view: PanView,
+        send: Send,
+        *,
+        scene_label: str,
+        progress: str,
+        display_scale: float = 2.0,
+        encode: Encode = jpeg_bytes,
+    ) -> None:
         """Builds the screen.
 
         Args:
@@ -49,14 +60,38 @@ class PanApp:
             send: Where commands go.
             scene_label: How the home must be called (schematic and invented homes say so).
             progress: "Trial 1 of 6".
+            display_scale: The picture fills the window up to this many times its size.
+            encode: A picture as JPEG; `Frames.jpeg` remembers.
         """
-        self._page = page
+        self._page, self._encode, self._display_scale = page, encode, display_scale
         page.clear()
-        self._status = page.client.gui.add_html("")
-        page.add(self._status)
-        page.task_texts(view.task)
-        self._image = page.overlay("")
         self._caption = f"{html.escape(progress)} &middot; {html.escape(scene_label)}"
+        with page.client.atomic():
+            self._status_html = _status_html(self._caption, view)
+            self._status = page.client.gui.add_html(self._status_html)
+            page.add(self._status)
+            page.task_texts(view.task)
+            self._image = page.overlay(self._image_html(view))
+            self._shown = (view.rgb, view.step)
+            self._add_controls(view, send)
+        page.client.flush()
+
+    def show(self, view: PanView) -> None:
+        """Draws what has changed, picture or texts; on its way to the browser when this returns.
+
+        A view without a picture leaves the last one there.
+        """
+        status = _status_html(self._caption, view)
+        if status != self._status_html:
+            self._status_html = self._status.content = status
+        if view.rgb is not None and (view.rgb is not self._shown[0] or view.step != self._shown[1]):
+            self._shown = (view.rgb, view.step)
+            self._image.content = overlay_html(self._image_html(view))
+        self._page.client.flush()
+
+    def _add_controls(self, view: PanView, send: Send) -> None:
+        """A button for every key, and the keys."""
+        page = self._page
         for action in view.task.actions:
             if action is not Action.STOP:
                 page.button(BUTTON_LABELS[action], _sender(send, Move(action, code=f"button-{action.value}")))
@@ -66,14 +101,18 @@ class PanApp:
             if action in view.task.actions:
                 page.hotkey(key, f"{action.value} ({code})", _sender(send, Move(action, code=code)))
         page.hotkey("enter", "stop (Enter)", _sender(send, PressStop(code="Enter")))
-        self.show(view)
 
-    def show(self, view: PanView) -> None:
-        """Draws the robot's view and the counter; on its way to the browser when this returns."""
-        self._status.content = _status_html(self._caption, view)
-        if view.rgb is not None:
-            self._image.content = overlay_html(_image_html(view.rgb, view.step))
-        self._page.client.flush()
+    def _image_html(self, view: PanView) -> str:
+        """The robot's view as an inline JPEG; empty while there is none."""
+        if view.rgb is None:
+            return ""
+        data = base64.b64encode(self._encode(view.rgb)).decode()
+        height, width = view.rgb.shape[:2]
+        return (
+            f'<img alt="What the robot sees" data-step="{view.step}" style="width:min(100%, calc(100vh * {width} / '
+            f'{height}));max-width:{round(self._display_scale * width)}px;height:auto" '
+            f'src="data:image/jpeg;base64,{data}">'
+        )
 
 
 def _sender(send: Send, command: PanCommand) -> Callable[[], Awaitable[None]]:
@@ -84,25 +123,20 @@ def _sender(send: Send, command: PanCommand) -> Callable[[], Awaitable[None]]:
 
 
 def _status_html(caption: str, view: PanView) -> str:
-    armed = (
-        '<span style="background:#b00020;color:#fff;padding:.1em .5em;border-radius:4px">'
-        "Press Enter or STOP again to finish</span>"
-        if view.is_armed
+    """Trial, steps, time left, and what another press would end; read aloud when it changes."""
+    notice = STOP_ARMED if view.is_armed else GIVING_UP if view.is_giving_up else ""
+    left = "" if view.left_s is None else f" &middot; {_duration(view.left_s)} left"
+    marked = (
+        f'<span style="background:#8f1d17;color:#fff;padding:.1em .5em;border-radius:4px">{notice}</span>'
+        if notice
         else "&nbsp;"
     )
     return (
-        f'<div style="padding:.6em .8em 0;font-size:14px;color:#555">{caption}</div>'
-        f'<div style="padding:.2em .8em;font-size:16px"><b>Step {view.step} of {view.task.max_steps}</b> {armed}</div>'
+        f'<div style="padding:.6em .65rem 0;font-size:14px;color:#57606a">{caption}</div>'
+        f'<div role="status" aria-live="polite" class="personal-text" style="padding:.2em .65rem">'
+        f"<b>Step {view.step} of {view.task.max_steps}</b>{left} {marked}</div>"
     )
 
 
-def _image_html(rgb: NDArray[np.uint8], step: int) -> str:
-    """The robot's view as an inline JPEG; (H, W, 3) in."""
-    buffer = io.BytesIO()
-    Image.fromarray(rgb).save(buffer, "JPEG", quality=JPEG_QUALITY)
-    data = base64.b64encode(buffer.getvalue()).decode()
-    height, width = rgb.shape[:2]
-    return (
-        f'<img alt="What the robot sees" data-step="{step}" src="data:image/jpeg;base64,{data}" '
-        f'style="width:min(100%, calc(100vh * {width} / {height}));max-width:{2 * width}px;height:auto">'
-    )
+def _duration(left_s: int) -> str:
+    return f"{left_s // 60} min" if left_s >= 60 and left_s % 60 == 0 else f"{left_s} s"

@@ -1,30 +1,49 @@
-"""Pieces of a participant's page that both tasks share: frame around the page, texts, buttons, full-screen notices."""
+"""Pieces of a participant's page: the side panel of a trial, cards for everything that is read, and the tools below."""
 
 import html
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import viser
 
 from sim.types import Task
 
+from .page_script import page_html, when_shown
+
 PANEL_WIDTH = 400
 """Pixels of the side panel with texts and buttons."""
-_HIDE_VISER_CONTROLS = (
-    '<style>button:has(svg[class*="icon-adjustments"]),button:has(svg[class*="icon-list-search"])'
-    "{display:none !important} .mantine-Notification-root{display:none !important}</style>"
-)
-"""Scene tree, settings and viser's own notices (software rendering) are not for participants."""
-_KEY_FILTER = (
-    '<img src="data:," style="display:none" onerror="'
-    "if(!window.personalKeys){window.personalKeys=true;"
-    "window.addEventListener('keydown',e=>{if(e.repeat)e.stopImmediatePropagation()},true);"
-    "document.documentElement.addEventListener('keydown',e=>{"
-    "if(!e.target.closest('input,textarea'))e.stopPropagation()})}\">"
-)
-"""Drops auto-repeat of held keys, and keeps WASD and arrows from moving viser's camera (VIZ.md 1.4)."""
+_LAST = 1e6
+"""Order of what stands below everything else."""
 Press = Callable[[], Awaitable[None]]
 CameraListener = Callable[[viser.CameraHandle], Awaitable[None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A button of a card."""
+
+    name: str
+    """What the program calls it."""
+    label: str
+    color: str | None = None
+    """viser's colour name; None = the usual blue. Colours never stand alone: the label says what happens."""
+    hotkey: str | None = None
+    """viser's name of a key that does the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A page that is read: a heading, its text, and buttons."""
+
+    title: str
+    body: str
+    """HTML, already escaped."""
+    choices: tuple[Choice, ...] = ()
+    parts: tuple[str, ...] = ()
+    """Names of the parts of the way that the page belongs to; () shows none."""
+    part: int = 0
+    """Which of them it is."""
 
 
 class Page:
@@ -39,8 +58,9 @@ class Page:
         client.gui.main_panel.set_width(PANEL_WIDTH)
         self._handles: list[Any] = []
         self._on_camera: CameraListener | None = None
+        self._tools: viser.GuiHtmlHandle | None = None
         client.camera.on_update(self._camera_moved)
-        client.gui.add_html(_HIDE_VISER_CONTROLS + _KEY_FILTER)
+        client.gui.add_html(page_html())
 
     def clear(self) -> None:
         """Removes everything of the present screen."""
@@ -83,9 +103,9 @@ class Page:
         description = html.escape(task.description)
         self.add(
             self.client.gui.add_html(
-                f'<div style="padding:.6em .8em;font-size:16px;line-height:1.45">'
-                f'<p style="font-size:20px;font-weight:600;margin:.2em 0 .6em">{query}</p>'
-                f'<p style="margin:0">{description}</p></div>'
+                f'<div class="personal-text" style="padding:.5em .65rem">'
+                f'<p style="font-size:1.2em;font-weight:600;line-height:1.35;margin:.2em 0 .6em">{query}</p>'
+                f'<div class="scroll" tabindex="0" role="region" aria-label="Who owns what">{description}</div></div>'
             )
         )
 
@@ -95,17 +115,57 @@ class Page:
         self.add(handle)
         return handle
 
-    def notice(self, title: str, text: str, *, button: tuple[str, Press] | None = None) -> None:
-        """A full screen with one message and at most one button."""
+    def card(self, card: Card, chosen: Callable[[str], Awaitable[None]], *, hotkeys: Sequence[str] = ()) -> None:
+        """Shows a card over the whole page.
+
+        Args:
+            card: What to show.
+            chosen: Told the name of the button that is pressed, or the key.
+            hotkeys: viser's names of keys that the page waits for besides its buttons'.
+        """
         self.clear()
-        body = "".join(f'<p style="margin:.8em 0">{html.escape(line)}</p>' for line in text.split("\n") if line)
-        self.overlay(
-            f'<div style="max-width:34rem;padding:2rem;background:#fff;color:#222;border-radius:12px;font-size:18px;'
-            f'line-height:1.5"><h1 style="margin:0;font-size:24px">{html.escape(title)}</h1>{body}</div>'
-        )
-        if button is not None:
-            self.button(*button)
+        with self.client.atomic():
+            self.add(self.client.gui.add_html(card_html(card) + when_shown("shown")))
+            for choice in card.choices:
+                press = _choosing(chosen, choice.name)
+                self.button(choice.label, press, color=choice.color)
+                if choice.hotkey is not None:
+                    self.hotkey(choice.hotkey, choice.label, press)
+            for key in hotkeys:
+                self.hotkey(key, f"key {key}", _choosing(chosen, key))
         self.client.flush()
+
+    def tools(self, *, has_keys: bool, on_leave: str | None) -> None:
+        """The buttons that are always there, below everything else: keys, larger text, leaving the study.
+
+        Args:
+            has_keys: Whether the participant uses keys that can be chosen.
+            on_leave: What happens to the answers of somebody who leaves; None = there is nothing to leave any more.
+        """
+        keys = '<button type="button" data-tool="keys">Keys</button>' if has_keys else ""
+        leave = ""
+        if on_leave is not None:
+            leave = (
+                f'<button type="button" data-tool="leave" data-text="{html.escape(on_leave)}">Leave the study</button>'
+            )
+        if self._tools is not None:
+            self._tools.remove()
+        self._tools = self.client.gui.add_html(
+            f'<div class="personal-tools" role="group" aria-label="Tools">{keys}'
+            f'<button type="button" data-tool="large" aria-pressed="false">Larger text</button>{leave}</div>'
+            + when_shown("refresh"),
+            order=_LAST,
+        )
+
+    def notice(self, title: str, text: str, *, button: tuple[str, Press] | None = None) -> None:
+        """A card with one message and at most one button."""
+        choices = () if button is None else (Choice("", button[0]),)
+
+        async def press(_: str) -> None:
+            assert button is not None
+            await button[1]()
+
+        self.card(Card(title, paragraphs(text), choices), press)
 
     async def _camera_moved(self, camera: viser.CameraHandle) -> None:
         if self._on_camera is not None:
@@ -118,3 +178,41 @@ def overlay_html(content: str) -> str:
         f'<div style="position:fixed;left:0;top:0;width:calc(100vw - {PANEL_WIDTH}px);height:100vh;z-index:1;'
         f'background:#2b2b2b;display:flex;align-items:center;justify-content:center">{content}</div>'
     )
+
+
+def card_html(card: Card) -> str:
+    """The card without its buttons."""
+    title = html.escape(card.title)
+    return f'<div class="personal-page">{_parts_html(card.parts, card.part)}<h1>{title}</h1>{card.body}</div>'
+
+
+def paragraphs(text: str) -> str:
+    """Plain text as HTML: a paragraph for each line."""
+    return "".join(f"<p>{html.escape(line)}</p>" for line in text.split("\n") if line.strip())
+
+
+def progress_html(num_done: int, num_all: int, *, unit: str = "trials") -> str:
+    """A bar with the numbers beside it in words."""
+    share = 100 * num_done / max(1, num_all)
+    return (
+        f'<div class="personal-progress" role="progressbar" aria-valuemin="0" aria-valuemax="{num_all}" '
+        f'aria-valuenow="{num_done}" aria-label="{num_done} of {num_all} {unit} done">'
+        f'<div style="width:{share:.1f}%"></div></div><p class="quiet">{num_done} of {num_all} {unit} done</p>'
+    )
+
+
+def _parts_html(parts: Sequence[str], present: int) -> str:
+    items = []
+    for number, part in enumerate(parts):
+        kind = "done" if number < present else "now" if number == present else ""
+        current = ' aria-current="step"' if number == present else ""
+        mark = "&#10003; " if number < present else ""
+        items.append(f'<li class="{kind}"{current}>{mark}{html.escape(part)}</li>')
+    return f'<ol class="steps" aria-label="Where you are">{"".join(items)}</ol>' if items else ""
+
+
+def _choosing(chosen: Callable[[str], Awaitable[None]], name: str) -> Press:
+    async def press() -> None:
+        await chosen(name)
+
+    return press

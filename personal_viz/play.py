@@ -1,34 +1,58 @@
-"""One trial on one page, from its opening to its stored outcome: commands in, stored events, then the view."""
+"""One trial on one page, from its opening to its stored outcome: commands in, stored events, then the view.
+
+The session decides what is to be shown (a look, the task, a question) and when time alone changes something; this
+module waits as long as the session says, stores what it answers, and shows its view on the screen that fits.
+"""
 
 import queue
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
-from human_study.commands import Click, PanCommand, PogCommand, Resume, Start
+from human_study.commands import Command, Resume, Start, Tick
 from human_study.events import Error, Event
 from human_study.outcome import pan_outcome, pog_outcome, technical_outcome
 from human_study.session import (
-    STOP_WITHIN_S,
     PanSession,
     PogSession,
     pan_session_from_events,
     pog_session_from_events,
+    terms_of,
 )
 from human_study.store import SupersededError, Trial, TrialEndedError
 from human_study.study import StudyConfig
-from human_study.views import PanView, PogView, SessionUpdate
+from human_study.views import LookView, PanView, PogView, RateView, SessionUpdate
 from human_study.writer import StoreFullError
 from sim.episodes.schema import Episode
 from sim.tasks.run_files import Answer, ClickRay, EpisodeRun
-from sim.types import EpisodeKey
 
-from .desk import Desk, GoneError
+from .desk import Desk, GoneError, WithdrawnError
+from .frames import successors
 from .home import Home, pan_env
+from .map_app import LookApp
+from .map_view import MapView
 from .pan_app import PanApp
-from .pog_app import PogApp
+from .play_clicks import click_of
+from .pog_app import Nudge, PogApp
+from .rate_app import RateApp
+from .scene_view import SceneView
 from .store_link import StoreLink
 from .watch import TrialWatch
+
+Session = PanSession | PogSession
+View = LookView | PanView | PogView | RateView
+
+
+@dataclass(frozen=True, slots=True)
+class _Screen:
+    """What is on the page now."""
+
+    kind: type
+    """Of the views that it shows."""
+    show: Callable[[Any], None]
+    close: Callable[[], None]
 
 
 class TrialPlay:
@@ -46,119 +70,193 @@ class TrialPlay:
         self._desk, self._link, self._home, self._config = desk, link, home, config
         self._watch = TrialWatch()
 
-    def play(self, trial: Trial, *, progress: str, away_s: float) -> None:
-        """One opened trial to its stored outcome; a failure of ours ends it as `technical`.
+    def play(
+        self, trial: Trial, *, progress: str, away_s: float, took_over: bool = False
+    ) -> EpisodeRun | Answer | None:
+        """One opened trial to its stored outcome, which is the result; None when a failure of ours ended it.
 
         Args:
             trial: As the store opened it.
             progress: "Trial 3 of 30".
             away_s: How long the participant was away; 0 where that was our fault.
+            took_over: Whether another tab of the participant still showed it.
 
         Raises:
             StoreFullError: The store cannot write now; open the trial again to go on.
-            SupersededError, TrialEndedError, GoneError: Somebody else goes on with it, or nobody.
+            SupersededError, TrialEndedError, GoneError, WithdrawnError: Somebody else goes on with it, or nobody.
         """
-        result: EpisodeRun | Answer | None = None
+        session: Session | None = None
         try:
-            episode = self._episode(trial.key)
-            play = self._play_pan if trial.task == "pan" else self._play_pog
-            play(trial, episode, progress, away_s)
-            result = self._result(trial, episode)
-            outcome = result.end if isinstance(result, EpisodeRun) else result
-        except (StoreFullError, SupersededError, TrialEndedError, GoneError):
+            episode = self._home.episodes[trial.key]
+            stored = self._link.events(trial.trial_id)
+            session = self._session(trial, episode, stored)
+            self._lead(session, trial, stored, Resume(away_s, took_over) if stored else Start(), progress)
+        except GoneError:
+            if session is None or not session.is_over:
+                raise
+            self._finish(trial)  # only the question how sure the answer is was left open: the answer counts
+            raise
+        except (StoreFullError, SupersededError, TrialEndedError, WithdrawnError):
             raise
         except Exception as error:  # the live session's door: the same trial must not fail for ever
             traceback.print_exc()
             self._link.append_many(trial.trial_id, trial.epoch, (Error(message=repr(error)[:500], is_fatal=True),))
+        return self._finish(trial)
+
+    def leave(self) -> None:
+        """The participant is gone: a researcher who watches sees that, and nothing is rendered ahead."""
+        self._watch.leave()
+        self._home.renderer.look_ahead(self._desk.code, (), self._config.robot_camera)
+
+    def _lead(self, session: Session, trial: Trial, stored: list[Event], first: Start | Resume, progress: str) -> None:
+        """Shows what the session says until nothing is left to do."""
+        update = session.handle(first, time.monotonic())
+        self._store(trial, update.events)
+        sensed = session.observation if isinstance(session, PanSession) else None
+        episode = self._home.episodes[trial.key]
+        self._watch = self._home.watches.begin(trial, episode, [*stored, *update.events], sensed)
+        screen: _Screen | None = None
+        try:
+            while not session.is_done:
+                screen = self._shown(screen, update.view, trial, progress)
+                self._look_ahead(session)
+                update = self._next_update(session, screen, trial)
+            if screen is not None and isinstance(update.view, screen.kind):
+                screen.show(update.view)
+        finally:
+            if screen is not None:
+                screen.close()
+
+    def _next_update(self, session: Session, screen: _Screen, trial: Trial) -> SessionUpdate:
+        """What comes next from the browser, or from time alone, is done and stored; its view is to be shown."""
+        try:
+            item = self._desk.wait(timeout_s=session.wait_s(time.monotonic()))
+        except queue.Empty:
+            update = session.handle(Tick(), time.monotonic())
+            self._store(trial, update.events)
+            self._watch.tell(update.events, session.observation if isinstance(session, PanSession) else None)
+            return update
+        command = self._command(item.content, trial, session)
+        update = session.handle(command, time.monotonic(), busy=item.is_busy)
+        if not isinstance(session, PanSession):
+            self._store(trial, update.events)
+            self._desk.done_with(item)
+            self._watch.tell(update.events)
+            return update
+        if session.needs_look:  # the picture is rendered while the step is written to disk
+            self._home.renderer.begin(session.pose, self._config.robot_camera)
+        self._store(trial, update.events)
+        if not session.needs_look:
+            self._desk.done_with(item)
+            self._watch.tell(update.events, session.observation)
+            return update
+        if isinstance(update.view, screen.kind):
+            screen.show(update.view)  # the counter goes ahead of the picture: the step is on disk
+        looked = session.look(time.monotonic())
+        self._desk.done_with(item)  # not before: who presses without having seen this picture is dropped as busy
+        if isinstance(looked.view, screen.kind):
+            screen.show(looked.view)
+        self._store(trial, looked.events)  # that the picture was handed out; the step itself was stored before
+        self._watch.tell((*update.events, *looked.events), session.observation)
+        return looked
+
+    def _store(self, trial: Trial, events: tuple[Event, ...]) -> None:
+        if events:
+            self._link.append_many(trial.trial_id, trial.epoch, events)
+
+    def _session(self, trial: Trial, episode: Episode, stored: list[Event]) -> Session:
+        """A new session, or the stored one in the same phase, at the same step and pose, storey and mark."""
+        config, scene = self._config, self._home.scene
+        names = {
+            "key": trial.key,
+            "task": config.task_for(episode, trial.task),
+            "storeys": scene.navigation.storey_heights,
+            "scene_digest": scene.digest,
+            "terms": terms_of(config, trial.condition),
+        }
+        if trial.condition in ("topdown", "map_2d"):
+            _ = self._home.copies.maps  # before the clock starts: the first time takes some seconds
+        if trial.task == "pog":
+            return pog_session_from_events(stored, **names) if stored else PogSession(**names)
+        env = pan_env(episode, scene, self._home.renderer, config)
+        if stored:
+            return pan_session_from_events(stored, env, **names, looks_later=True)
+        return PanSession(env, **names, looks_later=True)
+
+    def _look_ahead(self, session: Session) -> None:
+        """Has the pictures rendered that the next key could show, as long as nobody waits for another."""
+        if not isinstance(session, PanSession) or session.phase != "task":
+            return
+        config, frames = self._config, self._home.renderer
+        poses = successors(session.pose, self._home.scene.navigation, config.action_set, last=session.last_action)
+        frames.look_ahead(self._desk.code, poses, config.robot_camera)
+
+    def _shown(self, screen: _Screen | None, view: View, trial: Trial, progress: str) -> _Screen:
+        """Shows the view on the present screen, or on a new one where it needs another."""
+        if screen is not None and isinstance(view, screen.kind):
+            screen.show(view)
+            return screen
+        if screen is not None:
+            screen.close()
+        return self._new_screen(view, trial, progress)
+
+    def _new_screen(self, view: View, trial: Trial, progress: str) -> _Screen:
+        page, send, copies = self._desk.page, self._desk.new_screen(), self._home.copies
+        label = self._home.scene.label
+        match view:
+            case LookView():
+                app = LookApp(page, view, send, copies=copies, progress=progress)
+            case PanView():
+                walk = PanApp(
+                    page,
+                    view,
+                    send,
+                    scene_label=label,
+                    progress=progress,
+                    display_scale=self._config.display_scale,
+                    encode=self._home.renderer.jpeg,
+                )
+                return _Screen(PanView, walk.show, _nothing_to_close)
+            case PogView():
+                is_map = trial.condition == "map_2d"
+                surface = MapView(page.client, copies.maps) if is_map else SceneView(page.client, copies)
+                app = PogApp(page, view, send, surface=surface, scene_label=label, progress=progress)
+            case RateView():
+                app = RateApp(page, view, send)
+        return _Screen(type(view), app.show, app.close)
+
+    def _command(self, content: Any, trial: Trial, session: Session) -> Command:
+        """What the participant did as a command of the session: rays and moves of the mark become clicks."""
+        if isinstance(content, ClickRay | Nudge):
+            view = session.view(time.monotonic())
+            if not isinstance(view, PogView):
+                return Tick()  # the time was up between the click and now
+            return click_of(content, view, self._home, is_map=trial.condition == "map_2d")
+        assert isinstance(content, Command), content
+        return content
+
+    def _finish(self, trial: Trial) -> EpisodeRun | Answer | None:
+        """Stores the outcome that the stored events give, and returns it; it stays on the server."""
+        result: EpisodeRun | Answer | None = None
+        try:
+            result = self._result(trial, self._home.episodes[trial.key])
+            outcome = result.end if isinstance(result, EpisodeRun) else result
+        except (StoreFullError, SupersededError, TrialEndedError):
+            raise
+        except Exception:  # the live session's door: the same trial must not fail for ever
+            traceback.print_exc()
             outcome = technical_outcome(trial.key, trial.task, participant=trial.code)
         self._link.finish_trial(trial.trial_id, outcome)
         self._watch.end(result)
-
-    def leave(self) -> None:
-        """The participant is gone: a researcher who watches sees that."""
-        self._watch.leave()
-
-    def _episode(self, key: EpisodeKey) -> Episode:
-        return self._home.episodes[key]
-
-    def _play_pan(self, trial: Trial, episode: Episode, progress: str, away_s: float) -> None:
-        session, update, stored = self._begin_pan(trial, episode, away_s)
-        page, send = self._desk.page, self._desk.new_screen()
-        app = PanApp(page, update.view, send, scene_label=self._home.scene.label, progress=progress)
-        self._watch = self._home.watches.begin(trial, episode, stored, session.observation)
-        while not session.is_over:
-            try:
-                item = self._desk.wait(timeout_s=STOP_WITHIN_S if update.view.is_armed else None)
-            except queue.Empty:
-                update = SessionUpdate((), session.view(time.monotonic()))
-            else:
-                assert isinstance(item.content, PanCommand), item.content
-                update = session.handle(item.content, time.monotonic(), busy=item.is_busy)
-                self._store(trial, update.events)
-                self._desk.done_with(item)
-            app.show(update.view)
-            self._watch.tell(update.events, session.observation)
-
-    def _play_pog(self, trial: Trial, episode: Episode, progress: str, away_s: float) -> None:
-        session, update, stored = self._begin_pog(trial, episode, away_s)
-        page, send = self._desk.page, self._desk.new_screen()
-        app = PogApp(page, update.view, send, copies=self._home.copies, progress=progress)
-        self._watch = self._home.watches.begin(trial, episode, stored)
-        try:
-            while not session.is_over:
-                command = self._desk.wait().content
-                if isinstance(command, ClickRay):
-                    storey = update.view.storeys.index(command.storey_y)
-                    command = Click(command, self._home.pog_scene.hit(storey, command.origin, command.direction))
-                assert isinstance(command, PogCommand), command
-                update = session.handle(command, time.monotonic())
-                self._store(trial, update.events)
-                app.show(update.view)
-                self._watch.tell(update.events)
-        finally:
-            app.close()
-
-    def _store(self, trial: Trial, events: Sequence[Event]) -> None:
-        self._link.append_many(trial.trial_id, trial.epoch, events)
-
-    def _begin_pan(
-        self, trial: Trial, episode: Episode, away_s: float
-    ) -> tuple[PanSession, SessionUpdate[PanView], list[Event]]:
-        """A new session, or the stored one at the same step and pose, and all its events, which are stored."""
-        config, scene = self._config, self._home.scene
-        env = pan_env(episode, scene, self._home.renderer, config)
-        options = {"key": trial.key, "task": config.task_for(episode, "pan"), "scene_digest": scene.digest}
-        stored = self._link.events(trial.trial_id)
-        if stored:
-            session = pan_session_from_events(stored, env, **options, resume_within_s=config.resume_within_s)
-        else:
-            session = PanSession(env, **options, resume_within_s=config.resume_within_s)
-        update = session.handle(Resume(away_s) if stored else Start(), time.monotonic())
-        self._store(trial, update.events)
-        return session, update, [*stored, *update.events]
-
-    def _begin_pog(
-        self, trial: Trial, episode: Episode, away_s: float
-    ) -> tuple[PogSession, SessionUpdate[PogView], list[Event]]:
-        """A new session, or the stored one with the same storey and mark, and all its events, which are stored."""
-        config, scene = self._config, self._home.scene
-        options = {
-            "key": trial.key,
-            "task": config.task_for(episode, "pog"),
-            "storeys": scene.navigation.storey_heights,
-            "scene_digest": scene.digest,
-            "resume_within_s": config.resume_within_s,
-        }
-        stored = self._link.events(trial.trial_id)
-        session = pog_session_from_events(stored, **options) if stored else PogSession(**options)
-        update = session.handle(Resume(away_s) if stored else Start(), time.monotonic())
-        self._store(trial, update.events)
-        return session, update, [*stored, *update.events]
+        return result
 
     def _result(self, trial: Trial, episode: Episode) -> EpisodeRun | Answer:
-        """The result of a finished trial from its stored events; stays on the server."""
         events = self._link.events(trial.trial_id)
         if trial.task == "pan":
             navigation = self._home.scene.navigation
             return pan_outcome(events, episode, navigation=navigation, participant=trial.code)
         return pog_outcome(events, episode, storeys=self._home.storeys, participant=trial.code)
+
+
+def _nothing_to_close() -> None:
+    """`Page.clear` ends the PAN screen."""

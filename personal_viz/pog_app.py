@@ -1,122 +1,181 @@
-"""The POG screen: texts beside the 3-D home, storey buttons, a mark that follows clicks, confirm. No feedback."""
+"""The POG screen: texts beside the home or its map, storey buttons, a mark that can be moved, confirm. No feedback."""
 
-import asyncio
 import html
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Protocol
 
+import numpy as np
 import viser
+import viser.transforms
 
-from human_study.commands import Confirm, GiveUp, LookFrom, PogCommand, ShowStorey
-from human_study.session import CAMERA_EVERY_S
+from human_study.commands import Command, Confirm, GiveUp, ShowStorey
 from human_study.views import PogView
-from sim.tasks.run_files import ClickRay
+from sim.tasks.run_files import ClickRay, Vector3
 
+from .camera_buttons import add_camera_buttons
+from .camera_samples import CameraSamples, four, three
+from .map_app import send_camera, sender
 from .panels import Page
-from .scene_view import SceneView, StoreyCopies
 
-SAMPLE_EVERY_S = 1.1 * CAMERA_EVERY_S
-"""A little more than the session's limit, so that it keeps every sample."""
-Send = Callable[[PogCommand | ClickRay], Awaitable[None]]
+NUDGE_M = 0.1
+"""How far one press moves the mark (metres): a tenth of the success radius."""
+_SIDES = {"Left": (-1, 0), "Up": (0, 1), "Down": (0, -1), "Right": (1, 0)}
+"""Names of buttons to (right, up) on the screen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nudge:
+    """The mark is to be moved over the ground; from the middle of the storey when there is none."""
+
+    x_m: float
+    z_m: float
+    """World metres."""
+
+
+Send = Callable[[Command | ClickRay | Nudge], Awaitable[None]]
+
+
+class Surface(Protocol):
+    """What is pointed at: a `SceneView` or a `MapView`."""
+
+    advice: str
+    """How to look around."""
+    is_map: bool
+    """Whether it is a picture from above."""
+
+    def show_storey(self, index: int, *, move_camera: bool = True) -> None:
+        """Shows one storey, without a mark."""
+        ...
+
+    def show_mark(self, position: Vector3) -> None:
+        """Puts the mark there."""
+        ...
+
+    def remove(self) -> None:
+        """Takes everything out of the browser."""
+        ...
 
 
 class PogApp:
     """Draws one POG trial on a page and turns clicks into rays and commands."""
 
-    def __init__(self, page: Page, view: PogView, send: Send, *, copies: StoreyCopies, progress: str) -> None:
+    def __init__(
+        self, page: Page, view: PogView, send: Send, *, surface: Surface, scene_label: str, progress: str
+    ) -> None:
         """Builds the screen.
 
         Args:
             page: The participant's page.
             view: What to show first.
-            send: Where commands go, and the rays of clicks.
-            copies: Browser copies of the home.
+            send: Where commands go, the rays of clicks, and what moves the mark.
+            surface: The home, or its map.
+            scene_label: How the home must be called (schematic and invented homes say so).
             progress: "Trial 1 of 6".
         """
-        self._page, self._send = page, send
+        self._page, self._send, self._surface = page, send, surface
         self._shown = view
-        self._looked_from: LookFrom | None = None
-        self._is_sampling = False
         page.clear()
-        self._scene_view = SceneView(page.client, copies)
         self._status = page.client.gui.add_html("")
         page.add(self._status)
-        self._caption = f"{html.escape(progress)} &middot; {html.escape(copies.scene.label)}"
+        self._caption = f"{html.escape(progress)} &middot; {html.escape(scene_label)}"
         page.task_texts(view.task)
         if len(view.storeys) > 1:
             for index in range(len(view.storeys)):
-                page.button(f"Show storey {index + 1} of {len(view.storeys)}", self._sender(ShowStorey(index)))
-        page.button("Confirm the mark", self._sender(Confirm()), color="green")
-        page.button("Give up this search", self._sender(GiveUp()), color="gray")
+                page.button(f"Show storey {index + 1} of {len(view.storeys)}", sender(send, ShowStorey(index)))
+        add_camera_buttons(page, is_map=surface.is_map)
+        self._add_nudges()
+        page.button("Confirm the mark", sender(send, Confirm()), color="green")
+        page.button("Give up this search", sender(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
-        page.listen_to_camera(self._on_camera)
-        self._scene_view.show_storey(view.storey)
+        page.listen_to_camera(CameraSamples(send_camera(send)).moved)
+        surface.show_storey(view.storey)
         if view.marker is not None:
-            self._scene_view.show_mark(view.marker)
+            surface.show_mark(view.marker)
         self._draw_status()
 
     def show(self, view: PogView) -> None:
         """Draws what has changed."""
         before, self._shown = self._shown, view
         if view.storey != before.storey:
-            self._scene_view.show_storey(view.storey)
+            self._surface.show_storey(view.storey)
         if view.marker is not None and (view.marker, view.storey) != (before.marker, before.storey):
-            self._scene_view.show_mark(view.marker)
-        if (view.marker is None) != (before.marker is None):
+            self._surface.show_mark(view.marker)
+        if _status_of(view) != _status_of(before):
             self._draw_status()
 
     def close(self) -> None:
         """Takes the home out of the browser and stops listening to clicks; `Page.clear` ends the rest."""
         self._page.client.scene.remove_click_callback(self._on_click)
-        self._scene_view.remove()
+        self._surface.remove()
+
+    def _add_nudges(self) -> None:
+        group = self._page.client.gui.add_button_group("Move the mark", tuple(_SIDES), hint="Also with the arrow keys")
+
+        @group.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            await self._nudge(event.target.value)
+
+        self._page.add(group)
+        for name in _SIDES:
+            self._page.hotkey(f"arrow{name.lower()}", f"move the mark {name.lower()}", self._nudger(name))
+
+    def _nudger(self, name: str) -> Callable[[], Awaitable[None]]:
+        async def press() -> None:
+            await self._nudge(name)
+
+        return press
+
+    async def _nudge(self, name: str) -> None:
+        """Moves the mark as it looks on the screen, whichever way the camera looks."""
+        right, up = _SIDES[name]
+        R_world_camera = viser.transforms.SO3(np.asarray(self._page.client.camera.wxyz, float)).as_matrix()
+        along = right * R_world_camera[:, 0] - up * R_world_camera[:, 1]  # the camera's y points down
+        length = float(np.hypot(along[0], along[2]))
+        if length > 0:
+            await self._send(Nudge(*(float(NUDGE_M * along[axis] / length) for axis in (0, 2))))
 
     def _draw_status(self) -> None:
+        view = self._shown
         advice = (
-            "Drag to turn, scroll to zoom, right-drag to move. Click the object to mark it."
-            if self._shown.marker is None
+            f"{self._surface.advice} Click the object to mark it."
+            if view.marker is None
             else "Click again to move your mark, or confirm it."
         )
+        below = "" if view.left_s is None else f'<div role="timer">At most {left_text(view.left_s)} left</div>'
+        below += giving_up_html(view.is_giving_up)
         self._status.content = (
-            f'<div style="padding:.6em .8em 0;font-size:14px;color:#555">{self._caption}</div>'
-            f'<div style="padding:.2em .8em;font-size:16px"><b>{advice}</b></div>'
+            f'<div style="padding:.6em .8em 0;font-size:.9em;color:#555">{self._caption}</div>'
+            f'<div style="padding:.2em .8em;font-size:1em"><b>{advice}</b>{below}</div>'
         )
         self._page.client.flush()
 
     async def _on_click(self, event: viser.SceneClickEvent) -> None:
         camera = event.client.camera
         ray = ClickRay(
-            origin=_three(event.ray_origin),
-            direction=_three(event.ray_direction),
-            camera_position=_three(camera.position),
-            camera_wxyz=_four(camera.wxyz),
+            origin=three(event.ray_origin),
+            direction=three(event.ray_direction),
+            camera_position=three(camera.position),
+            camera_wxyz=four(camera.wxyz),
             storey_y=self._shown.storeys[self._shown.storey],
         )
         await self._send(ray)
 
-    async def _on_camera(self, camera: viser.CameraHandle) -> None:
-        """Samples the camera while it moves; the pose in which it comes to rest is always among the samples."""
-        self._looked_from = LookFrom(_three(camera.position), _four(camera.wxyz))
-        if self._is_sampling:
-            return
-        self._is_sampling = True
-        sent = None
-        while self._looked_from != sent:
-            sent = self._looked_from
-            await self._send(sent)
-            await asyncio.sleep(SAMPLE_EVERY_S)
-        self._is_sampling = False
 
-    def _sender(self, command: PogCommand) -> Callable[[], Awaitable[None]]:
-        async def press() -> None:
-            await self._send(command)
-
-        return press
+def giving_up_html(is_giving_up: bool) -> str:
+    """Asks once again after the first press of giving up; empty otherwise."""
+    if not is_giving_up:
+        return ""
+    return (
+        '<div role="alert" style="margin-top:.3em;background:#b00020;color:#fff;padding:.2em .5em;border-radius:4px">'
+        "Press &ldquo;Give up&rdquo; again to end this search without an answer</div>"
+    )
 
 
-def _three(values) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return (x, y, z)
+def left_text(seconds: int) -> str:
+    """`3 minutes`, `40 seconds`: the coarse time that views have."""
+    return f"{seconds} seconds" if seconds <= 60 else f"{seconds // 60} minutes"
 
 
-def _four(values) -> tuple[float, float, float, float]:
-    w, x, y, z = (float(value) for value in values)
-    return (w, x, y, z)
+def _status_of(view: PogView) -> tuple[bool, bool, int | None]:
+    return view.marker is None, view.is_giving_up, view.left_s

@@ -1,5 +1,6 @@
 """A home in a participant's 3-D view: one cut storey at a time, labels on plain homes, the participant's mark."""
 
+import functools
 import math
 from concurrent.futures import ThreadPoolExecutor
 
@@ -10,6 +11,8 @@ from sim.scenes.browser_glb import browser_glb
 from sim.scenes.cut import storey_cut
 from sim.scenes.scene import Scene
 from sim.tasks.run_files import Vector3
+
+from .top_view import TopView, top_views
 
 MARK_COLOR = (214, 0, 110)
 VIEW_ANGLE = math.radians(55)
@@ -31,9 +34,28 @@ class StoreyCopies:
         with ThreadPoolExecutor() as pool:
             self.glbs = tuple(pool.map(lambda floor_y: browser_glb(scene, floor_y), self.storeys))
 
+    @functools.cached_property
+    def maps(self) -> tuple[TopView, ...]:
+        """Each storey from above; made or read when first asked for, some seconds the first time on a machine.
+
+        Raises:
+            SceneError: A storey has no faces.
+        """
+        return top_views(self.scene)
+
+    def middle(self, index: int) -> tuple[float, float]:
+        """World (x, z) of the walkable place of a storey that is nearest to the mean of them all."""
+        top_down = self.scene.navigation.top_down(self.storeys[index])
+        xz = top_down.grid.xz_from_rc(np.argwhere(top_down.free))
+        x, z = xz[np.linalg.norm(xz - xz.mean(axis=0), axis=1).argmin()]
+        return float(x), float(z)
+
 
 class SceneView:
     """What one browser shows of the scene."""
+
+    advice = "Drag to turn, scroll to zoom, right-drag to move."
+    is_map = False
 
     def __init__(self, client: viser.ClientHandle, copies: StoreyCopies) -> None:
         """Shows nothing yet; light is off because the copies carry theirs."""

@@ -14,6 +14,7 @@ from .screenshots_browse import picture_browser
 from .screenshots_homes import picture_homes
 from .screenshots_recordings import KEYS, first_walk, picture_recordings, run_agent
 from .screenshots_sim import picture_simulator
+from .screenshots_study import picture_study_pages
 from .served import ServedStudy, served_demo
 
 PICTURES = Path(__file__).parent / "pictures"
@@ -29,6 +30,8 @@ def main() -> None:
         with served_demo(Path(folder) / "demo") as study, open_chromium() as browser:
             _picture_pan(browser, study, dataset=dataset, runs=Path(folder) / "way")
             _picture_pog(browser, study.links["pog"])
+        with open_chromium() as browser:
+            picture_study_pages(browser, Path(folder) / "planned", PICTURES)
         _picture_simulator(dataset)
         picture_recordings(PICTURES, study.folder, dataset=dataset, folder=Path(folder))
     picture_homes(PICTURES)

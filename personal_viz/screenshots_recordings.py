@@ -8,9 +8,9 @@ from sim.types import Action, EpisodeKey, Split
 
 from .browser import open_chromium
 from .commands.compare import compare
+from .commands.export_study import export
 from .commands.recordings import replay
 from .commands.runs import run
-from .commands.study import export
 from .screenshots_rerun import screenshot_rrd
 
 AGENT = "personal_viz.examples.example_1_explaining_agent:make"

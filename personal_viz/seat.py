@@ -1,316 +1,206 @@
-"""One participant at one browser connection: commands in, stored events, then the view. The session's own thread.
+"""One participant at one browser connection, from the first page to the last. The session's own thread.
 
-viser's callbacks only put commands on the queue; simulator, rendering and disk are never on viser's event loop.
+Nothing but the connection lives here: pages and trials are rebuilt from what is stored whenever a browser comes.
 """
 
 import contextlib
-import enum
-import queue
 import sys
 import threading
 import time
 import traceback
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import viser
 
-from human_study.commands import Click, PanCommand, PogCommand, Resume, Start
-from human_study.events import Error, Event
-from human_study.outcome import pan_outcome, pog_outcome, technical_outcome
-from human_study.session import (
-    STOP_WITHIN_S,
-    PanSession,
-    PogSession,
-    pan_session_from_events,
-    pog_session_from_events,
-)
-from human_study.store import SupersededError, Trial, TrialEndedError
+from human_study.plan import StudyPlan
+from human_study.stages import has_reached, way_out
+from human_study.store import SupersededError, TrialEndedError
 from human_study.study import StudyConfig
-from human_study.views import PanView, PogView, SessionUpdate
 from human_study.writer import StoreFullError
-from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
-from sim.tasks.pan import PanEnv
-from sim.tasks.pog import PogScene
-from sim.tasks.run_files import Answer, ClickRay, EpisodeRun
-from sim.types import EpisodeKey
-from sim.world.renderer import Renderer
 
-from .pan_app import PanApp
+from .desk import Desk, GoneError, Item, Signal, WithdrawnError
+from .flow import FlowPlace, last_detail
+from .flow_cards import IN_3D, ON_LEAVE, lost_picture_card, practice_word, saved_card
+from .flow_pages import FlowPages, QuizMemory
+from .home import Home
+from .homes import HomeLibrary
+from .page_script import KeyAction, PageMessages
 from .panels import Page
-from .pog_app import PogApp
-from .scene_view import StoreyCopies
-from .store_link import StoreLink, TrialPlace
-from .watch import TrialWatch, Watches
+from .play import TrialPlay
+from .store_link import PersonPlace, StoreLink, TrialPlace
 
-WELCOME = {
-    "pan": (
-        "You steer a small robot through a home that you do not know. A text says who owns what; above it stands "
-        "what to find.\nWalk to that object and press STOP when you stand within one metre of it. You have {max_steps} "
-        "steps. Keys: W or Up walks 25 cm, A and D (or Left and Right) turn 30 degrees, Enter twice stops."
-    ),
-    "pog": (
-        "You see a home from outside, without its ceiling. A text says who owns what; the line above it says what to "
-        "find.\nTurn and zoom the home, click the object, and confirm your mark. You can move the mark as often as you "
-        "like before you confirm."
-    ),
+_KEYS: dict[str, tuple[KeyAction, ...]] = {
+    "paper4": ("forward", "left", "right", "stop"),
+    "paper6": ("forward", "left", "right", "look_up", "look_down", "stop"),
 }
-
-MAX_WAITING = 200
-"""Commands that may wait for a seat; a person never has more than a few."""
+"""What PAN participants have keys for."""
+_TO_DO = ("practice", "trial", "none_due")
+"""Steps at which the store is asked for the next trial."""
 
 
 @dataclass(frozen=True, slots=True)
-class Home:
+class Study:
     """What all seats of a worker share."""
 
-    scene: Scene
-    renderer: Renderer
-    pog_scene: PogScene
-    copies: StoreyCopies
-    episodes: dict[EpisodeKey, Episode]
-    storeys: list[tuple[float, float]]
-    """(lowest, highest) floor of each storey, from the episodes."""
     config: StudyConfig
+    plan: StudyPlan
+    homes: HomeLibrary[Home]
     opened_s: float
     """`time.monotonic()` when this worker began to serve."""
-    watches: Watches
-    """What a researcher sees meanwhile."""
-
-
-def pan_env(episode: Episode, scene: Scene, renderer: Renderer, config: StudyConfig) -> PanEnv:
-    """What a PAN participant walks in."""
-    camera, max_steps = config.robot_camera, config.max_steps
-    return PanEnv(episode.start, scene.navigation, renderer=renderer, camera=camera, max_steps=max_steps)
-
-
-class _Signal(enum.Enum):
-    """What a seat is told besides the participant's commands."""
-
-    NEXT = enum.auto()
-    """The participant pressed the button of a notice."""
-    GONE = enum.auto()
-    """The browser closed the connection."""
-    SUPERSEDED = enum.auto()
-    """The participant opened the study in another tab."""
-
-
-class _GoneError(Exception):
-    """The browser closed the connection."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Item:
-    """One thing on a seat's queue."""
-
-    content: PanCommand | PogCommand | ClickRay | _Signal
-    screen: int | None = None
-    """The screen whose button, key or canvas it came from; None for signals that always count."""
-    is_busy: bool = False
-    """Whether the frame of an earlier command was under way."""
+    texts: Mapping[str, str] = field(default_factory=dict)
+    """`consent.md` and `instructions.md`, by file name; those that the study has."""
+    quizzes: QuizMemory = field(default_factory=QuizMemory)
 
 
 class Seat:
-    """Runs one participant's trials on one page until the connection closes or a newer one takes over."""
+    """Leads one participant through the study on one page until the connection closes or a newer one takes over."""
 
-    def __init__(self, client: viser.ClientHandle, code: str, link: StoreLink, home: Home) -> None:
-        """Starts the seat's thread."""
+    def __init__(
+        self, client: viser.ClientHandle, code: str, link: StoreLink, study: Study, *, took_over: bool = False
+    ) -> None:
+        """Starts the seat's thread; `took_over` says that another tab of the participant was still open."""
         self.code = code
-        self._link, self._home = link, home
-        self._queue: queue.Queue[_Item] = queue.Queue(MAX_WAITING)
-        self._screen = 0
-        self._is_busy = False
-        self._page = Page(client)
-        self._watch = TrialWatch()
+        self._took_over = took_over
+        self._client, self._link, self._study = client, link, study
+        self._desk = Desk(Page(client), code)
+        self._desk.on_keys = self._keep_keys
+        self._was_paused = False
+        self._pages = FlowPages(
+            self._desk,
+            link,
+            study.config,
+            texts=study.texts,
+            quizzes=study.quizzes,
+            label_of_home=self._label_of_home,
+        )
         threading.Thread(target=self._run, daemon=True, name=f"seat-{code}").start()
 
     def leave(self) -> None:
         """The browser is gone: the thread ends after what it is doing."""
-        self._put(_Item(_Signal.GONE))
+        self._desk.put(Item(Signal.GONE))
 
     def supersede(self) -> None:
         """A newer tab drives: this page says so and ends."""
-        self._put(_Item(_Signal.SUPERSEDED))
-
-    def _put(self, item: _Item) -> None:
-        """Queues an item; a browser that floods its seat loses what is over MAX_WAITING."""
-        with contextlib.suppress(queue.Full):
-            self._queue.put_nowait(item)
-
-    def _new_screen(self) -> Callable[[PanCommand | PogCommand | ClickRay | _Signal], Awaitable[None]]:
-        """Begins a screen; returns where its callbacks send, and what older screens still send is dropped."""
-        self._screen += 1
-        self._is_busy = False
-        screen = self._screen
-
-        async def send(content: PanCommand | PogCommand | ClickRay | _Signal) -> None:
-            if screen != self._screen:
-                return
-            is_busy, self._is_busy = self._is_busy, True
-            self._put(_Item(content, screen, is_busy))
-
-        return send
+        self._desk.put(Item(Signal.SUPERSEDED))
 
     def _run(self) -> None:
+        page = self._desk.page
         try:
-            self._welcome()
-            while (place := self._next_place()) is not None:
-                self._play_until_stored(place)
-            self._page.notice("Thank you!", "All your answers are stored. You can close this page.")
+            self._begin()
+            self._until_stored(self._lead_to_end)
+        except WithdrawnError:
+            self._until_stored(self._withdraw)
         except SupersededError:
-            self._page.notice("This page is no longer used", "You opened the study in another tab. Continue there.")
-        except _GoneError:
+            page.notice("This page is no longer used", "You opened the study in another tab. Continue there.")
+        except GoneError:
             pass
         except Exception:  # the live session's door: the participant is told, the operator sees everything
             traceback.print_exc()
-            self._page.notice("Something went wrong", "Nothing that you did is lost. Open your personal link again.")
-        finally:
-            self._watch.leave()
+            page.notice("Something went wrong", "Nothing that you did is lost. Open your personal link again.")
 
-    def _welcome(self) -> None:
-        """Instructions before a participant's first trial; whoever comes back goes on at once."""
-        places = self._link.trials(self.code)
-        if places and not any(place.is_over or place.is_begun for place in places):
-            text = WELCOME[places[0].task].format(max_steps=self._home.config.max_steps)
-            self._ask("Welcome", f"{text}\nThis home: {self._home.scene.label}.", "Start")
+    def _begin(self) -> None:
+        """Starts the page's script with the participant's own keys, and shows the tools."""
+        person = self._link.person(self.code)
+        actions = _KEYS[self._study.config.actions] if person.task == "pan" else ()
+        messages = PageMessages(self._client, self._desk.heard, actions=actions)
+        messages.begin(last_detail(person.stages, "keys_changed"))
+        is_in = way_out(person.stages) is None and not has_reached(person.stages, "finished")
+        on_leave = ON_LEAVE[self._study.config.privacy.on_withdraw] if is_in else None
+        self._desk.page.tools(has_keys=bool(actions), on_leave=on_leave)
 
-    def _next_place(self) -> TrialPlace | None:
-        return next((place for place in self._link.trials(self.code) if not place.is_over), None)
-
-    def _play_until_stored(self, place: TrialPlace) -> None:
-        """One trial; when the store cannot write, the page waits and the trial is rebuilt from what is stored."""
-        was_paused = False
+    def _until_stored(self, work: Callable[[], None]) -> None:
+        """Does the work; when the store cannot write, the page waits, and all is rebuilt from what is stored."""
         while True:
             try:
-                self._play(place, was_paused=was_paused)
+                work()
                 return
-            except TrialEndedError:
-                return  # finished in another tab a moment ago
             except StoreFullError as error:
                 print(f"personal-viz: {error}", file=sys.stderr)
-                was_paused = True
+                self._was_paused = True
                 text = "Nothing that you did is lost. Please try again in a minute."
-                self._ask("The study is paused", text, "Try again")
+                self._desk.ask("The study is paused", text, "Try again")
 
-    def _play(self, place: TrialPlace, *, was_paused: bool) -> None:
-        """One trial from its opening to its stored outcome; a failure of ours ends it as `technical`."""
-        trial = self._link.open_trial(self.code, place.order_no)
-        progress = f"Trial {place.order_no} of {len(self._link.trials(self.code))}"
-        # time in which the study was not served, or could not store, is not the participant's absence
-        away_s = 0.0 if was_paused else min(trial.away_s, time.monotonic() - self._home.opened_s)
-        result: EpisodeRun | Answer | None = None
-        try:
-            episode = self._home.episodes[trial.key]
-            play = self._play_pan if trial.task == "pan" else self._play_pog
-            play(trial, episode, progress, away_s)
-            result = self._result(trial, episode)
-            outcome = result.end if isinstance(result, EpisodeRun) else result
-        except (StoreFullError, SupersededError, TrialEndedError, _GoneError):
-            raise
-        except Exception as error:  # the live session's door: the same trial must not fail for ever
-            traceback.print_exc()
-            self._link.append_many(trial.trial_id, trial.epoch, (Error(message=repr(error)[:500], is_fatal=True),))
-            outcome = technical_outcome(trial.key, trial.task, participant=self.code)
-        self._link.finish_trial(trial.trial_id, outcome)
-        self._watch.end(result)
-        if self._next_place() is not None:
-            self._ask("Saved", f"{progress} is stored.", "Next trial")
-
-    def _play_pan(self, trial: Trial, episode: Episode, progress: str, away_s: float) -> None:
-        session, update, stored = self._begin_pan(trial, episode, away_s)
-        app = PanApp(self._page, update.view, self._new_screen(), scene_label=self._home.scene.label, progress=progress)
-        self._watch = self._home.watches.begin(trial, episode, stored, session.observation)
-        while not session.is_over:
-            try:
-                item = self._wait(timeout_s=STOP_WITHIN_S if update.view.is_armed else None)
-            except queue.Empty:
-                update = SessionUpdate((), session.view(time.monotonic()))
-            else:
-                assert isinstance(item.content, PanCommand), item.content
-                update = session.handle(item.content, time.monotonic(), busy=item.is_busy)
-                self._link.append_many(trial.trial_id, trial.epoch, update.events)
-                self._is_busy = self._is_busy and item.is_busy
-            app.show(update.view)
-            self._watch.tell(update.events, session.observation)
-
-    def _play_pog(self, trial: Trial, episode: Episode, progress: str, away_s: float) -> None:
-        session, update, stored = self._begin_pog(trial, episode, away_s)
-        app = PogApp(self._page, update.view, self._new_screen(), copies=self._home.copies, progress=progress)
-        self._watch = self._home.watches.begin(trial, episode, stored)
-        try:
-            while not session.is_over:
-                command = self._wait().content
-                if isinstance(command, ClickRay):
-                    storey = update.view.storeys.index(command.storey_y)
-                    command = Click(command, self._home.pog_scene.hit(storey, command.origin, command.direction))
-                assert isinstance(command, PogCommand), command
-                update = session.handle(command, time.monotonic())
-                self._link.append_many(trial.trial_id, trial.epoch, update.events)
-                app.show(update.view)
-                self._watch.tell(update.events)
-        finally:
-            app.close()
-
-    def _begin_pan(
-        self, trial: Trial, episode: Episode, away_s: float
-    ) -> tuple[PanSession, SessionUpdate[PanView], list[Event]]:
-        """A new session, or the stored one at the same step and pose, and all its events, which are stored."""
-        config, scene = self._home.config, self._home.scene
-        env = pan_env(episode, scene, self._home.renderer, config)
-        options = {"key": trial.key, "task": config.task_for(episode, "pan"), "scene_digest": scene.digest}
-        stored = self._link.events(trial.trial_id)
-        if stored:
-            session = pan_session_from_events(stored, env, **options, resume_within_s=config.resume_within_s)
-        else:
-            session = PanSession(env, **options, resume_within_s=config.resume_within_s)
-        update = session.handle(Resume(away_s) if stored else Start(), time.monotonic())
-        self._link.append_many(trial.trial_id, trial.epoch, update.events)
-        return session, update, [*stored, *update.events]
-
-    def _begin_pog(
-        self, trial: Trial, episode: Episode, away_s: float
-    ) -> tuple[PogSession, SessionUpdate[PogView], list[Event]]:
-        """A new session, or the stored one with the same storey and mark, and all its events, which are stored."""
-        config, scene = self._home.config, self._home.scene
-        options = {
-            "key": trial.key,
-            "task": config.task_for(episode, "pog"),
-            "storeys": scene.navigation.storey_heights,
-            "scene_digest": scene.digest,
-            "resume_within_s": config.resume_within_s,
-        }
-        stored = self._link.events(trial.trial_id)
-        session = pog_session_from_events(stored, **options) if stored else PogSession(**options)
-        update = session.handle(Resume(away_s) if stored else Start(), time.monotonic())
-        self._link.append_many(trial.trial_id, trial.epoch, update.events)
-        return session, update, [*stored, *update.events]
-
-    def _result(self, trial: Trial, episode: Episode) -> EpisodeRun | Answer:
-        """The result of a finished trial from its stored events; stays on the server."""
-        events = self._link.events(trial.trial_id)
-        if trial.task == "pan":
-            navigation = self._home.scene.navigation
-            return pan_outcome(events, episode, navigation=navigation, participant=self.code)
-        return pog_outcome(events, episode, storeys=self._home.storeys, participant=self.code)
-
-    def _ask(self, title: str, text: str, button: str) -> None:
-        """Shows a notice until its button is pressed."""
-        send = self._new_screen()
-
-        async def press() -> None:
-            await send(_Signal.NEXT)
-
-        self._page.notice(title, text, button=(button, press))
-        self._wait()
-
-    def _wait(self, *, timeout_s: float | None = None) -> _Item:
-        """The next thing that the present screen sends; raises queue.Empty after `timeout_s`."""
+    def _lead_to_end(self) -> None:
+        """Pages and trials until there is nothing more to do; then the last page."""
+        if not self._link.person(self.code).stages:
+            self._link.enter_stage(self.code, "arrived")
         while True:
-            item = self._queue.get(timeout=timeout_s)
-            if item.content is _Signal.GONE:
-                raise _GoneError
-            if item.content is _Signal.SUPERSEDED:
-                raise SupersededError(f"{self.code} opened the study in another tab.")
-            if item.screen == self._screen:
-                return item
+            self._warm_next(self._link.person(self.code))
+            person = self._pages.lead()
+            place = self._pages.place(person)
+            due = self._link.next_trial(self.code) if place.step in _TO_DO else None
+            if due is None:
+                self._end(person, place)
+                return
+            if self._desk.has_lost_picture and due.condition in IN_3D:
+                self._load_again()
+            self._pages.introduce(person, place)
+            if not has_reached(person.stages, "sitting_started"):
+                self._link.enter_stage(self.code, "sitting_started", {"done": place.num_done})
+            with contextlib.suppress(TrialEndedError):  # finished in another tab a moment ago
+                self._play(due)
+
+    def _load_again(self) -> None:
+        """Only a page that is loaded again draws in 3-D again; the connection ends with the old one."""
+        self._desk.choose(lost_picture_card())
+        self._desk.reload()
+        while True:
+            self._desk.wait()
+
+    def _end(self, person: PersonPlace, place: FlowPlace) -> None:
+        """The last page, shown when it is stored. Who found nothing at all to do is told that the study is full."""
+        if place.step in _TO_DO:
+            has_done = any(trial.phase == "main" for trial in person.trials)
+            self._link.enter_stage(self.code, "finished" if has_done else "full")
+            person = self._link.person(self.code)
+        self._desk.page.tools(has_keys=False, on_leave=None)
+        self._pages.end(person, self._pages.place(person))
+
+    def _withdraw(self) -> None:
+        self._link.withdraw(self.code)
+        person = self._link.person(self.code)
+        self._end(person, self._pages.place(person))
+
+    def _play(self, place: TrialPlace) -> None:
+        """One trial to its stored outcome, then a word on it."""
+        with self._study.homes.use(place.key.scene) as home:
+            trial = self._link.open_trial(self.code, place.order_no)
+            progress = self._progress(place)
+            # time in which the study was not served, or could not store, is not the participant's absence
+            away_s = 0.0 if self._was_paused else min(trial.away_s, time.monotonic() - self._study.opened_s)
+            play = TrialPlay(self._desk, self._link, home, self._study.config)
+            try:
+                self._was_paused = False
+                result = play.play(trial, progress=progress, away_s=away_s, took_over=self._took_over)
+            finally:
+                self._took_over = False
+                play.leave()
+        person = self._link.person(self.code)
+        flow_place = self._pages.place(person)
+        self._warm_next(person)
+        if flow_place.step in ("practice", "trial") and not self._desk.has_lost_picture:
+            text = f"{progress} is stored."
+            if place.phase == "practice":
+                text += "\n" + practice_word(result)
+            self._desk.choose(saved_card(flow_place, text))
+
+    def _progress(self, place: TrialPlace) -> str:
+        """Which trial it is, counted within its phase; attention trials look like any other."""
+        trials = self._link.person(self.code).trials
+        alike = [trial for trial in trials if (trial.phase == "practice") == (place.phase == "practice")]
+        number = 1 + sum(trial.order_no < place.order_no for trial in alike)
+        return f"{'Practice' if place.phase == 'practice' else 'Trial'} {number} of {len(alike)}"
+
+    def _warm_next(self, person: PersonPlace) -> None:
+        """Opens the next trial's home while the participant reads."""
+        due = next((trial for trial in person.trials if not trial.is_over), None)
+        if due is not None:
+            self._study.homes.warm(due.key.scene)
+
+    def _keep_keys(self, keys: Mapping[KeyAction, str]) -> None:
+        self._link.enter_stage(self.code, "keys_changed", {str(action): code for action, code in keys.items()})
+
+    def _label_of_home(self, scene: str) -> str:
+        with self._study.homes.use(scene) as home:
+            return home.scene.label

@@ -1,6 +1,6 @@
-"""The viser worker: a child process of the gateway that serves a few participants of one scene on loopback.
+"""The viser worker: a child process of the gateway that serves a few participants on loopback.
 
-It owns scene, simulator and viser; the store stays with the gateway, at the other end of a local socket.
+It owns homes, simulator and viser; the store stays with the gateway, at the other end of a local socket.
 """
 
 import argparse
@@ -15,6 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 import viser
 from viser import _messages
 
+from human_study.plan import PRACTICE_FOLDER, StudyScene, load_plan
 from human_study.study import StudyConfig, load_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import MissingDependencyError, PersonalVizError, StudyError
@@ -23,9 +24,14 @@ from sim.scenes.sources import open_scene
 from sim.tasks.pog import PogScene
 from sim.tasks.rules import scene_storeys
 
+from .flow_pages import TEXTS
+from .frames import Frames, RenderThreads
+from .home import Home, pan_env
+from .homes import HomeLibrary
 from .scene_view import StoreyCopies
-from .seat import Home, Seat, pan_env
+from .seat import Seat, Study
 from .store_link import StoreLink
+from .viser_threads import make_updates_safe
 from .watch import Watches
 
 
@@ -41,14 +47,11 @@ def main() -> None:
     options = parser.parse_args()
     link = StoreLink(socket.socket(fileno=options.fd))
     try:
-        home = open_home(
-            load_study(options.study),
-            PersonalDataset(options.dataset),
-            options.scenes_dir,
-            rerun=options.rerun,
-            with_pixels=options.with_pixels,
+        study = open_study(
+            options.study, options.dataset, options.scenes_dir, rerun=options.rerun, with_pixels=options.with_pixels
         )
-        server = serve(home, link)
+        with study.homes.use(study.plan.scenes[0].name):  # what cannot be opened at all is told before anybody comes
+            server = serve(study, link)
     except PersonalVizError as error:
         with contextlib.suppress(StudyError):  # the gateway, once told, does not wait for our thanks
             link.tell_failed(str(error))
@@ -56,19 +59,52 @@ def main() -> None:
     link.tell_ready(server.get_port())
     link.is_closed.wait()
     server.stop()
-    home.watches.close()
+    study.homes.close()
+
+
+def open_study(
+    folder: Path, dataset: Path, scenes_dir: Path | None, *, rerun: str | None = None, with_pixels: bool = False
+) -> Study:
+    """A study with a library of its homes, of which none is open yet.
+
+    Args:
+        folder: Of the study.
+        dataset: Of the counted trials; those of practice are in the study's folder.
+        scenes_dir: Of licensed scans.
+        rerun: What a researcher sees: a folder or a viewer's address.
+        with_pixels: As in `RerunObserver`.
+
+    Raises:
+        PersonalVizError: Study, plan or datasets cannot be read.
+    """
+    config = load_study(folder)
+    plan = load_plan(folder, config)
+    counted = PersonalDataset(dataset)
+    practice = PersonalDataset(folder / PRACTICE_FOLDER) if plan.practice_scenes else None
+
+    threads = RenderThreads()
+
+    def open_one(name: str) -> Home:
+        scene = plan.scene(name)
+        if practice is not None and scene in plan.practice_scenes:
+            return open_home(config, scene, practice, None, threads=threads)
+        return open_home(config, scene, counted, scenes_dir, threads=threads, rerun=rerun, with_pixels=with_pixels)
+
+    texts = {name: path.read_text("utf-8") for name in TEXTS if (path := folder / name).is_file()}
+    return Study(config, plan, HomeLibrary(open_one), time.monotonic(), texts)
 
 
 def open_home(
     config: StudyConfig,
+    study_scene: StudyScene,
     dataset: PersonalDataset,
     scenes_dir: Path | None,
     *,
+    threads: RenderThreads,
     rerun: str | None = None,
     with_pixels: bool = False,
 ) -> Home:
-    """The study's one scene with all that participants need of it, and what a researcher sees (`rerun`, a folder or a
-    viewer's address; `with_pixels` as in `RerunObserver`).
+    """One of the study's homes with all that participants need of it, and what a researcher sees.
 
     Raises:
         PersonalVizError: Scene or episodes cannot be read, or a system library is missing.
@@ -80,9 +116,9 @@ def open_home(
             f"open3d: cannot be loaded ({error}); expected its system libraries. "
             "Install them: apt-get install -y libgl1 libegl1 libx11-6 libusb-1.0-0 libudev1 libgomp1"
         ) from None
-    name = config.scenes[0].name
-    scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=config.scenes[0].clutter)
-    renderer = renderer_of(scene)
+    name = study_scene.name
+    scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=study_scene.clutter)
+    renderer = Frames(renderer_of(scene, threads=1), threads, keep_depth=rerun is not None)
     observers = None
     if rerun is not None:
         from .watch_rerun import RerunObservers  # Rerun takes a second to import
@@ -95,13 +131,11 @@ def open_home(
         copies=StoreyCopies(scene),
         episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
         storeys=scene_storeys(dataset.goals(name).values()),
-        config=config,
-        opened_s=time.monotonic(),
         watches=Watches(observers, make_env=lambda episode: pan_env(episode, scene, renderer, config)),
     )
 
 
-def serve(home: Home, link: StoreLink) -> viser.ViserServer:
+def serve(study: Study, link: StoreLink) -> viser.ViserServer:
     """A viser server on a free loopback port that gives every admitted connection a seat."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     refuse_tunnels(server)
@@ -114,10 +148,11 @@ def serve(home: Home, link: StoreLink) -> viser.ViserServer:
         code = await asyncio.get_running_loop().run_in_executor(None, link.code_of_ticket, ticket)
         if code is None or client.client_id not in server.get_clients():
             return  # unknown, or gone while we asked
-        for seat in seats.values():
-            if seat.code == code:
-                seat.supersede()
-        seats[client.client_id] = Seat(client, code, link, home)
+        make_updates_safe(client)
+        older = [seat for seat in seats.values() if seat.code == code]
+        for seat in older:
+            seat.supersede()
+        seats[client.client_id] = Seat(client, code, link, study, took_over=bool(older))
 
     @server.on_client_disconnect
     async def _(client: viser.ClientHandle) -> None:

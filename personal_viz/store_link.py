@@ -19,12 +19,14 @@ from human_study.events import Event, event_from_json, event_to_json
 from human_study.outcome import Outcome
 from human_study.plan import Phase
 from human_study.record_types import TrialStatus
-from human_study.stages import Stage, StageEntry, has_reached
+from human_study.stages import Stage, StageEntry, has_reached, way_out
 from human_study.store import StudyStore, SupersededError, Trial, TrialEndedError
 from human_study.study import Condition
 from human_study.writer import StoreFullError
 from sim.errors import StudyError
 from sim.types import EpisodeKey, TaskKind
+
+from .recruit_codes import EndCode
 
 _ERRORS: dict[str, type[StudyError]] = {
     kind.__name__: kind for kind in (StudyError, StoreFullError, SupersededError, TrialEndedError)
@@ -168,7 +170,9 @@ class PersonPlace(msgspec.Struct, frozen=True):
     trials: list[TrialPlace]
     """In order, without those given back; each with its last attempt."""
     completion_code: str | None
-    """What the participant gets at the end; None before `finished` is stored."""
+    """What the participant shows whoever pays, by how the study ended; None before that is stored, or without one."""
+    end_url: str | None = None
+    """The recruiting platform's page that takes the code; None without one."""
 
     @property
     def is_withdrawn(self) -> bool:
@@ -280,7 +284,8 @@ class StoreService:
         store: StudyStore,
         *,
         code_of_ticket: Callable[[str], str | None],
-        completion_code: Callable[[str], str],
+        end_code: Callable[[str, Stage], EndCode],
+        client_profile: Callable[[str], dict[str, Any] | None],
         on_end: Callable[[], None],
     ) -> None:
         """Starts answering.
@@ -289,13 +294,15 @@ class StoreService:
             connection: Our end of the socket pair.
             store: Owned by the gateway.
             code_of_ticket: Participant who holds a ticket.
-            completion_code: What a participant gets at the end; asked for only when that is stored.
+            end_code: What a participant gets who ended by this stage; asked for only when that is stored.
+            client_profile: What a participant's browser can do, coarsely; stored with each sitting. None = not known.
             on_end: Called once when the worker is gone, whoever ended it.
         """
         self._connection = connection
         self._store = store
         self._code_of_ticket = code_of_ticket
-        self._completion_code = completion_code
+        self._end_code = end_code
+        self._client_profile = client_profile
         self._on_end = on_end
         self._lock = threading.Lock()
         self._pool = ThreadPoolExecutor(8, thread_name_prefix="store-service")
@@ -345,7 +352,8 @@ class StoreService:
             case AskPerson(code=code):
                 return self._person(code)
             case EnterStage(code=code, stage=stage, detail=detail):
-                self._store.enter_stage(code, stage, detail)
+                profile = self._client_profile(code) if stage == "sitting_started" else None
+                self._store.enter_stage(code, stage, {**detail, "client": profile} if profile else detail)
             case GiveConsent(code=code, text=text, given=given):
                 self._store.give_consent(code, text, given=given)
             case Withdraw(code=code):
@@ -366,13 +374,15 @@ class StoreService:
     def _person(self, code: str) -> PersonPlace:
         record = self._store.participant(code)
         latest = {trial.order_no: trial for trial in self._store.trials(code) if not trial.is_released}
-        is_finished = has_reached(record.stages, "finished")
+        ending = "finished" if has_reached(record.stages, "finished") else way_out(record.stages)
+        end = self._end_code(code, ending) if ending is not None else EndCode()
         return PersonPlace(
             code=code,
             task=record.task,
             stages=list(record.stages),
             trials=[_place(trial) for trial in latest.values()],
-            completion_code=self._completion_code(code) if is_finished else None,
+            completion_code=end.code,
+            end_url=end.url,
         )
 
 

@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from human_study.events import Act, Clicked, Event, ShownStorey
+from human_study.events import Act, Clicked, Event, MapOff, ShownStorey
+from human_study.outcome import task_began_s, walked_steps
 from human_study.store import Trial
 from sim.episodes.schema import Episode
 from sim.tasks.observers import Observer
@@ -149,10 +150,12 @@ class _WalkTeller:
 
     def __init__(self, observer: Observer) -> None:
         self._observer = observer
+        self._began_s = 0.0
 
     def begin(self, episode: Episode, events: Sequence[Event], observation: Observation, *, env: PanEnv) -> None:
         """The start and, in a resumed trial, every step so far, as the participant saw it."""
-        steps = [event.step for event in events if isinstance(event, Act)]
+        self._began_s = task_began_s(events)
+        steps = walked_steps(events)
         self._observer.on_reset(episode, env.reset() if steps else observation)
         for number, step in enumerate(steps, start=1):
             seen = env.restore(steps[:number]) if number < len(steps) else observation
@@ -160,9 +163,12 @@ class _WalkTeller:
 
     def tell(self, events: Sequence[Event], observation: Observation | None) -> None:
         for event in events:
-            if isinstance(event, Act):  # one at most: a command is one step
+            if isinstance(event, MapOff):
+                self._began_s = event.t_s or 0.0
+            elif isinstance(event, Act):  # one at most: a command is one step
                 assert observation is not None
-                self._observer.on_step(event.step, observation, None)
+                step = event.step.model_copy(update={"t_s": (event.t_s or 0.0) - self._began_s})
+                self._observer.on_step(step, observation, None)
 
     def end(self, result: EpisodeRun | Answer) -> None:
         assert isinstance(result, EpisodeRun)

@@ -4,7 +4,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from human_study.export import trial_run_info
+from human_study.export_runs import trial_run_info
+from human_study.plan import StudyScene
 from human_study.store import Trial
 from human_study.study import StudyConfig
 from recordings.live import LiveSink
@@ -51,12 +52,13 @@ class RerunObservers:
         )
 
     def run_info(self, trial: Trial) -> RunInfo:
-        """Who takes part, as `personal-viz study export` writes it."""
+        """Who takes part, as `personal-viz study export` writes it but for the code, which is the study's own here."""
         return trial_run_info(
             self._config,
+            StudyScene(name=self._scene.name, kind=self._scene.kind, clutter=self._scene.clutter),
             trial.code,
             trial.task,
-            scene=trial.key.scene,
+            condition=trial.condition,
             created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
             app_version=version("personal-viz"),
         )

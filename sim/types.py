@@ -146,6 +146,14 @@ class GridSpec:
         rc = np.asarray(rc)
         return np.asarray(self.origin_xz, np.float64) + (rc[..., ::-1].astype(np.float64) + 0.5) * self.cell
 
+    def uv_from_xz(self, xz: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(columns, rows) from the grid's corner, with fractions: cell (0, 0) has its centre at (0.5, 0.5)."""
+        return (np.asarray(xz, np.float64) - np.asarray(self.origin_xz)) / self.cell
+
+    def xz_from_uv(self, uv: NDArray[np.floating]) -> NDArray[np.float64]:
+        """World (x, z) of places on the grid, the inverse of `uv_from_xz`; (..., 2) in, (..., 2) out."""
+        return np.asarray(self.origin_xz, np.float64) + np.asarray(uv, np.float64) * self.cell
+
     def contains(self, rc: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Which (row, col) pairs lie inside the grid; (..., 2) in, (...) out."""
         rc = np.asarray(rc)

@@ -21,6 +21,8 @@ NAMES = ("bench-sim.json", "bench-sim.md", "bench-sim.png")
 """What a run of the simulator's benchmark writes into its folder."""
 RECORDING_NAMES = ("bench-recordings.json", "bench-recordings.md")
 """The same of the recordings' benchmark."""
+STUDY_NAMES = ("bench-study.json", "bench-study.md")
+"""The same of the human study's benchmark."""
 
 
 def bench_sim(*, out: Path, quick: bool, json: bool) -> int:
@@ -65,6 +67,31 @@ def bench_recordings(*, out: Path, quick: bool, json: bool) -> int:
         print(document)
         return 0
     _print_table("Recordings", figure_rows(figures))
+    print(f"Written to {data}, {table}")
+    return 0
+
+
+def bench_study(*, out: Path, quick: bool, json: bool) -> int:
+    """Measures a study, writes STUDY_NAMES into `out` and prints the figures; progress goes to stderr.
+
+    Raises:
+        PersonalVizError: `out` cannot be written, or the study cannot be served.
+    """
+    from ..bench.study import FULL, QUICK, figure_rows, markdown, measure_study
+
+    _require_folder(out)
+    figures = measure_study(QUICK if quick else FULL, progress=lambda line: print(line, file=sys.stderr, flush=True))
+    document = figures.model_dump_json(indent=2)
+    data, table = (out / name for name in STUDY_NAMES)
+    try:
+        write_whole(data, document + "\n")
+        write_whole(table, markdown(figures))
+    except OSError as error:
+        raise _unwritable(out, error) from None
+    if json:
+        print(document)
+        return 0
+    _print_table("Human study", figure_rows(figures))
     print(f"Written to {data}, {table}")
     return 0
 

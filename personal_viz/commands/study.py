@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from human_study.database import require_free_space
 from human_study.plan import PLAN_FILE, StudyPlan, StudyScene, load_plan, save_plan
 from human_study.planning import make_plan
 from human_study.store import StudyStore, open_store
@@ -25,7 +26,7 @@ from human_study.study import (
 from human_study.study_secrets import StudySecrets, make_secrets
 from human_study.tickets import token_hash
 from personal_viz.commands.options import check_options, require_no_scan
-from personal_viz.commands.serve_study import listen, serve_study
+from personal_viz.commands.serve_study import listen, require_many_recordings, serve_study
 from personal_viz.commands.study_files import require_texts
 from personal_viz.gateway_options import ServeOptions, require_may_serve
 from sim.episodes.dataset import PersonalDataset
@@ -209,6 +210,8 @@ def _serve(
     rerun: str | None,
     with_pixels: bool,
 ) -> int:
+    require_free_space(folder)
+    require_many_recordings(rerun, plan)
     with open_store(folder, config, plan) as store:
         secrets = make_secrets(folder, [person.code for person in plan.participants])
         _register(store, plan, secrets)

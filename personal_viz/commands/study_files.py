@@ -18,7 +18,7 @@ from personal_viz.recruit_codes import CODES_FILE
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.scenes.kind import scene_kind
-from sim.types import SPLITS, EpisodeKey
+from sim.types import SPLITS, EpisodeKey, Split
 
 TEXTS = ("consent.md", "instructions.md")
 """What participants read; frozen by their hashes when the plan is made."""
@@ -46,12 +46,13 @@ def init(
 ) -> int:
     """Writes study.yaml, consent.md, instructions.md and secrets.toml for the researcher to read and change."""
     episodes = PersonalDataset(dataset)
-    splits = sorted({episode.key.split for episode in episodes.episodes()}, key=SPLITS.index)
+    found = {episode.key.split for episode in episodes.episodes()}
+    splits: dict[Split, int | Literal["all"]] = {split: per_split for split in SPLITS if split in found}
     if (folder / STUDY_FILE).exists():
         raise StudyError(f"{folder / STUDY_FILE}: exists already; expected a new folder. Give another, or edit it.")
     config = StudyConfig(
         study=name or folder.resolve().name,
-        dataset=StudyDataset(sha256=episodes.digest(), splits=dict.fromkeys(splits, per_split), seed=seed),
+        dataset=StudyDataset(sha256=episodes.digest(), splits=splits, seed=seed),
         task=task,
         design=StudyDesign(kind=design),
     )
@@ -66,8 +67,13 @@ def init(
     return 0
 
 
-def plan(*, folder: Path, dataset: Path, scenes_dir: Path | None, pilot: bool) -> int:
+def plan(*, folder: Path | None, dataset: Path | None, scenes_dir: Path | None, pilot: bool) -> int:
     """Draws the episodes, assigns them and writes plan.json; refuses once the study has begun."""
+    if folder is None or dataset is None:
+        raise StudyError(
+            f"study plan: found no {'study' if folder is None else '--dataset'}; expected a study folder and its "
+            "dataset. Give both, or --power to simulate only."
+        )
     if (folder / DATABASE_FILE).exists():
         raise StudyError(
             f"{folder / DATABASE_FILE}: the study has begun; expected one without records. A plan never changes after "

@@ -1,22 +1,96 @@
 // Trades the token in the link's fragment (never sent in a URL, never logged) for a session, then opens the study.
+// On the open link (/join) it asks for a personal link first; this browser remembers it, so that nobody has two.
 "use strict";
 (async () => {
   const message = document.getElementById("message");
-  const token = window.location.hash.slice(1);
-  if (!token) {
-    message.textContent = "This page needs your personal link. Please open the link that you were given.";
-    return;
-  }
-  try {
-    const reply = await fetch("/enter", {
-      method: "POST",
-      headers: { "Content-Type": "application/json" },
-      body: JSON.stringify({ token }),
-    });
+  const REMEMBERED = "personal-study-token";
+
+  const device = () => {
+    let webgl2 = false;
+    try {
+      webgl2 = document.createElement("canvas").getContext("webgl2") !== null;
+    } catch {
+      // none
+    }
+    return {
+      webgl2,
+      width: Math.round(window.innerWidth / 100) * 100,
+      height: Math.round(window.innerHeight / 100) * 100,
+      dpr: Math.round(window.devicePixelRatio * 4) / 4 || 1,
+      touch: navigator.maxTouchPoints > 0,
+    };
+  };
+
+  const post = (path, body) =>
+    fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+
+  const explain = (status, otherwise) => {
+    message.textContent =
+      { 429: "Too many tries from here. Please wait a minute, then open your link again.",
+        503: "The study cannot take you just now. Nothing is lost: please open your link again in some minutes." }[status]
+      || otherwise;
+  };
+
+  const remember = (token) => {
+    try {
+      window.localStorage.setItem(REMEMBERED, token);
+    } catch {
+      // a browser that keeps nothing: the address holds the link too
+    }
+  };
+
+  const remembered = () => {
+    try {
+      return window.localStorage.getItem(REMEMBERED);
+    } catch {
+      return null;
+    }
+  };
+
+  const enter = async (token) => {
+    const reply = await post("/enter", { token, device: device() });
     if (reply.ok) {
       window.location.replace((await reply.json()).view);
+      return true;
+    }
+    explain(reply.status, "This link is not known. Please check that you opened all of it.");
+    return reply.status !== 401;
+  };
+
+  const join = async () => {
+    const given = new URLSearchParams(window.location.search);
+    const arrival = {};
+    for (const name of ["PROLIFIC_PID", "STUDY_ID", "SESSION_ID"]) {
+      if (given.get(name)) arrival[name] = given.get(name);
+    }
+    const before = arrival.PROLIFIC_PID ? null : remembered();
+    if (before && (await enter(before))) return;
+    const reply = await post("/join", arrival);
+    if (!reply.ok) {
+      explain(reply.status, "This link is incomplete. Please open the study again from the page that sent you here.");
+      return;
+    }
+    const { token, code } = await reply.json();
+    if (!token) {
+      message.textContent = "The study is full: all places were taken a moment ago. Thank you for coming. You will be " +
+        "paid for coming" + (code ? ", with this code:" : " if that was announced to you.");
+      const shown = document.getElementById("code");
+      shown.textContent = code || "";
+      shown.hidden = !code;
+      return;
+    }
+    if (!arrival.PROLIFIC_PID) remember(token);
+    await enter(token);
+  };
+
+  try {
+    const token = window.location.hash.slice(1);
+    if (token) {
+      await enter(token);
+    } else if (window.location.pathname === "/join") {
+      await join();
     } else {
-      message.textContent = "This link is not known. Please check that you opened all of it.";
+      message.textContent = "This page needs your personal link. Please open the link that you were given.";
     }
   } catch {
     message.textContent = "The study cannot be reached. Please keep this page and try again in a minute.";

@@ -61,14 +61,23 @@ class LabelledRenderer:
         return np.asarray(picture)
 
 
-def raycaster_of(scene: Scene) -> "Raycaster":
-    """The plain renderer of a scene: texels as Habitat reads them for scans, mip levels where textures repeat."""
+def raycaster_of(scene: Scene, *, threads: int | None = None) -> "Raycaster":
+    """The plain renderer of a scene: texels as Habitat reads them for scans, mip levels where textures repeat.
+
+    Args:
+        scene: What to render.
+        threads: As `Raycaster`'s; they change no pixel.
+    """
     from sim.world.raycast import Raycaster
 
-    return Raycaster(scene.mesh, texture_filter="bilinear" if scene.kind == "scan" else "mipmap")
+    texture_filter = "bilinear" if scene.kind == "scan" else "mipmap"
+    return Raycaster(scene.mesh, texture_filter=texture_filter, threads=threads)
 
 
-def renderer_of(scene: Scene) -> Renderer:
-    """What draws the pictures that people and agents get: with words on schematic homes, without on all others."""
-    renderer = raycaster_of(scene)
+def renderer_of(scene: Scene, *, threads: int | None = None) -> Renderer:
+    """What draws the pictures that people and agents get: with words on schematic homes, without on all others.
+
+    Args: as `raycaster_of`'s.
+    """
+    renderer = raycaster_of(scene, threads=threads)
     return LabelledRenderer(renderer, scene) if scene.kind == "schematic" else renderer

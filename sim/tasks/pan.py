@@ -91,13 +91,17 @@ class PanEnv:
         Raises:
             TaskStateError: The episode is over.
         """
+        self.move(action, t_s=t_s)
+        return self.observe()
+
+    def move(self, action: Action, *, t_s: float = 0.0) -> None:
+        """`step` without looking: nothing is rendered until `observe`."""
         if self.is_over:
             raise TaskStateError(
                 f"step {len(self._steps) + 1}: found action {action.value!r} after the end ({self.end_reason}); "
                 "expected reset() first."
             )
         self._steps.append(self._after(action, t_s))
-        return self.observe()
 
     def observe(self) -> Observation:
         """What the robot senses now."""

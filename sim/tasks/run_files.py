@@ -197,7 +197,7 @@ class Answer(BaseModel):
     participant: str | None = None
     ray: ClickRay | None = None
     t_s: Finite | None = None
-    """Seconds from the scene being shown to the answer."""
+    """Seconds from the texts being shown to the answer; a look at the home before them is not counted."""
     reason: EndReason = "click"
     measures: AnswerMeasures | None = None
 

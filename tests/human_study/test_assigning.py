@@ -1,5 +1,6 @@
 """Who gets which episode while a study runs: leases, drop-outs, refills, open links, withdrawal."""
 
+import json
 import threading
 from pathlib import Path
 
@@ -179,7 +180,11 @@ def test_withdrawal_deletes_what_was_done_and_the_chain_still_verifies(tmp_path:
         assert key in given
     for path in (tmp_path / "study.db", backup):
         assert b"KeyW" not in path.read_bytes()
-    assert "p01" not in (tmp_path / "keys.json").read_text()
+    assert json.loads((tmp_path / "keys.json").read_text())["p01"] is None
+    (tmp_path / "study.db").write_bytes(backup.read_bytes())  # somebody puts the backup back
+    with read_study(tmp_path) as reader:
+        assert not reader.participant("p01").is_withdrawn
+        assert {trial.is_shredded for trial in reader.trials("p01")} == {True}
 
 
 def test_a_withdrawal_that_was_cut_short_is_finished_at_the_next_start(tmp_path: Path) -> None:
@@ -189,7 +194,7 @@ def test_a_withdrawal_that_was_cut_short_is_finished_at_the_next_start(tmp_path:
         store.withdraw("p01")
     (tmp_path / "keys.json").write_bytes(keys)  # as if the program had ended before the key was deleted
     started(tmp_path).close()
-    assert "p01" not in (tmp_path / "keys.json").read_text()
+    assert json.loads((tmp_path / "keys.json").read_text())["p01"] is None
 
 
 def test_what_is_kept_after_a_withdrawal_can_still_be_read(tmp_path: Path) -> None:
@@ -218,3 +223,12 @@ def test_a_lost_key_is_an_error_and_not_a_withdrawal(tmp_path: Path) -> None:
     (tmp_path / "keys.json").unlink()
     with read_study(tmp_path) as reader, pytest.raises(StudyError, match="has no key of participant p01"):
         reader.trials("p01")
+
+
+def test_who_is_screened_out_gives_the_trials_to_others(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        store.enter_stage("p01", "screened_out")
+        assert all(trial.is_released for trial in store.trials("p01"))
+        assert sorted(key.scene for key in iter(lambda: do_next(store, "p03"), None)) == list(HOMES)
+        with pytest.raises(StudyError, match=r"has left \(screened_out\)"):
+            store.next_trial("p01")

@@ -1,226 +1,294 @@
-"""Export to run folders, and doing finished trials again."""
+"""Exports: run folders like those of agents, tables in three formats, a manifest; nothing that leads to a person."""
 
+import csv
+import hashlib
+import json
+import re
+import sqlite3
 from pathlib import Path
 
+import pyarrow.parquet as parquet
 import pytest
 
-from human_study.commands import Click, Confirm, Fail, GiveUp, Move, PanCommand, PogCommand, PressStop, Start
-from human_study.events import Act, Event
-from human_study.export import Manifest, export_study
-from human_study.outcome import Outcome, pan_outcome, pog_outcome
-from human_study.session import PanSession, PogSession
-from human_study.store import StudyStore, open_store
-from human_study.study import StudyScene
-from human_study.tickets import token_hash
-from human_study.verify import Verification, verify_trial
-from sim.errors import RunFileError, StudyError
-from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, read_run
-from sim.types import Action, EpisodeKey
+from human_study.commands import GiveUp, Move, Start
+from human_study.data_dictionary import columns_of
+from human_study.export import TABLES, export_study
+from human_study.export_manifest import read_manifest, require_unchanged
+from human_study.export_rows import EventRow
+from human_study.outcome import pan_outcome
+from human_study.record_types import VerificationEntry
+from sim.errors import StudyError
+from sim.tasks.run_files import read_run
+from sim.types import Action
 
-from .small_world import SCENE_DIGEST, SquareRoom, env, episode, plan, study
-from .stores import edit
-from .test_session import FORWARD, LEFT, RAY
-
-STOREYS = [(0.0, 0.0)]
-SUCCESS: list[PanCommand] = [Start(), *[LEFT] * 3, *[FORWARD] * 5, PressStop(), PressStop()]
-POINT: list[PogCommand] = [Start(), Click(RAY, (-1.5, 0.1, 0.0)), Confirm()]
+from .finished import POINT, SUCCESS, TOO_FAR, do_trial, events_of, first_key, register, study_with_trials
+from .small_world import SquareRoom, episode, study
+from .stores import edit, open_small
 
 
-def events_of(key: EpisodeKey, commands: list, *, task: str) -> list[Event]:
-    """What a session makes of the commands, one a second."""
-    config = study()
-    if task == "pan":
-        session = PanSession(
-            env(), key=key, task=config.task_for(episode(key.episode_id), "pan"), scene_digest=SCENE_DIGEST
-        )
-    else:
-        text = config.task_for(episode(key.episode_id), "pog")
-        session = PogSession(key=key, task=text, storeys=(0.0,), scene_digest=SCENE_DIGEST)
-    return [event for number, command in enumerate(commands) for event in session.handle(command, number).events]
+def rows_of(out: Path, table: str) -> list[dict]:
+    return [json.loads(line) for line in (out / f"{table}.jsonl").read_text().splitlines()]
 
 
-def do_trial(store: StudyStore, code: str, order_no: int, commands: list) -> None:
-    """One participant's whole trial, stored and finished."""
-    trial = store.open_trial(code, order_no)
-    store.append_many(trial.trial_id, trial.epoch, events_of(trial.key, commands, task=trial.task))
-    events = [stored.event for stored in store.events(trial.trial_id)]
-    home = episode(trial.key.episode_id)
-    outcome: Outcome
-    if trial.task == "pan":
-        outcome = pan_outcome(events, home, navigation=SquareRoom(), participant=code).end
-    else:
-        outcome = pog_outcome(events, home, storeys=STOREYS, participant=code)
-    store.finish_trial(trial.trial_id, outcome)
+def files_of(out: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
 
 
-def study_with_trials(folder: Path) -> None:
-    """p01: one answer. p02: a success, a technical failure, and one trial that still runs."""
-    with open_store(folder, study()) as store:
-        for person in plan(study()).participants:
-            store.add_participant(person.code, token_hash(person.code), person.trials)
-        do_trial(store, "p01", 1, POINT)
-        do_trial(store, "p02", 1, SUCCESS)
-        do_trial(store, "p02", 2, [Start(), FORWARD, Fail("renderer died")])
-        running = store.open_trial("p02", 3)
-        store.append_many(running.trial_id, running.epoch, events_of(running.key, [Start(), FORWARD], task="pan"))
-
-
-def verify(events: list[Event], outcome: Outcome, **changes: object) -> Verification:
-    arguments = {"navigation": SquareRoom(), "scene_digest": SCENE_DIGEST, "storeys": STOREYS, "participant": "p02"}
-    return verify_trial(events, outcome, episode(), **(arguments | changes))  # type: ignore[arg-type]
-
-
-def success() -> tuple[list[Event], EpisodeRun]:
-    events = events_of(episode().key, SUCCESS, task="pan")
-    return events, pan_outcome(events, episode(), navigation=SquareRoom(), participant="p02")
+def run_of(folders: list[Path], task: str) -> Path:
+    (found,) = (folder for folder in folders if f"-{task}" in folder.name)
+    return found
 
 
 def test_finished_trials_become_run_folders_like_those_of_agents(tmp_path: Path) -> None:
     study_with_trials(tmp_path / "study")
-    folders = export_study(tmp_path / "study", tmp_path / "runs")
-    assert [folder.name for folder in folders] == ["pilot-p01-pog", "pilot-p02-pan"]
-    pog, pan = (read_run(folder) for folder in folders)
+    folders = export_study(tmp_path / "study", tmp_path / "out")
+    assert sorted(re.sub("p0[12]", "pNN", folder.name) for folder in folders) == ["pilot-pNN-pan", "pilot-pNN-pog"]
+    pan, pog = read_run(run_of(folders, "pan")), read_run(run_of(folders, "pog"))
     assert (pan.info.who, pan.info.who_kind, pan.info.scene_kind) == ("human", "human", "invented")
+    assert (pan.info.condition, pog.info.condition) == ("none", "map_open")
     assert (len(pan.episodes), len(pan.answers), len(pog.episodes), len(pog.answers)) == (1, 0, 0, 1)
     run, answer = pan.episodes[0], pog.answers[0]
-    first = plan(study()).participants[1].trials[0].key
-    assert run == pan_outcome(
-        events_of(first, SUCCESS, task="pan"),
-        episode(first.episode_id),
-        navigation=SquareRoom(),
-        participant="p02",
+    code = run.start.participant or ""
+    assert pan.info.run_id == f"pilot-{code}-pan"
+    key = first_key("p02")
+    expected = pan_outcome(
+        events_of(key, SUCCESS, task="pan"), episode(key.episode_id), navigation=SquareRoom(), participant=code
     )
-    assert run.end.measures is not None
-    assert run.end.measures.rules["paper"] is not None
-    assert run.end.measures.rules["paper"].spl == pytest.approx(0.8)
+    assert run == expected
     assert answer.measures is not None
     assert answer.measures.success
-    assert answer.participant == "p01"
+    assert {code, answer.participant} == {"p01", "p02"}
+
+
+def test_a_golden_bot_gives_the_figures_computed_by_hand(tmp_path: Path) -> None:
+    with open_small(tmp_path / "study") as store:
+        register(store)
+        do_trial(store, "p02", 1, SUCCESS)
+        do_trial(store, "p02", 2, TOO_FAR)
+        do_trial(store, "p01", 1, POINT)
+    export_study(tmp_path / "study", tmp_path / "out")
+    rows = {(row["task"], row["order_no"]): row for row in rows_of(tmp_path / "out", "trials") if row["attempt"]}
+    right, wrong, point = rows["pan", 1], rows["pan", 2], rows["pog", 1]
+    names = ("end_reason", "success", "spl", "dtg", "n_steps", "path_m", "planar_distance", "t_total_s")
+    assert [right[name] for name in names] == ["stop", True, pytest.approx(0.8), 0.0, 9, 1.25, 0.75, 10.0]
+    assert [wrong[name] for name in names] == ["stop", False, 0.0, 0.25, 7, 0.75, 1.25, 8.0]
+    assert wrong["softspl"] == pytest.approx(0.75)  # a quarter of the 1 m is left, no detour
+    assert [point[name] for name in names] == ["click", True, None, None, None, None, 0.5, 2.0]
+    assert (right["t_look_s"], right["t_hidden_s"], right["t_first_view_s"]) == (None, 0.0, 0.0)
+    assert right["head_hash"] == read_manifest(tmp_path / "out").head_hashes[f"{right['participant']}/1/1"]
 
 
 def test_the_manifest_says_what_was_left_out_and_why(tmp_path: Path) -> None:
     study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "runs")
-    manifest = Manifest.model_validate_json((tmp_path / "runs" / "export.json").read_bytes())
-    rows = [(row.code, row.order_no, row.end_reason, row.run_id) for row in manifest.trials]
-    assert rows == [
-        ("p01", 1, "click", "pilot-p01-pog"),
-        ("p02", 1, "stop", "pilot-p02-pan"),
-        ("p02", 2, "technical", None),
+    export_study(tmp_path / "study", tmp_path / "out")
+    manifest = read_manifest(tmp_path / "out")
+    assert [(left.attempt[3:], left.reason) for left in manifest.left_out] == [
+        ("/2/1", "technical"),
+        ("/2/2", "not finished"),
+        ("/3/1", "not finished"),
     ]
-    assert manifest.num_unfinished == 3
+    assert (manifest.num_participants, manifest.num_deleted, manifest.num_not_begun) == (2, 0, 2)
     assert manifest.study_version == study().study_version
+    assert not manifest.is_pilot
 
 
-def test_exporting_twice_changes_nothing(tmp_path: Path) -> None:
+def test_a_study_that_was_served_as_a_pilot_says_so_for_ever(tmp_path: Path) -> None:
     study_with_trials(tmp_path / "study")
+    with open_small(tmp_path / "study") as store:
+        store.mark_pilot()
+    export_study(tmp_path / "study", tmp_path / "out")
+    assert read_manifest(tmp_path / "out").is_pilot
 
-    def files(out: Path) -> dict[str, bytes]:
-        export_study(tmp_path / "study", out)
-        return {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
 
-    first = files(tmp_path / "runs")
-    assert files(tmp_path / "runs") == first == files(tmp_path / "again")
-    assert len(first) == 5
+def test_the_manifest_holds_hash_and_rows_of_every_file(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    export_study(tmp_path / "study", tmp_path / "out")
+    manifest, files = read_manifest(tmp_path / "out"), files_of(tmp_path / "out")
+    assert set(manifest.files) == set(files) - {"manifest.json"}
+    for name, entry in manifest.files.items():
+        assert (entry.sha256, entry.num_bytes) == (hashlib.sha256(files[name]).hexdigest(), len(files[name])), name
+    counts = {name: manifest.files[f"{name}.csv"].num_rows for name in TABLES}
+    assert counts == {"trials": 7, "events": 45, "participants": 2, "exclusions": 0, "verifications": 0}
+    assert require_unchanged(tmp_path / "out", manifest).keys() == manifest.files.keys()
+
+
+def test_the_same_records_give_the_same_bytes(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    export_study(tmp_path / "study", tmp_path / "out")
+    first = files_of(tmp_path / "out")
+    export_study(tmp_path / "study", tmp_path / "out")
+    export_study(tmp_path / "study", tmp_path / "again")
+    assert files_of(tmp_path / "out") == first == files_of(tmp_path / "again")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["again", "out", "study"]
+
+
+def test_an_export_works_while_the_study_is_served_and_grows_with_it(tmp_path: Path) -> None:
+    with open_small(tmp_path / "study") as store:
+        register(store)
+        do_trial(store, "p02", 1, SUCCESS)
+        (folder,) = export_study(tmp_path / "study", tmp_path / "out")
+        before = read_run(folder)
+        do_trial(store, "p02", 2, TOO_FAR)
+        (folder,) = export_study(tmp_path / "study", tmp_path / "out")
+    after = read_run(folder)
+    assert (len(before.episodes), len(after.episodes)) == (1, 2)
+    assert after.episodes[0] == before.episodes[0]
+
+
+def test_giving_people_other_codes_changes_no_table(tmp_path: Path) -> None:
+    two = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 2})
+    with open_small(tmp_path / "study", two) as store:
+        register(store)
+        do_trial(store, "p01", 1, SUCCESS)
+        do_trial(store, "p02", 1, TOO_FAR)
+        do_trial(store, "p02", 2, SUCCESS)
+    export_study(tmp_path / "study", tmp_path / "out")
+    edit(
+        tmp_path / "study",
+        "UPDATE participant SET code = 'x' || code; UPDATE assignment SET code = 'x' || code;"
+        "UPDATE participant SET code = CASE code WHEN 'xp01' THEN 'p02' ELSE 'p01' END;"
+        "UPDATE assignment SET code = CASE code WHEN 'xp01' THEN 'p02' ELSE 'p01' END;",
+    )
+    keys = json.loads((tmp_path / "study" / "keys.json").read_text())
+    (tmp_path / "study" / "keys.json").write_text(json.dumps({"p01": keys["p02"], "p02": keys["p01"]}))
+    export_study(tmp_path / "study", tmp_path / "renamed")
+    assert files_of(tmp_path / "renamed") == files_of(tmp_path / "out")
+
+
+def test_the_three_formats_of_a_table_say_the_same(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    out = tmp_path / "out"
+    export_study(tmp_path / "study", out)
+    for name, (_, model) in TABLES.items():
+        lines, columns = rows_of(out, name), columns_of(model)
+        table = parquet.read_table(out / f"{name}.parquet")
+        assert table.column_names == [column.name for column in columns]
+        json_columns = {column.name for column in columns if column.type == "JSON"}
+        from_parquet = [
+            {key: json.loads(value) if key in json_columns else value for key, value in row.items()}
+            for row in table.to_pylist()
+        ]
+        assert from_parquet == lines, name
+        with (out / f"{name}.csv").open(newline="") as file:
+            cells = list(csv.DictReader(file))
+        assert len(cells) == len(lines)
+        for cell, line in zip(cells, lines, strict=True):
+            for column in columns:
+                value = line[column.name]
+                if isinstance(value, float):
+                    assert float(cell[column.name]) == value
+                elif value is None:
+                    assert cell[column.name] == ""
+                elif isinstance(value, str):
+                    assert cell[column.name] == value
+    metadata = parquet.read_metadata(out / "events.parquet")
+    assert metadata.row_group(0).column(0).compression == "ZSTD"
+
+
+def test_every_column_is_in_the_data_dictionary(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    export_study(tmp_path / "study", tmp_path / "out")
+    text = (tmp_path / "out" / "data_dictionary.md").read_text()
+    for name, (_, model) in TABLES.items():
+        section = text.partition(f"## {name}\n")[2].partition("\n## ")[0]
+        for column in columns_of(model):
+            assert f"| `{column.name}` | {column.type} |" in section
+    assert "| `spl` | number | share | yes | Success weighted by path length, 0 to 1; PAN only. |" in text
+    assert "| `t_total_s` | number | s | yes |" in text
+
+
+def test_times_begin_with_the_trial_and_no_id_of_the_store_is_told(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    export_study(tmp_path / "study", tmp_path / "out")
+    events = [EventRow.model_validate(row) for row in rows_of(tmp_path / "out", "events")]
+    assert {row.t_srv_s for row in events if row.seq == 1} == {0.0}
+    assert max(row.t_srv_s for row in events) < 60.0
+    text = b"".join(content for name, content in files_of(tmp_path / "out").items() if not name.endswith(".parquet"))
+    database = sqlite3.connect(tmp_path / "study" / "study.db")
+    ids = [row[0] for row in database.execute("SELECT trial_id FROM trial UNION SELECT assignment_id FROM assignment")]
+    stamps = [str(row[0])[:10] for row in database.execute("SELECT opened_ns FROM trial")]
+    database.close()
+    assert len(ids) == 11
+    assert not [one for one in (*ids, *stamps) if one.encode() in text]
+
+
+def test_exclusions_take_trials_out_of_the_run_folders_and_stay_in_the_tables(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    with open_small(tmp_path / "study") as store:
+        trial_id = next(trial.trial_id for trial in store.trials("p02") if trial.order_no == 1)
+        assert trial_id is not None
+        exclusion = store.exclude("trial", trial_id, rule_id="disturbed", reason="=1+1 telephone")
+        store.exclude("participant", "p01", rule_id="odd", reason="not in the plan")
+        assert export_study(tmp_path / "study", tmp_path / "out") == []
+        left_out = {left.reason for left in read_manifest(tmp_path / "out").left_out}
+        assert {"excluded: disturbed", "excluded: odd"} <= left_out
+        found = {row["rule_id"]: row for row in rows_of(tmp_path / "out", "exclusions")}
+        assert (found["disturbed"]["order_no"], found["disturbed"]["is_planned"]) == (1, True)
+        assert (found["odd"]["order_no"], found["odd"]["is_planned"]) == (None, False)
+        assert "'=1+1 telephone" in (tmp_path / "out" / "exclusions.csv").read_text()
+        store.undo_exclusion(exclusion)
+    (folder,) = export_study(tmp_path / "study", tmp_path / "out")
+    assert len(read_run(folder).episodes) == 1
+    found = {row["rule_id"]: row["is_undone"] for row in rows_of(tmp_path / "out", "exclusions")}
+    assert found == {"disturbed": True, "odd": False}
+
+
+def test_the_latest_verification_stands_beside_each_trial(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    with open_small(tmp_path / "study") as store:
+        trial_id = store.trials("p01")[0].trial_id or ""
+        store.add_verification(VerificationEntry(trial_id, "RUN1", "drift", 0.5, 3, "step 3", "s" * 64, 1))
+        store.add_verification(VerificationEntry(trial_id, "RUN2", "verified", 0.0, None, "", "t" * 64, 2))
+    export_study(tmp_path / "study", tmp_path / "out")
+    (row,) = (row for row in rows_of(tmp_path / "out", "trials") if row["task"] == "pog" and row["attempt"])
+    assert row["verification"] == "verified"
+    rows = [(row["run_no"], row["status"], row["first_bad_step"]) for row in rows_of(tmp_path / "out", "verifications")]
+    assert rows == [(1, "drift", 3), (2, "verified", None)]
+    assert b"RUN1" not in b"".join(files_of(tmp_path / "out").values())
 
 
 def test_the_export_of_a_study_that_was_tampered_with_is_refused(tmp_path: Path) -> None:
     study_with_trials(tmp_path / "study")
-    edit(tmp_path / "study", "UPDATE event SET payload = replace(payload, 'forward', 'left') WHERE kind = 'act'")
+    edit(tmp_path / "study", "UPDATE event SET kind = 'act' WHERE kind = 'key'")
     with pytest.raises(StudyError, match="does not continue the chain"):
-        export_study(tmp_path / "study", tmp_path / "runs")
-    assert not (tmp_path / "runs").exists()
+        export_study(tmp_path / "study", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
-def test_runs_of_another_study_are_not_added_to(tmp_path: Path) -> None:
+def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path: Path) -> None:
     study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "runs")
-    other = study(seed=5)
-    with open_store(tmp_path / "other", other) as store:
-        for person in plan(other).participants:
-            store.add_participant(person.code, token_hash(person.code), person.trials)
-        do_trial(store, "p01", 1, POINT)
-    with pytest.raises(RunFileError, match="seed is 0, this run has 5"):
-        export_study(tmp_path / "other", tmp_path / "runs")
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("mine")
+    with pytest.raises(StudyError, match=r"is not empty and holds no manifest\.json"):
+        export_study(tmp_path / "study", tmp_path / "notes")
+    export_study(tmp_path / "study", tmp_path / "out")
+    (tmp_path / "out" / "mine.txt").write_text("mine")
+    with pytest.raises(StudyError, match=r"mine\.txt: was not written by an export"):
+        export_study(tmp_path / "study", tmp_path / "out")
+    assert (tmp_path / "out" / "mine.txt").read_text() == "mine"
 
 
-def test_a_study_that_mixes_scene_kinds_exports_them_apart(tmp_path: Path) -> None:
-    kinds = (StudyScene(name="room", kind="invented"), StudyScene(name="other", kind="scan"))
-    mixed = study(scenes=kinds)
-    with open_store(tmp_path / "study", mixed) as store:
-        for person in plan(mixed).participants:
-            store.add_participant(person.code, token_hash(person.code), person.trials)
-        do_trial(store, "p02", 1, SUCCESS)
-    (folder,) = export_study(tmp_path / "study", tmp_path / "runs")
-    assert folder.name == "pilot-p02-pan-invented"
+def test_the_export_of_another_study_is_not_replaced(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    export_study(tmp_path / "study", tmp_path / "out")
+    study_with_trials(tmp_path / "other", study(study="other"))
+    with pytest.raises(StudyError, match="holds study pilot"):
+        export_study(tmp_path / "other", tmp_path / "out")
 
 
-def test_an_honest_trial_is_verified() -> None:
-    events, run = success()
-    found = verify(events, run.end)
-    assert (found.status, found.first_bad_step, found.max_position_error, found.detail) == ("verified", None, 0.0, "")
-    assert found.recomputed == run
-
-
-def test_a_changed_pose_is_drift_from_that_step_on() -> None:
-    events, _ = success()
-    acts = [index for index, event in enumerate(events) if isinstance(event, Act)]
-    moved = events[acts[4]]
-    assert isinstance(moved, Act)
-    events[acts[4]] = moved.model_copy(update={"position": (-0.6, 0.0, 0.0)})
-    end = pan_outcome(events, episode(), navigation=SquareRoom(), participant="p02").end
-    found = verify(events, end)
-    assert (found.status, found.first_bad_step) == ("drift", 5)
-    assert found.max_position_error == pytest.approx(0.1)
-
-
-def test_a_changed_start_is_drift_at_step_0() -> None:
-    events, _ = success()
-    events[0] = events[0].model_copy(update={"position": (0.0, 0.0, 0.5)})
-    end = pan_outcome(events, episode(), navigation=SquareRoom(), participant="p02").end
-    assert (verify(events, end).status, verify(events, end).first_bad_step) == ("drift", 0)
-
-
-def test_an_outcome_that_the_events_do_not_give_fails() -> None:
-    events, run = success()
-    assert run.end.measures is not None
-    wrong = EpisodeEnd(reason="stop", measures=run.end.measures.model_copy(update={"path_m": 9.0}))
-    found = verify(events, wrong)
-    assert found.status == "failed"
-    assert found.detail == "outcome.measures.path_m is stored as 9.0, recomputed as 1.25"
-
-
-def test_steps_after_the_end_fail() -> None:
-    events, run = success()
-    extra = next(event for event in events if isinstance(event, Act) and event.action is Action.LEFT)
-    assert verify([*events, extra], run.end).status == "failed"
-
-
-def test_a_trial_that_never_ended_fails() -> None:
-    events, run = success()
-    assert verify(events[:10], run.end).status == "failed"
-
-
-def test_a_trial_on_another_scene_is_unsupported() -> None:
-    events, run = success()
-    assert verify(events, run.end, scene_digest="e" * 64).status == "unsupported"
-
-
-def test_a_pog_answer_is_recomputed_from_its_clicks() -> None:
-    events = events_of(episode().key, POINT, task="pog")
-    answer = pog_outcome(events, episode(), storeys=STOREYS, participant="p02")
-    assert verify(events, answer).status == "verified"
-    assert isinstance(verify(events, answer).recomputed, Answer)
-    moved = answer.model_copy(update={"candidates": ((-2.0, 0.5, 0.0),)})
-    assert verify(events, moved).detail.startswith("outcome.candidates[0][0] is stored as -2.0")
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match=r"out: cannot be written \(Not a directory\)"):
+        export_study(tmp_path / "study", tmp_path / "file" / "out")
 
 
 def test_giving_up_is_a_result_and_is_exported(tmp_path: Path) -> None:
-    with open_store(tmp_path / "study", study()) as store:
-        for person in plan(study()).participants:
-            store.add_participant(person.code, token_hash(person.code), person.trials)
-        do_trial(store, "p02", 1, [Start(), Move(Action.RIGHT, "KeyD"), GiveUp()])
-        do_trial(store, "p01", 1, [Start(), GiveUp()])
-    pog, pan = (read_run(folder) for folder in export_study(tmp_path / "study", tmp_path / "runs"))
+    with open_small(tmp_path / "study") as store:
+        register(store)
+        do_trial(store, "p02", 1, [Start(), Move(Action.RIGHT, "KeyD"), GiveUp(), GiveUp()])
+        do_trial(store, "p01", 1, [Start(), GiveUp(), GiveUp()])
+    folders = export_study(tmp_path / "study", tmp_path / "out")
+    pan, pog = read_run(run_of(folders, "pan")), read_run(run_of(folders, "pog"))
     assert pan.episodes[0].end.reason == "giveup"
     assert (pog.answers[0].reason, pog.answers[0].candidates) == ("giveup", ())

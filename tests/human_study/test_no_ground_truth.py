@@ -7,17 +7,20 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from human_study.commands import Click, Confirm, GiveUp, Move, PressStop, ShowStorey, Start
-from human_study.events import event_to_json
+from human_study.commands import Click, CloseMap, Confirm, GiveUp, Move, PressStop, Rate, ShowStorey, Start, Tick
+from human_study.events import MapKind, event_to_json
 from human_study.session import PanSession, PogSession
-from human_study.views import PanView, PogView
+from human_study.trial_terms import Look, TrialTerms
+from human_study.views import LookView, PanView, PogView, RateView
 from sim.episodes.schema import Episode, Goal
 from sim.tasks.run_files import Measures, RuleMeasures
-from sim.types import Action, Task
+from sim.types import Action, Task, TaskKind
 
 from .small_world import CANARY, SCENE_DIGEST, env, episode, study
 from .test_session import RAY
+from .trials import new_session
 
+View = LookView | PanView | PogView | RateView
 FORBIDDEN_NAMES = {"goal", "goals", "targets", "success", "captions", "extracted_summary", "owner", "measures", "dtg"}
 FORBIDDEN_TYPES = (Episode, Goal, Measures, RuleMeasures, PanSession, PogSession)
 
@@ -46,11 +49,11 @@ def assert_clean(value: object) -> None:
         assert not FORBIDDEN_NAMES & set(path.split(".")), path
         assert not isinstance(item, FORBIDDEN_TYPES), path
         assert not (isinstance(item, str) and CANARY in item), path
-        is_known = isinstance(item, str | int | float | tuple | np.ndarray | Task | PanView | PogView | None)
+        is_known = isinstance(item, str | int | float | tuple | np.ndarray | Task | View | None)
         assert is_known, f"{path} is a {type(item).__name__}"
 
 
-def pan_views() -> list[PanView]:
+def pan_views() -> list:
     session = PanSession(
         env(with_pictures=True),
         key=episode().key,
@@ -61,7 +64,7 @@ def pan_views() -> list[PanView]:
     return [session.handle(command, float(number)).view for number, command in enumerate(commands)]
 
 
-def pog_views() -> list[PogView]:
+def pog_views() -> list:
     task = study().task_for(episode(), "pog")
     session = PogSession(key=episode().key, task=task, storeys=(0.0,), scene_digest=SCENE_DIGEST)
     commands = [Start(), ShowStorey(0), Click(RAY, (-2.0, 0.5, 0.0)), Confirm()]
@@ -86,6 +89,23 @@ def test_no_view_of_a_right_pog_answer_holds_ground_truth() -> None:
     assert [view.is_over for view in views] == [False] * 3 + [True]
     for view in views:
         assert_clean(view)
+
+
+@pytest.mark.parametrize(("kind", "what"), [("pan", "topdown"), ("pan", "glb"), ("pog", "home")])
+def test_no_view_before_or_after_the_task_holds_ground_truth_or_a_text_of_it(kind: TaskKind, what: MapKind) -> None:
+    terms = TrialTerms(look=Look(what, 1.0, 60.0), task_max_s=100.0, asks_confidence=True)
+    session = new_session(kind, terms)
+    before = [session.handle(command, float(at)).view for at, command in enumerate([Start(), Tick(), ShowStorey(1)])]
+    session.handle(CloseMap(), 3.0)
+    last = [PressStop(), PressStop()] if kind == "pan" else [Click(RAY, (-2.0, 0.5, 0.0)), Confirm()]
+    task = [session.handle(command, 4.0 + at).view for at, command in enumerate(last)]
+    after = session.handle(Rate(3), 6.0).view
+    assert [type(view) for view in before] == [LookView] * 3
+    assert isinstance(task[-1], RateView)
+    for view in (*before, *task, after):
+        assert_clean(view)
+    for view in (*before, task[-1]):
+        assert not any(isinstance(item, Task) for _, item in walk(view))
 
 
 def test_a_right_and_a_wrong_answer_look_the_same_but_for_the_mark() -> None:

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from human_study.report import StudyReport, require_totals, study_report
+from human_study.report import StudyReport, study_report
 from human_study.report_figures import outcome_matrix_svg, person_dots_svg
-from human_study.report_tables import csv_text, latex, markdown
+from human_study.report_files import csv_text, latex
+from human_study.report_rows import require_totals
+from human_study.report_sections import markdown
 from human_study.statistics import wilson_interval
 from personal_viz.commands.report import report as report_command
 from sim.errors import RunFileError, StudyError
@@ -196,6 +198,25 @@ def answers(code: str, xz: tuple[float, float], *, success: bool) -> Run:
     return Run(info=info(f"study-{code}-pog", "human"), answers=(one,))
 
 
+def test_conditions_of_pointing_are_rows_of_their_own_and_compared_within_people() -> None:
+    runs = []
+    for condition, hits in (("map_first", (0, 0, 1)), ("map_open", (1, 0, 1))):
+        for code, hit in zip(("p01", "p02", "p03"), hits, strict=True):
+            run = answers(code, (2.0 * hit, 3.0), success=bool(hit))
+            fields = {"condition": condition, "run_id": f"s-{code}-{condition}", "config": {"study": "s"}}
+            runs.append(run.model_copy(update={"info": run.info.model_copy(update=fields)}))
+    report = study_report(runs)
+    text = markdown(report)
+    assert "\n| Human (home first, then text) | 33.3 " in text
+    assert "\n| Human (home and text together) | 66.7 " in text
+    (effect,) = [row.effect for row in report.memory if (row.split, row.measure) == ("all", "sr")]
+    assert report.memory[0].what == "map_open - map_first"
+    assert effect.value == pytest.approx(100 / 3)  # p01 only
+    assert (effect.num_participants, effect.n) == (3, 6)
+    (first, _) = report.places
+    assert first.spread_median == pytest.approx((2 / 3 + 2 / 3 + 4 / 3) / 3)  # x: 0, 0, 2
+
+
 def test_people_who_agree_on_a_wrong_place_make_an_episode_suspect() -> None:
     near = [("p01", (2.0, 3.0)), ("p02", (2.4, 3.0)), ("p03", (2.0, 3.5)), ("p04", (2.1, 2.8))]
     wrong = [answers(code, xz, success=False) for code, xz in near]
@@ -224,7 +245,7 @@ def test_tables_hold_every_number_and_are_safe_in_a_spreadsheet(found: StudyRepo
     assert [float(line["value"]) for line in lines] == [r.value for r in found.rows]
     named = study_report([*runs[:3], pan_run("w", "=walker", lambda s, e: True)])
     assert "'=walker" in csv_text(named)
-    assert r"human - walker" in latex(found)
+    assert r"Human - walker" in latex(found)
     assert latex(found).count(r"\begin{tabular}{lcccccccccccc}") == 1
 
 
@@ -244,7 +265,10 @@ def test_the_command_writes_all_files(runs: list[Run], tmp_path: Path, capsys: p
     assert printed == json.loads((tmp_path / "out" / "report.json").read_text())
     assert {"low", "high", "k", "n", "method"} <= set(printed["rows"][0])
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"report.md", "report.csv", "report.tex", "report.json", "pan-people.svg", "pan-episodes.svg"}
+    texts = {"report.md", "report.html", "report.csv", "report.tex", "report.json", "pan-trials.csv", "pan-glmm.R"}
+    pictures = {"pan-people.svg", "pan-episodes.svg", "pan-effort.svg"}
+    assert names >= texts | pictures
+    assert len({name for name in names if name.startswith("overlay-pan-")}) == len(names - texts - pictures) == 4
     (tmp_path / "file").write_text("x")
     with pytest.raises(StudyError, match="expected a folder"):
         report_command(runs=[tmp_path / "runs"], out=tmp_path / "file", rule="paper", json=False)

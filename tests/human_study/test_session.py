@@ -40,7 +40,7 @@ LEFT, RIGHT, FORWARD = (Move(action, "Key") for action in (Action.LEFT, Action.R
 
 
 def pan_session(*, max_steps: int = 500, with_pictures: bool = False) -> PanSession:
-    task = study(max_steps=max_steps).task_for(episode(), "pan")
+    task = study(steps=max_steps).task_for(episode(), "pan")
     world = env(max_steps=max_steps, with_pictures=with_pictures)
     return PanSession(world, key=episode().key, task=task, scene_digest=SCENE_DIGEST)
 
@@ -154,7 +154,7 @@ def test_the_500th_move_ends_the_trial_without_stop() -> None:
 
 
 def test_giving_up_is_a_failure_with_the_distance_from_there() -> None:
-    events = drive(pan_session(), [LEFT, LEFT, LEFT, FORWARD, GiveUp()])
+    events = drive(pan_session(), [LEFT, LEFT, LEFT, FORWARD, GiveUp(), GiveUp()])
     end = pan_outcome(events, episode(), navigation=SquareRoom(), participant="p02").end
     assert end.reason == "giveup"
     assert end.measures is not None
@@ -275,7 +275,7 @@ def test_no_sequence_of_commands_makes_a_step_too_many_or_one_after_the_end(
         assert not (was_over and update.events)
     assert sum(event.kind == "act" for event in events) == session.view(now_s).step <= max_steps
     assert end_reason(events) == session.end_reason
-    task = study(max_steps=max_steps).task_for(episode(), "pan")
+    task = study(steps=max_steps).task_for(episode(), "pan")
     rebuilt = pan_session_from_events(
         events, env(max_steps=max_steps), key=episode().key, task=task, scene_digest=SCENE_DIGEST
     )
@@ -320,6 +320,7 @@ def test_giving_up_in_pog_gives_no_answer_even_with_a_mark() -> None:
     events = list(session.handle(Start(), 0.0).events)
     events += session.handle(Click(RAY, (-2.0, 0.5, 0.0)), 1.0).events
     events += session.handle(GiveUp(), 2.0).events
+    events += session.handle(GiveUp(), 4.0).events
     answer = pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01")
     assert (answer.candidates, answer.ray, answer.reason) == ((), None, "giveup")
     assert answer.measures is not None
@@ -351,4 +352,4 @@ def test_a_rebuilt_pog_session_shows_the_same_storey_and_mark() -> None:
     rebuilt = pog_session_from_events(
         events, key=episode().key, task=task, storeys=(0.0, 3.0), scene_digest=SCENE_DIGEST
     )
-    assert rebuilt.handle(Resume(away_s=1.0), 50.0).view == session.view()
+    assert rebuilt.handle(Resume(away_s=1.0), 50.0).view == session.view(2.0)

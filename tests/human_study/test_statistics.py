@@ -91,6 +91,13 @@ def test_a_single_trial_has_no_interval() -> None:
     assert (found.value, found.interval, found.bootstrap) == (3.5, None, None)
 
 
+def test_trials_that_are_all_alike_have_no_interval_of_a_mean() -> None:
+    splits = [("easy", "medium", "hard")[k % 12 // 4] for k in range(36)]
+    alike = trials_of([40.1] * 36, [f"p{k % 6}" for k in range(36)], [f"e{k % 12}" for k in range(36)], splits)
+    assert mean(alike).value == pytest.approx(40.1)
+    assert mean(alike).interval is None
+
+
 def test_the_bootstrap_draws_people_and_episodes() -> None:
     by_person = trials_of([1.0] * 20 + [0.0] * 20, ["a"] * 20 + ["b"] * 20, [f"e{k % 20}" for k in range(40)])
     found = pigeonhole_interval(by_person, seed=1, num_resamples=2000)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from human_study.study import StudyConfig, StudyScene
+from human_study.study import StudyConfig, StudyDataset
 from personal_viz.cli import Run, Study, parse
 from personal_viz.cli_study import StudyServe
 from personal_viz.commands.options import require_no_scan
@@ -51,13 +51,12 @@ def test_a_recording_is_made_in_the_home_of_its_runs(dataset: Path, tmp_path: Pa
 
 
 def test_a_study_freezes_its_level_and_older_studies_keep_their_hash() -> None:
-    def study(**scene) -> StudyConfig:
-        return StudyConfig(study="s", dataset_digest="d", scenes=(StudyScene(name="Demo", kind="invented", **scene),))
+    def study(**choice) -> StudyConfig:
+        return StudyConfig(study="s", dataset=StudyDataset(sha256="d"), task=("pan",), **choice)
 
     assert study(clutter=0).study_version == study().study_version
     assert "clutter" not in study().canonical_json()
     assert study(clutter=2).study_version != study().study_version
-    assert study(clutter=2).scene("Demo").clutter == 2
 
 
 def test_scans_take_no_clutter() -> None:

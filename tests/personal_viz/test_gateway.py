@@ -1,150 +1,278 @@
-"""The gateway: who is let in, and which of a browser's messages reach viser."""
+"""The gateway's routes: who is let in, as whom, with which cookies and headers."""
 
-import math
+from dataclasses import dataclass
+from pathlib import Path
 
-import msgspec
 import pytest
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from personal_viz.gateway import SESSION_COOKIE, Gateway, RateLimit, Tickets, allowed_kind
+from personal_viz.admission import DeviceProfile, Tickets
+from personal_viz.gateway import SESSION_COOKIE, Gateway
+from personal_viz.gateway_options import ServeOptions
+
+from .gateways import FewPeople, OnePort, admission_for, few_people
 
 ORIGIN = {"origin": "http://127.0.0.1"}
+DEVICE = {"webgl2": True, "width": 1283, "height": 760, "dpr": 1.1, "touch": False}
+PUBLIC = ServeOptions(bind="0.0.0.0", public=True, hosts=("study.example.org",), proxy="10.0.0.9")
 
 
-def client_and_tickets() -> tuple[TestClient, Tickets]:
-    """A gateway that knows one token; its worker's port is closed."""
-    tickets = Tickets()
-    app = Gateway({"good": "p01"}.get, 9, tickets=tickets, hosts=frozenset({"127.0.0.1"})).app()
-    return TestClient(app, base_url="http://127.0.0.1"), tickets
+@dataclass
+class Site:
+    """A gateway without workers, and its parts."""
+
+    client: TestClient
+    tickets: Tickets
+    people: FewPeople
+    told: list[str]
 
 
-def test_a_known_token_becomes_a_session_and_a_view() -> None:
-    client, tickets = client_and_tickets()
-    reply = client.post("/enter", json={"token": "good"}, headers=ORIGIN)
+def site(folder: Path, *, options: ServeOptions | None = None, peer: str = "192.0.2.7", **admission) -> Site:
+    """A gateway that is asked from one address."""
+    tickets, people, told = Tickets(), few_people(), []
+    gateway = Gateway(
+        admission_for(people, folder, **admission),
+        OnePort(9),
+        tickets=tickets,
+        options=options or ServeOptions(),
+        screen_out_code="FULL-1",
+        tell=told.append,
+    )
+    client = TestClient(gateway.app(), base_url="http://127.0.0.1", client=(peer, 5000))
+    return Site(client, tickets, people, told)
+
+
+def ticket_in(reply) -> str:
+    """The ticket id that a reply to `/enter` holds."""
     assert reply.status_code == 200
-    ticket_id = reply.json()["view"].rsplit("/", 1)[1]
-    ticket = tickets.find(ticket_id)
+    return reply.json()["view"].rsplit("/", 1)[1]
+
+
+def test_a_known_token_becomes_a_session_and_a_view(tmp_path: Path) -> None:
+    at = site(tmp_path)
+    reply = at.client.post("/enter", json={"token": "good", "device": DEVICE}, headers=ORIGIN)
+    ticket = at.tickets.find(ticket_in(reply))
     assert ticket is not None
     assert ticket.code == "p01"
-    assert reply.cookies[SESSION_COOKIE] == ticket.session_id
+    assert ticket.admits(reply.cookies[SESSION_COOKIE])
+    assert not ticket.admits("")
+    assert ticket.profile == DeviceProfile(webgl2=True, width=1300, height=800, dpr=1.0, touch=False)
     assert "HttpOnly" in reply.headers["set-cookie"]
     assert "SameSite=strict" in reply.headers["set-cookie"]
+    assert "Secure" not in reply.headers["set-cookie"], "a browser would not send it over http"
+    assert reply.json()["view"].startswith("/view/?websocket=ws://127.0.0.1/ws/")
+
+
+def test_behind_tls_the_cookie_is_secure_and_the_websocket_too(tmp_path: Path) -> None:
+    at = site(tmp_path, options=PUBLIC)
+    public = {"host": "study.example.org", "origin": "https://study.example.org"}
+    reply = at.client.post("/enter", json={"token": "good"}, headers=public)
+    assert "Secure" in reply.headers["set-cookie"]
+    assert reply.json()["view"].startswith("/view/?websocket=wss://study.example.org/ws/")
+    assert reply.headers["strict-transport-security"] == "max-age=86400"
+    insecure = {**public, "origin": "http://study.example.org"}
+    assert at.client.post("/enter", json={"token": "good"}, headers=insecure).status_code == 403
+    assert "strict-transport-security" not in at.client.get("/").headers, "loopback has no TLS"
 
 
 @pytest.mark.parametrize(
-    "body", [b'{"token":"bad"}', b"{}", b"[1]", b"\xff", b'{"token":' + b'"' + b"a" * 5000 + b'"}']
+    "body",
+    [
+        b'{"token":"bad"}',
+        b"{}",
+        b"",
+        b"[1]",
+        b"\xff",
+        b'{"token":1}',
+        b'{"token":"good","device":{"webgl2":"yes"}}',
+        b'{"token":"good","device":' + b'{"a":' * 700 + b"1" + b"}" * 701,
+        b'{"token":' + b'"' + b"a" * 5000 + b'"}',
+    ],
 )
-def test_anything_else_is_refused(body: bytes) -> None:
-    client, _ = client_and_tickets()
-    assert client.post("/enter", content=body, headers=ORIGIN).status_code == 401
+def test_anything_else_is_refused_with_the_same_words(tmp_path: Path, body: bytes) -> None:
+    reply = site(tmp_path).client.post("/enter", content=body, headers=ORIGIN)
+    assert (reply.status_code, reply.text) == (401, "unknown token")
 
 
-def test_a_foreign_origin_and_a_foreign_host_are_refused() -> None:
-    client, _ = client_and_tickets()
-    assert client.post("/enter", json={"token": "good"}, headers={"origin": "http://evil.test"}).status_code == 403
-    assert client.post("/enter", json={"token": "good"}).status_code == 403
-    assert client.get("/", headers={"host": "evil.test"}).status_code == 400
+def test_a_token_with_half_a_letter_is_refused_not_an_error(tmp_path: Path) -> None:
+    body = b'{"token":"\\ud800"}'
+    assert site(tmp_path).client.post("/enter", content=body, headers=ORIGIN).status_code == 401
 
 
-def test_broken_hosts_and_origins_are_refused_not_errors() -> None:
-    client, _ = client_and_tickets()
-    assert client.get("/", headers={"host": "["}).status_code == 400
-    assert client.post("/enter", json={"token": "good"}, headers={"origin": "http://["}).status_code == 403
+@pytest.mark.parametrize(
+    "origin", ["http://evil.test", "http://127.0.0.1:81", "https://127.0.0.1", "null", "http://[", "", None]
+)
+def test_foreign_origins_are_refused(tmp_path: Path, origin: str | None) -> None:
+    headers = {} if origin is None else {"origin": origin}
+    at = site(tmp_path, recruit="link")
+    assert at.client.post("/enter", json={"token": "good"}, headers=headers).status_code == 403
+    assert at.client.post("/join", json={}, headers=headers).status_code == 403
+    assert at.people.claimed == {}
 
 
-def test_a_newer_ticket_revokes_the_older_one_and_its_page_asks_for_the_link() -> None:
-    client, tickets = client_and_tickets()
-    old = client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"]
-    new = client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"]
-    assert tickets.find(old.rsplit("/", 1)[1]) is None
-    assert tickets.find(new.rsplit("/", 1)[1]) is not None
-    assert b"personal link" in client.get(old).content
+@pytest.mark.parametrize("host", ["evil.test", "[", "127.0.0.1.evil.test", "evil#127.0.0.1", "evil@127.0.0.1", ""])
+def test_foreign_hosts_are_refused(tmp_path: Path, host: str) -> None:
+    at = site(tmp_path)
+    assert at.client.get("/", headers={"host": host}).status_code == 400
+    assert at.client.get("/", headers={"host": "LocalHost:8080"}).status_code == 200
 
 
-def test_two_participants_in_one_browser_keep_their_sessions() -> None:
-    client, _ = client_and_tickets()
-    paths = {client.post("/enter", json={"token": "good"}, headers=ORIGIN).headers["set-cookie"] for _ in range(2)}
-    assert len({path.split("Path=")[1] for path in paths}) == 2
-    assert all("Path=/ws/" in path for path in paths)
+def test_a_newer_ticket_revokes_the_older_one_and_its_page_asks_for_the_link(tmp_path: Path) -> None:
+    at = site(tmp_path)
+    old, new = (at.client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"] for _ in range(2))
+    assert at.tickets.find(old.rsplit("/", 1)[1]) is None
+    assert at.tickets.find(new.rsplit("/", 1)[1]) is not None
+    assert b"enter.js" in at.client.get(old).content
+    assert b"viser" in at.client.get(new).content.lower()
 
 
-def test_messages_over_the_rate_are_dropped_and_allowed_again_later() -> None:
-    limit = RateLimit(20.0, 40)
-    assert sum(limit.allows(100.0) for _ in range(100)) == 40
-    assert sum(limit.allows(101.0) for _ in range(100)) == 20
+def test_two_participants_in_one_browser_keep_their_sessions(tmp_path: Path) -> None:
+    at = site(tmp_path)
+    paths = {
+        at.client.post("/enter", json={"token": token}, headers=ORIGIN).headers["set-cookie"].split("Path=/ws/")[1]
+        for token in ("good", "fine")
+    }
+    assert len(paths) == 2
 
 
-def test_pages_carry_the_security_headers() -> None:
-    client, _ = client_and_tickets()
-    view = client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"]
-    assert b"viser" in client.get(view).content.lower()
-    for path in ("/", view, "/static/enter.js"):
-        headers = client.get(path).headers
+def test_eleven_wrong_tokens_a_minute_close_the_door_for_that_address_only(tmp_path: Path) -> None:
+    at = site(tmp_path, options=PUBLIC, peer="10.0.0.9")
+
+    def tries(token: str, address: str) -> int:
+        headers = {**ORIGIN, "x-forwarded-for": f"203.0.113.200, {address}"}
+        return at.client.post("/enter", json={"token": token}, headers=headers).status_code
+
+    assert [tries(f"guess{number}", "192.0.2.1") for number in range(12)] == [401] * 10 + [429] * 2
+    assert tries("good", "192.0.2.1") == 429, "or a guesser would learn which token is right"
+    assert tries("good", "192.0.2.2") == 200
+    assert [tries("good", "192.0.2.3") for _ in range(30)] == [200] * 30, "who knows the token does not guess"
+
+
+def test_the_open_link_gives_places_until_the_study_is_full(tmp_path: Path) -> None:
+    at = site(tmp_path, recruit="link")
+    assert b"enter.js" in at.client.get("/join").content
+    replies = [at.client.post("/join", json={}, headers=ORIGIN).json() for _ in range(4)]
+    assert replies == [{"token": "good"}, {"token": "fine"}, {"token": "nice"}, {"full": True, "code": "FULL-1"}]
+
+
+def test_prolific_parameters_bring_the_same_person_to_the_same_place(tmp_path: Path) -> None:
+    at = site(tmp_path, recruit="prolific")
+    query = "/join?PROLIFIC_PID=5f1e<script>&STUDY_ID=1"
+    page = at.client.get(query)
+    assert "5f1e" not in page.text
+    assert at.client.post("/join", json={}, headers=ORIGIN).status_code == 400
+    tokens = [
+        at.client.post("/join", json={"PROLIFIC_PID": person}, headers=ORIGIN).json()["token"]
+        for person in ("aaaa1111", "bbbb2222", "aaaa1111")
+    ]
+    assert tokens == ["good", "fine", "good"]
+    assert not any("aaaa1111" in str(known) for known in at.people.claimed.values())
+
+
+@pytest.mark.parametrize("person", ["abc", "x" * 65, "../../etc", "<b>bold</b>", "a b c d", "=1+1aaa", 12345678, "\n"])
+def test_ids_of_another_shape_are_refused(tmp_path: Path, person: object) -> None:
+    at = site(tmp_path, recruit="prolific")
+    assert at.client.post("/join", json={"PROLIFIC_PID": person}, headers=ORIGIN).status_code == 400
+    assert at.people.claimed == {}
+
+
+def test_without_an_open_link_there_is_no_such_page(tmp_path: Path) -> None:
+    at = site(tmp_path)
+    assert at.client.get("/join").status_code == 404
+    assert at.client.post("/join", json={}, headers=ORIGIN).status_code == 404
+
+
+def test_a_full_disk_is_a_pause_for_the_newcomer_and_words_for_the_researcher(tmp_path: Path) -> None:
+    at = site(tmp_path, recruit="link")
+    at.people.is_full = True
+    assert at.client.post("/join", json={}, headers=ORIGIN).status_code == 503
+    assert at.told == ["study.db: the disk is full; expected space. Free some."]
+
+
+def test_pages_carry_the_security_headers(tmp_path: Path) -> None:
+    at = site(tmp_path)
+    view = at.client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"]
+    for path in ("/", view, "/static/enter.js", "/nothing", "/check/download"):
+        headers = at.client.get(path).headers
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["referrer-policy"] == "no-referrer"
+        assert headers["x-frame-options"] == "DENY"
+        assert headers["cache-control"] == "no-store"
+        assert headers["cross-origin-opener-policy"] == "same-origin"
         assert "frame-ancestors 'none'" in headers["content-security-policy"]
-    assert "unsafe-inline" not in client.get("/").headers["content-security-policy"]
+        assert "server" not in headers
+    assert "unsafe-inline" not in at.client.get("/").headers["content-security-policy"]
 
 
-@pytest.mark.parametrize("path", ["/static/../gateway.py", "/static/%2e%2e/gateway.py", "/view/../../etc/passwd"])
-def test_files_outside_the_static_folder_are_not_served(path: str) -> None:
-    client, _ = client_and_tickets()
-    assert client.get(path).status_code == 404
+@pytest.mark.parametrize("path", ["/admin", "/dashboard", "/status", "/api/status", "/study.db", "/keys.json", "/docs"])
+def test_admin_pages_and_files_are_not_reachable(tmp_path: Path, path: str) -> None:
+    assert site(tmp_path).client.get(path).status_code == 404
+
+
+@pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "POST"])
+def test_pages_are_only_read(tmp_path: Path, method: str) -> None:
+    assert site(tmp_path).client.request(method, "/").status_code == 405
 
 
 @pytest.mark.parametrize(
     ("ticket", "cookie", "origin"),
-    [("other", "own", "own"), ("own", "other", "own"), ("own", "own", "http://evil.test"), ("own", "own", None)],
+    [
+        ("other", "own", "own"),
+        ("own", "other", "own"),
+        ("own", "none", "own"),
+        ("fine", "own", "own"),
+        ("own", "own", "http://evil.test"),
+        ("own", "own", None),
+    ],
 )
-def test_the_websocket_opens_only_with_its_own_ticket_cookie_and_origin(ticket: str, cookie: str, origin) -> None:
-    client, tickets = client_and_tickets()
-    session_id, ticket_id = tickets.issue("p01")
-    headers = {"cookie": f"{SESSION_COOKIE}={session_id if cookie == 'own' else 'x'}"}
+def test_the_websocket_opens_only_with_its_own_ticket_cookie_and_origin(
+    tmp_path: Path, ticket: str, cookie: str, origin: str | None
+) -> None:
+    at = site(tmp_path)
+    session_id, ticket_id = at.tickets.issue("p01")
+    _, of_another = at.tickets.issue("p02")
+    headers = {"own": {"cookie": f"{SESSION_COOKIE}={session_id}"}, "other": {"cookie": f"{SESSION_COOKIE}=x"}}.get(
+        cookie, {}
+    )
     if origin:
         headers["origin"] = "http://127.0.0.1" if origin == "own" else origin
-    url = f"ws://127.0.0.1/ws/{ticket_id if ticket == 'own' else 'x'}"
-    with pytest.raises(WebSocketDisconnect) as refused, client.websocket_connect(url, headers=headers):
+    url = f"ws://127.0.0.1/ws/{ {'own': ticket_id, 'fine': of_another}.get(ticket, 'x') }"
+    with pytest.raises(WebSocketDisconnect) as refused, at.client.websocket_connect(url, headers=headers):
         pass
     assert refused.value.code == 1008
 
 
-def test_a_worker_that_is_gone_closes_the_websocket_for_a_later_try() -> None:
-    client, tickets = client_and_tickets()
-    session_id, ticket_id = tickets.issue("p01")
+def test_a_revoked_ticket_opens_nothing(tmp_path: Path) -> None:
+    at = site(tmp_path)
+    session_id, ticket_id = at.tickets.issue("p01")
+    at.tickets.revoke("p01")
     headers = {"cookie": f"{SESSION_COOKIE}={session_id}", **ORIGIN}
     url = f"ws://127.0.0.1/ws/{ticket_id}"
-    with pytest.raises(WebSocketDisconnect) as refused, client.websocket_connect(url, headers=headers):
+    with pytest.raises(WebSocketDisconnect) as refused, at.client.websocket_connect(url, headers=headers):
+        pass
+    assert refused.value.code == 1008
+
+
+def test_a_worker_that_is_gone_closes_the_websocket_for_a_later_try(tmp_path: Path) -> None:
+    at = site(tmp_path)
+    session_id, ticket_id = at.tickets.issue("p01")
+    headers = {"cookie": f"{SESSION_COOKIE}={session_id}", **ORIGIN}
+    url = f"ws://127.0.0.1/ws/{ticket_id}"
+    with pytest.raises(WebSocketDisconnect) as refused, at.client.websocket_connect(url, headers=headers):
         pass
     assert refused.value.code == 1013
 
 
-def pack(message: object) -> bytes:
-    """As a browser sends it."""
-    return msgspec.msgpack.encode(message)
-
-
-def test_clicks_keys_buttons_and_camera_pass() -> None:
-    for kind in ("ViewerCameraMessage", "ScenePointerMessage", "GuiUpdateMessage", "CommandTriggerMessage"):
-        assert allowed_kind(pack({"type": kind, "position": [1.0, 2.0, 3.0], "updates": {"value": True}})) == kind
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        pack({"type": "ShareUrlRequest"}),
-        pack({"type": "FileTransferStartUpload"}),
-        pack({"no": "type"}),
-        pack([1, 2]),
-        pack({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"update_cb": []}}),
-        pack({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": 1, "is_button": False}}),
-        pack({"type": "ViewerCameraMessage", "position": [math.nan, 0, 0]}),
-        pack({"type": "ViewerCameraMessage", "deep": {"a": [math.inf]}}),
-        pack({"type": "ViewerCameraMessage", "big": "x" * 70_000}),
-        b"\xc1",
-        b"",
-        b"\x91" * 50_000,
-    ],
-)
-def test_tunnels_uploads_nan_large_and_broken_messages_do_not(data: bytes) -> None:
-    assert allowed_kind(data) is None
+def test_measurements_say_what_the_proxy_says_and_are_few(tmp_path: Path) -> None:
+    at = site(tmp_path, options=PUBLIC, peer="10.0.0.9")
+    public = {"host": "study.example.org"}
+    reply = at.client.get("/check/download", headers={**public, "x-forwarded-for": "192.0.2.1"})
+    assert len(reply.content) == 256 * 1024
+    assert reply.headers["x-study-proxy"] == "named"
+    flags = reply.headers["set-cookie"]
+    assert all(flag in flags for flag in ("Secure", "HttpOnly", "SameSite=strict", "Path=/check/"))
+    silent = [at.client.get("/check/download", headers=public) for _ in range(11)]
+    assert silent[0].headers["x-study-proxy"] == "silent"
+    assert [reply.status_code for reply in silent] == [200] * 10 + [429]
+    assert site(tmp_path).client.get("/check/download").headers["x-study-proxy"] == "none"

@@ -9,6 +9,7 @@ from rerun.chunk import RrdReader
 
 from human_study.events import Act
 from human_study.export import export_study
+from human_study.export_codes import exported_codes
 from human_study.records import read_study
 from personal_viz.commands.study import serve
 from personal_viz.served import start_study
@@ -56,10 +57,14 @@ def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_datas
             walker_again.press("Forward (W or Up)")
             walker_again.receive_until(lambda message: "Step 2 of 500" in str(message))
             walker_again.press("Give up this search")
+            walker_again.receive_until(lambda message: "Press Give up again" in str(message))
+            walker_again.press("Give up this search")
             walker_again.receive_until(lambda message: "Thank you" in str(message))
         with enter(study.links["pog"]) as pointer:
             pointer.press("Start")
             pointer.receive_until(lambda message: "Click the object to mark it" in str(message))
+            pointer.press("Give up this search")
+            pointer.receive_until(lambda message: "again to end this search" in str(message))
             pointer.press("Give up this search")
             pointer.receive_until(lambda message: "Thank you" in str(message))
     finally:
@@ -72,9 +77,10 @@ def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_datas
 
 
 def assert_recordings_hold_what_is_stored(study: Path, live: Path, out: Path) -> None:
-    """Each finished trial's recording holds the very lines that `study export` writes."""
+    """Each finished trial's recording holds the very lines that `study export` writes, under the study's own codes."""
     exported = {folder.name: read_run(folder) for folder in export_study(study, out)}
     with read_study(study) as reader:
+        codes = exported_codes(reader)
         trials = [status for code in reader.codes() for status in reader.trials(code)]
         assert [status.code for status in trials] == ["p01", "p02"]
         for status in trials:
@@ -82,15 +88,16 @@ def assert_recordings_hold_what_is_stored(study: Path, live: Path, out: Path) ->
             run_id = f"{reader.config.study}-{status.code}-{status.task}"
             record = f"/runs/{run_id}-{status.code}/record"
             info = RunInfo.model_validate_json(texts(rrd, record, "info")[0])
-            same = {"created_utc", "versions", "git_commit"}  # these say when and with what it was written
-            assert info.model_dump(exclude=same) == exported[run_id].info.model_dump(exclude=same)
+            published = exported[f"{reader.config.study}-{codes[status.code]}-{status.task}"]
+            other = {"created_utc", "versions", "git_commit", "run_id"}  # when and with what it was written, new codes
+            assert info.model_dump(exclude=other) == published.info.model_dump(exclude=other)
             assert "/goal/centre" in entities(rrd)
             assert status.trial_id is not None
             if status.task == "pog":
                 assert [Answer.model_validate_json(line) for line in texts(rrd, record, "line")] == [status.outcome]
                 continue
             start = EpisodeStart.model_validate_json(texts(rrd, record, "start")[-1])
-            assert start == exported[run_id].episodes[0].start
+            assert start == published.episodes[0].start.model_copy(update={"participant": status.code})
             steps = [stored.event.step for stored in reader.events(status.trial_id) if isinstance(stored.event, Act)]
             assert [Step.model_validate_json(line) for line in texts(rrd, f"{record}/line", "line")] == steps
             assert len(steps) == 2
@@ -107,6 +114,7 @@ def assert_recordings_hold_what_is_stored(study: Path, live: Path, out: Path) ->
 def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
     with pytest.raises(StudyError, match=r"--rerun x\.rrd: this study has 2 trials; expected one for a single file\."):
         serve(
+            study=None,
             dataset=marked_dataset,
             scene="Marked",
             scenes_dir=None,
@@ -115,7 +123,10 @@ def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -
             limit=1,
             seed=0,
             actions="paper4",
+            clutter=0,
             port=0,
+            host=(),
             rerun="x.rrd",
+            with_pixels=False,
         )
     assert not (tmp_path / "study" / "study.db").exists()

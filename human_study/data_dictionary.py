@@ -1,0 +1,105 @@
+"""The meaning of every exported column, from the models of the rows: type, unit and the line under the field."""
+
+import types
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Unit of a column, as an annotation: `Annotated[float, Unit("s")]`."""
+
+    name: str
+
+
+ColumnType = Literal["text", "integer", "number", "boolean", "list of text", "JSON"]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of an exported table."""
+
+    name: str
+    type: ColumnType
+    unit: str
+    """Empty where a column has none."""
+    is_optional: bool
+    choices: tuple[str, ...]
+    """All possible values of a closed set; () elsewhere."""
+    meaning: str
+
+
+def columns_of(model: type[BaseModel]) -> tuple[Column, ...]:
+    """The columns of a table whose rows are of this model, in order."""
+    return tuple(_column(name, field) for name, field in model.model_fields.items())
+
+
+def dictionary_text(title: str, tables: Mapping[str, tuple[str, type[BaseModel]]]) -> str:
+    """`data_dictionary.md`.
+
+    Args:
+        title: First line.
+        tables: (what one row is, row model) by table name.
+    """
+    parts = [
+        f"# {title}",
+        "Each table is written three times: as Parquet, CSV and JSON lines. Empty cells (CSV) and `null` (JSON) mean "
+        "that there is no such value. Text that a spreadsheet would take for a formula begins with a single quote in "
+        "CSV. `participant`, `order_no` and `attempt` together name an attempt in every table.",
+    ]
+    for name, (meaning, model) in tables.items():
+        parts.append(f"## {name}\n\n{meaning}\n\n" + _markdown_table(columns_of(model)))
+    return "\n\n".join(parts) + "\n"
+
+
+def _markdown_table(columns: tuple[Column, ...]) -> str:
+    lines = ["| Column | Type | Unit | May be empty | Meaning |", "|---|---|---|---|---|"]
+    for column in columns:
+        choices = f" One of: {', '.join(f'`{choice}`' for choice in column.choices)}." if column.choices else ""
+        meaning = (column.meaning + choices).replace("|", "\\|").replace("\n", " ")
+        optional = "yes" if column.is_optional else "no"
+        lines.append(f"| `{column.name}` | {column.type} | {column.unit or '-'} | {optional} | {meaning} |")
+    return "\n".join(lines)
+
+
+def _column(name: str, field: FieldInfo) -> Column:
+    assert field.description, f"{name} has no line under it"
+    options = _options(field.annotation)
+    kept = [option for option in options if option is not type(None)]
+    units = [item.name for item in (*field.metadata, *_metadata(kept)) if isinstance(item, Unit)]
+    choices = tuple(str(value) for option in kept if get_origin(option) is Literal for value in get_args(option))
+    return Column(
+        name=name,
+        type=_type_name(kept),
+        unit=units[0] if units else "",
+        is_optional=len(kept) < len(options),
+        choices=choices,
+        meaning=field.description.replace("\n", " "),
+    )
+
+
+def _options(annotation: Any) -> list[Any]:
+    """The members of a union, also of nested ones; the type itself where it is none."""
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [option for member in get_args(annotation) for option in _options(member)]
+    return [annotation]
+
+
+def _metadata(options: list[Any]) -> list[Any]:
+    return [item for option in options for item in getattr(option, "__metadata__", ())]
+
+
+def _type_name(options: list[Any]) -> ColumnType:
+    """What people and file formats call the type."""
+    bare = [get_args(option)[0] if hasattr(option, "__metadata__") else option for option in options]
+    if all(get_origin(option) is Literal or option is str for option in bare):
+        return "text"
+    (found,) = set(bare)
+    if get_origin(found) is tuple and get_args(found)[0] is str:
+        return "list of text"
+    names: dict[Any, ColumnType] = {bool: "boolean", int: "integer", float: "number"}
+    return names.get(found, "JSON")

@@ -1,0 +1,64 @@
+"""Who has been away for too long, by a steady clock that is passed in: jumps of the wall clock do not matter.
+
+Kept in memory: a program that starts again counts from its start, so a restart takes nobody's place away.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class _Lease:
+    num_open: int
+    away_since_s: float
+
+
+class Leases:
+    """Open connections of participants, and since when those without one are away; one thread at a time."""
+
+    def __init__(self, lease_s: float) -> None:
+        """Knows nobody.
+
+        Args:
+            lease_s: Who is away for longer has left.
+        """
+        self._lease_s = lease_s
+        self._leases: dict[str, _Lease] = {}
+
+    def here(self, code: str, now_s: float) -> None:
+        """A participant opened a connection; others that are still open are counted too."""
+        self._lease(code, now_s).num_open += 1
+
+    def left(self, code: str, now_s: float) -> None:
+        """A participant's connection ended; away only when it was the last one."""
+        lease = self._lease(code, now_s)
+        lease.num_open = max(0, lease.num_open - 1)
+        lease.away_since_s = now_s
+
+    def expect(self, code: str, now_s: float) -> None:
+        """A participant has begun, so an absence counts from now on; changes nothing for one who is known."""
+        self._lease(code, now_s)
+
+    def forget(self, code: str) -> None:
+        """The participant has finished or is out; one who comes back is counted anew."""
+        if code in self._leases and not self._leases[code].num_open:
+            del self._leases[code]
+
+    def is_here(self, code: str) -> bool:
+        """Whether the participant has an open connection."""
+        return code in self._leases and self._leases[code].num_open > 0
+
+    def present(self) -> frozenset[str]:
+        """Everybody with an open connection."""
+        return frozenset(code for code, lease in self._leases.items() if lease.num_open)
+
+    def away_s(self, code: str, now_s: float) -> float:
+        """How long the participant has been away; 0 for one who is here or not known."""
+        lease = self._leases.get(code)
+        return 0.0 if lease is None or lease.num_open else max(0.0, now_s - lease.away_since_s)
+
+    def expired(self, now_s: float) -> tuple[str, ...]:
+        """Who has no open connection and has been away for longer than the lease, in order."""
+        return tuple(sorted(code for code in self._leases if self.away_s(code, now_s) > self._lease_s))
+
+    def _lease(self, code: str, now_s: float) -> _Lease:
+        return self._leases.setdefault(code, _Lease(0, now_s))

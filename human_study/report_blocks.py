@@ -1,0 +1,112 @@
+"""A report as headings, texts, tables and pictures, and these as Markdown or as one HTML page."""
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """A title; level 1 is the document's."""
+
+    text: str
+    level: int = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph."""
+
+    text: str
+    is_strong: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Cells as text; the first column names the row."""
+
+    heads: tuple[str, ...]
+    lines: tuple[tuple[str, ...], ...]
+    note: str = ""
+    """Below it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """An SVG file beside the report."""
+
+    name: str
+    caption: str
+
+
+Block = Heading | Text | Table | Picture
+_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 78rem; padding: 0 1rem; color: #1b1b1b; }
+table { border-collapse: collapse; margin: .6rem 0; font-size: 13px; }
+th, td { border: 1px solid #c9c9c9; padding: .25rem .5rem; text-align: left; vertical-align: top; }
+thead th { background: #f0f0ee; }
+.note { color: #4d4d4d; font-size: 12.5px; margin: 0 0 1rem; }
+figure { margin: 1rem 0; overflow-x: auto; }
+figcaption { color: #4d4d4d; font-size: 13px; }
+"""
+
+
+def markdown_text(blocks: Sequence[Block]) -> str:
+    """The blocks as Markdown; pictures are links to files beside it."""
+    return "\n\n".join(_markdown(block) for block in blocks) + "\n"
+
+
+def html_text(blocks: Sequence[Block], pictures: Mapping[str, str]) -> str:
+    """The blocks as one HTML page that needs no other file.
+
+    Args:
+        blocks: In order.
+        pictures: SVG text by name; those of the blocks are put in.
+    """
+    title = next((block.text for block in blocks if isinstance(block, Heading)), "Report")
+    body = "\n".join(_html(block, pictures) for block in blocks)
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def _markdown(block: Block) -> str:
+    match block:
+        case Heading(text, level):
+            return f"{'#' * level} {text}"
+        case Text(text, is_strong):
+            return f"**{text}**" if is_strong else text
+        case Picture(name, caption):
+            return f"![{caption}]({name})"
+        case Table(heads, lines, note):
+            rows = ["| " + " | ".join(_piped(cell) for cell in line) + " |" for line in (heads, *lines)]
+            table = "\n".join([rows[0], "|" + "---|" * len(heads), *rows[1:]])
+            return f"{table}\n\n{note}" if note else table
+
+
+def _html(block: Block, pictures: Mapping[str, str]) -> str:
+    match block:
+        case Heading(text, level):
+            return f"<h{level}>{html.escape(text)}</h{level}>"
+        case Text(text, is_strong):
+            return f"<p><strong>{html.escape(text)}</strong></p>" if is_strong else f"<p>{html.escape(text)}</p>"
+        case Picture(name, caption):
+            drawn = pictures.get(name, "")
+            inline = drawn[drawn.index("<svg") :] if "<svg" in drawn else html.escape(name)
+            return f"<figure>{inline}<figcaption>{html.escape(caption)}</figcaption></figure>"
+        case Table(heads, lines, note):
+            head = "".join(f"<th>{html.escape(cell)}</th>" for cell in heads)
+            body = "\n".join(
+                "<tr>"
+                + f"<th>{html.escape(line[0])}</th>"
+                + "".join(f"<td>{html.escape(cell)}</td>" for cell in line[1:])
+                + "</tr>"
+                for line in lines
+            )
+            table = f"<table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table>"
+            return table + (f'\n<p class="note">{html.escape(note)}</p>' if note else "")
+
+
+def _piped(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")

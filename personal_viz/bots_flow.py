@@ -1,0 +1,64 @@
+"""What a bot answers to each page around the trials: it finds buttons by their labels, as a person does."""
+
+import time
+
+from human_study.study import StudyConfig
+
+from .bots_page import BotPage
+from .bots_wire import BotConnection
+from .flow_quiz import questions_for
+
+DEVICE = {"webgl2": True, "width": 1280, "height": 800}
+"""What a bot's browser says of itself."""
+_ON = (
+    r"^start",
+    r"^begin",
+    r"^next",
+    r"^continue$",
+    r"^go on",
+    r"^i agree",
+    r"^i have read",
+    r"^try again",
+    r"^look whether",
+    r"^[1-5]:",
+)
+"""Labels that lead on, the likeliest first; the last is the question how sure one is."""
+_END = ("thank you", "you can close this page", "completion code", "you will be paid")
+
+
+def right_answers(config: StudyConfig) -> frozenset[str]:
+    """The labels of all right answers in the quiz of PAN participants."""
+    return frozenset(question.answers[0] for question in questions_for(config, "pan", config.conditions("pan")))
+
+
+def is_the_end(page: BotPage) -> bool:
+    """Whether nothing is left to do."""
+    text = page.text.lower()
+    return any(words in text for words in _END) and not page.of_kind("GuiButtonMessage")
+
+
+async def answer_page(connection: BotConnection, answers: frozenset[str]) -> bool:
+    """Does what leads on; False when the page offers nothing, or nothing yet.
+
+    Args:
+        connection: With the page.
+        answers: The right answers to the quiz.
+    """
+    page = connection.page
+    if "Looking at your browser" in page.text:
+        now_ms = time.perf_counter() * 1e3
+        return await connection.tell({"kind": "device", "n": int(now_ms), "t_cli_ms": now_ms, **DEVICE})
+    key = page.command("W")
+    if key is not None and page.button(r"without a keyboard") is not None:
+        await connection.trigger(key.uuid)
+        return True
+    for button in page.of_kind("GuiButtonMessage"):
+        if button.label in answers:
+            await connection.set_value(button.uuid, True)
+            return True
+    for pattern in _ON:
+        button = page.button(pattern)
+        if button is not None:
+            await connection.set_value(button.uuid, True)
+            return True
+    return False

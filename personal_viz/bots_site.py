@@ -1,0 +1,191 @@
+"""Where bots take part: a study made for them, served by a child process as a person at a terminal would serve it."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from human_study.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, load_plan
+from human_study.study import (
+    STUDY_FILE,
+    FlowStep,
+    StudyBreaks,
+    StudyChecks,
+    StudyConfig,
+    StudyDataset,
+    StudyDesign,
+    StudyPractice,
+    load_study,
+    save_study,
+)
+from human_study.study_secrets import load_secrets
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import StudyError
+from sim.types import SPLITS
+
+HOME = "BotHome"
+START_S = 120.0
+_READY = "Everything is written to"
+_LINK = re.compile(r"PAN\s+(p\d+)\s+(\S+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A study that is being served."""
+
+    folder: Path
+    dataset: Path
+    scenes_dir: Path | None
+    links: dict[str, str]
+    """Personal link of each PAN participant, by code."""
+    pid: int | None
+    """Of the serving process; None when somebody else started it."""
+
+
+def make_bot_study(
+    folder: Path,
+    *,
+    participants: int,
+    seed: int,
+    dataset: Path | None = None,
+    scenes: tuple[str, ...] = (),
+    flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz"),
+) -> Path:
+    """Plans a PAN study for bots, in which everybody does every episode; returns its dataset's folder.
+
+    Args:
+        folder: A new one.
+        participants: How many.
+        seed: Of the home and of the plan.
+        dataset: None = a home is invented in `folder`.
+        scenes: Only these homes of the dataset; () = all.
+        flow: The pages before the first trial.
+    """
+    from personal_viz.commands.study_files import plan_study
+    from sim.episodes.generation import invent_dataset
+
+    if dataset is None:
+        dataset = folder / "dataset"
+        invent_dataset(dataset, name=HOME, seed=seed)
+    config = StudyConfig(
+        study="bots",
+        dataset=StudyDataset(
+            sha256=PersonalDataset(dataset).digest(),
+            splits=dict.fromkeys(SPLITS, "all"),
+            scenes=scenes,
+            stratify="none",
+            max_per_scene=None,
+            seed=seed,
+        ),
+        task=("pan",),
+        design=StudyDesign(kind="crossed", raters_per_episode=participants),
+        flow=flow,
+        practice=StudyPractice(pan=0, pog=0),
+        checks=StudyChecks(every=None),
+        breaks=StudyBreaks(every=None, sitting_max=None),
+    )
+    save_study(folder / "study", config)
+    plan_study(folder / "study", dataset, None, pilot=True)
+    return dataset
+
+
+def copy_plan(study: Path, folder: Path) -> None:
+    """A planned study without any of its records, for bots: what they do must not stand beside what people do.
+
+    Raises:
+        StudyError: The study has no plan.
+    """
+    load_plan(study, load_study(study))
+    folder.mkdir(parents=True)
+    for name in (STUDY_FILE, PLAN_FILE, "consent.md", "instructions.md"):
+        if (study / name).is_file():
+            shutil.copy(study / name, folder / name)
+    if (study / PRACTICE_FOLDER).is_dir():
+        shutil.copytree(study / PRACTICE_FOLDER, folder / PRACTICE_FOLDER)
+
+
+@contextmanager
+def served(folder: Path, dataset: Path, scenes_dir: Path | None = None) -> Iterator[Site]:
+    """`study serve` on a free port until the end of the block.
+
+    Raises:
+        StudyError: The program ended instead; its own message is above.
+    """
+    program = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--dataset", str(dataset)]
+    program += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
+    program += ["--port", "0", "--pilot"]
+    process = subprocess.Popen(
+        program, stdout=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=_hear_ctrl_c
+    )
+    try:
+        assert process.stdout is not None
+        links = {}
+        for line in process.stdout:
+            if found := _LINK.search(line):
+                links[found.group(1)] = found.group(2)
+            if _READY in line:
+                break
+        if not links:
+            raise StudyError(
+                f"{' '.join(program[2:6])}: printed no link of a PAN participant; expected at least one. "
+                "Plan a study with task: pan."
+            )
+        yield Site(folder, dataset, scenes_dir, links, process.pid)
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            process.communicate(timeout=30)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> Site:
+    """A study that is being served already, on this machine or by way of a proxy.
+
+    Args:
+        folder: Of the study; its tokens are read.
+        dataset: Of the study.
+        scenes_dir: Of licensed scans.
+        url: As browsers reach it, `http://127.0.0.1:8080`.
+    """
+    plan: StudyPlan = load_plan(folder, load_study(folder))
+    tokens = load_secrets(folder).tokens
+    codes = [person.code for person in plan.participants if person.task == "pan" and person.code in tokens]
+    return Site(folder, dataset, scenes_dir, {code: f"{url.rstrip('/')}/#{tokens[code]}" for code in codes}, None)
+
+
+def cpu_seconds(pid: int) -> float:
+    """CPU seconds of a process and its children so far (Linux; 0 elsewhere)."""
+    total = 0.0
+    for one in (pid, *_children(pid)):
+        fields = _stat_fields(one)
+        if fields:
+            total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return total
+
+
+def _children(pid: int) -> list[int]:
+    folder = Path("/proc")
+    found = [int(path.name) for path in folder.iterdir() if path.name.isdigit()] if folder.is_dir() else []
+    return [one for one in found if (fields := _stat_fields(one)) and int(fields[1]) == pid]
+
+
+def _stat_fields(pid: int) -> list[str]:
+    """Fields of /proc/PID/stat behind the name; empty when there is no such process."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return []
+
+
+def _hear_ctrl_c() -> None:
+    """In the child: Ctrl-C ends it, also where the shell that started us ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)

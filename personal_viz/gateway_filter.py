@@ -1,0 +1,124 @@
+"""Which of a browser's messages reach viser: a closed list of types, each field checked, a few a second.
+
+What passes is encoded anew, so that viser cannot read it differently than we did.
+"""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+MAX_MESSAGE_BYTES = 64 * 1024
+"""Largest message that a browser may send; clicks and camera poses need under 1 kB."""
+ACTION_RATE = (20.0, 20)
+"""(a second, at once) of each type: a person presses at most some 10 keys a second (HUMAN_STUDY.md, section 7), and
+viser's client sends what the page writes into fields at most every 50 ms."""
+CAMERA_RATE = (20.0, 5)
+"""viser sends up to 50 camera messages a second while somebody turns the home; the newest is enough."""
+FLOOD_RATE = (200.0, 400)
+"""Messages of any kind; no browser sends so many, so whoever does is disconnected."""
+_Id = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_:./-]{1,64}\Z")]
+_Vector = tuple[float, float, float]
+_Pixels = Annotated[int, msgspec.Meta(ge=0, le=100_000)] | Annotated[float, msgspec.Meta(ge=0, le=100_000)]
+_Scalar = bool | int | float | str | None
+_Row = Annotated[list[_Scalar], msgspec.Meta(max_length=64)]
+
+
+class ViewerCameraMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
+    """Where the browser's camera is."""
+
+    wxyz: tuple[float, float, float, float]
+    position: _Vector
+    fov: float
+    near: float
+    far: float
+    image_height: _Pixels
+    image_width: _Pixels
+    look_at: _Vector
+    up_direction: _Vector
+
+
+class ScenePointerMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
+    """A click into the scene."""
+
+    event_type: Literal["click", "rect-select"]
+    ray_origin: _Vector | None
+    ray_direction: _Vector | None
+    screen_pos: Annotated[list[tuple[float, float]], msgspec.Meta(max_length=4)]
+    modifier: Annotated[str, msgspec.Meta(pattern=r"\A[a-z/+]{1,32}\Z")] | None
+
+
+class GuiValue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The one attribute that a browser may set; viser would set any that is named."""
+
+    value: _Scalar | Annotated[list[_Scalar | _Row], msgspec.Meta(max_length=64)]
+
+
+class GuiUpdateMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
+    """A button is pressed or a field is filled."""
+
+    uuid: _Id
+    updates: GuiValue
+
+
+class CommandTriggerMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
+    """A key is pressed."""
+
+    uuid: _Id
+
+
+BrowserMessage = ViewerCameraMessage | ScenePointerMessage | GuiUpdateMessage | CommandTriggerMessage
+"""All that a participant's browser has to say; tunnel, upload, render and storage messages are not among it."""
+_DECODER = msgspec.msgpack.Decoder(BrowserMessage)
+_ENCODER = msgspec.msgpack.Encoder()
+
+
+def browser_message(data: bytes) -> BrowserMessage | None:
+    """What a browser says; None unless it is small, well formed, on the list, complete and finite."""
+    if len(data) > MAX_MESSAGE_BYTES:
+        return None
+    try:
+        message = _DECODER.decode(data)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None
+    return message if _is_finite(message) else None
+
+
+def viser_bytes(message: BrowserMessage) -> bytes:
+    """The message as viser reads it."""
+    return _ENCODER.encode(message)
+
+
+class RateLimit:
+    """A token bucket: `rate` a second on average, `burst` at once."""
+
+    def __init__(self, rate: float, burst: int) -> None:
+        """Starts full."""
+        self._rate, self._burst = rate, burst
+        self._left, self._last_s = float(burst), 0.0
+
+    def allows(self, now_s: float) -> bool:
+        """Takes one, if one is left at this time (seconds on a steady clock)."""
+        if not self.has_one(now_s):
+            return False
+        self._left -= 1
+        return True
+
+    def has_one(self, now_s: float) -> bool:
+        """Whether one is left; takes none."""
+        self._left = min(self._burst, self._left + (now_s - self._last_s) * self._rate)
+        self._last_s = now_s
+        return self._left >= 1
+
+    def wait_s(self, now_s: float) -> float:
+        """Seconds until one is left."""
+        return 0.0 if self.has_one(now_s) else (1 - self._left) / self._rate
+
+
+def _is_finite(value: object) -> bool:
+    if isinstance(value, float):
+        return value - value == 0
+    if isinstance(value, msgspec.Struct):
+        return all(_is_finite(getattr(value, name)) for name in value.__struct_fields__)
+    if isinstance(value, (list, tuple)):
+        return all(_is_finite(item) for item in value)
+    return True

@@ -1,0 +1,256 @@
+// A participant's page: keys by their place on the keyboard, no auto-repeat, own keys, larger text, and messages to the
+// server through a hidden text input of viser's (LABEL). viser sends at most one message of all its inputs within 50 ms
+// and forgets those in between, so ours keep away from clicks, carry numbers, and are sent again until acknowledged.
+(() => {
+  if (window.personalPage) return;
+  const LABEL = 'messages of this page', EVERY_MS = 120, AGAIN_MS = 2500, PING_MS = 10000, LOST_MS = 12000;
+  const AFTER_CLICK_MS = 90, MAX_PENDING = 200, MAX_AT_ONCE = 40;
+  const DEFAULT = {
+    forward: ['KeyW', 'ArrowUp'], left: ['KeyA', 'ArrowLeft'], right: ['KeyD', 'ArrowRight'],
+    look_up: ['KeyR'], look_down: ['KeyF'], stop: ['Enter', 'NumpadEnter'],
+  };
+  const VISER = { ArrowUp: 'ArrowUp', ArrowLeft: 'ArrowLeft', ArrowRight: 'ArrowRight', ArrowDown: 'ArrowDown',
+    Enter: 'Enter', NumpadEnter: 'Enter', Space: ' ' };
+  const NAMES = { forward: 'Walk forward', left: 'Turn left', right: 'Turn right', look_up: 'Look up',
+    look_down: 'Look down', stop: 'Stop (press twice)' };
+  const state = { seat: '', own: {}, actions: [], pending: [], number: 0, sentAt: 0, sentNumber: 0, acked: 0,
+    waitingSince: 0, holdUntil: 0, timer: 0, isDown: false };
+  const now = () => performance.now();
+  const ours = new WeakSet();
+
+  // --- messages to the server -----------------------------------------------------------------------------------
+  const field = () => {
+    for (const label of document.querySelectorAll('label'))
+      if (label.textContent === LABEL) {
+        let around = label;
+        while (around && !around.querySelector('input')) around = around.parentElement;
+        if (!around) return null;
+        around.style.display = 'none';
+        return around.querySelector('input');
+      }
+    return null;
+  };
+  const type = (text) => {
+    const input = field();
+    if (!input) return false;
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, text);
+    input.dispatchEvent(new Event('input', { bubbles: true }));
+    state.sentAt = now();
+    return true;
+  };
+  const send = () => {
+    clearTimeout(state.timer);
+    state.timer = 0;
+    if (!state.seat || !state.pending.length) return;
+    const wait = Math.max(state.sentAt + EVERY_MS - now(), state.holdUntil - now(), state.isDown ? 60 : 0);
+    const isNew = state.pending[state.pending.length - 1].n > state.sentNumber;
+    const again = isNew ? 0 : state.waitingSince + AGAIN_MS - now();
+    if (wait > 0 || again > 0) { state.timer = setTimeout(send, Math.max(wait, again, 10)); return; }
+    const batch = state.pending.slice(0, MAX_AT_ONCE);
+    if (type(JSON.stringify({ seat: state.seat, said: batch }))) {
+      state.sentNumber = batch[batch.length - 1].n;
+      state.waitingSince = now();
+    }
+    state.timer = setTimeout(send, AGAIN_MS);
+  };
+  const tell = (message) => {
+    if (state.pending.length >= MAX_PENDING) state.pending.shift();
+    state.pending.push({ n: ++state.number, t_cli_ms: now(), ...message });
+    if (!state.timer || state.pending.length === 1) send();
+  };
+  const tellPress = (code, t) => {  // unacknowledged: it must not keep the key that follows it waiting
+    if (state.seat && now() - state.sentAt > 55 && !state.isDown)
+      type(JSON.stringify({ seat: state.seat, said: [{ n: 0, kind: 'press', code: code, t_cli_ms: t }] }));
+  };
+  const acknowledge = (number) => {
+    const round = now() - state.waitingSince;
+    state.pending = state.pending.filter((message) => message.n > number);
+    if (number === state.sentNumber && number > state.acked) tellRound(round);
+    state.acked = Math.max(state.acked, number);
+    showBanner('');
+    if (state.pending.length) send();
+  };
+  let roundAt = -Infinity;
+  const tellRound = (round) => {
+    if (now() - roundAt < 0.9 * PING_MS) return;
+    roundAt = now();
+    tell({ kind: 'round_trip', ms: Math.round(round * 10) / 10 });
+  };
+  setInterval(() => {
+    if (!state.seat) return;
+    if (!state.pending.length && now() - state.sentAt > PING_MS) tell({ kind: 'ping' });
+    else if (state.pending.length && now() - state.pending[0].t_cli_ms > LOST_MS)
+      showBanner('The connection is lost. Nothing that you did is lost. This page connects again by itself.');
+  }, 1000);
+
+  // --- keys -------------------------------------------------------------------------------------------------------
+  const actionOf = (code) => {
+    for (const [action, own] of Object.entries(state.own)) if (own === code) return action;
+    for (const [action, codes] of Object.entries(DEFAULT))
+      if (!state.own[action] && codes.includes(code)) return action;
+    return null;
+  };
+  const keyOfCode = (code) => {
+    if (/^Key[A-Z]$/.test(code)) return code.slice(3).toLowerCase();
+    if (/^(Digit|Numpad)[0-9]$/.test(code)) return code.slice(-1);
+    return VISER[code] || null;
+  };
+  const isOwned = (code) => Object.values(DEFAULT).some((codes) => codes.includes(code));
+  const viserCode = (code) => {  // the key that viser's hotkeys know for this place on the keyboard
+    const action = actionOf(code);
+    if (action) return DEFAULT[action].includes(code) ? code : DEFAULT[action][0];
+    return isOwned(code) ? null : code;
+  };
+  const codeOf = (event) => event.code || (/^[a-z]$/i.test(event.key) ? 'Key' + event.key.toUpperCase() : event.key);
+  window.addEventListener('keydown', (event) => {
+    if (ours.has(event)) return;
+    const target = event.target instanceof Element ? event.target : document.body;
+    if (dialog.open) { dialogKey(event); return; }
+    if (target.closest('input, textarea, select')) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) {
+      if (event.code === 'KeyK' || event.code === 'KeyP') event.stopImmediatePropagation();  // viser's palette
+      return;
+    }
+    const code = codeOf(event);
+    const isPress = (code === 'Enter' || code === 'NumpadEnter' || code === 'Space') &&
+      target.closest('button, a, summary, [role=button], [tabindex="0"]');
+    event.stopImmediatePropagation();
+    if (event.repeat) { if (!['Tab', 'PageUp', 'PageDown'].includes(code)) event.preventDefault(); return; }
+    if (isPress) { hold(); return; }  // the browser presses the focused button
+    if (/^(Arrow|Page|Home|End)/.test(code) && target.closest('.scroll')) return;  // reached with Tab: scrolls the text
+    const known = viserCode(code);
+    const key = known && keyOfCode(known);
+    if (!key) return;
+    const isTrial = document.querySelector('.personal-page') === null;
+    if (isTrial) event.preventDefault();  // arrows and space must not scroll the panel
+    tellPress(code, event.timeStamp);
+    const twin = new KeyboardEvent('keydown', { key: key, code: known, bubbles: false, cancelable: true });
+    ours.add(twin);
+    document.documentElement.dispatchEvent(twin);  // where viser's hotkeys listen; its camera listens further out
+  }, true);
+  const hold = () => { state.holdUntil = now() + AFTER_CLICK_MS; };
+  window.addEventListener('pointerdown', () => { state.isDown = true; hold(); }, true);
+  const lift = () => { state.isDown = false; hold(); };
+  window.addEventListener('pointerup', lift, true);
+  window.addEventListener('pointercancel', lift, true);
+  window.addEventListener('click', (event) => {
+    const target = event.target instanceof Element ? event.target : null;
+    const region = target && target.closest('.scroll');
+    if (region) region.blur();  // so that arrows steer again and do not scroll the text that was clicked
+    const button = target && target.closest('button');
+    if (!button) return;
+    if (event.detail > 0) setTimeout(() => button.blur(), 0);  // so that Enter is STOP again and not this button
+    if (button.dataset.tool === 'keys') openDialog();
+    if (button.dataset.tool === 'large') setLarge(!document.documentElement.classList.contains('personal-large'));
+    if (button.dataset.tool === 'leave') openLeaving(button.dataset.text);
+  });
+
+  // --- what happens to the page -----------------------------------------------------------------------------------
+  const changed = (what) => tell({ kind: 'page', what: what });
+  window.addEventListener('focus', (event) => { if (event.target === window) changed('focus'); });
+  window.addEventListener('blur', (event) => { if (event.target === window) changed('blur'); });
+  document.addEventListener('visibilitychange', () => changed(document.hidden ? 'hidden' : 'visible'));
+  window.addEventListener('webglcontextlost', () => changed('context_lost'), true);
+  window.addEventListener('offline', () => showBanner('This computer is offline. Nothing that you did is lost.'));
+  let resizing = 0;
+  window.addEventListener('resize', () => {
+    clearTimeout(resizing);
+    resizing = setTimeout(tellDevice, 300);
+  });
+  const hasWebgl = () => {
+    try {
+      const context = document.createElement('canvas').getContext('webgl2');
+      if (context && context.getExtension('WEBGL_lose_context')) context.getExtension('WEBGL_lose_context').loseContext();
+      return context !== null;
+    } catch { return false; }
+  };
+  let webgl = null;
+  const tellDevice = () => {
+    if (webgl === null) webgl = hasWebgl();
+    tell({ kind: 'device', webgl2: webgl, width: window.innerWidth, height: window.innerHeight });
+  };
+
+  // --- larger text, own keys, banner ------------------------------------------------------------------------------
+  const remember = (name, value) => { try { localStorage.setItem(name, value); } catch { /* private window */ } };
+  const setLarge = (isLarge) => {
+    document.documentElement.classList.toggle('personal-large', isLarge);
+    remember('personal-large', isLarge ? '1' : '');
+    for (const button of document.querySelectorAll('[data-tool=large]')) button.setAttribute('aria-pressed', isLarge);
+  };
+  try { setLarge(localStorage.getItem('personal-large') === '1'); } catch { /* private window */ }
+  const banner = document.createElement('div');
+  banner.className = 'personal-banner';
+  banner.setAttribute('role', 'alert');
+  banner.hidden = true;
+  const showBanner = (text) => { banner.hidden = !text; if (banner.textContent !== text) banner.textContent = text; };
+  const dialog = document.createElement('dialog');
+  dialog.className = 'personal-dialog';
+  dialog.setAttribute('aria-label', 'Keys');
+  document.body.append(banner, dialog);
+  let asking = '';
+  const wordOf = (code) => code.replace(/^Key|^Digit/, '').replace(/^Arrow(.*)/, '$1 arrow').replace('NumpadEnter', 'Enter');
+  const drawDialog = (note) => {
+    const rows = state.actions.map((action) => {
+      const codes = state.own[action] ? [state.own[action]] : DEFAULT[action].filter((code) => code !== 'NumpadEnter');
+      const text = asking === action ? 'press a key' : codes.map(wordOf).join(' or ');
+      return '<tr><td>' + NAMES[action] + '</td><td><b>' + text + '</b></td><td><button data-key="' + action +
+        '" aria-label="Change the key of: ' + NAMES[action] + '">Change</button></td></tr>';
+    });
+    dialog.innerHTML = '<h2>Keys</h2><p role="status">' + (note || 'Keys are found by their place on the keyboard.') +
+      '</p><table>' + rows.join('') + '</table><p><button data-key="reset">Use the usual keys</button> ' +
+      '<button data-key="close">Close</button></p>';
+  };
+  const openDialog = () => { asking = ''; dialog.setAttribute('aria-label', 'Keys'); drawDialog(''); dialog.showModal(); };
+  dialog.addEventListener('click', (event) => {
+    const wanted = event.target.dataset ? event.target.dataset.key : '';
+    if (wanted === 'close') dialog.close();
+    else if (wanted === 'withdraw') { dialog.close(); tell({ kind: 'told', name: 'withdraw' }); }
+    else if (wanted === 'reset') { state.own = {}; asking = ''; drawDialog('The usual keys are back.'); tellKeys(); }
+    else if (wanted) { asking = wanted; drawDialog('Press the new key for: ' + NAMES[wanted] + '. Escape keeps the old one.'); }
+  });
+  const openLeaving = (text) => {
+    asking = '';
+    dialog.setAttribute('aria-label', 'Leave the study');
+    dialog.innerHTML = '<h2>Leave the study for good?</h2><p></p><p>You cannot come back with your link.</p><p>' +
+      '<button data-key="close" autofocus>No, go on with the study</button> ' +
+      '<button data-key="withdraw">Yes, leave the study</button></p>';
+    dialog.querySelector('p').textContent = text;
+    dialog.showModal();
+  };
+  const tellKeys = () => tell({ kind: 'keys', keys: state.own });
+  const dialogKey = (event) => {
+    event.stopImmediatePropagation();
+    if (!asking) return;
+    event.preventDefault();
+    const code = codeOf(event), action = asking;
+    if (event.repeat) return;
+    asking = '';
+    if (code === 'Escape') { drawDialog(''); return; }
+    const taken = actionOf(code);
+    if (!/^(Key[A-Z]|Digit[0-9]|Numpad[0-9]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)$/.test(code))
+      drawDialog('This key cannot be used. Take a letter, a digit, an arrow, Space or Enter.');
+    else if (taken && taken !== action) drawDialog('This key is already used for: ' + NAMES[taken] + '.');
+    else { state.own = { ...state.own, [action]: code }; drawDialog('Saved.'); tellKeys(); }
+    const back = dialog.querySelector('[data-key="' + action + '"]');
+    if (back) back.focus();
+  };
+
+  window.personalPage = {
+    begin: (seat, keys, actions) => {
+      if (state.seat === seat) return;
+      Object.assign(state, { seat: seat, own: keys, actions: actions, sentNumber: 0, waitingSince: 0 });
+      showBanner('');
+      const hide = () => { if (field()) { tellDevice(); if (!document.hasFocus()) changed('blur'); } else setTimeout(hide, 30); };
+      hide();
+    },
+    acknowledge: acknowledge,
+    shown: () => {  // a new page to read: its heading is where screen readers and the Tab key go on
+      const heading = document.querySelector('.personal-page h1');
+      if (heading && document.activeElement !== heading) { heading.tabIndex = -1; heading.focus({ preventScroll: true }); }
+      const view = document.querySelector('.mantine-ScrollArea-viewport:has(.personal-page)');
+      if (view) view.scrollTop = 0;
+    },
+    refresh: () => setLarge(document.documentElement.classList.contains('personal-large')),  // the tools are drawn anew
+    reload: () => window.location.reload(),
+  };
+})();

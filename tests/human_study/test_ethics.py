@@ -1,0 +1,254 @@
+"""Texts for participants and documents for an ethics board: complete, true for the study file, open places marked."""
+
+import datetime
+import re
+
+import pytest
+
+from human_study.ethics import (
+    consent_text,
+    instructions_for,
+    instructions_text,
+    open_places,
+    with_filled_places,
+    wrapped,
+)
+from human_study.ethics_documents import ethics_documents
+from human_study.ethics_estimate import announced_minutes, estimate_time
+from human_study.ethics_sample import sample_of
+from human_study.preregistration import hypothesis_sentence
+from human_study.study import StudyConfig, StudyPrivacy
+
+from .small_world import plan, study
+
+WHOLE = {
+    "ethics": {
+        "irb": "2026-17",
+        "institution": "The University of Anywhere",
+        "contact": "study@anywhere.example",
+        "pay": "12 EUR per hour",
+        "duration_min": 45,
+    },
+    "privacy": {"retention": datetime.date(2027, 12, 31)},
+    "primary": ("human_minus_agent_SR", "memory_effect_SR"),
+}
+FULL_FLOW = ("device", "consent", "instructions", "quiz")
+
+
+def config_of(**changes: object) -> StudyConfig:
+    return study(**({"flow": FULL_FLOW} | changes))
+
+
+def test_a_complete_study_file_leaves_nothing_open() -> None:
+    config = config_of(**WHOLE)
+    documents = ethics_documents(config, plan(config))
+    assert list(documents) == [
+        "protocol.md",
+        "information_sheet.md",
+        "consent.md",
+        "data_flow.md",
+        "retention.md",
+        "time_and_pay.md",
+        "preregistration.md",
+    ]
+    assert {name: open_places(text) for name, text in documents.items()} == dict.fromkeys(documents, ())
+    everything = "\n".join(documents.values())
+    assert "study@anywhere.example" in everything
+    assert not re.search(r"\{[a-z_]+\}|None|\(\)", everything)
+    assert ".." not in everything.replace("...", "")
+
+
+def test_empty_fields_are_marked_and_named() -> None:
+    config = config_of()
+    assert set(open_places(consent_text(config))) == {
+        "ethics.institution",
+        "ethics.duration_min",
+        "ethics.pay",
+        "privacy.retention",
+        "ethics.contact",
+        "ethics.irb",
+    }
+    documents = ethics_documents(config, None)
+    assert "plan.json" in open_places(documents["preregistration.md"])
+    assert "primary" in open_places(documents["preregistration.md"])
+    assert "[to be filled in: privacy.retention]" in documents["retention.md"]
+
+
+def test_a_mark_that_a_line_break_cuts_is_found() -> None:
+    text = wrapped("word " * 20 + "[to be filled in: ethics.contact]")
+    assert "\n" in text.strip()
+    assert open_places(text) == ("ethics.contact",)
+
+
+def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None:
+    deleted, kept = consent_text(config_of()), consent_text(config_of(privacy={"on_withdraw": "keep"}))
+    flat = " ".join(deleted.split())
+    assert "The key that your records are encrypted with is then deleted" in flat
+    assert "that it took place, how it ended, how many events of which kind" in flat
+    assert "never their content" in flat
+    assert "deleted, so that nobody can read" not in " ".join(kept.split())
+    assert "What you have done until then is kept and used" in " ".join(kept.split())
+
+
+@pytest.mark.parametrize(
+    ("kind", "platform_id", "is_hashed", "is_kept"),
+    [
+        ("local", "none", False, False),
+        ("local", "hmac", False, False),
+        ("link", "none", False, False),
+        ("link", "hmac", True, True),
+        ("prolific", "none", True, False),
+        ("prolific", "hmac", True, True),
+    ],
+)
+def test_the_consent_form_tells_what_is_not_stored(kind: str, platform_id: str, is_hashed: bool, is_kept: bool) -> None:
+    config = config_of(privacy={"platform_id": platform_id}, recruit={"kind": kind})
+    text = " ".join(consent_text(config).split())
+    assert "**Not** stored are your name, your e-mail address, your internet (IP) address" in text
+    assert ("recruiting platform is turned into a code" in text) == is_hashed
+    assert ("kept in a file apart from your records" in text) == is_kept
+    assert ("pay.db" in ethics_documents(config, None)["data_flow.md"]) == is_kept
+
+
+def test_confidence_is_listed_where_the_study_asks_for_it() -> None:
+    assert "how sure you say you are" in consent_text(config_of(confidence=True))
+    assert "how sure you say you are" not in consent_text(config_of())
+
+
+def test_instructions_fit_the_study_file() -> None:
+    config = config_of(
+        actions="paper6",
+        steps=300,
+        pan_max_s=240.0,
+        memory={"arms": ("none", "topdown"), "min_s": 10.0, "max_s": 90.0},
+        pog={"conditions": ("map_first", "map_2d"), "look_max_s": 120.0, "answer_max_s": 300.0},
+        checks={"every": 15},
+    )
+    text = " ".join(instructions_text(config).split())
+    for part in (
+        "| R | Look up |",
+        "after 300 steps or after 4 minutes",
+        "at least 10 seconds and at most 90 seconds",
+        "freely for at most 2 minutes",
+        "flat map from above",
+        "A search ends by itself 5 minutes after the text appears",
+        "Some questions about these rules come next.",
+        "A few of the later searches are easy on purpose",
+        "twice within 2 seconds",
+        "moves 25 cm forward",
+        "turns 30° to the left",
+    ):
+        assert part in text, part
+    plain = instructions_text(config_of(flow=("instructions",)))
+    for part in ("Look up", "map of the home", "easy on purpose", "questions about these rules"):
+        assert part not in plain, part
+
+
+def test_each_task_gets_its_own_section() -> None:
+    both = instructions_text(config_of(task=("pan", "pog")))
+    assert instructions_for(both, "pan") == instructions_text(config_of(task=("pan",)))
+    assert instructions_for(both, "pog") == instructions_text(config_of(task=("pog",)))
+    assert instructions_for("# My own text\n", "pan") == "# My own text\n"
+
+
+def test_no_text_for_participants_holds_markup_that_pages_cannot_show() -> None:
+    for text in (consent_text(config_of(**WHOLE)), instructions_text(config_of(task=("pan", "pog")))):
+        assert not set("<>{}") & set(text)
+
+
+def test_the_time_is_the_sum_of_its_stated_parts() -> None:
+    config = config_of(
+        task=("pan",),
+        memory={"arms": ("none", "topdown"), "max_s": 20.0},
+        practice={"pan": 2, "pog": 0},
+        checks={"every": 15},
+        breaks={"every": 10},
+    )
+    estimate = estimate_time(config, num_trials=30, task="pan")
+    assert (estimate.num_checks, estimate.num_breaks, estimate.num_practice) == (2, 2, 2)
+    assert (estimate.trials_s, estimate.practice_s, estimate.breaks_s) == (32 * 130.0, 260.0, 240.0)
+    assert estimate.total_s == 32 * 130.0 + 260.0 + 240.0 + 480.0  # 5140 s, 85.7 min
+    assert estimate.minutes == 90
+
+
+def test_the_announced_time_is_the_stated_one_or_the_longest_share() -> None:
+    config = config_of()
+    assert announced_minutes(config) is None
+    assert announced_minutes(config, plan(config)) == 15  # 3 PAN trials: 6 min, reading: 8 min
+    assert announced_minutes(config_of(design={"kind": "house-once", "trials_per_person": 30})) == 75
+    assert announced_minutes(config_of(ethics={"duration_min": 20}), plan(config)) == 20
+
+
+def test_a_stated_time_that_is_too_short_is_called_out() -> None:
+    config = config_of(ethics={"duration_min": 5})
+    assert "are less than the estimate of 15" in ethics_documents(config, plan(config))["time_and_pay.md"]
+    assert "The stated 45 minutes cover" in ethics_documents(config_of(**WHOLE), plan(config))["time_and_pay.md"]
+
+
+def test_the_sample_is_counted_from_the_plan() -> None:
+    config = config_of(task=("pan",), memory={"arms": ("none", "topdown")})
+    sample = sample_of(config, plan(config))
+    assert (sample.num_people, sample.num_trials, sample.num_episodes, sample.most_visits) == (2, 6, 3, 3)
+    assert (sample.by_split, sample.by_kind, sample.num_spare) == ({"easy": 3}, {"invented": 1}, 0)
+    text = " ".join(ethics_documents(config, plan(config))["preregistration.md"].split())
+    assert (
+        "places for 2 people (2 people with 3 steering trials each), 6 trials in all, with 3 episodes (3 easy)" in text
+    )
+
+
+def test_hypotheses_are_sentences() -> None:
+    assert hypothesis_sentence("human_minus_agent_SR") == (
+        "`human_minus_agent_SR`: the success rate of people differs from that of the agent on the same episodes."
+    )
+    assert "agent `vlfm`" in hypothesis_sentence("pan_human_minus_vlfm_SPL")
+    assert "having been shown the home before" in hypothesis_sentence("memory_effect_SR")
+    assert "to be stated in words" in hypothesis_sentence("people_are_great")
+
+
+def test_the_preregistration_names_study_plan_rules_and_analysis() -> None:
+    config = config_of(**WHOLE, aggregate={"total": "pooled", "weight": "participants"})
+    drawn = plan(config)
+    text = ethics_documents(config, drawn)["preregistration.md"]
+    flat = " ".join(text.split())
+    assert config.study_version in flat
+    assert drawn.plan_version in flat
+    assert "| `disturbed` | The person reported having been disturbed" in text
+    assert "`attention`" not in text
+    checked = ethics_documents(config_of(checks={"every": 15}), None)["preregistration.md"]
+    assert "| `attention` | The person failed more than one attention trial" in checked
+    assert "the mean over all trials, whatever their split. Within a split every participant counts the same." in flat
+    assert "a 95% interval that takes participants and episodes for random" in flat
+    assert "family-wise level of 5%, adjusted after Holm" in flat
+
+
+def test_the_data_flow_lists_everything_with_its_end() -> None:
+    config = config_of(**WHOLE, recruit={"kind": "prolific"}).model_copy(
+        update={"privacy": StudyPrivacy(platform_id="hmac", retention=datetime.date(2027, 12, 31))}
+    )
+    text = ethics_documents(config, None)["data_flow.md"]
+    rows = [line for line in text.splitlines() if line.startswith("|")][2:]
+    assert len(rows) == 14
+    for row in rows:
+        assert len(row.split(" | ")) == 5, row
+        assert "2027-12-31" in row or "not at all, once it is published" in row
+    for file in (
+        "study.db",
+        "keys.json",
+        "secrets.json",
+        "secrets.toml",
+        "sessions.json",
+        "pay.db",
+        "backups",
+        "exports",
+        "plan.json",
+    ):
+        assert file in text
+
+
+def test_marks_are_filled_in_and_own_words_stay() -> None:
+    text = consent_text(config_of()) + "\nOur own sentence. [to be filled in: lunch]\n"
+    config = config_of(**(WHOLE | {"ethics": WHOLE["ethics"] | {"pay": ""}}))  # type: ignore[operator]
+    filled = with_filled_places(text, config)
+    assert "Our own sentence." in filled
+    assert "study@anywhere.example" in filled
+    assert open_places(filled) == ("ethics.pay", "lunch")

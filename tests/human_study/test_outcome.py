@@ -1,0 +1,84 @@
+"""From stored events to a result: times, points on maps, rays that are cast again."""
+
+import math
+
+import pytest
+
+from human_study.commands import Click, Confirm, ShowStorey, Start
+from human_study.events import Clicked, Error, Event, MapPixel
+from human_study.outcome import largest_click_error, pog_outcome, task_began_s, trial_end, walked_steps
+from human_study.trial_terms import TrialTerms
+from sim.errors import StudyError
+from sim.tasks.run_files import ClickRay
+
+from .small_world import episode
+from .test_session import FORWARD, RAY, drive, pan_session
+from .trials import driven, new_session
+
+PIXEL = MapPixel(uv=(50.25, 100.75), origin_xz=(-3.0, -2.0), pixel_m=0.02, shape=(300, 400))
+UPSTAIRS = ClickRay(
+    origin=(0.0, 9.0, 0.0),
+    direction=(0.0, -1.0, 0.0),
+    camera_position=(0.0, 9.0, 0.0),
+    camera_wxyz=(1.0, 0.0, 0.0, 0.0),
+    storey_y=3.0,
+)
+
+
+def pointed(click: Click) -> list[Event]:
+    """A confirmed click on the map."""
+    session = new_session("pog", TrialTerms(condition="map_2d"))
+    return driven(session, [(Start(), 0.0), (ShowStorey(1), 1.0), (click, 2.0), (Confirm(), 3.0)])
+
+
+def test_a_click_on_the_map_is_a_point_on_the_floor_of_the_storey_that_was_shown() -> None:
+    events = pointed(Click(UPSTAIRS, PIXEL.point(3.0), pixel=PIXEL))
+    answer = pog_outcome(events, episode(), storeys=[(0.0, 0.0), (3.0, 3.0)], participant="p01")
+    assert answer.candidates[0] == pytest.approx((-3.0 + 50.25 * 0.02, 3.0, -2.0 + 100.75 * 0.02), abs=1e-12)
+    assert answer.measures is not None
+    assert answer.measures.planar_distance is None  # the target is on the other storey
+
+
+@pytest.mark.parametrize("hit", [None, (-1.99, 3.0, 0.015), (-1.995, 0.0, 0.015)])
+def test_a_point_that_is_not_its_pixels_is_refused(hit: tuple[float, float, float] | None) -> None:
+    events = pointed(Click(UPSTAIRS, (0.0, 3.0, 0.0), pixel=PIXEL))
+    events = [event.model_copy(update={"hit": hit}) if isinstance(event, Clicked) else event for event in events]
+    with pytest.raises(StudyError, match="the place of its pixel"):
+        pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01")
+
+
+def test_an_end_that_the_server_wrote_without_a_time_gives_an_answer_without_one() -> None:
+    events = driven(new_session("pog", TrialTerms(condition="map_open")), [(Start(), 0.0)])
+    events.append(Error(message="renderer died", is_fatal=True))
+    assert pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01").t_s is None
+
+
+def test_without_a_look_the_task_begins_with_the_trial() -> None:
+    events = drive(pan_session(), [FORWARD, FORWARD])
+    assert task_began_s(events) == 0.0
+    assert [step.t_s for step in walked_steps(events)] == [0.5, 1.0]
+
+
+def test_the_first_end_counts() -> None:
+    events = drive(pan_session(max_steps=1), [FORWARD])
+    end = trial_end([*events, Error(message="late", is_fatal=True)])
+    assert end is not None
+    assert end[1] == "steps"
+
+
+def test_rays_that_are_cast_again_must_meet_the_stored_points() -> None:
+    hits = iter([(1.0, 0.0, 1.0), None, (0.0, 0.03, 0.0)])
+    stored = [(1.0, 0.0, 1.0), None, (0.0, 0.0, 0.0)]
+    session = new_session("pog", TrialTerms(condition="map_open"))
+    events = driven(session, [(Start(), 0.0), *((Click(RAY, hit), 1.0 + t) for t, hit in enumerate(stored))])
+    asked: list[float] = []
+
+    def cast(storey_y: float, origin: tuple, direction: tuple) -> tuple[float, float, float] | None:
+        asked.append(storey_y)
+        assert (origin, direction) == (RAY.origin, RAY.direction)
+        return next(hits)
+
+    assert largest_click_error(events, cast) == pytest.approx(0.03)
+    assert asked == [0.0, 0.0, 0.0]
+    assert largest_click_error(events[:2], lambda *_: None) == math.inf
+    assert largest_click_error(pointed(Click(UPSTAIRS, PIXEL.point(3.0), pixel=PIXEL)), cast) == 0.0

@@ -1,0 +1,91 @@
+"""Paths and marks from above: what is drawn where, and the same text every time."""
+
+import re
+
+import numpy as np
+import pytest
+
+from human_study.overlays import FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
+from human_study.trial_groups import CountedTrial, TrialGroup
+from sim.tasks.run_files import Answer
+from sim.types import EpisodeKey, GridSpec
+
+from .report_examples import pan_episode
+
+KEY = EpisodeKey("easy", "Home", "1")
+OTHER = EpisodeKey("hard", "Home", "2")
+
+
+def walked(key: EpisodeKey, who: str, *, hit: bool, path: int) -> CountedTrial:
+    return CountedTrial(key, who, {"sr": 100.0 * hit}, pan_episode(key, success=hit, steps=path, code=who, path=path))
+
+
+PEOPLE = TrialGroup(
+    *("pan", "scan", "human", "human", "none"),
+    (
+        walked(KEY, "p01", hit=True, path=4),
+        walked(KEY, "p02", hit=False, path=2),
+        walked(OTHER, "p01", hit=True, path=3),
+    ),
+)
+AGENT = TrialGroup("pan", "scan", "walker & co", "agent", "none", (walked(KEY, "walker", hit=False, path=8),))
+
+
+def test_everybody_is_drawn_once_with_a_filled_end_for_success() -> None:
+    drawn = overlay_svg([PEOPLE, AGENT], KEY, "pan")
+    assert drawn.count("<polyline") == 3
+    assert drawn.count('stroke-dasharray="6 3"') == 1  # the agent
+    ends = re.findall(r'r="4.5" fill="([^"]+)" stroke', drawn)
+    assert sorted(fill == "white" for fill in ends) == [False, True, True]
+    assert "Human: 1 of 2 succeed" in drawn
+    assert "walker &amp; co: 0 of 1 succeed" in drawn
+    assert overlay_svg([PEOPLE, AGENT], KEY, "pan") == drawn
+
+
+def test_a_path_has_the_length_that_was_walked() -> None:
+    """8 steps of a quarter of a metre are 2 m; the scale is a metre long."""
+    drawn = overlay_svg([AGENT], KEY, "pan")
+    points = re.search(r'points="([^"]+)"', drawn)
+    scale = re.search(r'd="M10 \d+ h([\d.]+)"', drawn)
+    assert points is not None
+    assert scale is not None
+    ends = [tuple(float(x) for x in point.split(",")) for point in points[1].split()]
+    assert len(ends) == 9
+    assert ends[-1][1] - ends[0][1] == pytest.approx(2 * float(scale[1]), abs=0.3)
+    assert ends[-1][0] == pytest.approx(ends[0][0])
+
+
+def test_the_floor_lies_under_the_paths_where_it_is() -> None:
+    free = np.zeros((4, 6), bool)
+    free[1, 1:5] = free[2, 1:3] = free[2, 4] = True
+    floor = FloorPlan(free, GridSpec((-1.0, -0.5), 0.5, (4, 6)), targets=((0.0, 1.0),))
+    drawn = overlay_svg([PEOPLE], KEY, "pan", floor=floor)
+    cells = re.search(r'<path d="([^"]+)" fill="#ffffff"/>', drawn)
+    assert cells is not None
+    assert cells[1].count("M") == 3  # one run of cells in the first row, two in the second
+    assert drawn.count('stroke-dasharray="5 4"') == 1
+    assert drawn.index("#ffffff") < drawn.index("<polyline")
+
+
+def test_marks_are_drawn_where_people_pointed() -> None:
+    answers = [
+        Answer(split="easy", scene="Home", episode_id="1", candidates=((x, 0.4, 2.0),), participant="p01", t_s=3.0)
+        for x in (1.0, 3.0)
+    ]
+    trials = tuple(CountedTrial(KEY, f"p0{n}", {"sr": 100.0 * n}, one) for n, one in enumerate(answers))
+    nothing = CountedTrial(KEY, "p09", {"sr": 0.0}, answers[0].model_copy(update={"candidates": ()}))
+    group = TrialGroup("pog", "scan", "human", "human", "map_open", (*trials, nothing))
+    drawn = overlay_svg([group], KEY, "pog")
+    assert "<polyline" not in drawn
+    centres = [float(x) for x in re.findall(r'<circle cx="([\d.]+)" cy="[\d.]+" r="4.5" fill="[^"]+" stroke', drawn)]
+    scale = re.search(r'd="M10 \d+ h([\d.]+)"', drawn)
+    assert scale is not None
+    assert max(centres) - min(centres) == pytest.approx(2 * float(scale[1]), abs=0.2)
+    assert floors_needed([group], [KEY]) == {KEY: 0.4}
+
+
+def test_episodes_on_which_people_differ_come_first() -> None:
+    assert overlay_keys([PEOPLE, AGENT], "pan", most=1) == [KEY]
+    assert overlay_keys([PEOPLE, AGENT], "pan", most=9) == [KEY, OTHER]
+    assert overlay_keys([PEOPLE, AGENT], "pog", most=9) == []
+    assert overlay_name(KEY, "pan") == "overlay-pan-easy-Home-1.svg"

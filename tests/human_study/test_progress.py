@@ -1,0 +1,259 @@
+"""How a running study goes: who is where, what is free; and that nothing of it says how anybody did."""
+
+import dataclasses
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from human_study.events import Error, GaveUp
+from human_study.plan import StudyScene
+from human_study.planning import make_plan
+from human_study.progress import MOST_TIMES, PersonProgress, SlotCount, StudyProgress, study_progress
+from human_study.progress_people import STUCK_AFTER_S
+from human_study.records import read_study
+from human_study.store import StudyStore, open_store
+from human_study.tickets import token_hash
+from sim.tasks.run_files import EpisodeEnd
+from sim.types import EpisodeKey
+
+from .finished import study_with_trials
+from .small_world import CANARY, study
+from .stores import KEY, OPEN, edit, filled, opened
+
+S = 10**9
+FLOW = {"flow": ("device", "consent", "instructions", "quiz")}
+HOUSE_ONCE = {"task": ("pan",), "design": {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5}}
+
+
+def progress_of(folder: Path, *, after_s: float = 0.0) -> StudyProgress:
+    """The study's progress so long after the newest thing that is stored."""
+    with read_study(folder) as reader:
+        newest = reader.rows(
+            "SELECT max(max(coalesce((SELECT max(at_ns) FROM stage), 0)),"
+            " coalesce((SELECT max(t_srv_ns) FROM event), 0), coalesce((SELECT max(at_ns) FROM outcome), 0),"
+            " coalesce((SELECT max(opened_ns) FROM sitting), 0))"
+        )[0][0]
+        return study_progress(reader, now_ns=newest + int(after_s * S))
+
+
+def person(folder: Path, code: str, *, after_s: float = 0.0) -> PersonProgress:
+    """One participant's."""
+    return next(known for known in progress_of(folder, after_s=after_s).people if known.code == code)
+
+
+def started(folder: Path, **changes: object) -> StudyStore:
+    """Three homes; under house-once p01 and p02 do one episode of each and p03 is spare."""
+    config = study(**changes)
+    homes = [StudyScene(name=name, kind="invented") for name in ("A", "B", "C")]
+    plan = make_plan(config, homes, [EpisodeKey("easy", home.name, "0") for home in homes])
+    store = open_store(folder, config, plan)
+    for known in plan.participants:
+        store.add_participant(known, token_hash(known.code))
+    return store
+
+
+def do_next(store: StudyStore, code: str, reason: str = "giveup") -> None:
+    """The participant's next trial, ended with this reason."""
+    place = store.next_trial(code)
+    assert place is not None
+    trial = store.open_trial(code, place.order_no)
+    end = Error(message="x", is_fatal=True) if reason == "technical" else GaveUp()
+    store.append_many(trial.trial_id, trial.epoch, [OPEN, end])
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
+
+
+def leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
+    """Every field and value in a nest of values."""
+    if dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            yield from leaves(getattr(value, field.name), f"{path}.{field.name}")
+    elif isinstance(value, tuple | list):
+        for part in value:
+            yield from leaves(part, path)
+    else:
+        yield path, value
+
+
+def test_the_small_study_is_counted_by_hand(tmp_path: Path) -> None:
+    study_with_trials(tmp_path)
+    found = progress_of(tmp_path)
+    assert (found.num_done, found.num_all, found.is_pilot) == (2, 6, False)
+    assert found.slots == (
+        SlotCount("pan", "none", "easy", num_done=1, num_held=2, num_free=0, num_failed=0),
+        SlotCount("pog", "map_open", "easy", num_done=1, num_held=2, num_free=0, num_failed=0),
+    )
+    walker = person(tmp_path, "p02")
+    assert (walker.place, walker.trial_no, walker.num_done, walker.num_planned) == ("trial", 2, 1, 3)
+    assert (walker.num_technical, walker.num_abandoned, walker.num_reconnects) == (1, 0, 0)
+    assert [point.num_done for point in found.timeline] == [1, 2]
+
+
+def test_no_field_and_no_value_says_how_anybody_did(tmp_path: Path) -> None:
+    study_with_trials(tmp_path)
+    with read_study(tmp_path) as reader:
+        outcomes = [trial.outcome for code in reader.codes() for trial in reader.trials(code) if trial.outcome]
+        found = study_progress(reader, now_ns=0)
+    names = {path.rpartition(".")[2] for path, _ in leaves(found)}
+    assert names == {
+        *("study", "study_version", "is_pilot", "now_ns", "num_done", "num_all", "at_ns"),
+        *("code", "task", "place", "state", "num_planned", "trial_no", "order_no", "is_in_trial", "last_activity_s"),
+        *("num_reconnects", "num_technical", "num_abandoned"),
+        *("condition", "split", "num_held", "num_free", "num_failed"),
+        *("free_mb", "used_mb", "num_backups", "last_backup_s"),
+    }
+    text = json.dumps([str(value) for _, value in leaves(found)])
+    told = [str(number) for outcome in outcomes for number in _numbers(outcome.model_dump()) if number not in (0, 1)]
+    assert len(told) >= 4
+    for word in ("stop", "click", "giveup", "timeout", "steps", "success", "spl", CANARY, *told):
+        assert f'"{word}"' not in text
+
+
+def _numbers(value: object) -> Iterator[float]:
+    if isinstance(value, dict):
+        for part in value.values():
+            yield from _numbers(part)
+    elif isinstance(value, list | tuple):
+        for part in value:
+            yield from _numbers(part)
+    elif isinstance(value, float):
+        yield value
+
+
+def test_the_summary_is_the_same_whether_people_do_well_or_badly(tmp_path: Path) -> None:
+    for name, reason in (("well", "stop"), ("badly", "giveup")):
+        store, trial = opened(tmp_path / name)
+        with store:
+            store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
+    well, badly = (progress_of(tmp_path / name) for name in ("well", "badly"))
+    assert well.people == tuple(
+        dataclasses.replace(one, last_activity_s=other.last_activity_s)
+        for one, other in zip(badly.people, well.people, strict=True)
+    )
+    assert well.slots == badly.slots
+
+
+WAY: list[tuple[tuple[str, dict[str, Any]], str]] = [
+    (("arrived", {}), "device"),
+    (("device_ok", {}), "consent"),
+    (("consented", {}), "instructions"),
+    (("instructed", {}), "quiz"),
+    (("quiz_failed", {}), "quiz"),
+    (("quiz_passed", {}), "trial"),
+    (("break_started", {"done": 0}), "break"),
+    (("break_ended", {"done": 0}), "trial"),
+    (("break_started", {"done": 0, "sitting": True}), "pause"),
+    (("sitting_started", {"done": 0}), "trial"),
+    (("finished", {}), "finished"),
+]
+
+
+def test_every_stage_has_its_place(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE, **FLOW) as store:
+        with read_study(tmp_path) as reader:
+            before = study_progress(reader, now_ns=0).people[0]
+        places = []
+        for (stage, detail), _ in WAY:
+            store.enter_stage("p01", stage, detail)  # type: ignore[arg-type]
+            places.append(person(tmp_path, "p01").place)
+        assert (before.place, before.state, before.last_activity_s) == ("not_arrived", "not_arrived", None)
+    assert places == [place for _, place in WAY]
+
+
+@pytest.mark.parametrize("stage", ["declined", "screened_out", "full"])
+def test_who_is_out_is_shown_as_out(tmp_path: Path, stage: str) -> None:
+    with filled(tmp_path) as store:
+        store.enter_stage("p01", stage)  # type: ignore[arg-type]
+        found = person(tmp_path, "p01", after_s=1e6)
+    assert (found.place, found.state, found.trial_no) == (stage, "out", None)
+
+
+def test_withdrawn_and_dropped_out_people_give_their_slots_back(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        do_next(store, "p01")
+        do_next(store, "p02")
+        store.withdraw("p01")
+        store.drop_out("p02", "away")
+        found = progress_of(tmp_path)
+    assert [(one.place, one.state, one.num_done) for one in found.people[:2]] == [
+        ("withdrawn", "out", 0),
+        ("dropped_out", "out", 1),
+    ]
+    assert found.slots == (SlotCount("pan", "none", "easy", num_done=1, num_held=0, num_free=5, num_failed=0),)
+    assert (found.num_in("out"), found.num_in("not_arrived")) == (2, 1)
+
+
+def test_a_spare_person_who_takes_over_is_counted_from_then_on(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        store.drop_out("p01", "away")
+        do_next(store, "p03")
+        found = progress_of(tmp_path)
+    spare = found.people[2]
+    assert (spare.num_done, spare.num_planned) == (1, 1)
+    assert found.slots[0] == SlotCount("pan", "none", "easy", num_done=1, num_held=3, num_free=2, num_failed=0)
+
+
+def test_two_failures_of_ours_in_one_trial_are_said_and_not_done(tmp_path: Path) -> None:
+    with started(tmp_path, task=("pan",)) as store:
+        do_next(store, "p01", "technical")
+        assert progress_of(tmp_path).slots[0].num_held == 3
+        do_next(store, "p01", "technical")
+        found = progress_of(tmp_path)
+    assert found.slots[0] == SlotCount("pan", "none", "easy", num_done=0, num_held=2, num_free=0, num_failed=1)
+    assert (found.people[0].num_technical, found.people[0].num_done, found.people[0].trial_no) == (2, 0, 2)
+
+
+def test_silence_in_a_trial_is_stuck_and_a_long_one_away(tmp_path: Path) -> None:
+    store, _ = opened(tmp_path)
+    store.close()
+    states = {
+        after_s: person(tmp_path, "p02", after_s=after_s).state
+        for after_s in (0.0, STUCK_AFTER_S, STUCK_AFTER_S + 1, 900.0, 901.0)
+    }
+    assert list(states.values()) == ["active", "active", "stuck", "stuck", "away"]
+    assert person(tmp_path, "p02", after_s=42.0).last_activity_s == 42.0
+
+
+def test_silence_between_trials_is_not_stuck(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+    found = person(tmp_path, "p02", after_s=STUCK_AFTER_S + 1)
+    assert (found.state, found.is_in_trial) == ("active", False)
+
+
+def test_a_wall_clock_that_went_back_gives_no_negative_ages(tmp_path: Path) -> None:
+    store, _ = opened(tmp_path)
+    with store:
+        store.back_up()
+    found = progress_of(tmp_path, after_s=-3600.0)
+    assert (found.people[1].last_activity_s, found.people[1].state) == (0.0, "active")
+    assert found.disk.last_backup_s == 0.0
+    assert found.disk.num_backups == 1
+
+
+def test_trials_that_were_opened_again_are_counted(tmp_path: Path) -> None:
+    store, _ = opened(tmp_path)
+    with store:
+        store.open_trial("p02", 1)
+        store.append(store.open_trial("p02", 1).trial_id, 3, KEY)
+    assert person(tmp_path, "p02").num_reconnects == 2
+
+
+def test_a_long_timeline_is_thinned_out_and_keeps_its_end(tmp_path: Path) -> None:
+    study_with_trials(tmp_path)
+    rows = ", ".join(
+        f"('a{n}', 'p02', {n + 10}, 'pan', 'easy', 'room', 'x{n}', 'main', 'none', 1, 'plan', 0)" for n in range(500)
+    )
+    trials = ", ".join(f"('t{n}', 'a{n}', 1, 0, NULL, NULL, NULL)" for n in range(500))
+    ends = ", ".join(f"('t{n}', 'stop', '{{}}', '', {n + 1})" for n in range(500))
+    edit(
+        tmp_path,
+        f"INSERT INTO assignment VALUES {rows}; INSERT INTO trial VALUES {trials};INSERT INTO outcome VALUES {ends}",
+    )
+    found = progress_of(tmp_path).timeline
+    assert len(found) <= MOST_TIMES
+    assert found[-1].num_done == 502
+    assert [point.at_ns for point in found] == sorted(point.at_ns for point in found)

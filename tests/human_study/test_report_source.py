@@ -1,0 +1,88 @@
+"""From a study folder with real records to a report."""
+
+from pathlib import Path
+
+import pytest
+
+from human_study.record_types import VerificationEntry
+from human_study.report import StudyReport, study_report
+from human_study.report_sections import markdown
+from human_study.report_source import read_source
+from personal_viz.commands.report import report as report_command
+from sim.errors import StudyError
+
+from .finished import TOO_FAR, do_trial, study_with_trials
+from .small_world import CANARY
+from .stores import open_small
+
+pytestmark = pytest.mark.slow  # a whole report takes seconds
+
+
+def of_study(folder: Path) -> StudyReport:
+    source = read_source([folder])
+    return study_report(source.runs, records=source.records)
+
+
+def rate(found: StudyReport, task: str) -> tuple[float, int | None, int]:
+    (row,) = [row for row in found.rows if (row.task, row.split, row.measure) == (task, "easy", "sr")]
+    return row.value, row.k, row.n
+
+
+def test_a_study_folder_is_exported_and_read(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    found = of_study(tmp_path / "study")
+    assert (found.study, found.scene_kinds) == ("pilot", ("invented",))
+    assert rate(found, "pan") == (100, 1, 1)
+    assert rate(found, "pog") == (100, 1, 1)
+    assert [(cell.task, cell.reason, cell.n) for cell in found.left_out] == [("pan", "technical failure", 1)]
+    assert {count.point: count.n for count in found.flow}["began counted trials"] == 2
+    text = markdown(found)
+    assert "no human baseline for PersONAL" in text
+    assert "| Human (home and text together) | 100.0 [20.7, 100.0] 1/1 |" in text
+    assert CANARY not in text + found.model_dump_json()
+
+
+def test_exclusions_and_verifications_of_the_store_are_in_the_report(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    with open_small(tmp_path / "study") as store:
+        far = do_trial(store, "p02", 3, TOO_FAR)
+        store.exclude("trial", far, rule_id="disturbed", reason="the phone rang")
+        store.add_verification(
+            VerificationEntry(
+                trial_id=far,
+                run_id="v1",
+                status="verified",
+                max_position_error=0.0,
+                first_bad_step=None,
+                detail="",
+                sim_hash="s",
+                at_ns=1,
+            )
+        )
+    found = of_study(tmp_path / "study")
+    assert rate(found, "pan") == (50, 1, 2)  # excluded trials stay in the tables
+    (rule,) = found.exclusions
+    assert (rule.rule_id, rule.reason, rule.is_planned, rule.num_trials) == ("disturbed", "the phone rang", True, 1)
+    (checked,) = [row for row in found.verification if row.task == "pan"]
+    assert (checked.num_verified, checked.num_not_yet) == (1, 1)
+    per_protocol = next(row for row in found.sensitivity if row.way.startswith("per protocol") and row.task == "pan")
+    assert (per_protocol.k, per_protocol.n) == (1, 1)
+
+
+def test_a_study_without_results_says_what_to_do(tmp_path: Path) -> None:
+    with open_small(tmp_path / "study"):
+        pass
+    with pytest.raises(StudyError, match="holds no counted trial with a result"):
+        read_source([tmp_path / "study"])
+
+
+def test_two_studies_or_a_study_and_its_export_are_refused(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        study_with_trials(tmp_path / name)
+    with pytest.raises(StudyError, match="found records of 2 studies or exports"):
+        read_source([tmp_path / "one", tmp_path / "two"])
+
+
+def test_scans_without_the_dataset_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="without --dataset"):
+        report_command(runs=[tmp_path], out=tmp_path / "out", rule=None, json=False, scenes_dir=tmp_path)

@@ -1,0 +1,304 @@
+"""The report of a whole study from its export: conditions, order, exclusions, flow, hypotheses, same bytes twice."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from human_study.record_summary import flow_counts
+from human_study.report import StudyReport, study_report
+from human_study.report_sections import html_page, markdown
+from human_study.report_source import StudyRecords, read_source
+from human_study.study import StudyAggregate
+from human_study.trial_table import TrialRow
+from personal_viz.commands.report import report as report_command
+from sim.errors import RunFileError, StudyError
+
+from .report_examples import (
+    KEYS,
+    PEOPLE,
+    agent_run,
+    example_rows,
+    participant_row,
+    people_runs,
+    study_config,
+    trial_row,
+    write_export,
+    write_runs,
+)
+
+pytestmark = pytest.mark.slow  # a whole report takes seconds
+CONFIG = study_config()
+AGENTS = [agent_run("walker", 0, CONFIG, rate=0.4), agent_run("seer", 0, CONFIG, rate=0.3)]
+
+
+def made(rows: Sequence[TrialRow], **more) -> StudyReport:
+    records = StudyRecords(CONFIG, tuple(rows), **more)
+    return study_report([*people_runs(rows, CONFIG), *AGENTS], records=records)
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[TrialRow]:
+    """72 trials; one excluded, one technical failure that was done again, one abandoned, one practice trial."""
+    found = example_rows()
+    found[4] = found[4].model_copy(update={"excluded": ("disturbed",)})
+    again = found[7]
+    found[7] = again.model_copy(update={"attempt": 2})
+    ended = {"success": None, "spl": None, "softspl": None, "dtg": None, "planar_distance": None}
+    found.append(again.model_copy(update={"end_reason": "technical", **ended}))
+    left = trial_row("p02", 13, KEYS[0], "none", success=False, steps=2, end_reason="abandoned")
+    found.append(left.model_copy(update=ended))
+    found.append(trial_row("p01", 14, KEYS[0], "none", success=True, steps=2, phase="practice", rep=0))
+    return found
+
+
+@pytest.fixture(scope="module")
+def found(rows: list[TrialRow]) -> StudyReport:
+    return made(rows, people=tuple(participant_row(code) for code in PEOPLE))
+
+
+def value(found: StudyReport, who: str, condition: str, split: str = "total", measure: str = "sr"):
+    names = (who, condition, split, measure)
+    (row,) = [r for r in found.rows if (r.who, r.condition, r.split, r.measure) == names]
+    return row
+
+
+def test_both_human_conditions_stand_beside_agents_on_the_same_episodes(found: StudyReport) -> None:
+    text = markdown(found)
+    for label in ("Human", "Human with memory (top-down map)", "walker", "Human with memory (top-down map) - seer"):
+        assert f"\n| {label} | " in text
+    assert text.index("\n| Human | ") < text.index("\n| Human with memory")
+    with_map, without = value(found, "human", "memory_topdown"), value(found, "human", "none")
+    assert (with_map.n, without.n) == (36, 36)
+    apart = value(found, "human - walker", "memory_topdown")
+    assert apart.value == pytest.approx(with_map.value - value(found, "walker", "none").value)
+
+
+def test_excluded_trials_count_in_the_tables_and_not_per_protocol(found: StudyReport, rows: list[TrialRow]) -> None:
+    (excluded,) = [row for row in rows if row.excluded]
+    condition = "memory_topdown" if excluded.condition == "topdown" else "none"
+    ways = {
+        row.way.partition(":")[0]: row for row in found.sensitivity if (row.who, row.condition) == ("human", condition)
+    }
+    assert ways["intention to treat (as in the tables)"].n == 36
+    assert ways["per protocol"].n == 35
+    (rule,) = found.exclusions
+    assert (rule.rule_id, rule.num_trials, rule.num_participants) == ("disturbed", 1, 1)
+    assert [(cell.reason, cell.n) for cell in found.left_out] == [("abandoned", 1), ("technical failure", 1)]
+
+
+def test_under_another_rule_an_excluded_trial_is_left_out_and_said_so(rows: list[TrialRow]) -> None:
+    other = study_report(people_runs(rows, CONFIG), rule="habitat", records=StudyRecords(CONFIG, tuple(rows)))
+    counts = {cell.reason: cell.n for cell in other.left_out}
+    assert counts["excluded; its row is under another success rule"] == 1
+    assert sum(row.n for row in other.rows if (row.split, row.measure) == ("total", "sr")) == 71
+
+
+def test_technical_failures_can_count_as_failures(found: StudyReport, rows: list[TrialRow]) -> None:
+    (failed,) = [row for row in rows if row.end_reason == "technical"]
+    condition = "memory_topdown" if failed.condition == "topdown" else "none"
+    ways = {row.way: row for row in found.sensitivity if (row.who, row.condition) == ("human", condition)}
+    main, worst = ways["intention to treat (as in the tables)"], ways["technical failures as failures"]
+    (again,) = [
+        row for row in rows if (row.participant, row.order_no, row.attempt) == (failed.participant, failed.order_no, 2)
+    ]
+    assert worst.n == main.n  # the failure stands in place of the second attempt
+    assert main.k is not None
+    assert worst.k == main.k - bool(again.success)
+    late = ways["without each person's first 10 trials"]
+    assert late.n == sum(row.condition == failed.condition and row.order_no in (11, 12) for row in rows)
+
+
+def test_the_memory_effect_is_found_within_people_and_is_primary(found: StudyReport, rows: list[TrialRow]) -> None:
+    counted = [row for row in rows if row.phase == "main" and row.end_reason == "stop"]
+    means = [100 * np.mean([bool(r.success) for r in counted if r.condition == c]) for c in ("topdown", "none")]
+    (effect,) = [row for row in found.memory if (row.split, row.measure) == ("all", "sr")]
+    assert effect.what == "memory_topdown - none"
+    assert effect.effect.value == pytest.approx(means[0] - means[1])  # balanced: everybody, every episode
+    human, memory = found.hypotheses
+    assert memory.value == effect.effect.value
+    assert human.value == pytest.approx(value(found, "human - walker", "none").value)
+    assert memory.p is not None
+    assert human.p is not None
+    smaller, larger = sorted((human.p, memory.p))
+    assert sorted(row.p_holm or 0 for row in (human, memory)) == pytest.approx(
+        [min(1, 2 * smaller), max(2 * smaller, larger)]
+    )
+
+
+def test_order_and_earlier_visits_have_tables_and_slopes(found: StudyReport, rows: list[TrialRow]) -> None:
+    blocks = {(b.condition, b.by, b.block, b.measure): b for b in found.blocks}
+    counted = [row for row in rows if row.phase == "main" and row.end_reason == "stop" and row.condition == "none"]
+    early = [row for row in counted if row.order_no <= 10]
+    assert blocks["none", "order", "1-10", "sr"].n == len(early)
+    assert blocks["none", "order", "1-10", "sr"].k == sum(bool(row.success) for row in early)
+    assert blocks["none", "visits", "first visit", "sr"].n == sum(row.prior_visits_scene == 0 for row in counted)
+    names = {(row.what, row.condition) for row in found.order}
+    assert ("per 10 trials", "none") in names
+    assert ("visited before", "memory_topdown") in names
+
+
+def test_verification_stands_below_tables(found: StudyReport, rows: list[TrialRow]) -> None:
+    without = next(row for row in found.verification if row.condition == "none")
+    counted = [row for row in rows if row.phase == "main" and row.end_reason == "stop" and row.condition == "none"]
+    assert without.n == 36
+    assert without.num_verified == sum(row.verification == "verified" for row in counted)
+    note = (
+        f"Human: {without.num_verified} of 36 verified, 0 drift, 0 failed, 0 unsupported, {without.num_not_yet} not yet"
+    )
+    assert markdown(found).count(note) > 10
+
+
+def test_the_flow_counts_who_came_how_far() -> None:
+    stages = [
+        ("arrived", "device_ok", "consented", "quiz_failed", "quiz_passed", "finished"),
+        ("arrived", "declined"),
+        ("arrived", "consented", "quiz_passed", "dropped_out"),
+        ("arrived", "consented", "withdrawn"),
+        (),
+    ]
+    people = [participant_row(f"p{n:02d}", found) for n, found in enumerate(stages, start=1)]
+    row = trial_row("p01", 1, KEYS[0], "none", success=True, steps=3)
+    counts = {c.point: c.n for c in flow_counts(people, [row], num_deleted=1)}
+    assert counts == {
+        "places in the plan": 6,
+        "came": 4,
+        "device refused": 0,
+        "study was full": 0,
+        "declined consent": 1,
+        "consented": 3,
+        "screened out": 0,
+        "failed the quiz at least once": 1,
+        "passed the quiz": 2,
+        "began practice": 0,
+        "began counted trials": 1,
+        "dropped out": 1,
+        "withdrew": 1,
+        "withdrew, records deleted": 1,
+        "finished": 1,
+    }
+
+
+def test_ends_and_attention_trials_are_counted(rows: list[TrialRow], found: StudyReport) -> None:
+    ends = {(row.who, row.condition, row.reason): (row.k, row.n) for row in found.ends}
+    without = value(found, "human", "none")
+    assert ends["human", "none", "stop"] == (without.k, 36)
+    assert ends["walker", "none", "stop"][1] == 12
+    checks = [
+        trial_row(code, 20 + n, KEYS[n], "none", success=hit, steps=3, phase="check", rep=0)
+        for code, hits in (("p01", (True, True)), ("p02", (False, False)), ("p03", (True, False)))
+        for n, hit in enumerate(hits)
+    ]
+    checked = made([*rows, *checks])
+    (count,) = checked.attention
+    assert (count.num_trials, count.num_passed, count.num_people, count.num_failing) == (6, 3, 3, 1)
+    assert [row.n for row in checked.rows] == [row.n for row in found.rows]
+    assert "3 of 6 passed; 1 of 3 people failed more than one" in markdown(checked)
+
+
+def test_two_agents_of_one_run_are_compared_exactly(found: StudyReport) -> None:
+    (pair,) = found.agent_pairs
+    outcomes = {o.who: [] for o in found.outcomes if o.who != "human"}
+    for outcome in sorted((o for o in found.outcomes if o.who != "human"), key=lambda o: o.episode):
+        outcomes[outcome.who].append(outcome.success)
+    first, second = np.array(outcomes[pair.first]), np.array(outcomes[pair.second])
+    assert pair.num_only_first == int(((first == 1) & (second == 0)).sum())
+    assert pair.n == 12
+    assert pair.p is not None
+
+
+def test_shuffled_records_give_the_same_report(rows: list[TrialRow], found: StudyReport) -> None:
+    order = np.random.default_rng(8).permutation(len(rows))
+    people = tuple(participant_row(code) for code in PEOPLE[::-1])
+    assert made([rows[k] for k in order], people=people).model_dump_json() == found.model_dump_json()
+
+
+def test_renamed_people_give_the_same_numbers(rows: list[TrialRow], found: StudyReport) -> None:
+    names = dict(zip(PEOPLE, ["p31", "p07", "p99", "p12", "p55", "p20"], strict=True))
+    renamed = made([row.model_copy(update={"participant": names[row.participant]}) for row in rows])
+    for row, other in zip(found.rows, renamed.rows, strict=True):
+        assert (row.who, row.condition, row.split, row.measure, row.k, row.n) == (
+            *(other.who, other.condition, other.split, other.measure, other.k, other.n),
+        )
+        assert other.value == pytest.approx(row.value)
+        assert (other.low, other.high) == pytest.approx((row.low, row.high))
+
+
+def test_the_declared_total_is_used(rows: list[TrialRow]) -> None:
+    config = study_config(aggregate=StudyAggregate(total="dataset_weighted"))
+    runs = people_runs(rows, config)
+    records = StudyRecords(config, tuple(rows))
+    with pytest.raises(StudyError, match="Give --dataset"):
+        study_report(runs, records=records)
+    sizes = {"easy": 8, "medium": 1, "hard": 1}
+    weighted = study_report(runs, records=records, split_sizes=sizes)
+    cells = [value(weighted, "human", "none", split).value for split in ("easy", "medium", "hard")]
+    assert value(weighted, "human", "none").value == pytest.approx(0.8 * cells[0] + 0.1 * cells[1] + 0.1 * cells[2])
+    assert "by their size in the dataset" in markdown(weighted)
+
+
+def test_an_export_folder_is_read_whole_and_twice_is_refused(tmp_path: Path, rows: list[TrialRow]) -> None:
+    export, agents = tmp_path / "export", tmp_path / "agents"
+    write_export(export, rows, CONFIG)
+    write_runs(agents, AGENTS)
+    source = read_source([export, agents])
+    assert source.records is not None
+    assert source.records.rows == tuple(rows)
+    assert len(source.runs) == 14
+    with pytest.raises(StudyError, match="expected one, because a trial counts once"):
+        read_source([export, export])
+    with pytest.raises(RunFileError, match="second time"):
+        study_report([*source.runs, source.runs[0]], records=source.records)
+    (export / "trials.jsonl").write_text('{"participant": "p01"}\n')
+    with pytest.raises(StudyError, match=r"trials.jsonl:1"):
+        read_source([export])
+
+
+def test_the_command_gives_the_same_bytes_twice(
+    tmp_path: Path, rows: list[TrialRow], capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_export(tmp_path / "export", rows, CONFIG)
+    write_runs(tmp_path / "agents", AGENTS)
+    for out in ("one", "two"):
+        folders = [tmp_path / "export", tmp_path / "agents"]
+        assert report_command(runs=folders, out=tmp_path / out, rule=None, json=False, overlays=True) == 0
+    capsys.readouterr()
+    files = {path.name: path.read_bytes() for path in (tmp_path / "one").iterdir()}
+    assert files == {path.name: path.read_bytes() for path in (tmp_path / "two").iterdir()}
+    assert {"flow.svg", "pan-order.svg", "report.html"} <= set(files)
+    assert sum(name.startswith("overlay-pan-") for name in files) == len(KEYS)
+    assert json.loads(files["report.json"])["study"] == "example"
+    page = files["report.html"].decode()
+    assert page.count("<svg") == sum(name.endswith(".svg") for name in files)
+    for outside in ("http://", "https://", "<script", "src="):
+        assert outside not in page.replace("http://www.w3.org/", "").replace("https://matplotlib.org/", "").replace(
+            "http://purl.org/", ""
+        ).replace("http://creativecommons.org/", "")
+
+
+def test_pilots_and_other_homes_are_labelled(rows: list[TrialRow]) -> None:
+    pilot = made(rows, is_pilot=True)
+    assert "Pilot: served without an ethics id" in markdown(pilot)
+    assert "Pilot: served without an ethics id" in html_page(pilot, {})
+    assert "no human baseline" not in markdown(pilot)
+
+
+def test_a_study_that_still_runs_is_labelled(rows: list[TrialRow], found: StudyReport) -> None:
+    assert found.num_open == 0
+    assert "Interim" not in markdown(found)
+    blank = dict.fromkeys(("end_reason", "success", "spl", "softspl", "dtg", "planar_distance", "head_hash"))
+    waiting = trial_row("p01", 15, KEYS[0], "none", success=False, steps=1, attempt=0).model_copy(update=blank)
+    running = made([*rows, waiting])
+    assert running.num_open == 1
+    assert "Interim: 1 counted trials are not done" in markdown(running)
+    assert [row.n for row in running.rows] == [row.n for row in found.rows]
+
+
+def test_people_of_two_studies_are_refused(rows: list[TrialRow]) -> None:
+    other = study_config(query_index=1)
+    runs = people_runs([row for row in rows if row.participant == "p01"], other)
+    mixed = [*runs, *people_runs([row for row in rows if row.participant == "p02"], CONFIG)]
+    with pytest.raises(StudyError, match="expected one, because people's codes"):
+        study_report(mixed)

@@ -1,0 +1,106 @@
+"""What goes beside the tables: the script for R, the checklist, hypotheses by name, pages and cells."""
+
+import csv
+import io
+
+import pytest
+
+from human_study.checklist import NOT_IN_FILE, checklist
+from human_study.csv_cells import csv_lines
+from human_study.glmm import glmm_csv, glmm_script
+from human_study.hypotheses import hypothesis_rows
+from human_study.person_effects import memory_effects
+from human_study.report import report_groups
+from human_study.report_blocks import Heading, Picture, Table, Text, html_text, markdown_text
+from human_study.report_rows import Aggregate
+from human_study.report_source import ReportSource, StudyRecords
+from human_study.report_tables import with_interval
+from human_study.study import StudyEthics
+
+from .report_examples import agent_run, example_rows, people_runs, study_config
+
+CONFIG = study_config()
+ROWS = example_rows()
+RUNS = (*people_runs(ROWS, CONFIG), agent_run("walker", 0, CONFIG, rate=0.4), agent_run("seer", 0, CONFIG, rate=0.3))
+GROUPS = report_groups(ReportSource(RUNS, StudyRecords(CONFIG, tuple(ROWS))), rule="paper")
+
+
+def test_the_data_for_r_are_one_line_per_trial() -> None:
+    lines = list(csv.DictReader(io.StringIO(glmm_csv(GROUPS.people, "pan"))))
+    assert len(lines) == 72
+    first = next(row for row in ROWS if (row.participant, row.order_no) == ("p01", 1))
+    (line,) = [line for line in lines if (line["participant"], line["order"]) == ("example/p01", "1")]
+    assert line["episode"] == f"{first.split}/{first.scene}/{first.episode_id}"
+    assert line["success"] == str(int(bool(first.success)))
+    assert (line["house"], line["prior_visits"]) == (first.scene, "0")
+
+
+def test_the_model_for_r_has_the_terms_that_vary() -> None:
+    script = glmm_script(GROUPS.people, "pan")
+    assert (
+        "success ~ condition * split + scale(order) + scale(prior_visits) + (1 | participant) + (1 | episode) + "
+        "(1 | house)" in script
+    )
+    assert 'ref = "none"' in script
+    assert 'read.csv("pan-trials.csv"' in script
+    alone = glmm_script([group for group in GROUPS.people if group.condition == "none"], "pan")
+    assert "success ~ split + scale(order)" in alone
+    assert "Left out, because they do not vary here: condition." in alone
+
+
+def hypotheses_named(*names: str):
+    memory = memory_effects(GROUPS.people)
+    return hypothesis_rows(names, GROUPS.differences, memory, Aggregate())
+
+
+def test_hypotheses_are_found_by_their_names() -> None:
+    named, with_map, memory = hypotheses_named(
+        "human_minus_seer_SR", "pan_human_memory_topdown_minus_walker_SPL", "memory_topdown_effect_steps"
+    )
+    assert named.method.startswith("human - seer, pan, none: paired")
+    assert with_map.method.startswith("human - walker, pan, memory_topdown")
+    assert memory.method.startswith("memory_topdown - none, pan")
+    assert all(
+        row.p_holm is not None and row.p is not None and row.p_holm >= row.p for row in (named, with_map, memory)
+    )
+
+
+def test_a_hypothesis_that_cannot_be_tested_says_why_and_still_counts_in_holm() -> None:
+    several, unknown, one = hypotheses_named("human_minus_agent_SR", "people are better", "human_minus_seer_SR")
+    assert several.p is None
+    assert "exactly one comparison, found pan human - seer (none), pan human - walker (none)" in several.method
+    assert "such as human_minus_agent_SR" in unknown.method
+    assert one.p is not None
+    assert one.p_holm == pytest.approx(min(1, 3 * one.p))
+
+
+def test_the_checklist_answers_what_the_study_file_says() -> None:
+    config = study_config(ethics=StudyEthics(irb="2026-17"))
+    answers = {i.question: i.answer for i in checklist(config, rows=(), flow=(), exclusions=(), is_pilot=False)}
+    assert answers["Ethics approval?"] == "2026-17"
+    assert answers["Pay?"] == NOT_IN_FILE
+    assert answers["Hypotheses fixed before data?"] == "human_minus_walker_SR, memory_effect_SR"
+    assert answers["Same items for people and agents?"] == "no agent is in this report"
+
+
+def test_blocks_become_markdown_and_one_safe_page() -> None:
+    blocks = [
+        Heading("A <b>", 1),
+        Text("x & y", is_strong=True),
+        Table(("h", "i"), (("a|b", "<c>"),), "note"),
+        Picture("p.svg", "P"),
+    ]
+    text = markdown_text(blocks)
+    assert "# A <b>\n\n**x & y**" in text
+    assert "| a\\|b | <c> |\n\nnote\n\n![P](p.svg)\n" in text
+    page = html_text(blocks, {"p.svg": '<?xml version="1.0"?>\n<svg id="s"></svg>'})
+    assert "<h1>A &lt;b&gt;</h1>" in page
+    assert "<td>&lt;c&gt;</td>" in page
+    assert '<figure><svg id="s"></svg><figcaption>P</figcaption></figure>' in page
+    assert "<?xml" not in page
+
+
+def test_numbers_and_cells_are_written_safely() -> None:
+    assert with_interval(-0.04, -1.0, 1.0) == "0.0 [-1.0, 1.0]"
+    assert with_interval(3.14159, None, None, digits=2) == "3.14"
+    assert csv_lines(["a", "b"], [("=1+1", 0.1), (None, -2)]) == "a,b\n'=1+1,0.1\n,-2\n"

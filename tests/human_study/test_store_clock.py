@@ -1,0 +1,178 @@
+"""Clocks that jump: durations stay right, order is by number, nothing is lost."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from human_study.events import GaveUp, Reconnect
+from human_study.people import KEPT_BACKUPS
+from human_study.records import read_study
+from sim.tasks.run_files import EpisodeEnd
+
+from .stores import KEY, OPEN, open_small, opened
+
+S = 10**9
+HOUR_S = 3600
+
+
+@dataclass
+class Clocks:
+    """The machine's clocks, moved by the test."""
+
+    wall_ns: int = 1_790_000_000 * S
+    mono_ns: int = 5_000 * S
+    boot: str = "first boot"
+
+    def pass_s(self, seconds: float) -> None:
+        """Time goes on."""
+        self.wall_ns += int(seconds * S)
+        self.mono_ns += int(seconds * S)
+
+    def reboot(self, *, mono_s: float = 10.0) -> None:
+        """The steady clock starts again."""
+        self.boot, self.mono_ns = f"boot at {self.wall_ns}", int(mono_s * S)
+
+
+@pytest.fixture
+def clocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clocks]:
+    """Clocks that stand still."""
+    found = Clocks()
+    monkeypatch.setattr("time.time_ns", lambda: found.wall_ns)
+    monkeypatch.setattr("time.monotonic_ns", lambda: found.mono_ns)
+    monkeypatch.setattr("human_study.store._boot_id", lambda: found.boot)
+    return found
+
+
+@pytest.mark.parametrize("jump_s", [HOUR_S, -HOUR_S, -50 * 365 * 24 * HOUR_S])
+def test_an_absence_is_as_long_as_it_was_whatever_the_wall_clock_does(
+    tmp_path: Path, clocks: Clocks, jump_s: int
+) -> None:
+    store, _ = opened(tmp_path)
+    with store:
+        clocks.wall_ns += jump_s * S
+        clocks.pass_s(90.0)
+        again = store.open_trial("p02", 1)
+        assert again.away_s == 90.0
+        assert store.events(again.trial_id)[-1].event == Reconnect(epoch=2, away_s=90.0)
+
+
+@pytest.mark.parametrize("jump_s", [HOUR_S, -HOUR_S])
+def test_events_are_in_the_order_of_their_numbers_not_of_the_wall_clock(
+    tmp_path: Path, clocks: Clocks, jump_s: int
+) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        for _ in range(3):
+            clocks.pass_s(1.0)
+            store.append(trial.trial_id, trial.epoch, KEY)
+            clocks.wall_ns += jump_s * S
+        stored = store.events(trial.trial_id)
+        assert store.check() == 4
+    assert [line.seq for line in stored] == [1, 2, 3, 4]
+    walls = [line.t_srv_ns for line in stored]
+    assert walls == sorted(walls, reverse=jump_s < 0) or jump_s < 0
+    assert [line.t_srv_mono_ns - stored[0].t_srv_mono_ns for line in stored] == [0, S, 2 * S, 3 * S]
+
+
+def test_summer_time_changes_nothing(tmp_path: Path, clocks: Clocks, monkeypatch: pytest.MonkeyPatch) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        before = store.events(trial.trial_id)[0].t_srv_ns
+        monkeypatch.setenv("TZ", "Pacific/Apia")
+        time.tzset()
+        try:
+            clocks.pass_s(2.0)
+            store.append(trial.trial_id, trial.epoch, KEY)
+            assert store.open_trial("p02", 1).away_s == 0.0
+            assert store.events(trial.trial_id)[1].t_srv_ns - before == 2 * S
+        finally:
+            monkeypatch.undo()
+            time.tzset()
+
+
+def test_after_a_reboot_the_wall_clock_says_how_long_somebody_was_away(tmp_path: Path, clocks: Clocks) -> None:
+    opened(tmp_path)[0].close()
+    clocks.pass_s(300.0)
+    clocks.reboot()
+    with open_small(tmp_path) as store:
+        assert store.open_trial("p02", 1).away_s == 300.0
+        assert store.check() == 2
+
+
+def test_a_wall_clock_that_went_back_over_a_reboot_makes_nobody_late(tmp_path: Path, clocks: Clocks) -> None:
+    opened(tmp_path)[0].close()
+    clocks.pass_s(-HOUR_S)
+    clocks.reboot(mono_s=1e6)
+    with open_small(tmp_path) as store:
+        assert store.open_trial("p02", 1).away_s == 0.0
+
+
+def test_a_steady_clock_that_starts_again_is_compared_within_its_boot_only(tmp_path: Path, clocks: Clocks) -> None:
+    opened(tmp_path)[0].close()
+    clocks.reboot(mono_s=4_990.0)
+    with open_small(tmp_path) as store:
+        trial = store.open_trial("p02", 1)
+        store.append(trial.trial_id, trial.epoch, KEY)
+        clocks.pass_s(20.0)
+        assert store.open_trial("p02", 1).away_s == 20.0
+
+
+@pytest.mark.parametrize("jump_s", [HOUR_S, -HOUR_S])
+def test_the_time_spent_in_a_home_is_counted_by_the_steady_clock(tmp_path: Path, clocks: Clocks, jump_s: int) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        clocks.pass_s(30.0)
+        clocks.wall_ns += jump_s * S
+        store.append(trial.trial_id, trial.epoch, GaveUp())
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
+        store.open_trial("p02", 2)
+        assert store.trials("p02")[1].secs_in_scene_before == 30.0
+
+
+def test_an_absence_is_no_time_spent_in_a_home(tmp_path: Path, clocks: Clocks) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        clocks.pass_s(30.0)
+        store.append(trial.trial_id, trial.epoch, KEY)
+        clocks.pass_s(500.0)
+        again = store.open_trial("p02", 1)
+        clocks.pass_s(7.0)
+        store.append(again.trial_id, again.epoch, GaveUp())
+        store.finish_trial(again.trial_id, EpisodeEnd(reason="giveup"))
+        store.open_trial("p02", 2)
+        assert store.trials("p02")[1].secs_in_scene_before == 37.0
+
+
+def test_the_time_spent_in_a_home_over_a_reboot_is_that_of_both_parts(tmp_path: Path, clocks: Clocks) -> None:
+    store, trial = opened(tmp_path)
+    clocks.pass_s(30.0)
+    with store:
+        store.append(trial.trial_id, trial.epoch, KEY)
+    clocks.reboot()
+    with open_small(tmp_path) as store:
+        again = store.open_trial("p02", 1)
+        clocks.pass_s(12.0)
+        store.append(again.trial_id, again.epoch, GaveUp())
+        store.finish_trial(again.trial_id, EpisodeEnd(reason="giveup"))
+        store.open_trial("p02", 2)
+        assert store.trials("p02")[1].secs_in_scene_before == 42.0
+
+
+def test_backups_made_after_the_wall_clock_went_back_are_the_newest(tmp_path: Path, clocks: Clocks) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        for _ in range(KEPT_BACKUPS):
+            clocks.pass_s(1.0)
+            store.back_up()
+        clocks.wall_ns -= HOUR_S * S
+        store.append(trial.trial_id, trial.epoch, KEY)
+        newest = store.back_up()
+    assert newest.is_file()
+    kept = sorted((tmp_path / "backups").glob("study-*.db"))
+    assert (len(kept), kept[-1]) == (KEPT_BACKUPS, newest)
+    newest.rename(tmp_path / "study.db")
+    with read_study(tmp_path) as reader:
+        assert [line.event for line in reader.events(trial.trial_id)] == [OPEN, KEY]

@@ -1,0 +1,271 @@
+"""`TrialPlay` without a browser: a desk with a script, screens that keep what they are shown, a store in memory."""
+
+import contextlib
+import dataclasses
+import queue
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import pytest
+
+from human_study.events import Event, event_to_json
+from human_study.store import SupersededError, Trial, TrialEndedError
+from human_study.study import Condition
+from human_study.views import LookView, PanView, PogView, RateView
+from human_study.writer import StoreFullError
+from personal_viz import play as play_module
+from personal_viz.desk import GoneError, Item, WithdrawnError
+from personal_viz.home import Home
+from personal_viz.play import TrialPlay
+from personal_viz.watch import Observers, Watches
+from sim.episodes.schema import Episode
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import ClickRay, Vector3
+from sim.types import Camera, TaskKind
+from sim.world.renderer import Frame, Hits
+
+from ..human_study.small_world import PoseColours, SquareRoom, episode, study
+
+PASS = object()
+"""In a script: the participant does nothing until time alone changes something."""
+EVERY_S = 1.0
+"""Between two commands of a script."""
+RAY = ClickRay(
+    origin=(0.0, 3.0, 0.0),
+    direction=(0.0, -1.0, 0.0),
+    camera_position=(0.0, 3.0, 0.0),
+    camera_wxyz=(1.0, 0.0, 0.0, 0.0),
+    storey_y=0.0,
+)
+HIT = (-1.5, 0.0, 0.0)
+View = LookView | PanView | PogView | RateView
+
+
+class Clock:
+    """`time.monotonic` that a script moves on."""
+
+    def __init__(self) -> None:
+        self.now_s = 50.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+class MemoryLink:
+    """The store of one trial."""
+
+    def __init__(self, task: TaskKind, condition: Condition | None = None, *, code: str = "p02") -> None:
+        chosen = condition or ("none" if task == "pan" else "map_open")
+        self.trial = Trial("t1", code, 1, "main", task, chosen, episode().key, 1, 0, 0.0)
+        self.stored: list[Event] = []
+        self.outcome: Any = None
+        self.calls: list[str] = []
+
+    def open_trial(self) -> Trial:
+        """As the store's; older epochs cannot write after it."""
+        self.trial = dataclasses.replace(self.trial, epoch=self.trial.epoch + 1)
+        return self.trial
+
+    def events(self, trial_id: str) -> list[Event]:
+        return list(self.stored)
+
+    def append_many(self, trial_id: str, epoch: int, events: Sequence[Event]) -> None:
+        assert events
+        if epoch != self.trial.epoch:
+            raise SupersededError("another tab has the trial")
+        if self.outcome is not None:
+            raise TrialEndedError("it is over")
+        self.stored += events
+        self.calls.append("store " + " ".join(event.kind for event in events))
+
+    def finish_trial(self, trial_id: str, outcome: Any) -> None:
+        assert self.outcome is None
+        self.outcome = outcome
+        self.calls.append("finish")
+
+    def lines(self) -> list[str]:
+        """The stored events as they are on disk."""
+        return [event_to_json(event) for event in self.stored]
+
+
+class ScriptedDesk:
+    """Stands for a `Desk`: hands out a script, then the browser is gone."""
+
+    def __init__(self, code: str, script: Sequence[Any], clock: Clock) -> None:
+        self.code, self.page = code, _Page()
+        self._script, self._clock = list(script), clock
+        self.waits: list[float | None] = []
+        self.num_screens = 0
+
+    def new_screen(self, *, hears: tuple[type, ...] = ()) -> Any:
+        self.num_screens += 1
+        return None
+
+    def done_with(self, item: Item) -> None:
+        """As the desk's."""
+
+    def wait(self, *, timeout_s: float | None = None) -> Item:
+        self.waits.append(timeout_s)
+        if not self._script:
+            raise GoneError
+        content = self._script.pop(0)
+        if content is PASS:
+            assert timeout_s is not None, "the session waits for ever"
+            self._clock.now_s += timeout_s
+            raise queue.Empty
+        self._clock.now_s += EVERY_S
+        if isinstance(content, Exception):
+            raise content
+        return Item(content, self.num_screens)
+
+
+class _Page:
+    client = None
+
+
+class RenderedHere:
+    """Stands for `Frames`: renders when asked, ahead never."""
+
+    def __init__(self) -> None:
+        self._renderer = PoseColours()
+        self.wishes: list[tuple[str, int]] = []
+        self.begun: list[Any] = []
+
+    def render(self, T_world_camera: Any, camera: Camera) -> Frame:
+        return self._renderer.render(T_world_camera, camera)
+
+    def cast(self, origins: Any, directions: Any) -> Hits:
+        return self._renderer.cast(origins, directions)
+
+    def jpeg(self, rgb: Any) -> bytes:
+        return b""
+
+    def begin(self, pose: Any, camera: Camera) -> None:
+        self.begun.append(pose)
+
+    def look_ahead(self, who: str, poses: Sequence[Any], camera: Camera) -> None:
+        self.wishes.append((who, len(poses)))
+
+
+class Pointed:
+    """A PogScene in which every ray meets the same point."""
+
+    def hit(self, storey: int, origin: object, direction: object) -> Vector3:
+        return HIT
+
+
+@dataclasses.dataclass
+class FakeScene:
+    """What trials need of a scene."""
+
+    label = "a room (invented)"
+    digest = "d" * 64
+    navigation = SquareRoom()
+
+
+@dataclasses.dataclass
+class Played:
+    """A trial as it was played."""
+
+    link: MemoryLink
+    desk: ScriptedDesk
+    watches: Watches
+    shown: list[View]
+    """Every view, on whichever screen."""
+    screens: list[str]
+    """Names of the screens, opened and closed."""
+    raised: Exception | None
+    """What ended it before its outcome was stored and shown."""
+
+
+def make_env(episode: Episode) -> PanEnv:
+    """What a participant walks in."""
+    return PanEnv(episode.start, SquareRoom(), renderer=PoseColours(), camera=study().robot_camera, max_steps=500)
+
+
+@pytest.fixture
+def fake_screens(monkeypatch: pytest.MonkeyPatch) -> tuple[list[View], list[str]]:
+    """Replaces all apps; (what they are shown, their names as they open and close)."""
+    shown: list[View] = []
+    screens: list[str] = []
+
+    def app_named(name: str) -> Any:
+        class App:
+            def __init__(self, page: Any, view: View, send: Any, **options: Any) -> None:
+                screens.append(name)
+                shown.append(view)
+
+            def show(self, view: View) -> None:
+                shown.append(view)
+
+            def close(self) -> None:
+                screens.append(f"{name} closed")
+
+        return App
+
+    for name in ("LookApp", "PanApp", "PogApp", "RateApp"):
+        monkeypatch.setattr(play_module, name, app_named(name))
+    for name in ("SceneView", "MapView"):
+        monkeypatch.setattr(play_module, name, lambda client, things, name=name: screens.append(name))
+    return shown, screens
+
+
+@contextlib.contextmanager
+def _clock(clock: Clock) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(play_module, "time", clock)
+        yield
+
+
+def played(
+    fakes: tuple[list[View], list[str]],
+    link: MemoryLink,
+    *script: Any,
+    observers: Observers | None = None,
+    away_s: float = 0.0,
+    took_over: bool = False,
+    home_options: dict[str, Any] | None = None,
+    **choices: object,
+) -> Played:
+    """Plays the link's trial with this script until it is over, or the script is.
+
+    Args:
+        fakes: From the fixture `fake_screens`.
+        link: The store.
+        script: Commands, rays, PASS, and errors that the desk raises.
+        observers: Who watches.
+        away_s: How long the participant was away.
+        took_over: Whether from another tab.
+        home_options: Fields of the home.
+        choices: The study's.
+    """
+    clock = Clock()
+    watches = Watches(observers, make_env=make_env)
+    fields = {
+        "scene": FakeScene(),
+        "renderer": RenderedHere(),
+        "pog_scene": Pointed(),
+        "copies": _Copies(),
+        "episodes": {episode().key: episode()},
+        "storeys": [(0.0, 0.0)],
+        "watches": watches,
+    }
+    home = Home(**(fields | (home_options or {})))
+    desk = ScriptedDesk(link.trial.code, script, clock)
+    del fakes[0][:], fakes[1][:]
+    raised: Exception | None = None
+    with _clock(clock):
+        play = TrialPlay(desk, link, home, study(**choices))  # type: ignore[arg-type]
+        try:
+            play.play(link.open_trial(), progress="Trial 1 of 1", away_s=away_s, took_over=took_over)
+        except (GoneError, SupersededError, TrialEndedError, StoreFullError, WithdrawnError) as error:
+            raised = error
+        finally:
+            play.leave()
+    return Played(link, desk, watches, list(fakes[0]), list(fakes[1]), raised)
+
+
+class _Copies:
+    """Stands for `StoreyCopies`."""
+
+    maps = ()

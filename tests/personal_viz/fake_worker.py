@@ -1,0 +1,45 @@
+"""A worker without viser, started by tests: says where it listens, answers each message with who sent it and its pid.
+
+Its last argument says how it behaves: `good`; `broken`, which cannot start; `fragile`, which ends once it is ready;
+`deaf`, which goes on when the gateway is gone.
+"""
+
+import os
+import signal
+import socket
+import sys
+import threading
+from pathlib import Path
+
+from websockets.sync.server import ServerConnection, serve
+
+from personal_viz.store_link import StoreLink
+
+
+def main() -> None:
+    """Serves until the gateway closes the socket."""
+    fd, folder, kind = int(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
+    link = StoreLink(socket.socket(fileno=fd))
+    (folder / f"{os.getpid()}.pid").touch()
+    if kind == "broken":
+        link.tell_failed("scene X: cannot be read; expected a mesh. Give another.")
+        return
+
+    def answer(connection: ServerConnection) -> None:
+        assert connection.request is not None
+        code = link.code_of_ticket(connection.request.path.rpartition("=")[2])
+        for _ in connection:
+            connection.send(f"{code} {os.getpid()}")
+
+    with serve(answer, "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        link.tell_ready(server.socket.getsockname()[1])
+        if kind == "fragile":
+            os._exit(3)
+        link.is_closed.wait()
+        if kind == "deaf":
+            signal.pause()
+
+
+if __name__ == "__main__":
+    main()

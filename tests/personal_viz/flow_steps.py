@@ -1,0 +1,121 @@
+"""What a person does in the browser on the way through a study, and what is stored of it."""
+
+import re
+
+from playwright.sync_api import Page, expect
+
+from human_study.record_types import ParticipantRecord, TrialStatus
+from human_study.records import read_study
+from human_study.study import load_study
+from personal_viz.flow_quiz import questions_for
+from sim.types import TaskKind
+
+from .flow_studies import PlannedStudy
+
+HOLD_MS = 60
+"""How long a key is held: like a person, no two presses within the 50 ms in which sessions drop the second."""
+
+
+def start(page: Page, link: str) -> None:
+    """The one page of a quick study."""
+    page.goto(link)
+    page.get_by_role("button", name="Start", exact=True).click()
+
+
+def record(study: PlannedStudy, code: str) -> tuple[ParticipantRecord, list[TrialStatus]]:
+    """What is stored of a participant; the hash chains are checked too."""
+    with read_study(study.folder) as reader:
+        reader.check()
+        return reader.participant(code), list(reader.trials(code))
+
+
+def stages(study: PlannedStudy, code: str) -> list[str]:
+    """Names of a participant's stages, oldest first."""
+    return [entry.stage for entry in record(study, code)[0].stages]
+
+
+def events(study: PlannedStudy, code: str, order_no: int) -> list:
+    """Events of the newest attempt at a trial."""
+    with read_study(study.folder) as reader:
+        trial_id = [trial.trial_id for trial in reader.trials(code) if trial.order_no == order_no][-1]
+        return [stored.event for stored in reader.events(trial_id)] if trial_id is not None else []
+
+
+def pass_device_check(page: Page, *, has_keys: bool = True) -> None:
+    """Presses the key that is asked for."""
+    expect(page.get_by_text("Your window has room")).to_be_visible()
+    if has_keys:
+        page.keyboard.press("w", delay=HOLD_MS)
+        expect(page.get_by_text("The key arrived")).to_be_visible()
+    page.get_by_role("button", name="Continue", exact=True).click()
+
+
+def agree(page: Page) -> None:
+    """Consents."""
+    page.get_by_role("button", name="I agree").click()
+
+
+def read_instructions(page: Page) -> None:
+    """Turns all pages."""
+    done = page.get_by_role("button", name="I have read this")
+    onward = page.get_by_role("button", name="Next", exact=True)
+    expect(page.get_by_text("Page 1 of")).to_be_visible()
+    num_pages = int(page.get_by_text(re.compile(r"Page 1 of (\d+)")).inner_text().split()[-1])
+    for number in range(2, num_pages + 1):
+        onward.click()
+        expect(page.get_by_text(f"Page {number} of")).to_be_visible()
+    done.click()
+
+
+def answer_questions(page: Page, study: PlannedStudy, task: TaskKind) -> None:
+    """Gives all the right answers."""
+    config = load_study(study.folder)
+    for question in questions_for(config, task, config.conditions(task)):
+        expect(page.get_by_text(question.text)).to_be_visible()
+        page.get_by_role("button", name=question.answers[0], exact=True).click()
+
+
+def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKind = "pan") -> None:
+    """Everything up to the first practice trial."""
+    page.goto(study.links[code])
+    pass_device_check(page, has_keys=task == "pan")
+    agree(page)
+    read_instructions(page)
+    answer_questions(page, study, task)
+    page.get_by_role("button", name="Begin to practise").click()
+
+
+def see_step(page: Page, number: int) -> None:
+    """Waits for counter and picture: who presses before the picture is there is dropped as busy."""
+    expect(page.get_by_text(f"Step {number} of 500")).to_be_visible()
+    expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", str(number))
+
+
+def give_up(page: Page) -> None:
+    """Ends a trial without an answer: the button twice."""
+    button = page.get_by_role("button", name="Give up this search")
+    button.click()
+    expect(page.get_by_text(re.compile("give up", re.IGNORECASE)).last).to_be_visible()
+    page.wait_for_timeout(200)  # a person's pace
+    button.click()
+
+
+def stop(page: Page) -> None:
+    """Enter twice."""
+    page.keyboard.press("Enter", delay=HOLD_MS)
+    expect(page.get_by_text("Press Enter or STOP again to finish")).to_be_visible()
+    page.keyboard.press("Enter", delay=HOLD_MS)
+
+
+def point_somewhere(page: Page) -> None:
+    """Clicks the home until a mark is there: it is drawn some time after it has arrived."""
+    expect(page.get_by_text("Click the object to mark it")).to_be_visible()
+    marked = page.get_by_text("Click again to move your mark")
+    box = page.locator("canvas").last.bounding_box()
+    assert box is not None
+    for attempt in range(60):
+        page.mouse.click(box["x"] + box["width"] * (0.4 + 0.01 * (attempt % 10)), box["y"] + box["height"] * 0.45)
+        page.wait_for_timeout(500)
+        if marked.count():
+            return
+    raise AssertionError("no click met the home")

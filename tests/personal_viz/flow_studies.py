@@ -1,0 +1,152 @@
+"""Small planned studies, served by a child process as a researcher would, and a line to them that can be cut."""
+
+import contextlib
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from human_study.study import (
+    StudyBreaks,
+    StudyChecks,
+    StudyConfig,
+    StudyDataset,
+    StudyDesign,
+    StudyPractice,
+    save_study,
+)
+from personal_viz.commands.study_files import plan_study
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.generation import invent_dataset
+
+HOME = "FlowHome"
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStudy:
+    """A study folder, its episodes, and the personal links while it is served."""
+
+    folder: Path
+    dataset: Path
+    links: dict[str, str]
+    """Participant to personal link."""
+
+
+def plan_small(root: Path, **choices: Any) -> Path:
+    """A planned pilot on one invented home with all pages, one practice trial and a break after each trial.
+
+    Args:
+        root: Gets `dataset` and `study`.
+        choices: Fields of StudyConfig.
+    """
+    dataset = root / "dataset"
+    invent_dataset(dataset, name=HOME, seed=5)
+    usual = {
+        "task": ("pan",),
+        "dataset": StudyDataset(
+            sha256=PersonalDataset(dataset).digest(), splits={"easy": 2}, stratify="none", max_per_scene=None, seed=3
+        ),
+        "design": StudyDesign(kind="crossed", raters_per_episode=4),
+        "practice": StudyPractice(pan=1, pog=1),
+        "checks": StudyChecks(every=None),
+        "breaks": StudyBreaks(every=1),
+    }
+    config = StudyConfig(study="flow", **{**usual, **choices})
+    save_study(root / "study", config)
+    plan_study(root / "study", dataset, None, pilot=True)
+    return root / "study"
+
+
+@contextlib.contextmanager
+def served(folder: Path, dataset: Path) -> Iterator[PlannedStudy]:
+    """Serves a planned study on a free port until the end of the block."""
+    command = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--dataset", str(dataset)]
+    command += ["--port", "0", "--pilot", "--workers", "1"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=hear_ctrl_c)
+    try:
+        assert process.stdout is not None
+        lines = []
+        for line in process.stdout:
+            lines.append(line)
+            if "Everything is written to" in line:
+                break
+        links = dict(re.findall(r"(?:PAN|POG)\s+(p\d+)\s+(http://\S+)", "".join(lines)))
+        assert links, "".join(lines)
+        yield PlannedStudy(folder, dataset, links)
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            assert process.wait(timeout=60) == 0
+        finally:
+            process.kill()
+
+
+def hear_ctrl_c() -> None:
+    """A child of a job that ignores Ctrl-C would ignore it too."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+class Line:
+    """A connection through us to a server, as a browser's network: it can be cut and mended."""
+
+    def __init__(self, port: int) -> None:
+        """Listens on a free loopback port and passes everything on to `port`."""
+        self._server_port = port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self._is_cut = False
+        self._open: set[socket.socket] = set()
+        self._lock = threading.Lock()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def cut(self) -> None:
+        """Ends all connections and refuses new ones."""
+        with self._lock:
+            self._is_cut = True
+            ended, self._open = self._open, set()
+        for end in ended:
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+
+    def mend(self) -> None:
+        """Accepts connections again."""
+        with self._lock:
+            self._is_cut = False
+
+    def close(self) -> None:
+        """Ends everything."""
+        self.cut()
+        self._listener.close()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                browser, _ = self._listener.accept()
+            except OSError:
+                return
+            with self._lock:
+                is_cut = self._is_cut
+            if is_cut:
+                browser.close()
+                continue
+            server = socket.create_connection(("127.0.0.1", self._server_port))
+            with self._lock:
+                self._open |= {browser, server}
+            for here, there in ((browser, server), (server, browser)):
+                threading.Thread(target=_pass_on, args=(here, there), daemon=True).start()
+
+
+def _pass_on(here: socket.socket, there: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while data := here.recv(65536):
+            there.sendall(data)
+    for end in (here, there):
+        with contextlib.suppress(OSError):
+            end.shutdown(socket.SHUT_RDWR)

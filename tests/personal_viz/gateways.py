@@ -1,0 +1,256 @@
+"""A gateway that runs in this process, with a viser that only remembers and answers, for tests of what gets through."""
+
+import asyncio
+import contextlib
+import http.cookies
+import json
+import socket
+import threading
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.sync.client import ClientConnection, connect
+
+from human_study.study import StudyConfig, StudyDataset, StudyPrivacy, StudyRecruit
+from personal_viz.admission import Admission, PayFile, Tickets
+from personal_viz.commands.serve_study import listen
+from personal_viz.gateway import Gateway
+from personal_viz.gateway_http import PromptProtocol, uvicorn_server
+from personal_viz.gateway_options import ServeOptions
+from sim.errors import StudyError
+
+KEY = b"k" * 32
+CAMERA: dict[str, Any] = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [3.0, 3.0, 3.0],
+    "fov": 1.3,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 800,
+    "image_width": 880,
+    "look_at": [0.0, 0.0, 0.0],
+    "up_direction": [0.0, 1.0, 0.0],
+}
+PRESS: dict[str, Any] = {"type": "GuiUpdateMessage", "uuid": "b-1", "updates": {"value": True}}
+KEY_PRESS: dict[str, Any] = {"type": "CommandTriggerMessage", "uuid": "c-1"}
+
+
+def pack(message: object) -> bytes:
+    """As a browser sends it."""
+    return msgspec.msgpack.encode(message)
+
+
+def small_config(**choices: Any) -> StudyConfig:
+    """A study file with these choices."""
+    return StudyConfig(study="small", dataset=StudyDataset(sha256="0"), task=("pan",), **choices)
+
+
+@dataclass
+class FewPeople:
+    """A store with as many places as tokens."""
+
+    tokens: dict[str, str]
+    """Token to code."""
+    claimed: dict[str, str | None] = field(default_factory=dict)
+    """Code to hash."""
+    is_full: bool = False
+    """Whether the disk is."""
+
+    def code_of_token(self, token: str) -> str | None:
+        """Participant of a token."""
+        return self.tokens.get(token)
+
+    def claim_person(self, ext_hash: str | None) -> str | None:
+        """The next free place."""
+        if self.is_full:
+            raise StudyError("study.db: the disk is full; expected space. Free some.")
+        for code, known in self.claimed.items():
+            if ext_hash is not None and known == ext_hash:
+                return code
+        for code in self.tokens.values():
+            if code not in self.claimed:
+                self.claimed[code] = ext_hash
+                return code
+        return None
+
+
+def few_people() -> FewPeople:
+    """Three of them."""
+    return FewPeople({"good": "p01", "fine": "p02", "nice": "p03"})
+
+
+def admission_for(
+    people: FewPeople, folder: Path, *, recruit: str = "local", platform_id: str = "none", **choices: Any
+) -> Admission:
+    """Admission of these people."""
+    config = small_config(
+        recruit=StudyRecruit(kind=recruit),  # type: ignore[arg-type]
+        privacy=StudyPrivacy(platform_id=platform_id),  # type: ignore[arg-type]
+        **choices,
+    )
+    tokens = {code: token for token, code in people.tokens.items()}
+    return Admission(people, config, token_of_code=tokens, platform_key=KEY, pay_file=PayFile(folder))
+
+
+@dataclass
+class OnePort:
+    """Every participant's worker."""
+
+    port: int | None
+
+    def seat(self, code: str) -> AbstractContextManager[int | None]:
+        """The same for everybody."""
+        return contextlib.nullcontext(self.port)
+
+
+class EchoViser:
+    """A websocket server that answers every message with its type, and remembers who sent what."""
+
+    def __init__(self) -> None:
+        """Starts in its own thread."""
+        self.received: dict[str, list[dict[str, Any]]] = {}
+        """Ticket to messages."""
+        self.port = 0
+        self.ended = 0
+        """Connections that were closed."""
+        self._is_ready = threading.Event()
+        self._changed = threading.Condition()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_until_complete, args=(self._run(),), daemon=True)
+        self._thread.start()
+        self._is_ready.wait(10)
+
+    def stop(self) -> None:
+        """Ends the thread."""
+        self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(10)
+
+    def wait_until(self, wanted: Callable[[], bool]) -> None:
+        """Until something received makes it true."""
+        with self._changed:
+            assert self._changed.wait_for(wanted, 20)
+
+    async def _run(self) -> None:
+        self._stop = asyncio.Event()
+        async with serve(self._answer, "127.0.0.1", 0, max_size=None) as server:
+            self.port = next(iter(server.sockets)).getsockname()[1]
+            self._is_ready.set()
+            await self._stop.wait()
+
+    async def _answer(self, connection: ServerConnection) -> None:
+        assert connection.request is not None
+        mine = self.received.setdefault(connection.request.path.rpartition("=")[2], [])
+        try:
+            async for data in connection:
+                assert isinstance(data, bytes)
+                message = msgspec.msgpack.decode(data)
+                with self._changed:
+                    mine.append(message)
+                    self._changed.notify_all()
+                await connection.send(message["type"].encode())
+        finally:
+            with self._changed:
+                self.ended += 1
+                self._changed.notify_all()
+
+
+@dataclass
+class Running:
+    """A gateway that answers on a port."""
+
+    address: str
+    port: int
+    viser: EchoViser
+    tickets: Tickets
+    people: FewPeople
+    told: list[str]
+    """Lines for the person at the terminal."""
+
+
+@contextmanager
+def running(
+    folder: Path, *, options: ServeOptions | None = None, request_within_s: float = 15.0, **admission: Any
+) -> Iterator[Running]:
+    """A gateway on loopback until the end of the block."""
+    options = options or ServeOptions(port=0)
+    viser, tickets, people, told = EchoViser(), Tickets(), few_people(), []
+    gateway = Gateway(
+        admission_for(people, folder, **admission),
+        OnePort(viser.port),
+        tickets=tickets,
+        options=options,
+        screen_out_code="FULL-1",
+        tell=told.append,
+    )
+    server = uvicorn_server(gateway.app(), options)
+    protocol = server.config.http
+    assert isinstance(protocol, type)
+    assert issubclass(protocol, PromptProtocol)
+    protocol.request_within_s = request_within_s
+    with contextlib.closing(listen(options)) as listener:
+        port = listener.getsockname()[1]
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+        thread.start()
+        try:
+            yield Running(f"http://127.0.0.1:{port}", port, viser, tickets, people, told)
+        finally:
+            server.should_exit = True
+            thread.join(20)
+            viser.stop()
+    assert not thread.is_alive()
+
+
+def enter(address: str, token: str, *, origin: str | None = None, **context: Any) -> tuple[str, dict[str, str]]:
+    """(websocket address, headers for it) of a personal token, as the page gets them."""
+    body = json.dumps({"token": token}).encode()
+    headers = {"Content-Type": "application/json", "Origin": origin or address}
+    request = urllib.request.Request(f"{address}/enter", body, headers)
+    with urllib.request.urlopen(request, timeout=30, **context) as reply:
+        view = json.load(reply)["view"]
+        cookie = http.cookies.SimpleCookie(reply.headers["Set-Cookie"])
+    pair = "; ".join(f"{name}={morsel.value}" for name, morsel in cookie.items())
+    return view.split("websocket=")[1], {"Cookie": pair, "Origin": origin or address}
+
+
+@contextmanager
+def connected(gateway: Running, token: str) -> Iterator[ClientConnection]:
+    """A participant's open websocket."""
+    url, headers = enter(gateway.address, token)
+    with connect(url, additional_headers=headers, max_size=None, proxy=None, close_timeout=1) as connection:
+        yield connection
+
+
+def says(connection: ClientConnection, message: dict[str, Any]) -> bytes:
+    """The answer to a message that passes."""
+    connection.send(pack(message))
+    answer = connection.recv(timeout=20)
+    assert isinstance(answer, bytes)
+    return answer
+
+
+def raw(port: int, data: bytes) -> bytes:
+    """All that comes back for these bytes until the other side closes."""
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+        with contextlib.suppress(OSError):  # refused in the middle
+            connection.sendall(data)
+        received = b""
+        with contextlib.suppress(OSError):
+            while piece := connection.recv(65536):
+                received += piece
+        return received
+
+
+def wait_until(wanted: Callable[[], object], *, patience_s: float = 60) -> None:
+    """Until it is true."""
+    deadline_s = time.monotonic() + patience_s
+    while not wanted():
+        assert time.monotonic() < deadline_s
+        threading.Event().wait(0.02)

@@ -1,0 +1,133 @@
+"""One trial after the other in a real browser without gateway and store: viser, desk, session and screens are real."""
+
+import contextlib
+import threading
+import traceback
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+import viser
+
+from human_study.events import Event, event_from_json, event_to_json
+from human_study.outcome import Outcome
+from human_study.plan import StudyScene
+from human_study.store import SupersededError, Trial
+from human_study.study import Condition, StudyConfig
+from personal_viz.commands.invent import invent
+from personal_viz.desk import Desk, GoneError, Item, Signal
+from personal_viz.frames import RenderThreads
+from personal_viz.home import Home
+from personal_viz.page_script import PageMessages
+from personal_viz.panels import Page
+from personal_viz.play import TrialPlay
+from personal_viz.server import open_home
+from personal_viz.store_link import StoreLink
+from sim.episodes.dataset import PersonalDataset
+from sim.types import EpisodeKey, TaskKind
+
+from ..human_study.small_world import study
+
+SEED = 4
+"""Of an invented home with two storeys."""
+
+
+class MemoryLink:
+    """The store's side of one trial, kept as text in memory."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.outcome: Outcome | None = None
+        self.epoch = 0
+        self.changed = threading.Condition()
+
+    def events(self, trial_id: str) -> list[Event]:
+        """All so far."""
+        return [event_from_json(line) for line in self.lines]
+
+    def append_many(self, trial_id: str, epoch: int, events: Sequence[Event]) -> None:
+        """Keeps them, unless a newer tab has the trial."""
+        with self.changed:
+            if epoch != self.epoch:
+                raise SupersededError("another tab has the trial")
+            self.lines += [event_to_json(event) for event in events]
+            self.changed.notify_all()
+
+    def finish_trial(self, trial_id: str, outcome: Outcome) -> None:
+        """Keeps the outcome."""
+        with self.changed:
+            assert self.outcome is None
+            self.outcome = outcome
+            self.changed.notify_all()
+
+    def wait_for(self, kind: str, *, count: int = 1) -> list[Event]:
+        """All events, once there are so many of this kind."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: sum(e.kind == kind for e in self.events("")) >= count, timeout=60)
+        return self.events("")
+
+    def wait_for_outcome(self) -> Outcome:
+        """The trial's outcome, once it is stored."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: self.outcome is not None, timeout=60)
+        assert self.outcome is not None
+        return self.outcome
+
+
+@dataclass
+class Stage:
+    """A server whose visitors all play the same trial."""
+
+    url: str
+    link: MemoryLink
+    home: Home
+    key: EpisodeKey
+    config: StudyConfig
+    desks: list[Desk] = field(default_factory=list)
+
+
+def invented_home(folder: Path, config: StudyConfig) -> Home:
+    """A home with two storeys, as a worker opens it."""
+    invent(homes=1, seed=SEED, out=folder)
+    scene = StudyScene(name=f"Invented{SEED}", kind="invented")
+    return open_home(config, scene, PersonalDataset(folder), None, threads=RenderThreads(1))
+
+
+@contextlib.contextmanager
+def staged(home: Home, task: TaskKind, condition: Condition, **choices: object) -> Iterator[Stage]:
+    """The stage until the end of the block; `choices` are the study's."""
+    config, key = study(**choices), min(home.episodes)
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    server.scene.set_up_direction("+y")
+    stage = Stage(f"http://127.0.0.1:{server.get_port()}", MemoryLink(), home, key, config)
+
+    def run(client: viser.ClientHandle) -> None:
+        desk = Desk(Page(client), "p01")
+        stage.desks.append(desk)
+        PageMessages(client, desk.heard, actions=()).begin({})
+        stage.link.epoch += 1
+        trial = Trial("t1", "p01", 1, "main", task, condition, key, 1, stage.link.epoch, 0.0)
+        play = TrialPlay(desk, cast(StoreLink, stage.link), home, config)
+        try:
+            play.play(trial, progress="Trial 1 of 1", away_s=1.0, took_over=stage.link.epoch > 1)
+            desk.page.notice("Saved", "The trial is over.")
+        except (GoneError, SupersededError):
+            pass
+        except Exception:  # a test must see why
+            traceback.print_exc()
+
+    @server.on_client_connect
+    async def _(client: viser.ClientHandle) -> None:
+        threading.Thread(target=run, args=(client,), daemon=True).start()
+
+    @server.on_client_disconnect
+    async def _(client: viser.ClientHandle) -> None:
+        for desk in stage.desks:
+            if desk.page.client.client_id == client.client_id:
+                desk.put(Item(Signal.GONE))
+
+    try:
+        yield stage
+    finally:
+        server.stop()

@@ -1,0 +1,181 @@
+"""What can happen to a participant's page in real Chromium: other keys, other tabs, no network, no 3-D, no will."""
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from human_study.events import Act, ContextLost, Key, Reconnect
+from human_study.record_types import TrialStatus
+from human_study.records import read_study
+from human_study.study import StudyBreaks, StudyPog, StudyPractice
+from sim.types import Action
+
+from .flow_steps import HOLD_MS, events, record, see_step, stages, start
+from .flow_studies import Line, PlannedStudy, plan_small, served
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def quick_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
+    """Participants who see one page before their trials: odd ones do PAN, even ones POG."""
+    root = tmp_path_factory.mktemp("quick")
+    folder = plan_small(
+        root,
+        task=("pan", "pog"),
+        flow=("instructions",),
+        pog=StudyPog(conditions=("map_open",)),
+        practice=StudyPractice(pan=0, pog=0),
+        breaks=StudyBreaks(every=None),
+    )
+    with served(folder, root / "dataset") as study:
+        yield study
+
+
+def test_leaving_in_the_middle_of_a_trial_deletes_what_was_done(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    page = browser.new_page()
+    start(page, quick_study.links["p01"])
+    see_step(page, 0)
+    page.keyboard.press("a", delay=HOLD_MS)
+    see_step(page, 1)
+    page.get_by_role("button", name="Leave the study").click()
+    expect(page.get_by_text("will be deleted and cannot be brought back")).to_be_visible()
+    page.get_by_role("button", name="No, go on").click()
+    page.keyboard.press("a", delay=HOLD_MS)
+    see_step(page, 2)
+    page.get_by_role("button", name="Leave the study").click()
+    page.get_by_role("button", name="Yes, leave the study").click()
+    expect(page.get_by_role("heading", name="You have left the study")).to_be_visible()
+    page.reload()
+    expect(page.get_by_role("heading", name="You have left the study")).to_be_visible()
+    person, trials = record(quick_study, "p01")
+    assert person.is_withdrawn
+    assert person.is_shredded
+    assert all(trial.is_shredded for trial in trials if trial.trial_id is not None)
+
+
+def press_place(page: Page, code: str, key: str) -> None:
+    """A key by its place on the keyboard (code) and the letter that the layout gives it."""
+    page.evaluate(
+        """([code, key]) => document.body.dispatchEvent(
+            new KeyboardEvent('keydown', {code: code, key: key, bubbles: true, cancelable: true}))""",
+        [code, key],
+    )
+    page.wait_for_timeout(HOLD_MS)
+
+
+def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedStudy, browser: BrowserContext) -> None:
+    page = browser.new_page()
+    start(page, quick_study.links["p03"])
+    see_step(page, 0)
+    press_place(page, "KeyQ", "a")  # AZERTY: the letter A stands where Q is on other keyboards
+    press_place(page, "KeyA", "q")
+    see_step(page, 1)
+    press_place(page, "KeyD", "\u0432")  # Cyrillic
+    see_step(page, 2)
+    press_place(page, "KeyA", "A")  # CapsLock
+    see_step(page, 3)
+
+    page.get_by_role("button", name="Keys", exact=True).click()
+    page.get_by_role("button", name="Change the key of: Turn left").click()
+    page.keyboard.press("j", delay=HOLD_MS)
+    expect(page.get_by_text("Saved.", exact=True)).to_be_visible()
+    page.get_by_role("button", name="Change the key of: Turn right").click()
+    page.keyboard.press("j", delay=HOLD_MS)
+    expect(page.get_by_text("already used for: Turn left")).to_be_visible()
+    page.get_by_role("button", name="Close").click()
+    page.keyboard.press("a", delay=HOLD_MS)
+    page.keyboard.press("j", delay=HOLD_MS)
+    see_step(page, 4)
+    page.reload()
+    see_step(page, 4)
+    page.wait_for_function("document.querySelector('[data-tool=keys]') !== null")
+    page.wait_for_timeout(500)  # the script hears of the participant's keys just after the picture
+    page.keyboard.press("j", delay=HOLD_MS)
+    see_step(page, 5)
+
+    acts = [event.action for event in events(quick_study, "p03", 1) if isinstance(event, Act)]
+    assert acts == [Action.LEFT, Action.RIGHT, Action.LEFT, Action.LEFT, Action.LEFT]
+    pressed = [event for event in events(quick_study, "p03", 1) if isinstance(event, Key)]
+    assert [event.code for event in pressed] == ["KeyA", "KeyD", "KeyA", "KeyJ", "KeyJ"]
+    times = [event.t_cli_ms for event in pressed[:4]]
+    assert times == sorted(time for time in times if time is not None)
+    assert "keys_changed" in stages(quick_study, "p03")
+
+
+def test_the_back_button_and_a_copied_tab_do_not_count_a_step_twice(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    page = browser.new_page()
+    page.goto("about:blank")
+    start(page, quick_study.links["p05"])
+    see_step(page, 0)
+    page.keyboard.press("a", delay=HOLD_MS)
+    see_step(page, 1)
+    page.go_back()
+    page.go_forward()
+    see_step(page, 1)
+    copy = browser.new_page()
+    copy.goto(page.url)
+    see_step(copy, 1)
+    expect(page.get_by_text("This page is no longer used")).to_be_visible()
+    copy.keyboard.press("d", delay=HOLD_MS)
+    see_step(copy, 2)
+    acts = [event.action for event in events(quick_study, "p05", 1) if isinstance(event, Act)]
+    assert acts == [Action.LEFT, Action.RIGHT]
+
+
+def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    address, token = quick_study.links["p07"].split("/#")
+    line = Line(int(address.rsplit(":")[-1]))
+    try:
+        page = browser.new_page()
+        start(page, f"http://127.0.0.1:{line.port}/#{token}")
+        see_step(page, 0)
+        page.keyboard.press("a", delay=HOLD_MS)
+        see_step(page, 1)
+        line.cut()
+        expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_visible(timeout=60_000)
+        line.mend()
+        expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_hidden(timeout=60_000)
+        see_step(page, 1)
+        page.keyboard.press("a", delay=HOLD_MS)
+        see_step(page, 2)
+        stored = events(quick_study, "p07", 1)
+        assert [event.action for event in stored if isinstance(event, Act)] == [Action.LEFT, Action.LEFT]
+        assert any(isinstance(event, Reconnect) for event in stored)
+    finally:
+        line.close()
+
+
+def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    page = browser.new_page()
+    start(page, quick_study.links["p02"])
+    expect(page.get_by_text("Click the object to mark it")).to_be_visible()
+    expect(page.locator("canvas").last).to_be_visible()
+    page.evaluate(
+        """() => { const canvas = [...document.querySelectorAll('canvas')].pop();
+        canvas.getContext('webgl2').getExtension('WEBGL_lose_context').loseContext(); }"""
+    )
+    expect(page.get_by_role("heading", name="The 3-D picture was lost")).to_be_visible()
+    page.get_by_role("button", name="Load the page again").click()
+    expect(page.get_by_text("Click the object to mark it")).to_be_visible()
+    trials = [trial for trial in record(quick_study, "p02")[1] if trial.trial_id is not None]
+    assert any(isinstance(event, ContextLost) for event in _events_of(quick_study, trials[0]))
+    assert trials[0].outcome is not None
+    assert trials[0].outcome.reason == "technical"
+    assert [trial.attempt for trial in trials] == [1, 2]
+    assert trials[0].key == trials[1].key
+
+
+def _events_of(study: PlannedStudy, trial: TrialStatus) -> list:
+    with read_study(study.folder) as reader:
+        assert trial.trial_id is not None
+        return [stored.event for stored in reader.events(trial.trial_id)]

@@ -1,0 +1,272 @@
+"""Looks, the map that is pointed at, and the question about the answer, in real Chromium."""
+
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import BrowserContext, Page, expect
+
+from human_study.events import Act, Cam, Clicked, Confidence, Event, MapOff, MapOn, Shown
+from human_study.outcome import end_reason
+from personal_viz.home import Home
+from personal_viz.scene_view import MARK_COLOR
+from personal_viz.top_view import STRIP
+from sim.tasks.run_files import Answer, EpisodeEnd
+from sim.types import EpisodeKey
+
+from ..human_study.small_world import study
+from .stage import Stage, invented_home, staged
+from .test_browser_study import HOLD_MS, pixel_of
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Home]:
+    """An invented home with two storeys."""
+    opened = invented_home(tmp_path_factory.mktemp("dataset"), study())
+    yield opened
+    opened.close()
+
+
+def kinds(events: list[Event]) -> list[str]:
+    """Without what the page tells of itself and where the camera was."""
+    of_page = {"resize", "net", "focus", "blur", "visible", "hidden", "cam", "looking"}
+    return [event.kind for event in events if event.kind not in of_page]
+
+
+def texts_of(stage: Stage, key: EpisodeKey) -> tuple[str, str]:
+    """Query and description of the trial."""
+    record = stage.home.episodes[key].record
+    return record.query[0], record.summary
+
+
+def stop_twice(page: Page) -> None:
+    """Stops as a person does: the second press follows the question."""
+    page.keyboard.press("Enter", delay=HOLD_MS)
+    expect(page.get_by_text("Press Enter or STOP again to finish")).to_be_visible()
+    page.keyboard.press("Enter", delay=HOLD_MS)
+
+
+def test_a_walk_begins_after_a_look_at_the_map(home: Home, browser: BrowserContext) -> None:
+    memory = {"arms": ["topdown"], "min_s": 10, "max_s": 120}
+    with staged(home, "pan", "topdown", memory=memory, confidence=True) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        picture = page.get_by_alt_text("The home from above, storey 1 of 2")
+        expect(picture).to_have_js_property("naturalWidth", home.copies.maps[0].grid.shape[1])
+        expect(page.get_by_text(texts_of(stage, stage.key)[0])).to_have_count(0)
+        expect(page.get_by_text("You can go on in")).to_be_visible()
+        page.get_by_role("button", name="Show storey 2 of 2").click()
+        expect(page.get_by_alt_text("The home from above, storey 2 of 2")).to_be_visible()
+        expect(page.get_by_text("You can go on in")).to_have_count(0)
+        page.keyboard.press("Enter", delay=HOLD_MS)
+        expect(page.get_by_text("Step 0 of 500")).to_be_visible()
+        expect(page.get_by_text(texts_of(stage, stage.key)[0])).to_be_visible()
+        expect(page.get_by_alt_text("The home from above")).to_have_count(0)
+        page.keyboard.press("a", delay=HOLD_MS)
+        expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", "1")
+        stop_twice(page)
+        expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
+        page.keyboard.press("4", delay=HOLD_MS)
+        expect(page.get_by_role("heading", name="Saved")).to_be_visible()
+        events = stage.link.events("")
+        assert isinstance(stage.link.outcome, EpisodeEnd)
+        assert stage.link.outcome.reason == "stop"
+    expected = "open map_on storey map_off shown key act shown key stop_armed key act stop confidence"
+    assert kinds(events) == expected.split()
+    off = next(event for event in events if isinstance(event, MapOff))
+    assert (off.reason, off.what) == ("left", "topdown")
+    assert 10 <= off.look_s < 120
+    assert next(event.value for event in events if isinstance(event, Confidence)) == 4
+
+
+def test_a_look_that_is_too_long_ends_and_a_reload_does_not_make_it_longer(home: Home, browser: BrowserContext) -> None:
+    with staged(home, "pan", "topdown", memory={"arms": ["topdown"], "max_s": 12}) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        stage.link.wait_for("looking")
+        page.reload()
+        events = stage.link.wait_for("map_off")
+        off = next(event for event in events if isinstance(event, MapOff))
+        assert (off.reason, math.floor(off.look_s)) == ("time", 12)
+        assert sum(isinstance(event, MapOn) for event in events) == 2
+        expect(page.get_by_text("Step 0 of 500")).to_be_visible()
+        page.reload()
+        expect(page.get_by_text("Step 0 of 500")).to_be_visible()
+        assert sum(isinstance(event, Shown) for event in stage.link.wait_for("shown", count=2)) == 2
+        expect(page.get_by_alt_text("The home from above")).to_have_count(0)
+
+
+def test_the_papers_order_shows_the_home_first_and_its_texts_after_that(home: Home, browser: BrowserContext) -> None:
+    with staged(home, "pog", "map_first", pog={"conditions": ["map_first"], "look_max_s": 90}) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        query, description = texts_of(stage, stage.key)
+        button = page.get_by_role("button", name="Show what to find")
+        expect(button).to_be_visible()
+        stage.link.wait_for("cam")
+        expect(page.get_by_text(query)).to_have_count(0)
+        assert description[:40] not in page.content()
+        box = page.locator("canvas").last.bounding_box()
+        assert box is not None
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        button.click()
+        expect(page.get_by_text(query)).to_be_visible()
+        page.get_by_role("button", name="Give up this search").click()
+        expect(page.get_by_text("again to end this search")).to_be_visible()
+        page.wait_for_timeout(600)  # a double click is one press
+        page.get_by_role("button", name="Give up this search").click()
+        expect(page.get_by_role("heading", name="Saved")).to_be_visible()
+        events = stage.link.events("")
+    assert kinds(events) == ["open", "map_on", "map_off", "giveup_armed", "giveup"]
+    assert end_reason(events) == "giveup"
+
+
+def camera_above(page: Page, stage: Stage, centre: tuple[float, float]) -> Cam:
+    """The stored camera pose over a place (x, z), once no other has come for a second."""
+    last, num_equal = None, 0
+    for _ in range(240):
+        page.wait_for_timeout(250)
+        cams = [event for event in stage.link.events("") if isinstance(event, Cam)]
+        is_there = bool(cams) and math.dist((cams[-1].position[0], cams[-1].position[2]), centre) < 0.01
+        num_equal = num_equal + 1 if is_there and cams[-1] == last else 0
+        if num_equal == 4:
+            return cams[-1]
+        last = cams[-1] if cams else None
+    raise AssertionError(f"found the camera at {last}; expected it over {centre}")
+
+
+def middle_of_picture(stage: Stage) -> tuple[float, float]:
+    """World (x, z) of the middle of the lowest storey's picture with its strip."""
+    grid = stage.home.copies.maps[0].grid
+    x, z = grid.xz_from_uv(np.array([grid.shape[1], grid.shape[0] + STRIP]) / 2).tolist()
+    return x, z
+
+
+def wait_for_mark(page: Page, at: tuple[float, float]) -> None:
+    """Until the page has the mark's colour there."""
+    col, row = (round(side) for side in at)
+    for _ in range(100):
+        shot = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+        seen = shot[row - 2 : row + 3, col - 2 : col + 3].reshape(-1, 3).mean(axis=0)
+        if seen[0] > 180 and seen[1] < 120 and seen[2] > 80:  # MARK_COLOR in the light of the scene
+            return
+        page.wait_for_timeout(200)
+    raise AssertionError(f"found {seen}; expected the mark's colour {MARK_COLOR} at {at}")
+
+
+def test_a_click_on_the_map_is_the_place_that_the_participant_sees_there(home: Home, browser: BrowserContext) -> None:
+    with staged(home, "pog", "map_2d", pog={"conditions": ["map_2d"]}) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        view = home.copies.maps[0]
+        cam = camera_above(page, stage, middle_of_picture(stage))
+        box = page.locator("canvas").last.bounding_box()
+        assert box is not None
+        rows, cols = view.grid.shape
+        for number, (u, v) in enumerate([(0.31 * cols, 0.52 * rows), (0.77 * cols, 0.18 * rows)], start=1):
+            x, z = view.grid.xz_from_uv(np.array([u, v])).tolist()
+            on_page = pixel_of((x, view.floor_y, z), cam, box)
+            page.mouse.click(*on_page)
+            wait_for_mark(page, on_page)
+            clicked = [event for event in stage.link.wait_for("click", count=number) if isinstance(event, Clicked)][-1]
+            assert clicked.pixel is not None
+            assert clicked.hit == clicked.pixel.point(view.floor_y)
+            metres_per_page_pixel = (cam.position[1] - view.floor_y) / (
+                box["height"] / 2 / math.tan(math.radians(37.5))
+            )
+            assert math.dist((clicked.hit[0], clicked.hit[2]), (x, z)) < 1.5 * metres_per_page_pixel
+        page.keyboard.press("ArrowRight", delay=HOLD_MS)
+        moved = [event for event in stage.link.wait_for("click", count=3) if isinstance(event, Clicked)][-1]
+        assert moved.hit is not None
+        assert np.subtract(moved.hit, clicked.hit) == pytest.approx((0.1, 0.0, 0.0), abs=1e-6)
+        page.get_by_role("button", name="Confirm the mark").click()
+        expect(page.get_by_role("heading", name="Saved")).to_be_visible()
+        outcome = stage.link.wait_for_outcome()
+        assert isinstance(outcome, Answer)
+        assert outcome.candidates == (moved.hit,)
+
+
+def test_the_strip_below_the_map_is_no_place(home: Home, browser: BrowserContext) -> None:
+    with staged(home, "pog", "map_2d", pog={"conditions": ["map_2d"]}) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        view = home.copies.maps[0]
+        cam = camera_above(page, stage, middle_of_picture(stage))
+        box = page.locator("canvas").last.bounding_box()
+        assert box is not None
+        x, z = view.grid.xz_from_uv(np.array([view.grid.shape[1] / 2, view.grid.shape[0] + 20.0])).tolist()
+        page.mouse.click(*pixel_of((x, view.floor_y, z), cam, box))
+        clicked = next(event for event in stage.link.wait_for("click") if isinstance(event, Clicked))
+        assert (clicked.hit, clicked.pixel) == (None, None)
+
+
+def test_a_mark_can_be_made_moved_and_confirmed_without_a_mouse(home: Home, browser: BrowserContext) -> None:
+    with staged(home, "pog", "map_open", pog={"conditions": ["map_open"]}) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        expect(page.get_by_role("button", name="Confirm the mark")).to_be_visible()
+        stage.link.wait_for("cam", count=2)
+        for number, key in enumerate(["ArrowUp", "ArrowUp", "ArrowLeft"], start=1):
+            page.keyboard.press(key, delay=HOLD_MS)
+            stage.link.wait_for("click", count=number)
+        page.get_by_role("button", name="Confirm the mark").focus()
+        page.keyboard.press("Enter", delay=HOLD_MS)
+        outcome = stage.link.wait_for_outcome()
+        hits = [event.hit for event in stage.link.events("") if isinstance(event, Clicked)]
+    assert isinstance(outcome, Answer)
+    assert all(hit is not None for hit in hits)
+    assert outcome.candidates == (hits[-1],)
+    first, second, third = (np.array(hit) for hit in hits)
+    x, z = home.copies.middle(0)
+    assert first[[0, 2]] == pytest.approx((x, z), abs=1e-5)
+    assert (second - first)[[0, 2]] == pytest.approx((0, -0.1), abs=1e-3)
+    assert (third - second)[[0, 2]] == pytest.approx((-0.1, 0), abs=1e-3)
+
+
+def test_closing_the_page_at_the_question_keeps_the_answer(home: Home, browser: BrowserContext) -> None:
+    with staged(home, "pan", "none", confidence=True) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        expect(page.get_by_text("Step 0 of 500")).to_be_visible()
+        stop_twice(page)
+        expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
+        page.close()
+        outcome = stage.link.wait_for_outcome()
+        events = stage.link.events("")
+    assert isinstance(outcome, EpisodeEnd)
+    assert outcome.reason == "stop"
+    assert outcome.measures is not None
+    assert not any(isinstance(event, Confidence) for event in events)
+
+
+def test_a_lost_webgl_context_ends_pointing_as_technical(home: Home, browser: BrowserContext) -> None:
+    with staged(home, "pog", "map_open", pog={"conditions": ["map_open"]}) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        stage.link.wait_for("cam")
+        page.evaluate(
+            "() => { for (const canvas of document.querySelectorAll('canvas')) {"
+            " const gl = canvas.getContext('webgl2'); if (gl) gl.getExtension('WEBGL_lose_context').loseContext(); } }"
+        )
+        outcome = stage.link.wait_for_outcome()
+        assert outcome.reason == "technical"
+        assert {"context_lost", "error"} <= {event.kind for event in stage.link.events("")}
+
+
+def test_the_time_limit_ends_a_walk_by_itself(home: Home, browser: BrowserContext, tmp_path: Path) -> None:
+    with staged(home, "pan", "none", pan_max_s=8) as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        expect(page.get_by_text("left")).not_to_have_count(0)
+        page.keyboard.press("a", delay=HOLD_MS)
+        outcome = stage.link.wait_for_outcome()
+        expect(page.get_by_role("heading", name="Saved")).to_be_visible()
+        events = stage.link.events("")
+    assert outcome.reason == "timeout"
+    assert sum(isinstance(event, Act) for event in events) == 1

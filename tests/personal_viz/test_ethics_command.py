@@ -1,0 +1,44 @@
+"""`study ethics`: documents in a folder, and texts for participants filled in."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from human_study.ethics import open_places
+from human_study.study import StudyConfig, save_study
+from personal_viz.commands.ethics import ethics
+from sim.errors import StudyError
+
+
+def config_of(**changes: object) -> StudyConfig:
+    return StudyConfig.model_validate({"study": "pilot", "dataset": {"sha256": "0" * 64}, "task": "pan"} | changes)
+
+
+def test_the_command_writes_all_documents_and_counts_open_places(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = config_of(ethics={"irb": "2026-17"})
+    save_study(tmp_path / "study", config)
+    (tmp_path / "study" / "consent.md").write_text("# Ours\n\nAsk [to be filled in: ethics.contact].\n")
+    assert ethics(study=tmp_path / "study", out=tmp_path / "out") == 0
+    printed = capsys.readouterr().out
+    assert "Written to" in printed
+    assert "come with the plan" in printed
+    count = int(re.search(r"(\d+) places are to be filled in", printed)[1])  # type: ignore[index]
+    texts = [path.read_text() for path in sorted((tmp_path / "out").iterdir())]
+    assert count == sum(len(open_places(text)) for text in texts)
+    assert (tmp_path / "out" / "consent.md").read_text().startswith("# Ours")
+
+
+def test_the_command_fills_the_texts_of_a_study_that_has_not_begun(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_study(tmp_path, config_of(ethics={"contact": "study@anywhere.example"}))
+    (tmp_path / "consent.md").write_text("Ask [to be filled in: ethics.contact].\n")
+    assert ethics(study=tmp_path, out=tmp_path / "out", fill=True) == 0
+    assert (tmp_path / "consent.md").read_text() == "Ask study@anywhere.example.\n"
+    assert "Filled in" in capsys.readouterr().out
+    (tmp_path / "study.db").touch()
+    with pytest.raises(StudyError, match="the study has begun"):
+        ethics(study=tmp_path, out=tmp_path / "out", fill=True)

@@ -1,0 +1,221 @@
+"""What the pages around the trials say: texts, questions, cards, and the messages of the page's script."""
+
+import json
+from html.parser import HTMLParser
+
+import msgspec
+import pytest
+
+from human_study.study import StudyConfig, StudyDataset, StudyPrivacy
+from personal_viz.flow import FlowPlace
+from personal_viz.flow_cards import DeviceReport, device_card, duration, end_card, pause_card
+from personal_viz.flow_instructions import conditions_html, instruction_pages
+from personal_viz.flow_markdown import html_from_markdown, title_of
+from personal_viz.flow_quiz import QuizRound, questions_for
+from personal_viz.page_script import Device, OwnKeys, Pressed, Told, page_html, said_in, script
+from personal_viz.panels import Card, card_html, progress_html
+from sim.types import TaskKind
+
+
+def config(**choices: object) -> StudyConfig:
+    """A study of both tasks."""
+    return StudyConfig(study="flow", dataset=StudyDataset(sha256="0" * 64), task=("pan", "pog"), **choices)  # type: ignore[arg-type]
+
+
+class _Tags(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append(tag)
+        if tag not in ("img", "br", "input"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag, tag
+
+
+def tags_in(text: str) -> list[str]:
+    """All tags of a text whose tags are closed in order."""
+    parser = _Tags()
+    parser.feed(text)
+    assert parser.open == []
+    return parser.seen
+
+
+def test_markdown_becomes_headings_paragraphs_and_lists() -> None:
+    text = "# Consent\n\nWe **store** *keys*.\nOn two lines.\n\n- one\n- two\n  more\n\n1. first\n\n## Contact\nme"
+    assert title_of(text, otherwise="x") == "Consent"
+    assert html_from_markdown(text) == (
+        "<p>We <strong>store</strong> <em>keys</em>. On two lines.</p><ul><li>one</li><li>two more</li></ul>"
+        "<ol><li>first</li></ol><h2>Contact</h2><p>me</p>"
+    )
+
+
+def test_nothing_in_a_text_can_become_a_script_or_a_link_elsewhere() -> None:
+    text = "Hi <script>alert(1)</script> [click](http://evil) ![pic](http://evil/x.png) <!-- note --> & `W`"
+    made = html_from_markdown(text)
+    assert tags_in(made) == ["p", "kbd"]
+    assert "http" not in made
+    assert "note" not in made
+    assert "&lt;script&gt;" in made
+
+
+@pytest.mark.parametrize("task", ["pan", "pog"])
+def test_instructions_and_questions_fit_task_and_conditions(task: TaskKind) -> None:
+    conditions = ("none", "topdown") if task == "pan" else ("map_first",)
+    pages = instruction_pages(config(), task, conditions, text="# Our study\n\nHello.")
+    assert pages[0].title == "Our study"
+    words = " ".join(page.body for page in pages)
+    assert ("500" in words) == (task == "pan")
+    assert ("map of the home from above" in words) == (task == "pan")
+    for page in pages:
+        tags_in(page.body)
+    names = [question.name for question in questions_for(config(), task, conditions)]
+    assert names == (
+        ["distance", "stop", "whose", "gone", "feedback"]
+        if task == "pan"
+        else ["mark", "confirm", "whose", "order", "feedback"]
+    )
+
+
+def test_the_time_of_the_look_is_said() -> None:
+    assert "for one minute at most" in conditions_html(config(), ("glb",))
+    assert "for 2 minutes at most" in conditions_html(config(), ("map_first",))
+    assert conditions_html(config(), ("none",)) == ""
+
+
+def test_a_wrong_answer_leaves_the_question_and_is_counted_once() -> None:
+    questions = questions_for(config(), "pan", ("none",))
+    quiz = QuizRound(questions)
+    first = questions[0]
+    assert not quiz.answer(first.answers[1])
+    assert not quiz.answer(first.answers[2])
+    assert quiz.present is first
+    for question in questions:
+        assert quiz.answer(question.answers[0])
+    assert quiz.present is None
+    assert quiz.wrong == [first.name]
+
+
+def test_the_right_answer_is_not_always_the_first_and_stays_where_it_is() -> None:
+    questions = questions_for(config(), "pan", ("none",))
+    places = {question.shuffled([seed]).index(question.answers[0]) for question in questions for seed in range(20)}
+    assert places == {0, 1, 2}
+    assert questions[0].shuffled([1, 2]) == questions[0].shuffled([1, 2])
+
+
+@pytest.mark.parametrize(
+    ("webgl2", "width", "needs_webgl", "pressed", "choices"),
+    [
+        (True, 1280, True, True, ["continue"]),
+        (True, 1280, True, False, ["buttons"]),
+        (False, 1280, True, True, []),
+        (False, 1280, False, True, ["continue"]),
+        (True, 800, True, True, []),
+    ],
+)
+def test_the_device_check_lets_on_only_who_can_see_the_study(
+    webgl2: bool, width: int, needs_webgl: bool, pressed: bool, choices: list[str]
+) -> None:
+    device = Device(n=1, t_cli_ms=0.0, webgl2=webgl2, width=width, height=800)
+    report = DeviceReport(device, needs_webgl, has_pressed=pressed, uses_buttons=False)
+    card = device_card(report, has_keys=True)
+    assert [choice.name for choice in card.choices] == choices
+    assert report.detail()["width"] == 100 * round(width / 100)
+    leaving = device_card(report, has_keys=True, may_leave=True)
+    assert [choice.name for choice in leaving.choices] == (choices or ["leave"])
+    tags_in(card.body)
+
+
+def test_the_code_is_on_the_last_page_only() -> None:
+    assert "AB12" in end_card(config(), FlowPlace("finished", 3, 3), code="AB12").body
+    for step in ("declined", "withdrawn", "full", "screened_out"):
+        assert "code" not in end_card(config(), FlowPlace(step), code=None).body  # type: ignore[arg-type]
+    kept = config(privacy=StudyPrivacy(on_withdraw="keep"))
+    assert "is kept" in end_card(kept, FlowPlace("withdrawn"), code=None).body
+
+
+def test_a_pause_says_how_long_and_lets_on_afterwards() -> None:
+    waiting = pause_card(config(), FlowPlace("pause", 30, 60, back_in_s=3000.0))
+    assert "50 minutes" in waiting.body
+    assert [choice.name for choice in waiting.choices] == ["look"]
+    assert [choice.name for choice in pause_card(config(), FlowPlace("pause", 30, 60)).choices] == ["next"]
+    assert (duration(1), duration(61), duration(7200)) == ("one minute", "2 minutes", "2 hours")
+
+
+def test_progress_is_said_in_words_and_to_screen_readers() -> None:
+    bar = progress_html(3, 12)
+    assert "3 of 12 trials done" in bar
+    assert 'role="progressbar"' in bar
+    assert tags_in(bar) == ["div", "div", "p"]
+    card = Card("Title <b>", "<p>x</p>", parts=("A", "B", "C"), part=1)
+    assert '<li class="now" aria-current="step">B</li>' in card_html(card)
+    assert "<h1>Title &lt;b&gt;</h1>" in card_html(card)
+
+
+def letter(*said: dict, seat: str = "s") -> str:
+    """What the hidden input holds."""
+    return json.dumps({"seat": seat, "said": [{"n": 1, "t_cli_ms": 5.5, **message} for message in said]})
+
+
+def test_messages_of_the_page_are_typed() -> None:
+    text = letter(
+        {"kind": "device", "webgl2": True, "width": 1280, "height": 720},
+        {"kind": "press", "code": "KeyZ"},
+        {"kind": "keys", "keys": {"forward": "KeyI"}},
+        {"kind": "told", "name": "withdraw"},
+    )
+    assert said_in(text, seat="s") == (
+        Device(n=1, t_cli_ms=5.5, webgl2=True, width=1280, height=720),
+        Pressed(n=1, t_cli_ms=5.5, code="KeyZ"),
+        OwnKeys(n=1, t_cli_ms=5.5, keys={"forward": "KeyI"}),
+        Told(n=1, t_cli_ms=5.5, name="withdraw"),
+    )
+    assert said_in(text, seat="another connection") == ()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"kind": "device", "webgl2": True, "width": -1, "height": 720},
+        {"kind": "device", "webgl2": True, "width": 10**9, "height": 720},
+        {"kind": "press", "code": "K" * 33},
+        {"kind": "press", "code": "KeyW", "t_cli_ms": -1.0},
+        {"kind": "press", "code": "KeyW", "t_cli_ms": "1"},
+        {"kind": "keys", "keys": {"forward": "Escape"}},
+        {"kind": "keys", "keys": {"fly": "KeyW"}},
+        {"kind": "page", "what": "stolen"},
+        {"kind": "round_trip", "ms": 1e300},
+        {"kind": "act"},
+        {"kind": "ping", "more": 1},
+    ],
+)
+def test_a_message_that_the_script_never_sends_is_dropped(message: dict) -> None:
+    assert said_in(letter(message), seat="s") == ()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "1 hello", "[]", "{", '{"seat":"s"}', '{"seat":"s","said":[' + "{}," * 50 + "{}]}"]
+)
+def test_damaged_letters_are_dropped(text: str) -> None:
+    assert said_in(text, seat="s") == ()
+
+
+def test_the_script_survives_being_an_attribute() -> None:
+    source = page_html()
+    assert tags_in(source) == ["style", "img"]
+
+    class _Attribute(HTMLParser):
+        found = ""
+
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            if tag == "img":
+                self.found = dict(attrs)["onerror"] or ""
+
+    parser = _Attribute()
+    parser.feed(source)
+    assert parser.found == script()
+    assert msgspec.json.encode(script())

@@ -1,0 +1,199 @@
+"""Pictures of a home: rendered once, in the right order, the same ones with and without looking ahead."""
+
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from human_study.commands import Move, Start
+from human_study.events import Act, Event, Key, Shown
+from human_study.session import PanSession
+from personal_viz.frames import Frames, RenderThreads, jpeg_bytes, successors
+from sim.errors import SceneError
+from sim.frames import T_world_camera
+from sim.tasks.pan import PanEnv
+from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Pose
+from sim.world.renderer import Frame
+from tests.human_study.small_world import CAMERA, SCENE_DIGEST, PoseColours, SquareRoom, episode, study
+
+HERE, THERE = Pose((0.0, 0.0, 0.0), 0.0), Pose((0.5, 0.0, 1.0), 0.3)
+WALK = (Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT, Action.RIGHT, Action.LEFT, Action.FORWARD)
+WAIT_S = 30.0
+
+
+class Colours(PoseColours):
+    """A whole `Renderer`: pictures tell poses apart."""
+
+    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
+        return [self.render(T, camera) for T in Ts_world_camera]
+
+
+class Recorder(Colours):
+    """Notes where it was called for; waits before each picture until it is let go."""
+
+    def __init__(self, *, is_held: bool = False) -> None:
+        self.xs: list[float] = []
+        self.go = threading.Event()
+        self.began = threading.Event()
+        if not is_held:
+            self.go.set()
+
+    def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+        self.xs.append(round(float(T_world_camera[0, 3]), 6))
+        self.began.set()
+        assert self.go.wait(WAIT_S)
+        return super().render(T_world_camera, camera)
+
+
+def looked(frames: Frames, pose: Pose) -> Frame:
+    return frames.render(T_world_camera(pose, CAMERA), CAMERA)
+
+
+def at(x: float) -> Pose:
+    return Pose((x, 0.0, 0.0), 0.0)
+
+
+def test_a_pose_is_rendered_once_and_looks_the_same_each_time() -> None:
+    renderer, plain = Recorder(), Colours()
+    frames = Frames(renderer, RenderThreads(2))
+    first, again, other = looked(frames, HERE), looked(frames, HERE), looked(frames, THERE)
+    assert len(renderer.xs) == 2
+    assert again.rgb is first.rgb
+    for pose, frame in ((HERE, first), (THERE, other)):
+        assert np.array_equal(frame.rgb, plain.render(T_world_camera(pose, CAMERA), CAMERA).rgb)
+    assert frames.jpeg(first.rgb) == jpeg_bytes(first.rgb)
+    assert frames.jpeg(first.rgb) is frames.jpeg(first.rgb)
+
+
+def test_researchers_who_watch_get_the_depth_too() -> None:
+    assert not looked(Frames(Colours(), RenderThreads(1)), HERE).depth_m.any()
+    frames = Frames(Colours(), RenderThreads(1), keep_depth=True)
+    assert (looked(frames, HERE).depth_m == 1).all()
+    assert (looked(frames, HERE).depth_m == 1).all()
+
+
+def test_pictures_unused_for_longest_are_forgotten() -> None:
+    renderer = Recorder()
+    frames = Frames(renderer, RenderThreads(1), kept=2)
+    for x in (1.0, 2.0, 1.0, 3.0, 1.0, 2.0):
+        looked(frames, at(x))
+    assert renderer.xs == [1.0, 2.0, 3.0, 2.0]
+
+
+def test_what_somebody_waits_for_goes_before_what_is_rendered_ahead() -> None:
+    renderer, threads = Recorder(is_held=True), RenderThreads(1)
+    frames = Frames(renderer, threads)
+    frames.begin(at(1.0), CAMERA)
+    assert renderer.began.wait(WAIT_S)
+    frames.look_ahead("p01", [at(5.0), at(6.0)], CAMERA)
+    frames.begin(at(2.0), CAMERA)
+    renderer.go.set()
+    assert len(looked(frames, at(6.0)).rgb) == CAMERA.height
+    threads.close()
+    assert renderer.xs.index(2.0) == 1
+    assert renderer.xs.count(6.0) == 1
+
+
+def test_a_new_wish_replaces_the_old_one_and_nobody_is_left_out() -> None:
+    renderer, threads = Recorder(is_held=True), RenderThreads(1)
+    frames = Frames(renderer, threads)
+    frames.begin(at(0.0), CAMERA)
+    assert renderer.began.wait(WAIT_S)
+    frames.look_ahead("p01", [at(1.0), at(1.1)], CAMERA)
+    frames.look_ahead("p02", [at(2.0), at(2.1)], CAMERA)
+    frames.look_ahead("p01", [at(3.0)], CAMERA)
+    done = threading.Event()
+    threads.look_ahead("last", [lambda: None, done.set])
+    renderer.go.set()
+    assert done.wait(WAIT_S)
+    threads.close()
+    assert 3.0 in renderer.xs
+    assert 2.0 in renderer.xs
+    assert not {1.0, 1.1} & set(renderer.xs)
+
+
+def test_a_picture_that_is_rendered_ahead_is_not_rendered_again() -> None:
+    renderer, threads = Recorder(is_held=True), RenderThreads(1)
+    frames = Frames(renderer, threads)
+    frames.look_ahead("p01", [at(4.0)], CAMERA)
+    assert renderer.began.wait(WAIT_S)
+    renderer.go.set()
+    looked(frames, at(4.0))
+    assert renderer.xs == [4.0]
+
+
+def test_a_failure_is_told_to_who_asks_and_the_next_try_renders_again() -> None:
+    class Broken(Colours):
+        is_broken = True
+
+        def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+            if self.is_broken:
+                raise SceneError("no picture today")
+            return super().render(T_world_camera, camera)
+
+    renderer = Broken()
+    frames = Frames(renderer, RenderThreads(1))
+    with pytest.raises(SceneError, match="no picture today"):
+        looked(frames, HERE)
+    renderer.is_broken = False
+    assert looked(frames, HERE).rgb.shape == (CAMERA.height, CAMERA.width, 3)
+
+
+def test_successors_are_where_each_action_leads_the_last_one_first() -> None:
+    room = SquareRoom()
+    forward, left, right = successors(HERE, room, PAPER4)
+    assert forward.position == pytest.approx((0.0, 0.0, -0.25))
+    assert (left.yaw, right.yaw) == pytest.approx((TURN_STEP, -TURN_STEP))
+    assert successors(HERE, room, PAPER4, last=Action.RIGHT)[0] == right
+    assert [pose.tilt for pose in successors(HERE, room, PAPER6)][3:] == pytest.approx([TURN_STEP, -TURN_STEP])
+    env = PanEnv(THERE, room, renderer=None)
+    env.step(Action.FORWARD)
+    assert successors(THERE, room, PAPER4)[0] == env.pose
+
+
+def recorded(frames: Frames | Colours, *, looks_ahead: bool) -> list[Event]:
+    """The events of a walk, as a seat stores them."""
+    config, room = study(), SquareRoom()
+    env = PanEnv(episode().start, room, renderer=frames, camera=CAMERA, max_steps=config.steps)
+    task = config.task_for(episode(), "pan")
+    session = PanSession(env, key=episode().key, task=task, scene_digest=SCENE_DIGEST, looks_later=looks_ahead)
+    events = list(session.handle(Start(), 0.0).events)
+    for number, action in enumerate(WALK, start=1):
+        events += session.handle(Move(action, "Key"), float(number)).events
+        if session.needs_look:
+            events += session.look(float(number)).events
+        if isinstance(frames, Frames) and looks_ahead:
+            frames.look_ahead("p01", successors(session.pose, room, PAPER4, last=session.last_action), CAMERA)
+    return events
+
+
+def test_the_record_is_the_same_with_and_without_looking_ahead() -> None:
+    threads = RenderThreads(2)
+    ahead = recorded(Frames(Colours(), threads), looks_ahead=True)
+    threads.close()
+    assert ahead == recorded(Colours(), looks_ahead=False)
+    assert [event.step for event in ahead if isinstance(event, Shown)] == list(range(len(WALK) + 1))
+
+
+def test_a_step_can_be_stored_before_its_picture_is_there() -> None:
+    renderer = Recorder()
+    config, room = study(), SquareRoom()
+    env = PanEnv(episode().start, room, renderer=renderer, camera=CAMERA, max_steps=config.steps)
+    task = config.task_for(episode(), "pan")
+    session = PanSession(env, key=episode().key, task=task, scene_digest=SCENE_DIGEST, looks_later=True)
+    session.handle(Start(), 0.0)
+    num_rendered = len(renderer.xs)
+    update = session.handle(Move(Action.FORWARD, "KeyW"), 1.0)
+    assert [type(event) for event in update.events] == [Key, Act]
+    assert (len(renderer.xs), session.needs_look) == (num_rendered, True)
+    assert _step_and_picture(update.view) == (1, False)
+    looked_at = session.look(1.1)
+    assert [type(event) for event in looked_at.events] == [Shown]
+    assert _step_and_picture(looked_at.view) == (1, True)
+    assert not session.needs_look
+
+
+def _step_and_picture(view: object) -> Sequence[object]:
+    return getattr(view, "step", None), getattr(view, "rgb", None) is not None

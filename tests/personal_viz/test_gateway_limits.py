@@ -1,0 +1,67 @@
+"""Whose address counts, and how many tries it has."""
+
+import pytest
+
+from personal_viz.gateway_limits import AddressLimit, Holds, client_address, is_forwarded
+
+PROXY = "10.0.0.9"
+
+
+@pytest.mark.parametrize(
+    ("peer", "forwarded_for", "address"),
+    [
+        ("192.0.2.7", [], "192.0.2.7"),
+        ("127.0.0.1", [], "loopback"),
+        ("::1", [], "loopback"),
+        ("::ffff:127.0.0.1", [], "loopback"),
+        ("::ffff:192.0.2.7", [], "192.0.2.7"),
+        ("2001:db8:1:2:3::4", [], "2001:db8:1:2::/64"),
+        ("192.0.2.7", ["198.51.100.1"], "192.0.2.7"),
+        ("127.0.0.1", ["198.51.100.1"], "loopback"),
+        (PROXY, ["198.51.100.1"], "198.51.100.1"),
+        (PROXY, ["127.0.0.1, 198.51.100.1"], "198.51.100.1"),
+        (PROXY, ["203.0.113.5", "198.51.100.1"], "198.51.100.1"),
+        (PROXY, ["2001:db8::1"], "2001:db8::/64"),
+        (PROXY, [], PROXY),
+        (PROXY, ["nonsense"], PROXY),
+        (PROXY, ["198.51.100.1,"], PROXY),
+        (None, [], ""),
+    ],
+)
+def test_only_the_named_proxy_may_say_for_whom_it_asks(
+    peer: str | None, forwarded_for: list[str], address: str
+) -> None:
+    assert client_address(peer, forwarded_for, PROXY) == address
+
+
+def test_a_proxy_that_is_silent_is_noticed() -> None:
+    assert is_forwarded(PROXY, ["198.51.100.1"], PROXY)
+    assert not is_forwarded(PROXY, [], PROXY)
+    assert not is_forwarded("192.0.2.7", ["198.51.100.1"], PROXY)
+    assert not is_forwarded(PROXY, ["198.51.100.1"], None)
+
+
+def test_ten_tries_a_minute_for_each_address_of_its_own() -> None:
+    limit = AddressLimit(10 / 60, 10)
+    assert sum(limit.allows("a", 100.0) for _ in range(30)) == 10
+    assert not limit.has_one("a", 100.0)
+    assert limit.has_one("b", 100.0)
+    assert limit.allows("b", 100.0)
+    assert sum(limit.allows("a", 160.0) for _ in range(30)) == 10
+
+
+def test_many_addresses_do_not_fill_the_memory() -> None:
+    limit = AddressLimit(10 / 60, 10)
+    for number in range(20_000):
+        limit.allows(str(number), 100.0)
+    assert len(limit._buckets) == 10_000
+
+
+def test_holds_are_given_back_and_counted_by_key() -> None:
+    holds = Holds()
+    with holds.one("a", 2) as first, holds.one("a", 2) as second, holds.one("a", 2) as third, holds.one("b", 2):
+        assert (first, second, third) == (True, True, False)
+        assert len(holds) == 2
+        assert "a" in holds
+    assert len(holds) == 0
+    assert "a" not in holds

@@ -1,0 +1,247 @@
+"""People who leave in the middle of a served study: who loses what is left, and who does not."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from human_study.database import require_free_space
+from human_study.plan import StudyScene
+from human_study.planning import make_plan
+from human_study.progress import study_progress
+from human_study.records import read_study
+from human_study.stages import has_dropped_out
+from human_study.store import StudyStore, open_store
+from human_study.tickets import token_hash
+from personal_viz.lease_keeper import LeaseKeeper
+from personal_viz.upkeep import Backups, Upkeep, upkeep
+from sim.errors import StudyError
+from sim.types import EpisodeKey
+from tests.human_study.small_world import study
+
+HOUSE_ONCE = {"task": ("pan",), "design": {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5}}
+CROSSED = {"task": ("pan",), "design": {"kind": "crossed", "raters_per_episode": 2}}
+LEASE_S = 900.0
+
+
+def started(folder: Path, **changes: object) -> StudyStore:
+    """Three homes with an episode each; under house-once p01 and p02 do one of each and p03 is spare."""
+    config = study(**changes)
+    homes = [StudyScene(name=name, kind="invented") for name in ("A", "B", "C")]
+    plan = make_plan(config, homes, [EpisodeKey("easy", home.name, "0") for home in homes])
+    store = open_store(folder, config, plan)
+    for person in plan.participants:
+        if store.code_of_token(person.code) is None:
+            store.add_participant(person, token_hash(person.code))
+    return store
+
+
+@dataclass
+class Clock:
+    """A steady clock that the test moves."""
+
+    now_s: float = 0.0
+
+    def __call__(self) -> float:
+        """Its time."""
+        return self.now_s
+
+
+def kept(store: StudyStore) -> tuple[LeaseKeeper, Clock, list[str]]:
+    """A keeper with a clock that stands still, and what it tells."""
+    clock, told = Clock(), []
+    return LeaseKeeper(store, tell=told.append, clock=clock), clock, told
+
+
+def is_out(store: StudyStore, code: str) -> bool:
+    """Whether the participant's trials were given to others."""
+    return has_dropped_out(store.participant(code).stages)
+
+
+def test_who_leaves_in_the_middle_gives_the_rest_to_others_once(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, told = kept(store)
+        with keeper.present("p01"):
+            store.enter_stage("p01", "arrived")
+            keeper.tick()
+        clock.now_s = LEASE_S
+        keeper.tick()
+        assert not is_out(store, "p01")
+        clock.now_s += 1
+        keeper.tick()
+        keeper.tick()
+        assert is_out(store, "p01")
+        assert told == ["p01 has been away for 15 minutes: others get what is left"]
+        assert store.next_trial("p03") is not None
+
+
+def test_a_living_tab_keeps_everything_however_long(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, _ = kept(store)
+        store.enter_stage("p01", "arrived")
+        with keeper.present("p01"):
+            with keeper.present("p01"):
+                assert keeper.people_here() == {"p01"}
+            clock.now_s = 100 * LEASE_S
+            keeper.tick()
+        assert keeper.people_here() == frozenset()
+        keeper.tick()
+        assert not is_out(store, "p01")
+
+
+def test_who_never_came_and_who_has_finished_lose_nothing(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, told = kept(store)
+        store.enter_stage("p02", "finished")
+        keeper.tick()
+        clock.now_s = 10 * LEASE_S
+        keeper.tick()
+        assert (is_out(store, "p01"), is_out(store, "p02"), told) == (False, False, [])
+
+
+def test_a_place_that_was_claimed_by_nobody_who_came_is_given_back(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, _ = kept(store)
+        assert store.claim_person(None) == "p01"
+        keeper.tick()
+        clock.now_s = LEASE_S + 1
+        keeper.tick()
+        assert is_out(store, "p01")
+
+
+def test_a_restart_takes_nobodys_place_away(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        store.enter_stage("p01", "arrived")
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, _ = kept(store)
+        clock.now_s = 50_000.0  # of a machine that runs for long
+        keeper.tick()
+        clock.now_s += LEASE_S
+        keeper.tick()
+        assert not is_out(store, "p01")
+        clock.now_s += 1
+        keeper.tick()
+        assert is_out(store, "p01")
+
+
+def test_who_was_asked_to_come_back_later_has_that_long_more(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, _ = kept(store)
+        for stage, detail in (("arrived", {}), ("instructed", {}), ("break_started", {"done": 0, "sitting": True})):
+            store.enter_stage("p01", stage, detail)  # type: ignore[arg-type]
+        keeper.tick()
+        clock.now_s = LEASE_S + 3600.0
+        keeper.tick()
+        assert not is_out(store, "p01")
+        clock.now_s += 1
+        keeper.tick()
+        assert is_out(store, "p01")
+
+
+def test_where_nobody_could_take_it_nothing_is_given_away(tmp_path: Path) -> None:
+    with started(tmp_path, **CROSSED) as store:
+        keeper, clock, _ = kept(store)
+        store.enter_stage("p01", "arrived")
+        keeper.tick()
+        clock.now_s = 10 * LEASE_S
+        keeper.tick()
+        assert not is_out(store, "p01")
+
+
+def test_a_wall_clock_that_jumps_takes_nobodys_place_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, _ = kept(store)
+        store.enter_stage("p01", "arrived")
+        keeper.tick()
+        now_ns = time.time_ns()
+        for jump_h in (24, -24):
+            monkeypatch.setattr("time.time_ns", lambda jump_h=jump_h: now_ns + jump_h * 3600 * 10**9)
+            clock.now_s += LEASE_S / 2
+            keeper.tick()
+            assert not is_out(store, "p01")
+
+
+def test_who_comes_back_and_leaves_again_is_counted_anew(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, told = kept(store)
+        store.enter_stage("p01", "arrived")
+        keeper.tick()
+        clock.now_s = LEASE_S + 1
+        keeper.tick()
+        with keeper.present("p01"):
+            assert store.next_trial("p01") is not None
+            keeper.tick()
+        clock.now_s += LEASE_S
+        keeper.tick()
+        assert not is_out(store, "p01")
+        clock.now_s += 1
+        keeper.tick()
+        assert is_out(store, "p01")
+        assert len(told) == 2
+
+
+def test_a_store_that_cannot_be_written_is_told_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, clock, told = kept(store)
+        store.enter_stage("p01", "arrived")
+        keeper.tick()
+        clock.now_s = LEASE_S + 1
+
+        def full(code: str, reason: str) -> int:
+            raise StudyError("the disk is full")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(store, "drop_out", full)
+            keeper.tick()
+        assert told == ["the disk is full"]
+        keeper.tick()
+        assert is_out(store, "p01")
+
+
+def test_backups_are_made_when_something_was_written_and_not_oftener(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        backups = Backups(store, every_s=600.0)
+        assert [backups.tick(now_s) for now_s in (0.0, 700.0)] == [None, None]
+        store.enter_stage("p01", "arrived")
+        first = backups.tick(701.0)
+        assert first is not None
+        store.enter_stage("p01", "instructed")
+        assert backups.tick(1300.0) is None
+        assert backups.tick(1301.0) not in (None, first)
+        assert backups.tick(5000.0) is None
+    folder = tmp_path / "copy"
+    folder.mkdir()
+    first.rename(folder / "study.db")
+    with read_study(folder) as reader:
+        assert [entry.stage for entry in reader.participant("p01").stages] == ["arrived"]
+
+
+def test_the_thread_ends_with_the_block_and_leaves_a_last_copy(tmp_path: Path) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, _, told = kept(store)
+        with upkeep(store, keeper, tell=told.append, tick_s=0.01):
+            store.enter_stage("p01", "arrived")
+        assert told == []
+        with read_study(tmp_path) as reader:
+            assert study_progress(reader, now_ns=0).disk.num_backups == 1
+
+
+def test_a_disk_that_gets_full_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, _, told = kept(store)
+        rounds = Upkeep(store, keeper, tell=told.append)
+        monkeypatch.setattr("personal_viz.upkeep.free_mb", lambda _: 3)
+        rounds.tick()
+        rounds.tick()
+    assert told == [f"{tmp_path}: its disk has 3 MB free; free some space soon. The study goes on."]
+
+
+def test_a_study_is_not_served_from_a_disk_that_is_nearly_full(tmp_path: Path) -> None:
+    require_free_space(tmp_path, least_mb=1)
+    with pytest.raises(StudyError, match=r"MB free; expected at least \d+ MB before a study is served\. Free some"):
+        require_free_space(tmp_path, least_mb=10**9)
+    with pytest.raises(StudyError, match="expected a study's folder"):
+        require_free_space(tmp_path / "none")

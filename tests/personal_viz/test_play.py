@@ -1,0 +1,187 @@
+"""One trial from its opening to its stored outcome: which screen comes when, and that storing comes before showing."""
+
+import pytest
+
+from human_study.commands import (
+    CloseMap,
+    Confirm,
+    GiveUp,
+    Move,
+    PageChanged,
+    PressStop,
+    Rate,
+    ShowStorey,
+)
+from human_study.events import Clicked, Confidence, Event, Shown
+from human_study.store import SupersededError
+from human_study.views import LookView, PanView, PogView
+from human_study.writer import StoreFullError
+from personal_viz.desk import GoneError, WithdrawnError
+from sim.tasks.run_files import Answer, EpisodeEnd
+from sim.types import Action
+
+from .fake_play import HIT, PASS, RAY, MemoryLink, Played, RenderedHere, played
+from .fake_play import fake_screens as fake_screens
+
+FORWARD, LEFT = Move(Action.FORWARD, code="KeyW"), Move(Action.LEFT, code="KeyA")
+STOP = (PressStop(), PressStop())
+MAP = {"memory": {"arms": ["topdown"], "min_s": 2, "max_s": 10}}
+HOME_FIRST = {"pog": {"conditions": ["map_first"], "look_max_s": 30, "answer_max_s": 60}}
+Fakes = tuple[list, list[str]]
+
+
+def kinds(trial: Played) -> list[str]:
+    return [event.kind for event in trial.link.stored]
+
+
+def test_a_walk_without_a_map_is_one_screen(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pan"), FORWARD, *STOP)
+    assert trial.screens == ["PanApp"]
+    assert [view.step for view in trial.shown if isinstance(view, PanView)][-1] == 2
+    assert isinstance(trial.link.outcome, EpisodeEnd)
+    assert trial.link.outcome.reason == "stop"
+    assert trial.raised is None
+
+
+def test_every_step_is_stored_before_its_picture_is_shown(fake_screens: Fakes) -> None:
+    link = MemoryLink("pan")
+    trial = played(fake_screens, link, FORWARD, LEFT, GiveUp(), GiveUp())
+    assert link.calls == [
+        "store open shown",
+        "store key act",
+        "store shown",
+        "store key act",
+        "store shown",
+        "store giveup_armed",
+        "store giveup",
+        "finish",
+    ]
+    pictures = [view.step for view in trial.shown if isinstance(view, PanView) and view.rgb is not None]
+    assert sorted(set(pictures)) == [0, 1, 2]
+    hashes = [event.frame_hash for event in link.stored if isinstance(event, Shown)]
+    assert len(set(hashes)) == 3
+
+
+def test_the_pictures_of_the_next_keys_are_wished_for_and_forgotten_at_the_end(fake_screens: Fakes) -> None:
+    frames = RenderedHere()
+    played(fake_screens, MemoryLink("pan"), FORWARD, home_options={"renderer": frames})
+    assert frames.wishes == [("p02", 3), ("p02", 3), ("p02", 0)]
+    assert [pose.position for pose in frames.begun] == [(0.0, 0.0, -0.25)]
+
+
+def test_a_look_comes_before_the_walk_and_is_closed(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pan", "topdown"), PASS, PASS, CloseMap(), FORWARD, *STOP, **MAP)
+    assert trial.screens == ["LookApp", "LookApp closed", "PanApp"]
+    assert isinstance(trial.shown[0], LookView)
+    assert kinds(trial)[:4] == ["open", "map_on", "map_off", "shown"]
+    assert trial.desk.waits[0] == pytest.approx(1.0)
+
+
+def test_a_look_that_nobody_leaves_ends_by_itself(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pan", "topdown"), *[PASS] * 10, *STOP, **MAP)
+    assert trial.link.outcome.reason == "stop"
+    left = [view.left_s for view in trial.shown if isinstance(view, LookView)]
+    assert left == [10, 9, 8, 7, 6, 5, 4, 3, 2, 1]
+
+
+def test_the_texts_come_after_the_home(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, Confirm(), **HOME_FIRST)
+    assert trial.screens == ["LookApp", "LookApp closed", "SceneView", "PogApp", "PogApp closed"]
+    assert isinstance(trial.link.outcome, Answer)
+    assert trial.link.outcome.candidates == (HIT,)
+
+
+def test_the_time_of_an_answer_runs_out_without_the_browser(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, *[PASS] * 9, **HOME_FIRST)
+    assert trial.link.outcome.reason == "timeout"
+    assert trial.link.outcome.candidates == ()
+    assert trial.raised is None
+
+
+def test_a_click_after_the_time_is_up_is_nothing(fake_screens: Fakes) -> None:
+    choices = {"pog": {"conditions": ["map_open"], "answer_max_s": 0.5}}
+    trial = played(fake_screens, MemoryLink("pog"), RAY, **choices)
+    assert trial.link.outcome.reason == "timeout"
+    assert not any(isinstance(event, Clicked) for event in trial.link.stored)
+
+
+def test_the_question_after_an_answer_is_a_screen_of_its_own(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), Rate(2), confidence=True)
+    assert trial.screens == ["SceneView", "PogApp", "PogApp closed", "RateApp", "RateApp closed"]
+    assert [event.value for event in trial.link.stored if isinstance(event, Confidence)] == [2]
+    assert trial.link.calls[-1] == "finish"
+
+
+def test_an_answer_counts_when_the_page_is_closed_at_the_question(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), confidence=True)
+    assert isinstance(trial.raised, GoneError)
+    assert trial.link.outcome.candidates == (HIT,)
+
+
+def test_a_page_that_is_closed_before_the_answer_leaves_the_trial_open(fake_screens: Fakes) -> None:
+    link = MemoryLink("pog", "map_first")
+    first = played(fake_screens, link, CloseMap(), ShowStorey(0), RAY, **HOME_FIRST)
+    assert isinstance(first.raised, GoneError)
+    assert link.outcome is None
+    again = played(fake_screens, link, Confirm(), away_s=5.0, **HOME_FIRST)
+    assert again.screens == ["SceneView", "PogApp", "PogApp closed"]
+    view = again.shown[0]
+    assert isinstance(view, PogView)
+    assert view.marker == HIT
+    assert link.outcome.candidates == (HIT,)
+
+
+def test_who_comes_back_too_late_finds_the_trial_over(fake_screens: Fakes) -> None:
+    link = MemoryLink("pan")
+    played(fake_screens, link, FORWARD)
+    again = played(fake_screens, link, away_s=700.0)
+    assert again.screens == []
+    assert link.outcome.reason == "abandoned"
+
+
+def test_taking_over_from_an_open_tab_is_logged_and_the_old_tab_cannot_write(fake_screens: Fakes) -> None:
+    link = MemoryLink("pan")
+    played(fake_screens, link, FORWARD)
+    again = played(fake_screens, link, SupersededError("a newer tab"), took_over=True)
+    assert isinstance(again.raised, SupersededError)
+    assert kinds(again)[-2:] == ["superseded", "shown"]
+    assert link.outcome is None
+
+
+def test_leaving_for_good_stores_nothing_more(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pan"), FORWARD, WithdrawnError())
+    assert isinstance(trial.raised, WithdrawnError)
+    assert trial.link.outcome is None
+    assert kinds(trial)[-1] == "shown"
+
+
+def test_a_lost_webgl_context_is_a_failure_of_ours(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pog"), PageChanged("context_lost"))
+    assert kinds(trial) == ["open", "context_lost", "error"]
+    assert trial.link.outcome.reason == "technical"
+
+
+def test_a_broken_renderer_ends_the_trial_as_technical(fake_screens: Fakes, capsys: pytest.CaptureFixture[str]) -> None:
+    class Broken(RenderedHere):
+        def render(self, *arguments: object) -> None:  # type: ignore[override]
+            if self.wishes:
+                raise RuntimeError("the renderer died")
+            return super().render(*arguments)  # type: ignore[return-value, arg-type]
+
+    trial = played(fake_screens, MemoryLink("pan"), FORWARD, home_options={"renderer": Broken()})
+    assert trial.link.outcome.reason == "technical"
+    assert kinds(trial)[-1] == "error"
+    assert "the renderer died" in capsys.readouterr().err
+
+
+def test_a_full_disk_shows_nothing_that_is_not_stored(fake_screens: Fakes) -> None:
+    class Full(MemoryLink):
+        def append_many(self, trial_id: str, epoch: int, events: list[Event]) -> None:  # type: ignore[override]
+            if any(event.kind == "act" for event in events):
+                raise StoreFullError("study.db: the disk is full; expected space. Free some.")
+            super().append_many(trial_id, epoch, events)
+
+    trial = played(fake_screens, Full("pan"), FORWARD)
+    assert isinstance(trial.raised, StoreFullError)
+    assert [view.step for view in trial.shown if isinstance(view, PanView)] == [0]
+    assert kinds(trial) == ["open", "shown"]

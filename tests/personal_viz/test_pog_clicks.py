@@ -1,0 +1,121 @@
+"""From rays and moves of the mark to clicks: on the map exact to the rounding, on the home where the ray meets it."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from human_study.outcome import HIT_TOLERANCE
+from human_study.views import PogView
+from personal_viz.map_view import map_click
+from personal_viz.play_clicks import click_of
+from personal_viz.pog_app import Nudge
+from personal_viz.top_view import TopView
+from sim.scenes.cut import StoreyCut
+from sim.tasks.run_files import ClickRay, Vector3
+from sim.types import GridSpec
+
+from ..human_study.small_world import episode, study
+
+GRID = GridSpec((-4.0, -3.0), 0.01, (600, 800))
+MAPS = tuple(TopView(GRID, floor_y, f"Storey {number} of 2", b"") for number, floor_y in enumerate((0.0, 3.0), start=1))
+
+
+def ray_to(point: Vector3, eye: Vector3, *, storey_y: float) -> ClickRay:
+    """From an eye through a point, of no particular length."""
+    direction = tuple(0.7 * (to - at) for at, to in zip(eye, point, strict=True))
+    return ClickRay(
+        origin=eye,
+        direction=direction,  # type: ignore[arg-type]
+        camera_position=eye,
+        camera_wxyz=(1.0, 0.0, 0.0, 0.0),
+        storey_y=storey_y,
+    )
+
+
+def view(*, storey: int = 0, marker: Vector3 | None = None) -> PogView:
+    task = study().task_for(episode(), "pog")
+    return PogView(task, (0.0, 3.0), storey, marker, is_over=False)
+
+
+class Home:
+    """A home of two storeys whose floors are all that rays meet."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[int, tuple, tuple]] = []
+        self.pog_scene = self
+        self.copies: Any = SimpleNamespace(
+            maps=MAPS,
+            cuts=(StoreyCut(-0.4, 1.9), StoreyCut(2.6, 4.9)),
+            middle=lambda index: (0.5, 0.25),
+        )
+
+    def hit(self, storey: int, origin: Vector3, direction: Vector3) -> Vector3 | None:
+        self.asked.append((storey, tuple(origin), tuple(direction)))
+        return (origin[0], (0.0, 3.0)[storey], origin[2])
+
+
+@given(
+    uv=st.tuples(st.floats(0.01, 799.99), st.floats(0.01, 599.99)),
+    eye=st.tuples(st.floats(-20, 20), st.floats(0.1, 50), st.floats(-20, 20)),
+    storey=st.sampled_from([0, 1]),
+)
+def test_a_ray_to_a_place_on_the_map_is_a_click_on_that_place(
+    uv: tuple[float, float], eye: Vector3, storey: int
+) -> None:
+    floor_y = MAPS[storey].floor_y
+    x, z = GRID.xz_from_uv(np.array(uv)).tolist()
+    click = map_click(MAPS[storey], ray_to((x, floor_y, z), (eye[0], floor_y + eye[1], eye[2]), storey_y=floor_y))
+    assert click.hit is not None
+    assert click.pixel is not None
+    assert click.hit == click.pixel.point(floor_y)  # what outcomes ask for, to the last bit
+    assert math.dist(click.hit, (x, floor_y, z)) < HIT_TOLERANCE
+    assert click.pixel.uv == pytest.approx(uv, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "direction", [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (9.0, -1.0, 0.0), (0.0, -1.0, -9.0)]
+)
+def test_a_ray_that_leaves_the_map_hits_nothing(direction: Vector3) -> None:
+    ray = ray_to((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), storey_y=0.0).model_copy(update={"direction": direction})
+    click = map_click(MAPS[0], ray)
+    assert (click.hit, click.pixel) == (None, None)
+    assert click.ray == ray
+
+
+def test_a_ray_counts_on_the_storey_that_the_browser_showed_when_it_was_sent() -> None:
+    ray = ray_to((1.0, 0.0, 1.0), (1.0, 9.0, 1.0), storey_y=0.0)
+    home: Any = Home()
+    assert click_of(ray, view(storey=1), home, is_map=True).hit == pytest.approx((1.0, 0.0, 1.0))
+    assert click_of(ray, view(storey=1), home, is_map=False).hit == (1.0, 0.0, 9.0 - 8.0)
+    assert home.asked == [(0, ray.origin, ray.direction)]
+
+
+@pytest.mark.parametrize("is_map", [True, False])
+def test_a_mark_is_moved_over_the_ground(is_map: bool) -> None:
+    home: Any = Home()
+    click = click_of(Nudge(0.1, -0.2), view(marker=(1.0, 0.7, 1.0)), home, is_map=is_map)
+    assert click.hit == pytest.approx((1.1, 0.0, 0.8))
+    assert (click.pixel is not None) == is_map
+    assert click.ray.direction == (0.0, -1.0, 0.0)
+    if not is_map:
+        assert home.asked[0][1] == pytest.approx((1.1, 1.89, 0.8))  # from just under the cut: over all that is shown
+
+
+@pytest.mark.parametrize("marker", [None, (2.0, 0.5, 2.0)])
+@pytest.mark.parametrize("is_map", [True, False])
+def test_a_storey_without_a_mark_gets_it_in_its_middle(marker: Vector3 | None, is_map: bool) -> None:
+    home: Any = Home()
+    click = click_of(Nudge(0.1, 0.0), view(storey=1, marker=marker), home, is_map=is_map)
+    assert click.hit == pytest.approx((0.5, 3.0, 0.25))
+    assert click.ray.storey_y == 3.0
+
+
+def test_a_mark_cannot_be_moved_off_the_map() -> None:
+    home: Any = Home()
+    click = click_of(Nudge(0.1, 0.0), view(marker=(3.95, 0.0, 0.0)), home, is_map=True)
+    assert click.hit is None

@@ -1,0 +1,97 @@
+"""A visitor with a telling browser, address and platform id leaves none of them in files, output or export."""
+
+import http.cookies
+import json
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import pytest
+import viser
+from websockets.sync.client import connect
+
+from human_study.export import export_study
+from human_study.study import StudyPrivacy, StudyRecruit
+from personal_viz.recruit_codes import CODES_FILE
+
+from .flow_studies import hear_ctrl_c, plan_small
+from .wire import CAMERA, WireClient
+
+pytestmark = pytest.mark.slow
+AGENT, ADDRESS, PLATFORM_ID = "CanaryBrowser/99.5", "203.0.113.77", "5f9canaryplatformid77"
+CODES = '[prolific]\ncompletion = "CDONE1"\nscreen_out = "COUT01"\nno_consent = "CNO001"\n'
+TELLING = {
+    "User-Agent": AGENT,
+    "X-Forwarded-For": ADDRESS,
+    "X-Real-IP": ADDRESS,
+    "Forwarded": f"for={ADDRESS}",
+    "Accept-Language": "canary-CA",
+    "Referer": f"https://canary.example/{PLATFORM_ID}",
+    "Content-Type": "application/json",
+}
+
+
+def post(address: str, path: str, body: dict) -> tuple[dict, str]:
+    """The answer and its cookie, as a browser that tells all it can gets them."""
+    request = urllib.request.Request(f"{address}{path}", json.dumps(body).encode(), {**TELLING, "Origin": address})
+    with urllib.request.urlopen(request, timeout=60) as reply:
+        cookie = http.cookies.SimpleCookie(reply.headers.get("Set-Cookie", ""))
+        return json.load(reply), "; ".join(f"{name}={morsel.value}" for name, morsel in cookie.items())
+
+
+def visit(address: str) -> None:
+    """Comes through the open link with Prolific's parameters and looks at the first page."""
+    visitor = {"PROLIFIC_PID": PLATFORM_ID, "STUDY_ID": "canarystudy", "SESSION_ID": "canarysession"}
+    joined, _ = post(address, "/join", visitor)
+    entered, cookie = post(address, "/enter", {"token": joined["token"]})
+    with connect(
+        entered["view"].split("websocket=")[1],
+        subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+        additional_headers={**TELLING, "Cookie": cookie, "Origin": address},
+        user_agent_header=None,
+        max_size=None,
+    ) as connection:
+        client = WireClient(connection)  # type: ignore[arg-type]
+        client.send(CAMERA)
+        client.receive_until(lambda message: "Step 0 of" in str(message) or "button" in str(message).lower())
+
+
+def test_nothing_tells_who_a_visitor_was(tmp_path: Path) -> None:
+    folder = plan_small(
+        tmp_path,
+        recruit=StudyRecruit(kind="prolific"),
+        privacy=StudyPrivacy(platform_id="none"),
+        flow=("instructions",),
+    )
+    (folder / CODES_FILE).write_text(CODES)
+    command = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--pilot", "--workers", "1"]
+    command += ["--dataset", str(tmp_path / "dataset"), "--port", "0"]
+    with (tmp_path / "said.txt").open("w") as said:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, text=True, preexec_fn=hear_ctrl_c)
+        try:
+            assert process.stdout is not None
+            lines = []
+            for line in process.stdout:
+                lines.append(line)
+                if "Everything is written to" in line:
+                    break
+            found = re.search(r"http://127\.0\.0\.1:\d+", "".join(lines))
+            assert found, lines
+            visit(found[0])
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                output, _ = process.communicate(timeout=60)
+            finally:
+                process.kill()
+    export_study(folder, tmp_path / "out")
+    (tmp_path / "out.txt").write_text("".join(lines) + output)
+    canaries = (AGENT, ADDRESS, PLATFORM_ID, "canary-CA", "canarystudy", "canarysession")
+    for path in [path for path in tmp_path.rglob("*") if path.is_file() and "dataset" not in path.parts]:
+        content = path.read_bytes()
+        assert not [text for text in canaries if text.encode() in content], path
+    rows = [json.loads(line) for line in (tmp_path / "out" / "participants.jsonl").read_text().splitlines()]
+    assert sum(row["has_come"] for row in rows) == 1

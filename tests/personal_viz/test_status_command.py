@@ -1,0 +1,137 @@
+"""`personal-viz study status`, on a study that is written at the same time."""
+
+import dataclasses
+import io
+import json
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from human_study.progress_people import PersonProgress, Place, State
+from personal_viz.commands.status import MIN_WIDTH, page, progress_now, status
+from personal_viz.progress_words import age_words, disk_words, place_words
+from sim.errors import StudyError
+from tests.human_study.finished import study_with_trials
+from tests.human_study.small_world import CANARY
+from tests.human_study.stores import KEY, opened
+
+from .busy_studies import busy_study
+
+SHOW = "import sys; from pathlib import Path; from personal_viz.commands.status import status; "
+SHOW += "sys.exit(status(study=Path(sys.argv[1]), json=True, watch=True))"
+
+
+def person(place: Place, state: State = "active", *, trial_no: int | None = None, is_in_trial: bool = False):
+    """A participant with ten counted trials."""
+    return PersonProgress("p01", "pan", place, state, 2, 10, trial_no, trial_no, is_in_trial, 5.0, 0, 0, 0)
+
+
+def test_the_tables_say_who_is_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study_with_trials(tmp_path)
+    assert status(study=tmp_path, json=False, watch=False) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "pilot" in lines
+    assert any("2 of 6 counted trials" in line for line in lines)
+    assert "PAN none easy 1 2 0 0 3" in lines
+    rows = [re.sub(r"\d+ s ", "now ", line) for line in lines if line.startswith("p0")]
+    assert rows == [
+        "p01 POG active before trial 2 of 3 p01/2 1/3 now · · ·",
+        "p02 PAN active before trial 2 of 3 p02/2 1/3 now · 1 ·",
+    ]
+
+
+def test_who_may_need_somebody_comes_first_and_who_never_came_last(tmp_path: Path) -> None:
+    busy_study(tmp_path).close()
+    found = progress_now(tmp_path)
+    people = [dataclasses.replace(one, state="stuck") if one.code == "p06" else one for one in found.people]
+    console = Console(width=MIN_WIDTH, file=io.StringIO(), record=True)
+    console.print(page(dataclasses.replace(found, people=tuple(people))))
+    text = console.export_text()
+    assert re.findall(r"^ (p\d+) ", text, re.MULTILINE) == ["p06", "p01", "p02", "p03", "p05", "p04"]
+    assert "4 active, 1 stuck?, 1 out, 12 not arrived" in text
+    assert text.rstrip().endswith("Not arrived: " + ", ".join(f"p{number:02d}" for number in range(7, 19)))
+
+
+def test_the_json_is_one_document_without_outcomes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study_with_trials(tmp_path)
+    assert status(study=tmp_path, json=True, watch=False) == 0
+    text = capsys.readouterr().out
+    found = json.loads(text)
+    assert [(one["code"], one["num_done"], one["num_technical"]) for one in found["people"]] == [
+        ("p01", 1, 0),
+        ("p02", 1, 1),
+    ]
+    assert (found["num_done"], found["num_all"]) == (2, 6)
+    assert all(word not in text for word in ("success", '"spl"', "dtg", "distance", '"stop"', '"click"', CANARY))
+
+
+def test_a_study_that_is_open_elsewhere_can_be_looked_at(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        store.append(trial.trial_id, trial.epoch, KEY)
+        assert status(study=tmp_path, json=True, watch=False) == 0
+        store.append(trial.trial_id, trial.epoch, KEY)
+    assert json.loads(capsys.readouterr().out)["people"][1]["is_in_trial"]
+
+
+def test_watching_shows_what_is_new_until_ctrl_c(tmp_path: Path) -> None:
+    store, _ = opened(tmp_path)
+    with store:
+        process = subprocess.Popen(
+            [sys.executable, "-c", SHOW, str(tmp_path)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=hear_ctrl_c,
+        )
+        try:
+            assert process.stdout is not None
+            assert json.loads(process.stdout.readline())["people"][1]["num_reconnects"] == 0
+            store.open_trial("p02", 1)
+            assert any(json.loads(line)["people"][1]["num_reconnects"] == 1 for line in process.stdout)
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=30)
+        finally:
+            process.kill()
+            process.wait()
+    assert (process.returncode, errors) == (0, "")
+
+
+def hear_ctrl_c() -> None:
+    """A shell that runs jobs in the background lets them ignore Ctrl-C, and its children inherit that."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def test_a_folder_without_a_study_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="expected a study"):
+        status(study=tmp_path, json=False, watch=False)
+
+
+@pytest.mark.parametrize(
+    ("shown", "words"),
+    [
+        (person("trial", trial_no=3, is_in_trial=True), "trial 3 of 10"),
+        (person("trial", trial_no=3), "before trial 3 of 10"),
+        (person("pause"), "between two sittings"),
+        (person("dropped_out", "out"), "dropped out"),
+    ],
+)
+def test_places_are_said_in_words(shown: PersonProgress, words: str) -> None:
+    assert place_words(shown) == words
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(None, "–"), (0.4, "0 s"), (119.0, "119 s"), (120.0, "2 min"), (7200.0, "2 h"), (200_000.0, "2 d")],
+)
+def test_ages_are_said_in_the_largest_unit_that_fits(seconds: float | None, words: str) -> None:
+    assert age_words(seconds) == words
+
+
+def test_room_is_said_in_gigabytes_where_there_is_much() -> None:
+    assert [disk_words(mb) for mb in (512, 2048)] == ["512 MB", "2.0 GB"]

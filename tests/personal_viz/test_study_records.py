@@ -1,0 +1,273 @@
+"""`study verify`, `exclude`, `export` and `import-check` on real invented homes, practice included."""
+
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from human_study.commands import Click, Command, Confirm, GiveUp, Move, PressStop, Start
+from human_study.outcome import pan_outcome, pog_outcome
+from human_study.plan import PRACTICE_FOLDER, StudyPlan
+from human_study.records import read_study
+from human_study.session import PanSession, PogSession, terms_of
+from human_study.store import StudyStore, Trial, open_store
+from human_study.study import StudyConfig, StudyDataset, load_study, save_study
+from human_study.tickets import token_hash
+from personal_viz.commands.exclude import exclude
+from personal_viz.commands.export_study import export, import_check
+from personal_viz.commands.study_files import plan_study
+from personal_viz.commands.verify_study import verify
+from personal_viz.trial_homes import open_any_home
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.generation import invent_dataset
+from sim.errors import StudyError
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import Answer, ClickRay, EpisodeEnd, EpisodeRun
+from sim.types import Action
+
+pytestmark = pytest.mark.slow
+WALK: tuple[Command, ...] = (
+    Start(),
+    Move(Action.LEFT, "KeyA"),
+    *[Move(Action.FORWARD, "KeyW")] * 6,
+    Move(Action.RIGHT, "KeyD"),
+    *[Move(Action.FORWARD, "KeyW")] * 3,
+    PressStop(),
+    PressStop(),
+)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two invented homes."""
+    root = tmp_path_factory.mktemp("homes")
+    for name, seed in (("First", 3), ("Second", 4)):
+        invent_dataset(root, name=name, seed=seed)
+    return root
+
+
+@pytest.fixture
+def study(tmp_path: Path, finished: Path) -> Path:
+    """A finished study: p01 walked and p02 pointed at two episodes each, after one practice trial each."""
+    return Path(shutil.copytree(finished, tmp_path / "study"))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory, dataset: Path) -> Path:
+    """The study that each test gets a copy of."""
+    folder = tmp_path_factory.mktemp("finished") / "study"
+    config = StudyConfig.model_validate(
+        {
+            "study": "records",
+            "dataset": StudyDataset(sha256=PersonalDataset(dataset).digest(), splits={"easy": 2}).model_dump(),
+            "task": ("pan", "pog"),
+            "design": {"kind": "crossed", "raters_per_episode": 1},
+            "pog": {"conditions": ("map_open",)},
+            "flow": ("instructions",),
+            "practice": {"pan": 1, "pog": 1},
+            "checks": {"every": None},
+        }
+    )
+    save_study(folder, config)
+    plan = plan_study(folder, dataset, None, pilot=True)
+    with open_store(folder, config, plan) as store:
+        for person in plan.participants:
+            store.add_participant(person, token_hash(f"token-{person.code}"))
+            for planned in person.trials:
+                do_trial(store, dataset, store.open_trial(person.code, planned.order_no))
+    return folder
+
+
+def do_trial(store: StudyStore, dataset: Path, trial: Trial, commands: Sequence[Command] = WALK) -> None:
+    """A trial in its real home, with fixed commands."""
+    is_practice = trial.phase == "practice"
+    home = open_any_home(
+        store.plan.scene(trial.key.scene),
+        folder=store.folder,
+        is_practice=is_practice,
+        dataset=dataset,
+        scenes_dir=None,
+    )
+    episode = home.episode(trial.key)
+    names = {
+        "key": trial.key,
+        "task": store.config.task_for(episode, trial.task),
+        "scene_digest": home.scene_digest,
+        "terms": terms_of(store.config, trial.condition),
+    }
+    if trial.task == "pan":
+        session = PanSession(PanEnv(episode.start, home.navigation, renderer=None), **names)
+    else:
+        session = PogSession(storeys=tuple(home.navigation.storey_heights), **names)
+        commands = pointing(home, episode.start.position)
+    events = [event for number, command in enumerate(commands) for event in session.handle(command, number).events]
+    store.append_many(trial.trial_id, trial.epoch, events)
+    stored = [item.event for item in store.events(trial.trial_id)]
+    result: EpisodeRun | Answer
+    if trial.task == "pan":
+        result = pan_outcome(stored, episode, navigation=home.navigation, participant=trial.code)
+        store.finish_trial(trial.trial_id, result.end)
+    else:
+        result = pog_outcome(stored, episode, storeys=home.storeys, participant=trial.code)
+        store.finish_trial(trial.trial_id, result)
+
+
+def pointing(home, start) -> tuple[Command, ...]:
+    """A click straight down at the place where the robot would start."""
+    storey_y = min(home.navigation.storey_heights, key=lambda height: abs(height - start[1]))
+    origin = (start[0], storey_y + 2.0, start[2])
+    ray = ClickRay(
+        origin=origin,
+        direction=(0.0, -1.0, 0.0),
+        camera_position=origin,
+        camera_wxyz=(1.0, 0.0, 0.0, 0.0),
+        storey_y=storey_y,
+    )
+    hit = home.cast(storey_y, ray.origin, ray.direction)
+    assert hit is not None
+    return (Start(), Click(ray, hit), Confirm())
+
+
+def test_trials_of_all_homes_and_of_practice_are_verified_and_stored(
+    study: Path, dataset: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert verify(study=study, dataset=dataset, scenes_dir=None) == 0
+    printed = capsys.readouterr().out
+    assert "6 verified" in printed
+    assert "Stored beside the trials" in printed
+    with read_study(study) as reader:
+        entries = reader.verifications()
+        assert {entry.status for entry in entries} == {"verified"}
+        assert len({entry.trial_id for entry in entries}) == 6
+        assert len({entry.sim_hash for entry in entries}) == len({key.scene for key in scenes_of(reader)})
+    assert verify(study=study, dataset=dataset, scenes_dir=None, jobs=2, store=False) == 0
+    assert "6 verified" in capsys.readouterr().out
+    with read_study(study) as reader:
+        assert len(reader.verifications()) == 6
+
+
+def scenes_of(reader) -> set:
+    return {trial.key._replace(split="easy", episode_id="") for code in reader.codes() for trial in reader.trials(code)}
+
+
+def test_a_study_that_is_served_is_verified_without_being_written(
+    study: Path, dataset: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = load_study(study)
+    with read_study(study) as reader:
+        plan = reader.plan
+    with open_store(study, config, plan):
+        assert verify(study=study, dataset=dataset, scenes_dir=None) == 0
+    assert "Not stored:" in capsys.readouterr().out
+    with read_study(study) as reader:
+        assert reader.verifications() == ()
+
+
+def test_an_outcome_that_is_too_good_fails_and_ends_with_1(
+    tmp_path: Path, study: Path, dataset: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "cheated"
+    config, plan = cheated(study, folder)
+    with open_store(folder, config, plan) as store:
+        for person in plan.participants:
+            store.add_participant(person, token_hash(f"token-{person.code}"))
+        walker = next(person for person in plan.participants if person.task == "pan")
+        trial = store.open_trial(walker.code, 2)
+        do_trial(store, dataset, trial, (Start(), GiveUp(), GiveUp()))
+    copy = tmp_path / "better"
+    config, plan = cheated(study, copy)
+    with read_study(folder) as reader:
+        done = next(trial for trial in reader.trials(walker.code) if trial.outcome is not None)
+        events = [item.event for item in reader.events(done.trial_id or "")]
+    assert isinstance(done.outcome, EpisodeEnd)
+    assert done.outcome.measures is not None
+    with open_store(copy, config, plan) as store:
+        for person in plan.participants:
+            store.add_participant(person, token_hash(f"token-{person.code}"))
+        trial = store.open_trial(walker.code, 2)
+        store.append_many(trial.trial_id, trial.epoch, events)
+        better = done.outcome.measures.model_copy(update={"centre_distance": 0.0})
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup", measures=better))
+    assert verify(study=copy, dataset=dataset, scenes_dir=None) == 1
+    printed = capsys.readouterr().out
+    assert "1 failed" in printed
+    assert "outcome.measures.centre_distance is stored as 0.0, recomputed as" in printed
+
+
+def cheated(study: Path, folder: Path) -> tuple[StudyConfig, StudyPlan]:
+    """The same study without records, in another folder."""
+    config = load_study(study)
+    save_study(folder, config)
+    with read_study(study) as reader:
+        plan = reader.plan
+    (folder / "plan.json").write_text(plan.model_dump_json())
+    (folder / PRACTICE_FOLDER).symlink_to(study / PRACTICE_FOLDER)
+    return config, plan
+
+
+def test_another_dataset_is_refused(study: Path) -> None:
+    with pytest.raises(StudyError, match=r"--dataset .*practice: has digest [0-9a-f]{12}; expected"):
+        verify(study=study, dataset=study / PRACTICE_FOLDER, scenes_dir=None)
+
+
+def test_an_export_is_read_back_and_agrees(study: Path, dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert export(study=study, out=None) == 0
+    out = study / "exports" / "records"
+    assert f"Written to {out}: 2 run folders, 6 trials in trials.csv, 2 begun ones left out" in capsys.readouterr().out
+    assert import_check(export=out, dataset=dataset, scenes_dir=None) == 0
+    assert "6 of 6 outcomes agree with their events" in capsys.readouterr().out
+    rows = [json.loads(line) for line in (out / "trials.jsonl").read_text().splitlines()]
+    rows[-1]["planar_distance"] = 0.0
+    (out / "trials.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    with pytest.raises(StudyError, match=r"trials\.jsonl: has sha256"):
+        import_check(export=out, dataset=dataset, scenes_dir=None)
+
+
+def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def run_folders() -> int:
+        export(study=study, out=None)
+        return len(list((study / "exports" / "records").glob("records-*")))
+
+    def say(**changes: object) -> str:
+        arguments = {
+            "study": study,
+            "trial": None,
+            "participant": None,
+            "rule": "disturbed",
+            "reason": "x",
+            "undo": False,
+        }
+        assert exclude(**(arguments | changes)) == 0  # type: ignore[arg-type]
+        return capsys.readouterr().out
+
+    assert run_folders() == 2
+    capsys.readouterr()
+    assert "participant p01 is left out by rule disturbed (written down before data)" in say(participant="p01")
+    assert "rule own (not written down before data)" in say(trial="p02/2", rule="own")
+    assert "trial p02/3 is left out" in say(trial="p02/3")
+    assert run_folders() == 0
+    capsys.readouterr()
+    assert "participant p01 counts again" in say(participant="p01", undo=True, reason=None)
+    assert "trial p02/3 counts again" in say(trial="p02/3", undo=True)
+    assert run_folders() == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"trial": "p02/3", "participant": "p02"}, "found both or none of --trial and --participant"),
+        ({}, "found both or none of --trial and --participant"),
+        ({"trial": "p2-3"}, "--trial p2-3: expected a participant's code and a place in the order"),
+        ({"trial": "p02/77"}, "--trial p02/77: was not assigned"),
+        ({"participant": "p77"}, "found no participant 'p77'; expected one of p01 to p02"),
+        ({"participant": "p01", "rule": "Was bad!"}, "--rule Was bad!: expected small letters"),
+        ({"participant": "p01", "reason": " "}, "--reason: found nothing"),
+        ({"participant": "p01", "undo": True}, "rule disturbed leaves nothing out here"),
+    ],
+)
+def test_what_cannot_be_excluded_is_said(study: Path, changes: dict[str, object], message: str) -> None:
+    arguments = {"study": study, "trial": None, "participant": None, "rule": "disturbed", "reason": "x", "undo": False}
+    with pytest.raises(StudyError, match=message.replace("(", r"\(").replace("!", r"\!")):
+        exclude(**(arguments | changes))  # type: ignore[arg-type]

@@ -1,0 +1,187 @@
+"""Workers are started together, watched, started again, shared out evenly, and all end with the block."""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import cast
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from human_study.store import StudyStore
+from personal_viz import workers
+from personal_viz.admission import Tickets
+from personal_viz.commands.serve_study import listen
+from personal_viz.gateway import Gateway
+from personal_viz.gateway_http import uvicorn_server
+from personal_viz.gateway_options import ServeOptions
+from personal_viz.recruit_codes import EndCode
+from personal_viz.workers import WorkerPool, worker_command
+from sim.errors import StudyError
+
+from .gateways import PRESS, admission_for, enter, few_people, pack, wait_until
+
+PATIENCE_S = 60
+
+
+def pool_of(folder: Path, kind: str, num_workers: int, told: list[str], tickets: Tickets | None = None) -> WorkerPool:
+    """Fake workers that behave like this; their pids are file names in the folder."""
+    return WorkerPool(
+        cast(StudyStore, None),
+        lambda fd: [sys.executable, "-m", "tests.personal_viz.fake_worker", str(fd), str(folder), kind],
+        num_workers=num_workers,
+        tickets=tickets or Tickets(),
+        end_code=lambda code, ending: EndCode(),
+        tell=told.append,
+    )
+
+
+def pids(folder: Path) -> list[int]:
+    """Of all workers that were ever started."""
+    return [int(path.stem) for path in folder.glob("*.pid")]
+
+
+def is_running(pid: int) -> bool:
+    """Whether the process is there."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_people_are_shared_out_evenly_and_stay_where_they_are(tmp_path: Path) -> None:
+    with pool_of(tmp_path, "good", 2, []) as pool, ExitStack() as stack:
+        ports = {code: stack.enter_context(pool.seat(code)) for code in ("p01", "p02", "p03", "p04")}
+        assert sorted(ports.values()) == sorted(2 * [worker.port for worker in pool.workers])
+        again = {code: stack.enter_context(pool.seat(code)) for code in ports}
+        assert again == ports
+        assert pool.num_people() == 4
+        first = ports["p01"]
+        with pool.seat("p05") as fifth:
+            assert fifth is not None
+        with pool.seat("p06") as sixth:
+            assert sixth == fifth, "the least loaded again"
+        assert first in {worker.port for worker in pool.workers}
+    assert pool.num_people() == 0
+
+
+def test_who_comes_back_finds_the_worker_of_before_when_it_is_as_free(tmp_path: Path) -> None:
+    with pool_of(tmp_path, "good", 2, []) as pool:
+        with pool.seat("p01"), pool.seat("p02") as second:
+            pass
+        with pool.seat("p02") as again:
+            assert again == second
+
+
+def test_all_workers_end_with_the_block(tmp_path: Path) -> None:
+    with pool_of(tmp_path, "good", 2, []):
+        assert len(pids(tmp_path)) == 2
+        assert all(is_running(pid) for pid in pids(tmp_path))
+    assert not any(is_running(pid) for pid in pids(tmp_path))
+
+
+def test_a_worker_that_does_not_listen_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "END_S", 0.5)
+    with pool_of(tmp_path, "deaf", 1, []):
+        assert is_running(pids(tmp_path)[0])
+    assert not is_running(pids(tmp_path)[0])
+
+
+def test_a_worker_that_cannot_start_says_why_and_the_others_end(tmp_path: Path) -> None:
+    with (
+        pytest.raises(StudyError, match="scene X: cannot be read; expected a mesh"),
+        pool_of(tmp_path, "broken", 2, []),
+    ):
+        pytest.fail("served nevertheless")
+    assert not any(is_running(pid) for pid in pids(tmp_path))
+
+
+def test_a_worker_that_always_dies_is_given_up_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "PAUSES_S", (0.0,) * workers.MOST_FAILURES)
+    told: list[str] = []
+    with pool_of(tmp_path, "fragile", 1, told) as pool:
+        assert pool.ended.wait(PATIENCE_S)
+        with pool.seat("p01") as port:
+            assert port is None
+    assert told[-1] == "viser worker 1 ended 5 times in a row; it is not started again."
+    assert len(pids(tmp_path)) == 5
+
+
+@contextmanager
+def served(folder: Path, pool: WorkerPool, tickets: Tickets) -> Iterator[str]:
+    """The gateway's address in front of a pool."""
+    options = ServeOptions(port=0)
+    gateway = Gateway(admission_for(few_people(), folder), pool, tickets=tickets, options=options)
+    server = uvicorn_server(gateway.app(), options)
+    listener = listen(options)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        thread.join(20)
+
+
+def answer(connection: ClientConnection) -> tuple[str, int]:
+    """(who the worker thinks we are, its pid)."""
+    connection.send(pack(PRESS))
+    received = connection.recv(timeout=PATIENCE_S)
+    text = received if isinstance(received, str) else received.decode()
+    return text.split()[0], int(text.split()[1])
+
+
+def test_a_killed_worker_is_started_again_and_the_same_ticket_leads_to_it(tmp_path: Path) -> None:
+    tickets, told = Tickets(), []
+    with pool_of(tmp_path, "good", 1, told, tickets) as pool, served(tmp_path, pool, tickets) as address:
+        url, headers = enter(address, "good")
+        with connect(url, additional_headers=headers, proxy=None) as before:
+            code, pid = answer(before)
+            assert code == "p01"
+            os.kill(pid, signal.SIGKILL)
+            with pytest.raises(ConnectionClosed) as ended:
+                before.recv(timeout=PATIENCE_S)
+            assert ended.value.rcvd is not None
+            assert ended.value.rcvd.code == 1012
+        wait_until(lambda: pool.workers[0].port is not None and len(pids(tmp_path)) == 2)
+        with connect(url, additional_headers=headers, proxy=None) as after:
+            code, new_pid = answer(after)
+        assert (code, new_pid != pid) == ("p01", True)
+    assert told == ["viser worker 1 ended; it is started again. Nothing acknowledged is lost."]
+    assert not any(is_running(pid) for pid in pids(tmp_path))
+
+
+def test_people_of_the_other_worker_notice_nothing(tmp_path: Path) -> None:
+    tickets = Tickets()
+    with (
+        pool_of(tmp_path, "good", 2, [], tickets) as pool,
+        served(tmp_path, pool, tickets) as address,
+        ExitStack() as at,
+    ):
+        sockets = []
+        for token in ("good", "fine"):
+            url, headers = enter(address, token)
+            sockets.append(at.enter_context(connect(url, additional_headers=headers, proxy=None)))
+        (_, killed), (_, spared) = (answer(connection) for connection in sockets)
+        assert killed != spared
+        os.kill(killed, signal.SIGKILL)
+        with pytest.raises(ConnectionClosed):
+            sockets[0].recv(timeout=PATIENCE_S)
+        assert answer(sockets[1]) == ("p02", spared)
+        url, headers = enter(address, "good")
+        with connect(url, additional_headers=headers, proxy=None) as again:
+            assert answer(again)[0] == "p01"
+
+
+def test_the_program_of_a_worker_names_what_it_needs() -> None:
+    command = worker_command(Path("study"), Path("data"), Path("scans"), rerun="live", with_pixels=True)(7)
+    assert command[1:5] == ["-m", "personal_viz.server", "--fd", "7"]
+    assert command[5:9] == ["--study", "study", "--dataset", "data"]
+    assert command[9:] == ["--scenes-dir", "scans", "--rerun", "live", "--with-pixels"]
+    assert worker_command(Path("s"), Path("d"), None)(3)[3:] == ["--fd", "3", "--study", "s", "--dataset", "d"]
