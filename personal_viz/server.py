@@ -88,7 +88,8 @@ def open_study(
         scene = plan.scene(name)
         if practice is not None and scene in plan.practice_scenes:
             return open_home(config, scene, practice, None, threads=threads)
-        return open_home(config, scene, counted, scenes_dir, threads=threads, rerun=rerun, with_pixels=with_pixels)
+        watched = {"rerun": rerun, "with_pixels": with_pixels, "is_pilot": plan.is_pilot}
+        return open_home(config, scene, counted, scenes_dir, threads=threads, **watched)
 
     texts = {name: path.read_text("utf-8") for name in TEXTS if (path := folder / name).is_file()}
     return Study(config, plan, HomeLibrary(open_one), time.monotonic(), texts)
@@ -103,6 +104,7 @@ def open_home(
     threads: RenderThreads,
     rerun: str | None = None,
     with_pixels: bool = False,
+    is_pilot: bool = False,
 ) -> Home:
     """One of the study's homes with all that participants need of it, and what a researcher sees.
 
@@ -123,7 +125,7 @@ def open_home(
     if rerun is not None:
         from .watch_rerun import RerunObservers  # Rerun takes a second to import
 
-        observers = RerunObservers(scene, config, rerun, with_pixels=with_pixels)
+        observers = RerunObservers(scene, config, rerun, with_pixels=with_pixels, is_pilot=is_pilot)
     return Home(
         scene=scene,
         renderer=renderer,

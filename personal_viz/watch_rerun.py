@@ -19,7 +19,9 @@ from sim.tasks.run_files import RunInfo
 class RerunObservers:
     """Makes the observer of each trial (`watch.Observers`)."""
 
-    def __init__(self, scene: Scene, config: StudyConfig, where: str, *, with_pixels: bool) -> None:
+    def __init__(
+        self, scene: Scene, config: StudyConfig, where: str, *, with_pixels: bool, is_pilot: bool = False
+    ) -> None:
         """Opens nothing yet.
 
         Args:
@@ -27,8 +29,10 @@ class RerunObservers:
             config: The study.
             where: A folder, or the address of a viewer (`rerun+http://HOST:PORT/proxy`).
             with_pixels: Whether geometry, maps and pictures of a licensed scan are shown.
+            is_pilot: Whether the study was planned as a pilot.
         """
         self._scene, self._config, self._where, self._with_pixels = scene, config, where, with_pixels
+        self._is_pilot = is_pilot
 
     def of_walk(self, trial: Trial) -> RerunObserver:
         """Of a PAN trial."""
@@ -61,6 +65,7 @@ class RerunObservers:
             condition=trial.condition,
             created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
             app_version=version("personal-viz"),
+            is_pilot=self._is_pilot,
         )
 
     def _sink(self, trial: Trial) -> LiveSink:

@@ -61,10 +61,10 @@ def test_a_pan_client_gets_pictures_and_texts_only(links: dict[str, str], marked
     dataset = PersonalDataset(marked_dataset)
     with enter(links["pan"]) as client:
         client.press("Start")
-        client.receive_until(lambda message: "Step 0 of 500" in str(message))
+        client.see_step(0)
         client.press("Turn left (A or Left)")
-        client.receive_until(lambda message: "Step 1 of 500" in str(message))
-        client.press("Give up this search")
+        client.see_step(1)
+        client.give_up()
         client.receive_until(lambda message: "is stored" in str(message))
     assert_no_answer(client, dataset)
     assert not [message for message in client.messages if "Glb" in message["type"] or "Mesh" in message["type"]]
@@ -79,7 +79,7 @@ def test_a_pog_client_gets_the_home_but_not_which_object(links: dict[str, str], 
         client.press("Start")
         client.receive_until(lambda message: "Glb" in message["type"])
         client.receive_until(lambda message: "Click the object to mark it" in str(message))
-        client.press("Give up this search")
+        client.give_up()
         client.receive_until(lambda message: "is stored" in str(message))
     assert_no_answer(client, dataset)
 

@@ -49,23 +49,19 @@ def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_datas
     try:
         with enter(study.links["pan"]) as walker:
             walker.press("Start")
-            walker.receive_until(lambda message: "Step 0 of 500" in str(message))
+            walker.see_step(0)
             walker.press("Turn left (A or Left)")
-            walker.receive_until(lambda message: "Step 1 of 500" in str(message))
+            walker.see_step(1)
         with enter(study.links["pan"]) as walker_again:
-            walker_again.receive_until(lambda message: "Step 1 of 500" in str(message))
+            walker_again.see_step(1)
             walker_again.press("Forward (W or Up)")
-            walker_again.receive_until(lambda message: "Step 2 of 500" in str(message))
-            walker_again.press("Give up this search")
-            walker_again.receive_until(lambda message: "Press Give up again" in str(message))
-            walker_again.press("Give up this search")
+            walker_again.see_step(2)
+            walker_again.give_up()
             walker_again.receive_until(lambda message: "Thank you" in str(message))
         with enter(study.links["pog"]) as pointer:
             pointer.press("Start")
             pointer.receive_until(lambda message: "Click the object to mark it" in str(message))
-            pointer.press("Give up this search")
-            pointer.receive_until(lambda message: "again to end this search" in str(message))
-            pointer.press("Give up this search")
+            pointer.give_up()
             pointer.receive_until(lambda message: "Thank you" in str(message))
     finally:
         assert study.end() == 0

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import viser
 import zstandard
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 CAMERA = {
@@ -56,6 +57,17 @@ class WireClient:
         time.sleep(0.06)  # a person's pace: sessions drop presses within 50 ms of the last one
         self.send({"type": "GuiUpdateMessage", "uuid": button["uuid"], "updates": {"value": True}})
 
+    def see_step(self, step: int) -> None:
+        """Waits for the picture of a step: a key that comes before it counts as busy."""
+        self.receive_until(lambda message: f'data-step="{step}"' in str(message))
+
+    def give_up(self) -> None:
+        """Presses "Give up" twice at a person's pace: a second press within half a second does not count."""
+        self.press("Give up this search")
+        self.receive_until(lambda message: "again to end this search" in str(message))
+        time.sleep(0.6)  # a person's pace
+        self.press("Give up this search")
+
     def send(self, message: dict[str, Any]) -> None:
         """As a browser sends it."""
         self._connection.send(msgspec.msgpack.encode(message))
@@ -69,8 +81,8 @@ class WireClient:
 
 
 @contextmanager
-def enter(link: str) -> Iterator[WireClient]:
-    """Opens a personal link as the page does."""
+def enter(link: str, *, patience_s: float = 0.0) -> Iterator[WireClient]:
+    """Opens a personal link as the page does; for so long it tries again where nobody answers yet, as viser does."""
     address, token = link.split("/#")
     body = json.dumps({"token": token}).encode()
     headers = {"Content-Type": "application/json", "Origin": address}
@@ -78,15 +90,27 @@ def enter(link: str) -> Iterator[WireClient]:
         view = json.load(reply)["view"]
         cookie = http.cookies.SimpleCookie(reply.headers["Set-Cookie"])
     pair = "; ".join(f"{name}={morsel.value}" for name, morsel in cookie.items())
-    with connect(
-        view.split("websocket=")[1],
-        subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-        additional_headers={"Cookie": pair, "Origin": address},
-        max_size=None,
-    ) as connection:
+    with _connected(view.split("websocket=")[1], {"Cookie": pair, "Origin": address}, patience_s) as connection:
         client = WireClient(connection)
         client.send(CAMERA)  # viser admits a client when it tells its camera
         yield client
+
+
+def _connected(url: str, headers: dict[str, str], patience_s: float) -> ClientConnection:
+    """An open connection; raises InvalidStatus where it is refused for longer than `patience_s`."""
+    until_s = time.monotonic() + patience_s
+    while True:
+        try:
+            return connect(
+                url,
+                subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+                additional_headers=headers,
+                max_size=None,
+            )
+        except InvalidStatus:
+            if time.monotonic() > until_s:
+                raise
+            time.sleep(1)  # between two tries, as viser's client does
 
 
 def texts_of(value: Any) -> Iterator[str]:
