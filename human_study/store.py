@@ -18,7 +18,7 @@ from sim.types import EpisodeKey, TaskKind
 
 from .assigning import assign, due_order_no, fill
 from .database import audit, open_database, take_lock
-from .events import Event, Reconnect, event_to_json
+from .events import Error, Event, Reconnect, event_to_json
 from .outcome import Outcome
 from .people import PeopleWrites
 from .plan import Phase, PlannedParticipant, StudyPlan
@@ -214,6 +214,28 @@ class StudyStore(PeopleWrites):
             return self._insert(database, code, trial_id, epoch, events, now)
 
         return self._writer.write(job) if events else ()
+
+    def note_error(self, code: str, message: str) -> None:
+        """Keep something that went wrong outside the trial with the participant's running one; without one, nothing.
+
+        Args:
+            code: The participant.
+            message: What happened, without anything that tells who the person is; cut at 500 characters.
+        """
+        now = self._now()
+
+        def job(database: sqlite3.Connection) -> None:
+            row = database.execute(
+                "SELECT trial_id, max(epoch) FROM sitting JOIN trial USING(trial_id) JOIN assignment"
+                " USING(assignment_id) WHERE code = ? AND trial_id NOT IN (SELECT trial_id FROM outcome)"
+                " AND assignment_id NOT IN (SELECT assignment_id FROM release)"
+                " GROUP BY trial_id ORDER BY trial.opened_ns DESC LIMIT 1",
+                (code,),
+            ).fetchone()
+            if row is not None:
+                self._insert(database, code, *row, [Error(message=message[:500], is_fatal=False)], now)
+
+        self._writer.write(job)
 
     def finish_trial(self, trial_id: str, outcome: Outcome) -> Outcome:
         """Store how a trial ended and close it for good; returns what is stored, which is the first answer ever given.

@@ -220,8 +220,8 @@ class StudyConfig(BaseModel):
     camera: StudyCamera = StudyCamera()
     clutter: ClutterLevel = 0
     """How much furniture without a caption stands in schematic and invented homes."""
-    transition: Literal["none", "interpolated"] = "none"
-    """Pictures between two poses; pose and log are the same."""
+    transition: Literal["none"] = "none"
+    """Pictures between two poses: there are none, people see what an agent sees."""
     display_scale: Annotated[float, Field(gt=0, le=4)] = 2.0
     """The robot's picture fills the window up to this many times its size."""
     information: tuple[Literal["rgb", "compass", "depth", "map"], ...] = ("rgb",)

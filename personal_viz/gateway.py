@@ -79,6 +79,7 @@ class Gateway:
         present: Callable[[str], AbstractContextManager[None]] | None = None,
         screen_out_code: str | None = None,
         tell: Callable[[str], None] | None = None,
+        note_error: Callable[[str, str], None] | None = None,
     ) -> None:
         """Knows whom to let in and where viser is.
 
@@ -90,7 +91,9 @@ class Gateway:
             present: Entered for each participant's connection while it is open.
             screen_out_code: Shown to people for whom there is no place.
             tell: One line for the person at the terminal; None = standard error.
+            note_error: Keeps what was wrong with a participant's connection with the trial; any thread.
         """
+        self._note_error = note_error
         self._admission, self._seats, self._tickets, self._options = admission, seats, tickets, options
         self._present = present or (lambda _: contextlib.nullcontext())
         self._screen_out_code = screen_out_code
@@ -202,6 +205,9 @@ class Gateway:
                 reason = await join(socket, port, ticket_id)
         if reason is not None:
             self._tell(f"a connection of {ticket.code} was closed: it sent {reason}")
+            if self._note_error is not None:
+                with contextlib.suppress(StudyError):  # a store that cannot write has told so itself
+                    await run_in_threadpool(self._note_error, ticket.code, f"connection closed: sent {reason}")
 
     def _paused(self, error: StudyError) -> Response:
         self._tell(str(error))

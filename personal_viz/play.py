@@ -4,6 +4,7 @@ The session decides what is to be shown (a look, the task, a question) and when 
 module waits as long as the session says, stores what it answers, and shows its view on the screen that fits.
 """
 
+import contextlib
 import queue
 import time
 import traceback
@@ -26,6 +27,7 @@ from human_study.study import StudyConfig
 from human_study.views import LookView, PanView, PogView, RateView, SessionUpdate
 from human_study.writer import StoreFullError
 from sim.episodes.schema import Episode
+from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay, EpisodeRun
 
 from .desk import Desk, GoneError, WithdrawnError
@@ -69,6 +71,8 @@ class TrialPlay:
         """
         self._desk, self._link, self._home, self._config = desk, link, home, config
         self._watch = TrialWatch()
+        self._owed: tuple[Event, ...] = ()
+        """Events that are stored with the next ones: a commit of their own would only keep the next key waiting."""
 
     def play(
         self, trial: Trial, *, progress: str, away_s: float, took_over: bool = False
@@ -126,6 +130,8 @@ class TrialPlay:
         finally:
             if screen is not None:
                 screen.close()
+            with contextlib.suppress(StudyError):  # somebody else goes on with the trial, or the store cannot write
+                self._store(trial, ())
 
     def _next_update(self, session: Session, screen: _Screen, trial: Trial) -> SessionUpdate:
         """What comes next from the browser, or from time alone, is done and stored; its view is to be shown."""
@@ -156,13 +162,14 @@ class TrialPlay:
         self._desk.done_with(item)  # not before: who presses without having seen this picture is dropped as busy
         if isinstance(looked.view, screen.kind):
             screen.show(looked.view)
-        self._store(trial, looked.events)  # that the picture was handed out; the step itself was stored before
+        self._owed = looked.events  # that the picture was handed out; the step itself was stored before
         self._watch.tell((*update.events, *looked.events), session.observation)
         return looked
 
     def _store(self, trial: Trial, events: tuple[Event, ...]) -> None:
-        if events:
-            self._link.append_many(trial.trial_id, trial.epoch, events)
+        owed, self._owed = self._owed, ()
+        if owed or events:
+            self._link.append_many(trial.trial_id, trial.epoch, (*owed, *events))
 
     def _session(self, trial: Trial, episode: Episode, stored: list[Event]) -> Session:
         """A new session, or the stored one in the same phase, at the same step and pose, storey and mark."""

@@ -91,6 +91,7 @@ def serve_study(
             present=keeper.present,
             screen_out_code=codes.prolific.screen_out if codes.prolific is not None else None,
             tell=_tell,
+            note_error=store.note_error,
         )
         serving = functools.partial(serving_of, pool, keeper)
         with upkeep(store, keeper, tell=_tell), dashboard(folder, options.dashboard_port, serving=serving) as page:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from human_study.events import Act, Event, Reconnect
+from human_study.events import Act, Error, Event, Reconnect
 from human_study.record_types import VerificationEntry
 from human_study.records import read_study
 from human_study.store import SupersededError, TrialEndedError
@@ -332,3 +332,16 @@ def test_a_snapshot_does_not_change_while_the_study_goes_on(tmp_path: Path) -> N
         before: list[Event] = [stored.event for stored in reader.events(trial.trial_id)]
         store.append(trial.trial_id, trial.epoch, KEY)
         assert [stored.event for stored in reader.events(trial.trial_id)] == before == [OPEN]
+
+
+def test_an_error_of_the_connection_is_kept_with_the_running_trial_only(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        store.note_error("p02", "sent text")
+        store.note_error("p01", "nobody is here")
+        assert [stored.event for stored in store.events(trial.trial_id)][1:] == [
+            Error(message="sent text", is_fatal=False)
+        ]
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+        store.note_error("p02", "too late")
+        assert store.check() == 2

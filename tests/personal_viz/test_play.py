@@ -49,10 +49,8 @@ def test_every_step_is_stored_before_its_picture_is_shown(fake_screens: Fakes) -
     assert link.calls == [
         "store open shown",
         "store key act",
-        "store shown",
-        "store key act",
-        "store shown",
-        "store giveup_armed",
+        "store shown key act",
+        "store shown giveup_armed",
         "store giveup",
         "finish",
     ]
