@@ -233,7 +233,8 @@ class StudyStore(PeopleWrites):
                 (code,),
             ).fetchone()
             if row is not None:
-                self._insert(database, code, *row, [Error(message=message[:500], is_fatal=False)], now)
+                trial_id, epoch = row
+                self._insert(database, code, trial_id, epoch, [Error(message=message[:500], is_fatal=False)], now)
 
         self._writer.write(job)
 
