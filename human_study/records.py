@@ -311,7 +311,9 @@ def read_study(folder: Path) -> Iterator[StudyReader]:
     """
     path = folder / DATABASE_FILE
     if not path.is_file():
-        raise StudyError(f"{path}: found no such file; expected a study. Run personal-viz study init first.")
+        raise StudyError(
+            f"{path}: found no such file; expected a study that was served. Run personal-viz study serve first."
+        )
     try:
         database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
         try:
