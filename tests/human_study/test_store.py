@@ -297,7 +297,7 @@ def test_a_read_only_folder_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_a_study_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="personal-viz study init first"), read_study(tmp_path):
+    with pytest.raises(StudyError, match="personal-viz study serve first"), read_study(tmp_path):
         pass
 
 
