@@ -85,6 +85,8 @@ class Desk:
         """What the browser told last of itself; None before it did."""
         self.has_lost_picture = False
         """Whether the browser cannot draw in 3-D any more until the page is loaded again."""
+        self.own_keys: Mapping[KeyAction, str] = {}
+        """Keys that the participant chose (`KeyboardEvent.code`); other actions have the usual ones."""
         self.on_keys: Callable[[Mapping[KeyAction, str]], None] = lambda _: None
         """Called on the thread that waits when the participant chose other keys."""
         self._queue: queue.Queue[Item] = queue.Queue(MAX_WAITING)
@@ -160,6 +162,7 @@ class Desk:
             if item.content is Signal.WITHDRAWN:
                 raise WithdrawnError
             if isinstance(item.content, OwnKeys):
+                self.own_keys = item.content.keys
                 self.on_keys(item.content.keys)
             elif item.screen == self._screen or (item.screen is None and isinstance(item.content, self._hears)):
                 return item

@@ -2,9 +2,10 @@
 
 import base64
 import html
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 
 import numpy as np
+import viser
 from numpy.typing import NDArray
 
 from human_study.commands import GiveUp, Move, PanCommand, PressStop
@@ -15,12 +16,14 @@ from .frames import jpeg_bytes
 from .panels import Page, overlay_html
 
 BUTTON_LABELS = {
-    Action.FORWARD: "Forward (W or Up)",
-    Action.LEFT: "Turn left (A or Left)",
-    Action.RIGHT: "Turn right (D or Right)",
-    Action.LOOK_UP: "Look up (R)",
-    Action.LOOK_DOWN: "Look down (F)",
+    Action.FORWARD: ("Forward", "W or Up"),
+    Action.LEFT: ("Turn left", "A or Left"),
+    Action.RIGHT: ("Turn right", "D or Right"),
+    Action.LOOK_UP: ("Look up", "R"),
+    Action.LOOK_DOWN: ("Look down", "F"),
+    Action.STOP: ("STOP here", "Enter"),
 }
+"""What a button says and which keys do the same."""
 HOTKEYS = {
     "W": ("KeyW", Action.FORWARD),
     "arrowup": ("ArrowUp", Action.FORWARD),
@@ -51,6 +54,7 @@ class PanApp:
         progress: str,
         display_scale: float = 2.0,
         encode: Encode = jpeg_bytes,
+        own_keys: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
         """Builds the screen.
 
@@ -62,8 +66,11 @@ class PanApp:
             progress: "Trial 1 of 6".
             display_scale: The picture fills the window up to this many times its size.
             encode: A picture as JPEG; `Frames.jpeg` remembers.
+            own_keys: Action to `KeyboardEvent.code` where the participant chose other keys; may change meanwhile.
         """
         self._page, self._encode, self._display_scale = page, encode, display_scale
+        self._own_keys = own_keys
+        self._buttons: dict[Action, viser.GuiButtonHandle] = {}
         page.clear()
         self._caption = f"{html.escape(progress)} &middot; {html.escape(scene_label)}"
         with page.client.atomic():
@@ -87,6 +94,10 @@ class PanApp:
         if view.rgb is not None and (view.rgb is not self._shown[0] or view.step != self._shown[1]):
             self._shown = (view.rgb, view.step)
             self._image.content = overlay_html(self._image_html(view))
+        for action, button in self._buttons.items():
+            label = button_label(action, self._own_keys())
+            if button.label != label:
+                button.label = label
         self._page.client.flush()
 
     def _add_controls(self, view: PanView, send: Send) -> None:
@@ -94,8 +105,10 @@ class PanApp:
         page = self._page
         for action in view.task.actions:
             if action is not Action.STOP:
-                page.button(BUTTON_LABELS[action], _sender(send, Move(action, code=f"button-{action.value}")))
-        page.button("STOP here (Enter twice)", _sender(send, PressStop(code="button-stop")), color="red")
+                press = _sender(send, Move(action, code=f"button-{action.value}"))
+                self._buttons[action] = page.button(button_label(action, self._own_keys()), press)
+        stop = _sender(send, PressStop(code="button-stop"))
+        self._buttons[Action.STOP] = page.button(button_label(Action.STOP, self._own_keys()), stop, color="red")
         page.button("Give up this search", _sender(send, GiveUp()), color="gray")
         for key, (code, action) in HOTKEYS.items():
             if action in view.task.actions:
@@ -113,6 +126,15 @@ class PanApp:
             f'{height}));max-width:{round(self._display_scale * width)}px;height:auto" '
             f'src="data:image/jpeg;base64,{data}">'
         )
+
+
+def button_label(action: Action, own_keys: Mapping[str, str]) -> str:
+    """What a button says, with the keys that do the same: the participant's own where there are some."""
+    text, keys = BUTTON_LABELS[action]
+    own = own_keys.get(action.value)
+    if own is not None:
+        keys = own.removeprefix("Key").removeprefix("Digit").removeprefix("Arrow")
+    return f"{text} ({keys}{' twice' if action is Action.STOP else ''})"
 
 
 def _sender(send: Send, command: PanCommand) -> Callable[[], Awaitable[None]]:

@@ -73,8 +73,10 @@ class Page:
         """Keeps a handle (GUI element, command or scene node) until the next `clear`."""
         self._handles.append(handle)
 
-    def button(self, label: str, press: Press, *, color: str | None = None, hint: str | None = None) -> None:
-        """A button of the panel."""
+    def button(
+        self, label: str, press: Press, *, color: str | None = None, hint: str | None = None
+    ) -> viser.GuiButtonHandle:
+        """A button of the panel; returns it so that its label can change."""
         button = self.client.gui.add_button(label, color=color, hint=hint)  # type: ignore[arg-type]
 
         @button.on_click
@@ -82,6 +84,7 @@ class Page:
             await press()
 
         self.add(button)
+        return button
 
     def hotkey(self, key: str, label: str, press: Press) -> None:
         """A key that works wherever the focus is; a key press is one call, auto-repeat is filtered in the browser."""

@@ -222,6 +222,7 @@ class TrialPlay:
                     progress=progress,
                     display_scale=self._config.display_scale,
                     encode=self._home.renderer.jpeg,
+                    own_keys=lambda: self._desk.own_keys,
                 )
                 return _Screen(PanView, walk.show, _nothing_to_close)
             case PogView():

@@ -104,7 +104,8 @@ class Seat:
         person = self._link.person(self.code)
         actions = _KEYS[self._study.config.actions] if person.task == "pan" else ()
         messages = PageMessages(self._client, self._desk.heard, actions=actions)
-        messages.begin(last_detail(person.stages, "keys_changed"))
+        self._desk.own_keys = last_detail(person.stages, "keys_changed")
+        messages.begin(self._desk.own_keys)
         is_in = way_out(person.stages) is None and not has_reached(person.stages, "finished")
         on_leave = ON_LEAVE[self._study.config.privacy.on_withdraw] if is_in else None
         self._desk.page.tools(has_keys=bool(actions), on_leave=on_leave)

@@ -90,8 +90,10 @@ def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedS
     page.keyboard.press("a", delay=HOLD_MS)
     page.keyboard.press("j", delay=HOLD_MS)
     see_step(page, 4)
+    expect(page.get_by_role("button", name="Turn left (J)")).to_be_visible()
     page.reload()
     see_step(page, 4)
+    expect(page.get_by_role("button", name="Turn left (J)")).to_be_visible()
     page.wait_for_function("document.querySelector('[data-tool=keys]') !== null")
     page.wait_for_timeout(500)  # the script hears of the participant's keys just after the picture
     page.keyboard.press("j", delay=HOLD_MS)
