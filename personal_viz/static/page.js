@@ -3,7 +3,8 @@
 // and forgets those in between, so ours keep away from clicks, carry numbers, and are sent again until acknowledged.
 (() => {
   if (window.personalPage) return;
-  const LABEL = 'messages of this page', EVERY_MS = 120, AGAIN_MS = 2500, PING_MS = 10000, LOST_MS = 12000;
+  const LABEL = 'messages of this page', EVERY_MS = 120, AGAIN_MS = 2500, PING_MS = 10000, LOST_MS = 12000,
+    COMES_BACK_MS = 4000;
   const AFTER_CLICK_MS = 90, MAX_PENDING = 200, MAX_AT_ONCE = 40;
   const DEFAULT = {
     forward: ['KeyW', 'ArrowUp'], left: ['KeyA', 'ArrowLeft'], right: ['KeyD', 'ArrowRight'],
@@ -76,12 +77,31 @@
     roundAt = now();
     tell({ kind: 'round_trip', ms: Math.round(round * 10) / 10 });
   };
+  const isLost = () => state.pending.length > 0 && now() - state.pending[0].t_cli_ms > LOST_MS;
   setInterval(() => {
     if (!state.seat) return;
     if (!state.pending.length && now() - state.sentAt > PING_MS) tell({ kind: 'ping' });
-    else if (state.pending.length && now() - state.pending[0].t_cli_ms > LOST_MS)
+    else if (isLost()) {
       showBanner('The connection is lost. Nothing that you did is lost. This page connects again by itself.');
+      knock();
+    }
   }, 1000);
+  // viser gives up trying after half a minute, and tries nothing in a hidden tab. When the server answers again and
+  // viser still has not come back, the page is loaded again: the server rebuilds all of it from what is stored.
+  let isKnocking = false, answersSince = 0;
+  const knock = async () => {
+    if (isKnocking) return;
+    isKnocking = true;
+    try {
+      const reply = await fetch('/static/page.css', { method: 'HEAD', cache: 'no-store' });
+      answersSince = reply.ok ? answersSince || now() : 0;
+    } catch {
+      answersSince = 0;
+    }
+    isKnocking = false;
+    if (!isLost()) answersSince = 0;
+    else if (answersSince && now() - answersSince > COMES_BACK_MS) window.location.reload();
+  };
 
   // --- keys -------------------------------------------------------------------------------------------------------
   const actionOf = (code) => {

@@ -1,5 +1,6 @@
 """What can happen to a participant's page in real Chromium: other keys, other tabs, no network, no 3-D, no will."""
 
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -130,6 +131,10 @@ def test_the_back_button_and_a_copied_tab_do_not_count_a_step_twice(
     assert acts == [Action.LEFT, Action.RIGHT]
 
 
+LOST_S = 30.0
+"""How long the line stays cut."""
+
+
 def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
@@ -142,7 +147,10 @@ def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
         page.keyboard.press("a", delay=HOLD_MS)
         see_step(page, 1)
         line.cut()
+        since_s = time.monotonic()
         expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_visible(timeout=60_000)
+        page.keyboard.press("a", delay=HOLD_MS)  # reaches nobody, and must not count when the line is back
+        page.wait_for_timeout(1000 * max(0.0, LOST_S - (time.monotonic() - since_s)))  # so long is the line cut
         line.mend()
         expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_hidden(timeout=60_000)
         see_step(page, 1)
