@@ -13,6 +13,7 @@ from human_study.views import PanView
 from sim.types import Action
 
 from .frames import jpeg_bytes
+from .page_script import KeyAction
 from .panels import Page, overlay_html
 
 BUTTON_LABELS = {
@@ -54,7 +55,7 @@ class PanApp:
         progress: str,
         display_scale: float = 2.0,
         encode: Encode = jpeg_bytes,
-        own_keys: Callable[[], Mapping[str, str]] = dict,
+        own_keys: Callable[[], Mapping[KeyAction, str]] = dict,
     ) -> None:
         """Builds the screen.
 
@@ -128,7 +129,7 @@ class PanApp:
         )
 
 
-def button_label(action: Action, own_keys: Mapping[str, str]) -> str:
+def button_label(action: Action, own_keys: Mapping[KeyAction, str]) -> str:
     """What a button says, with the keys that do the same: the participant's own where there are some."""
     text, keys = BUTTON_LABELS[action]
     own = own_keys.get(action.value)
