@@ -16,20 +16,8 @@ from websockets.typing import Subprotocol
 from sim.errors import StudyError
 
 from .bots_page import BotPage
+from .first_camera import CAMERA
 
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [3.0, 3.0, 3.0],
-    "fov": 1.3,
-    "near": 0.01,
-    "far": 1000.0,
-    "image_height": 800,
-    "image_width": 880,
-    "look_at": [0.0, 0.0, 0.0],
-    "up_direction": [0.0, 1.0, 0.0],
-}
-"""A browser's first words: viser admits a client when it tells its camera."""
 ENTER_S = 60.0
 """Longest wait for the gateway's answers."""
 

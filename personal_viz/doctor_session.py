@@ -10,21 +10,9 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from .doctor_site import TIMEOUT_S, Check, Site
+from .first_camera import CAMERA
 
 FIRST_MESSAGE_S = 30.0
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [3.0, 3.0, 3.0],
-    "fov": 1.3,
-    "near": 0.01,
-    "far": 1000.0,
-    "image_height": 800,
-    "image_width": 1200,
-    "look_at": [0.0, 0.0, 0.0],
-    "up_direction": [0.0, 1.0, 0.0],
-}
-"""viser begins to speak when it knows the camera."""
 
 
 def check_session(site: Site, token: str) -> Check:

@@ -61,13 +61,7 @@ def serve_study(
     require_may_serve(options, store.config, [scene.kind for scene in store.plan.scenes])
     codes = _codes(folder, store.config)
     tickets = Tickets(folder)
-    admission = Admission(
-        store,
-        store.config,
-        token_of_code={code: token for _, code, token in links},
-        platform_key=platform_key,
-        pay_file=PayFile(folder),
-    )
+    admission = _admission(store, links, platform_key)
     print(_opening(store.plan, options.num_workers), flush=True)
     with (
         contextlib.closing(listen(options)) as listening,
@@ -89,16 +83,29 @@ def serve_study(
             tickets=tickets,
             options=options,
             present=keeper.present,
-            screen_out_code=codes.prolific.screen_out if codes.prolific is not None else None,
+            screen_out_code=codes.prolific and codes.prolific.screen_out,
             tell=_tell,
             note_error=store.note_error,
         )
         serving = functools.partial(serving_of, pool, keeper)
         with upkeep(store, keeper, tell=_tell), dashboard(folder, options.dashboard_port, serving=serving) as page:
             _print_links(options.address(listening.getsockname()[1]), links, has_open_link=admission.has_open_link)
-            print(f"  Who is where, for you only: {page}")
-            print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
+            print(
+                f"  Who is where, for you only: {page}\nEverything is written to {folder}. Ctrl-C ends the study.",
+                flush=True,
+            )
             _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
+
+
+def _admission(store: StudyStore, links: Sequence[tuple[str, str, str]], platform_key: bytes) -> Admission:
+    """Who is let in: the holders of the links, and whom the study file's way of recruiting brings."""
+    return Admission(
+        store,
+        store.config,
+        token_of_code={code: token for _, code, token in links},
+        platform_key=platform_key,
+        pay_file=PayFile(store.folder),
+    )
 
 
 def listen(options: ServeOptions) -> socket.socket:

@@ -27,18 +27,6 @@ from personal_viz.gateway_options import ServeOptions
 from sim.errors import StudyError
 
 KEY = b"k" * 32
-CAMERA: dict[str, Any] = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [3.0, 3.0, 3.0],
-    "fov": 1.3,
-    "near": 0.01,
-    "far": 1000.0,
-    "image_height": 800,
-    "image_width": 880,
-    "look_at": [0.0, 0.0, 0.0],
-    "up_direction": [0.0, 1.0, 0.0],
-}
 PRESS: dict[str, Any] = {"type": "GuiUpdateMessage", "uuid": "b-1", "updates": {"value": True}}
 KEY_PRESS: dict[str, Any] = {"type": "CommandTriggerMessage", "uuid": "c-1"}
 

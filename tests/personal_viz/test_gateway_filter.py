@@ -7,6 +7,7 @@ import msgspec
 import pytest
 from viser import _messages
 
+from personal_viz.first_camera import CAMERA
 from personal_viz.gateway_filter import (
     ACTION_RATE,
     CommandTriggerMessage,
@@ -18,7 +19,7 @@ from personal_viz.gateway_filter import (
     viser_bytes,
 )
 
-from .gateways import CAMERA, KEY_PRESS, PRESS, pack
+from .gateways import KEY_PRESS, PRESS, pack
 
 CLICK = {
     "type": "ScenePointerMessage",

@@ -16,9 +16,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from personal_viz.first_camera import CAMERA
 from personal_viz.gateway_options import ServeOptions
 
-from .gateways import CAMERA, KEY_PRESS, PRESS, Running, connected, enter, pack, raw, running, says, wait_until
+from .gateways import KEY_PRESS, PRESS, Running, connected, enter, pack, raw, running, says, wait_until
 
 CLICK: dict[str, Any] = {
     "type": "ScenePointerMessage",

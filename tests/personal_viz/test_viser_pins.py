@@ -7,9 +7,10 @@ from viser import _messages
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
+from personal_viz.first_camera import CAMERA
 from personal_viz.server import refuse_tunnels, ticket_of
 
-from .gateways import CAMERA, pack
+from .gateways import pack
 
 
 def test_a_worker_knows_the_ticket_of_a_connection_and_opens_no_tunnel() -> None:
