@@ -92,11 +92,12 @@ def see_step(page: Page, number: int) -> None:
 
 
 def give_up(page: Page) -> None:
-    """Ends a trial without an answer: the button twice."""
+    """Ends a trial without an answer: the button twice, at a person's pace and not before there is a picture."""
+    expect(page.get_by_alt_text("What the robot sees")).to_be_visible()
     button = page.get_by_role("button", name="Give up this search")
     button.click()
-    expect(page.get_by_text(re.compile("give up", re.IGNORECASE)).last).to_be_visible()
-    page.wait_for_timeout(200)  # a person's pace
+    expect(page.get_by_text("again to end this search")).to_be_visible()
+    page.wait_for_timeout(600)  # a person's pace: a second press within half a second does not count
     button.click()
 
 
