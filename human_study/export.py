@@ -15,10 +15,14 @@ from pydantic import BaseModel
 from sim.errors import StudyError
 from sim.files import write_whole
 
-from .data_dictionary import dictionary_text
-from .export_codes import exported_codes, is_gone
-from .export_formats import table_bytes
-from .export_manifest import (
+from .plan import PRACTICE_FOLDER
+from .record_types import StoredEvent, TrialStatus
+from .records import StudyReader, read_study
+from .study import STUDY_FILE
+from .tables.codes import exported_codes, is_gone
+from .tables.data_dictionary import dictionary_text
+from .tables.formats import table_bytes
+from .tables.manifest import (
     MANIFEST_FILE,
     LeftOutTrial,
     Manifest,
@@ -26,7 +30,7 @@ from .export_manifest import (
     read_manifest,
     strangers,
 )
-from .export_rows import (
+from .tables.rows import (
     EventRow,
     ExclusionRow,
     ParticipantRow,
@@ -36,12 +40,8 @@ from .export_rows import (
     participant_row,
     verification_rows,
 )
-from .export_runs import RunFolders, created_utc, result_of, trial_run_info
-from .plan import PRACTICE_FOLDER
-from .record_types import StoredEvent, TrialStatus
-from .records import StudyReader, read_study
-from .study import STUDY_FILE
-from .trial_table import AttemptName, RowContext, TrialRow, row_context, trial_row
+from .tables.runs import RunFolders, created_utc, result_of, trial_run_info
+from .tables.trial_table import AttemptName, RowContext, TrialRow, row_context, trial_row
 
 DICTIONARY_FILE = "data_dictionary.md"
 TABLES: dict[str, tuple[str, type[BaseModel]]] = {

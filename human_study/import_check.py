@@ -12,14 +12,14 @@ from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, read_run
 from sim.types import EpisodeKey
 
 from .events import Event, Open
-from .export_manifest import Manifest, read_manifest, require_unchanged
-from .export_rows import EventRow
-from .export_runs import RUN_CONDITIONS
 from .outcome import Outcome
 from .plan import StudyScene
 from .study import StudyConfig, load_study
-from .trial_figures import TrialFigures, trial_figures
-from .trial_table import TrialRow
+from .tables.manifest import Manifest, read_manifest, require_unchanged
+from .tables.rows import EventRow
+from .tables.runs import RUN_CONDITIONS
+from .tables.trial_figures import TrialFigures, trial_figures
+from .tables.trial_table import TrialRow
 from .verify import TrialHome, first_difference, recompute
 
 Row = TypeVar("Row", bound=BaseModel)

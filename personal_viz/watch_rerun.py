@@ -4,10 +4,10 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from human_study.export_runs import trial_run_info
 from human_study.plan import StudyScene
 from human_study.store import Trial
 from human_study.study import StudyConfig
+from human_study.tables.runs import trial_run_info
 from recordings.live import LiveSink
 from recordings.observer import RerunObserver
 from recordings.observer_pog import AnswerObserver

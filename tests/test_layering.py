@@ -26,7 +26,7 @@ LIGHT_MODULES = (
     "human_study.store",
     "human_study.export",
     "human_study.verify",
-    "human_study.report",
+    "human_study.reporting.report",
     "personal_viz.cli",
     "personal_viz.commands.runs",
 )

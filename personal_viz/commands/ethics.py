@@ -3,8 +3,8 @@
 from collections import Counter
 from pathlib import Path
 
-from human_study.ethics import open_places, with_filled_places
-from human_study.ethics_documents import ethics_documents
+from human_study.ethics.documents import ethics_documents
+from human_study.ethics.sheets import open_places, with_filled_places
 from human_study.plan import PLAN_FILE, StudyPlan, load_plan
 from human_study.records import DATABASE_FILE
 from human_study.study import StudyConfig, load_study, write_whole

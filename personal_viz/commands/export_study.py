@@ -22,7 +22,7 @@ def export(*, study: Path, out: Path | None) -> int:
         StudyError: The study cannot be read or was changed, or `out` cannot be written.
     """
     from human_study.export import export_study
-    from human_study.export_manifest import read_manifest
+    from human_study.tables.manifest import read_manifest
 
     if out is None:
         with read_study(study) as reader:
@@ -53,8 +53,8 @@ def import_check(*, export: Path, dataset: Path, scenes_dir: Path | None) -> int
         StudyError: A file is missing or was changed, or the export is of another dataset.
         DatasetError, SceneError: A home cannot be read.
     """
-    from human_study.export_manifest import read_manifest, require_unchanged
     from human_study.import_check import import_check as check
+    from human_study.tables.manifest import read_manifest, require_unchanged
 
     manifest = read_manifest(export)
     require_unchanged(export, manifest)

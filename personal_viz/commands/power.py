@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from sim.errors import StudyError
 
 if TYPE_CHECKING:
-    from human_study.power import PowerAssumptions
+    from human_study.reporting.power import PowerAssumptions
 
 
 def power(
@@ -53,8 +53,8 @@ def power(
         StudyError: The folder holds no study, or an option is out of its range.
     """
     from human_study.plan import PLAN_FILE, load_plan
-    from human_study.power import PowerDesign, design_of, power_report
-    from human_study.power_tables import power_markdown
+    from human_study.reporting.power import PowerDesign, design_of, power_report
+    from human_study.reporting.power_tables import power_markdown
     from human_study.study import load_study
 
     if study is not None:
@@ -72,7 +72,7 @@ def power(
 
 
 def _assumptions(**fields: float | tuple[float, ...]) -> PowerAssumptions:
-    from human_study.power import PowerAssumptions
+    from human_study.reporting.power import PowerAssumptions
 
     try:
         return PowerAssumptions.model_validate(fields)

@@ -14,8 +14,8 @@ from sim.tasks.run_files import Run
 from sim.types import SPLITS, EpisodeKey, SuccessRule, TaskKind
 
 if TYPE_CHECKING:
-    from human_study.overlays import FloorPlan
-    from human_study.report import ReportGroups, StudyReport
+    from human_study.reporting.overlays import FloorPlan
+    from human_study.reporting.report import ReportGroups, StudyReport
 
 CHOSEN_OVERLAYS = 4
 """Episodes of each task that are drawn from above unless all are asked for."""
@@ -46,8 +46,8 @@ def report(
         StudyError: No run is of people, an agent did other episodes, options do not fit, or `out` cannot be written.
         RunFileError: A folder holds no run, a run is damaged, or the runs must not stand side by side.
     """
-    from human_study.report import report_groups, study_report
-    from human_study.report_source import read_source
+    from human_study.reporting.report import report_groups, study_report
+    from human_study.reporting.source import read_source
 
     if scenes_dir is not None and dataset is None:
         raise StudyError(f"--scenes-dir: found {str(scenes_dir)!r} without --dataset; expected both. Give --dataset.")
@@ -78,9 +78,9 @@ def _scenes_of(runs: Sequence[Run]) -> set[str]:
 
 
 def _texts(found: StudyReport, groups: ReportGroups, pictures: dict[str, str]) -> dict[str, str]:
-    from human_study.glmm import glmm_csv, glmm_script
-    from human_study.report_files import csv_text, latex
-    from human_study.report_sections import html_page, markdown
+    from human_study.reporting.files import csv_text, latex
+    from human_study.reporting.glmm import glmm_csv, glmm_script
+    from human_study.reporting.sections import html_page, markdown
 
     texts = {
         "report.md": markdown(found, pictures),
@@ -95,7 +95,7 @@ def _texts(found: StudyReport, groups: ReportGroups, pictures: dict[str, str]) -
 
 
 def _pictures(found: StudyReport, groups: ReportGroups) -> dict[str, str]:
-    from human_study.report_figures import effort_svg, flow_svg, order_svg, outcome_matrix_svg, person_dots_svg
+    from human_study.reporting.figures import effort_svg, flow_svg, order_svg, outcome_matrix_svg, person_dots_svg
 
     pictures = {}
     for task in _tasks(found):
@@ -113,7 +113,7 @@ def _overlays(
     groups: ReportGroups, episodes: PersonalDataset | None, scenes_dir: Path | None, *, draws_all: bool
 ) -> dict[str, str]:
     """Paths and marks from above, by file name; over the free floor where the dataset is at hand."""
-    from human_study.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
+    from human_study.reporting.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
 
     shown = (*groups.people, *groups.agents)
     tasks: list[TaskKind] = [group.task for group in groups.people]
@@ -132,7 +132,7 @@ def _floors(
     episodes: PersonalDataset, heights: Mapping[EpisodeKey, float], scenes_dir: Path | None
 ) -> dict[EpisodeKey, FloorPlan]:
     """The free floor of each episode's storey; a home is opened once."""
-    from human_study.overlays import FloorPlan
+    from human_study.reporting.overlays import FloorPlan
     from sim.scenes.sources import open_scene
 
     floors = {}

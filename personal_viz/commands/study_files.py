@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from human_study.ethics import consent_text, instructions_text, open_places
+from human_study.ethics.sheets import consent_text, instructions_text, open_places
 from human_study.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, StudyScene, save_plan
 from human_study.planning import Practice, make_plan
 from human_study.records import DATABASE_FILE

@@ -5,7 +5,11 @@ import re
 
 import pytest
 
-from human_study.ethics import (
+from human_study.ethics.documents import ethics_documents
+from human_study.ethics.estimate import announced_minutes, estimate_time
+from human_study.ethics.preregistration import hypothesis_sentence
+from human_study.ethics.sample import sample_of
+from human_study.ethics.sheets import (
     consent_text,
     instructions_for,
     instructions_text,
@@ -13,10 +17,6 @@ from human_study.ethics import (
     with_filled_places,
     wrapped,
 )
-from human_study.ethics_documents import ethics_documents
-from human_study.ethics_estimate import announced_minutes, estimate_time
-from human_study.ethics_sample import sample_of
-from human_study.preregistration import hypothesis_sentence
 from human_study.study import StudyConfig, StudyPrivacy
 
 from .small_world import plan, study

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from human_study.overlays import FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
-from human_study.trial_groups import CountedTrial, TrialGroup
+from human_study.reporting.overlays import FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
+from human_study.reporting.trial_groups import CountedTrial, TrialGroup
 from sim.tasks.run_files import Answer
 from sim.types import EpisodeKey, GridSpec
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from human_study.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, save_plan
-from human_study.power import (
+from human_study.reporting.power import (
     PowerAssumptions,
     PowerDesign,
     PowerRow,

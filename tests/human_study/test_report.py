@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from human_study.report import StudyReport, study_report
-from human_study.report_figures import outcome_matrix_svg, person_dots_svg
-from human_study.report_files import csv_text, latex
-from human_study.report_rows import require_totals
-from human_study.report_sections import markdown
-from human_study.statistics import wilson_interval
+from human_study.reporting.figures import outcome_matrix_svg, person_dots_svg
+from human_study.reporting.files import csv_text, latex
+from human_study.reporting.report import StudyReport, study_report
+from human_study.reporting.rows import require_totals
+from human_study.reporting.sections import markdown
+from human_study.reporting.statistics import wilson_interval
 from personal_viz.commands.report import report as report_command
 from sim.errors import RunFileError, StudyError
 from sim.tasks.metrics import metric_rows

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from human_study.record_types import VerificationEntry
-from human_study.report import StudyReport, study_report
-from human_study.report_sections import markdown
-from human_study.report_source import read_source
+from human_study.reporting.report import StudyReport, study_report
+from human_study.reporting.sections import markdown
+from human_study.reporting.source import read_source
 from personal_viz.commands.report import report as report_command
 from sim.errors import StudyError
 

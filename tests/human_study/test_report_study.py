@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.record_summary import flow_counts
-from human_study.report import StudyReport, study_report
-from human_study.report_sections import html_page, markdown
-from human_study.report_source import StudyRecords, read_source
+from human_study.reporting.record_summary import flow_counts
+from human_study.reporting.report import StudyReport, study_report
+from human_study.reporting.sections import html_page, markdown
+from human_study.reporting.source import StudyRecords, read_source
 from human_study.study import StudyAggregate
-from human_study.trial_table import TrialRow
+from human_study.tables.trial_table import TrialRow
 from personal_viz.commands.report import report as report_command
 from sim.errors import RunFileError, StudyError
 

@@ -9,9 +9,9 @@ from human_study.events import Confidence, Event, Hidden, Looking, MapOff, MapOn
 from human_study.plan import PlannedTrial, StudyPlan
 from human_study.records import read_study
 from human_study.store import open_store
+from human_study.tables.trial_figures import trial_figures
+from human_study.tables.trial_table import TrialRow, trial_rows
 from human_study.tickets import token_hash
-from human_study.trial_figures import trial_figures
-from human_study.trial_table import TrialRow, trial_rows
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import Action
 

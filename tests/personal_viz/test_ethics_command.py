@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from human_study.ethics import open_places
+from human_study.ethics.sheets import open_places
 from human_study.study import StudyConfig, save_study
 from personal_viz.commands.ethics import ethics
 from sim.errors import StudyError

@@ -9,8 +9,8 @@ from rerun.chunk import RrdReader
 
 from human_study.events import Act
 from human_study.export import export_study
-from human_study.export_codes import exported_codes
 from human_study.records import read_study
+from human_study.tables.codes import exported_codes
 from personal_viz.commands.study import serve
 from personal_viz.served import start_study
 from sim.episodes.dataset import PersonalDataset

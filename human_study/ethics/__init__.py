@@ -1,0 +1,1 @@
+"""What participants and ethics boards read, written from the study file."""

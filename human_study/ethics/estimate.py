@@ -1,0 +1,95 @@
+"""How long taking part lasts, from the number of trials and stated seconds for each of its parts. A planning figure."""
+
+import math
+from dataclasses import dataclass
+
+from sim.types import TaskKind
+
+from ..plan import StudyPlan
+from ..study import Condition, StudyConfig
+
+TRIAL_S: dict[TaskKind, float] = {"pan": 120.0, "pog": 60.0}
+"""Seconds from the text to the answer, assumed before the pilot; the pilot's own times replace them."""
+LOOK_S = 30.0
+"""Seconds of looking at a map or home before a trial, where the study file sets no limit below it."""
+READING_S = 480.0
+"""Seconds for device check, consent, instructions and quiz together."""
+BREAK_S = 120.0
+"""Seconds of one break."""
+ROUND_TO_MIN = 5
+
+
+@dataclass(frozen=True, slots=True)
+class TimeEstimate:
+    """How long one participant takes, in seconds by part."""
+
+    num_trials: int
+    """Counted ones."""
+    num_practice: int
+    num_checks: int
+    num_breaks: int
+    trials_s: float
+    """Of counted trials and attention checks, with the looks before them."""
+    practice_s: float
+    reading_s: float
+    breaks_s: float
+
+    @property
+    def total_s(self) -> float:
+        """All parts."""
+        return self.trials_s + self.practice_s + self.reading_s + self.breaks_s
+
+    @property
+    def minutes(self) -> int:
+        """The total in minutes, rounded up to a multiple of 5."""
+        return ROUND_TO_MIN * math.ceil(self.total_s / 60 / ROUND_TO_MIN)
+
+
+def estimate_time(config: StudyConfig, *, num_trials: int, task: TaskKind) -> TimeEstimate:
+    """The estimate for one participant with this many counted trials of a task."""
+    per_trial = TRIAL_S[task] + _mean_look_s(config, task)
+    num_checks = num_trials // config.checks.every if config.checks.every is not None else 0
+    num_breaks = max(0, (num_trials - 1) // config.breaks.every) if config.breaks.every is not None else 0
+    num_practice = config.practice.pan if task == "pan" else config.practice.pog
+    return TimeEstimate(
+        num_trials=num_trials,
+        num_practice=num_practice,
+        num_checks=num_checks,
+        num_breaks=num_breaks,
+        trials_s=(num_trials + num_checks) * per_trial,
+        practice_s=num_practice * per_trial,
+        reading_s=READING_S if config.flow else 0.0,
+        breaks_s=num_breaks * BREAK_S,
+    )
+
+
+def announced_minutes(config: StudyConfig, plan: StudyPlan | None = None) -> int | None:
+    """Minutes that people are told: `ethics.duration_min`, else the estimate of the longest share; None = unknown.
+
+    Without a plan the share is `design.trials_per_person`; where that is open there is no estimate before the plan.
+    """
+    if config.ethics.duration_min is not None:
+        return config.ethics.duration_min
+    shares: list[tuple[TaskKind, int]]
+    if plan is not None:
+        shares = [(person.task, sum(trial.phase == "main" for trial in person.trials)) for person in plan.participants]
+    elif config.design.trials_per_person is not None:
+        shares = [(task, config.design.trials_per_person) for task in config.task]
+    else:
+        return None
+    return max(estimate_time(config, num_trials=count, task=task).minutes for task, count in shares)
+
+
+def _mean_look_s(config: StudyConfig, task: TaskKind) -> float:
+    """Seconds of looking before a trial, averaged over the conditions of the task."""
+    limits = [_look_s(config, condition) for condition in config.conditions(task)]
+    return sum(limits) / len(limits)
+
+
+def _look_s(config: StudyConfig, condition: Condition) -> float:
+    """Seconds of looking before a trial of a condition."""
+    if condition in ("topdown", "glb"):
+        return max(config.memory.min_s, min(LOOK_S, config.memory.max_s or LOOK_S))
+    if condition == "map_first":
+        return max(config.pog.look_min_s, min(LOOK_S, config.pog.look_max_s or LOOK_S))
+    return 0.0

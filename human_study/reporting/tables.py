@@ -1,0 +1,149 @@
+"""A report's numbers as tables: people and agents by split, spreads, and the success within so many steps."""
+
+from collections.abc import Sequence
+
+from sim.types import SPLITS, EndReason, TaskKind
+
+from .blocks import Block, Heading, Table, Text
+from .report import StudyReport
+from .row_labels import row_label
+from .rows import TOTAL, ReportRow
+
+TITLES: dict[TaskKind, str] = {"pan": "PAN", "pog": "POG"}
+HEADS = {
+    "sr": "SR (%)",
+    "spl": "SPL (%)",
+    "soft_spl": "soft SPL (%)",
+    "dtg": "DTG (m)",
+    "distance": "distance to the goal's centre (m)",
+    "steps": "steps to decision",
+    "path_m": "path (m)",
+    "t_s": "time to decision (s)",
+    "t_look_s": "look at the map before (s)",
+}
+NOBODY = "no such trials"
+END_NAMES: dict[EndReason, str] = {
+    "stop": "STOP",
+    "steps": "step limit without STOP",
+    "click": "confirmed mark",
+    "giveup": "given up",
+    "timeout": "time limit",
+    "technical": "technical failure",
+    "abandoned": "abandoned",
+}
+
+
+def result_tables(report: StudyReport, task: TaskKind, kind: str) -> list[Block]:
+    """A table per measure with who by split, for one task and kind of home; oracle maps stand beside the people."""
+    rows = [row for row in report.rows if row.task == task and row.scene_kind in (kind, "oracle-map")]
+    note = verification_note(report, task, kind)
+    if any(row.kind == "agent" for row in rows):
+        note += f" People have: {', '.join(report.information) if report.information else 'not in the runs'}."
+    blocks: list[Block] = []
+    for measure in dict.fromkeys(row.measure for row in rows if row.measure in HEADS):
+        blocks.append(_measure_table(report, rows, measure, note))
+    anytime = [row for row in rows if row.measure.startswith("sr_within_") and row.split == TOTAL]
+    if anytime:
+        blocks += [Heading("Success within so many steps, total (%)", 3), _anytime(anytime, note)]
+    spreads = [row for row in report.spreads if row.task == task and row.scene_kind in (kind, "oracle-map")]
+    if spreads:
+        lines = [
+            (
+                row_label(row.who, row.condition),
+                HEADS[row.measure],
+                row.split,
+                f"{row.median:.2f}",
+                f"{row.lower:.2f} to {row.upper:.2f}",
+                str(row.n),
+                str(row.num_missing),
+            )
+            for row in spreads
+        ]
+        heads = ("who", "measure", "split", "median", "middle half", "trials", "without a value")
+        text = (
+            "Quartiles over trials. DTG without a value: no way leads from the last position to the goal (unreachable)."
+        )
+        blocks += [Heading("Spread", 3), Text(text), Table(heads, tuple(lines), note)]
+    return blocks + _ends(report, task, kind, note)
+
+
+def _ends(report: StudyReport, task: TaskKind, kind: str, note: str) -> list[Block]:
+    lines = tuple(
+        (row_label(row.who, row.condition), END_NAMES[row.reason], str(row.n), str(row.k))
+        for row in report.ends
+        if row.task == task and row.scene_kind in (kind, "oracle-map")
+    )
+    return [Heading("How trials ended", 3), Table(("who", "end", "trials", "successes among them"), lines, note)]
+
+
+def verification_note(report: StudyReport, task: TaskKind, kind: str) -> str:
+    """How many of the people's trials were done again and agree, for below a table."""
+    parts = [
+        f"{row_label('human', row.condition)}: {row.num_verified} of {row.n} verified, {row.num_drift} drift, "
+        f"{row.num_failed} failed, {row.num_unsupported} unsupported, {row.num_not_yet} not yet"
+        for row in report.verification
+        if (row.task, row.scene_kind) == (task, kind)
+    ]
+    return "Done again step by step: " + ("; ".join(parts) if parts else "not known, only runs are at hand") + "."
+
+
+def table_kinds(report: StudyReport) -> list[tuple[TaskKind, str]]:
+    """Tasks and kinds of homes of the people's rows; kinds never share a table."""
+    return list(dict.fromkeys((row.task, row.scene_kind) for row in report.rows if row.kind == "human"))
+
+
+def names_of(rows: Sequence[ReportRow]) -> list[tuple[str, str]]:
+    """(who, condition) of each row of a table, in order."""
+    return list(dict.fromkeys((row.who, row.condition) for row in rows))
+
+
+def splits_of(rows: Sequence[ReportRow]) -> list[str]:
+    """Splits that occur, the total last."""
+    return [split for split in (*SPLITS, TOTAL) if any(row.split == split for row in rows)]
+
+
+def find_row(rows: Sequence[ReportRow], who: str, condition: str, split: str, measure: str) -> ReportRow | None:
+    """The one row of these names, or None."""
+    names = (who, condition, split, measure)
+    return next((row for row in rows if (row.who, row.condition, row.split, row.measure) == names), None)
+
+
+def digits_of(measure: str) -> int:
+    """Decimals that a reader needs."""
+    return 2 if measure in ("dtg", "distance", "path_m") else 1
+
+
+def with_interval(value: float, low: float | None, high: float | None, *, digits: int = 1) -> str:
+    """`value [low, high]`."""
+    shown, *limits = (f"{round(x, digits) + 0.0:.{digits}f}" for x in (value, low, high) if x is not None)  # no -0.0
+    return f"{shown} [{', '.join(limits)}]" if len(limits) == 2 else shown
+
+
+def _measure_table(report: StudyReport, rows: Sequence[ReportRow], measure: str, note: str) -> Table:
+    splits = splits_of(rows)
+    lines = []
+    for who, condition in names_of(rows):
+        cells = [find_row(rows, who, condition, split, measure) for split in splits]
+        if any(cells):
+            done = sum(cell is not None for cell in cells[:-1])
+            shown = [NOBODY if cell is None else _cell(cell) for cell in cells]
+            if splits[-1] == TOTAL and done < len(splits) - 1 and cells[-1] is not None:
+                shown[-1] += f" ({done} of {len(splits) - 1} splits)"
+            lines.append((row_label(who, condition), *shown))
+    return Table((HEADS[measure], *splits), tuple(lines), note)
+
+
+def _cell(row: ReportRow) -> str:
+    count = f"n {row.n}" if row.k is None else f"{row.k}/{row.n}"
+    return f"{with_interval(row.value, row.low, row.high, digits=digits_of(row.measure))} {count}"
+
+
+def _anytime(rows: Sequence[ReportRow], note: str) -> Table:
+    limits = list(dict.fromkeys(row.measure for row in rows))
+    lines = []
+    for who, condition in names_of(rows):
+        cells = [find_row(rows, who, condition, TOTAL, measure) for measure in limits]
+        shown = [NOBODY if cell is None else with_interval(cell.value, cell.low, cell.high) for cell in cells]
+        lines.append((row_label(who, condition), *shown))
+    heads = [measure.removeprefix("sr_within_") for measure in limits]
+    return Table(("steps", *heads), tuple(lines), note)

@@ -1,0 +1,1 @@
+"""A study's records as rows: what is exported, in which formats, under which codes."""
