@@ -120,9 +120,7 @@ def served(folder: Path, dataset: Path, scenes_dir: Path | None = None) -> Itera
     program = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--dataset", str(dataset)]
     program += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
     program += ["--port", "0", "--pilot"]
-    process = subprocess.Popen(
-        program, stdout=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=_hear_ctrl_c
-    )
+    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, process_group=0, preexec_fn=_hear_ctrl_c)
     try:
         assert process.stdout is not None
         links = {}

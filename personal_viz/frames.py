@@ -5,6 +5,7 @@ next key could show. Only what is asked for leaves this module, so browsers neve
 """
 
 import os
+import sys
 import threading
 import time
 from collections import OrderedDict, deque
@@ -28,6 +29,8 @@ _STARVED = 1.6
 """Elapsed over CPU time of a picture from which on the machine counts as busy."""
 _REST_S = 0.25
 """How long nothing is rendered ahead once the machine is busy."""
+RENDER_NICE = 10
+"""Priority of the render threads, as of `nice`: a key that waits to be stored goes before every picture."""
 _Key = tuple[bytes, Camera]
 _Job = Callable[[], None]
 
@@ -81,6 +84,9 @@ class RenderThreads:
         self._lock.notify()
 
     def _work(self) -> None:
+        if sys.platform == "linux":  # elsewhere priorities belong to whole processes
+            own = threading.get_native_id()
+            os.setpriority(os.PRIO_PROCESS, own, max(RENDER_NICE, os.getpriority(os.PRIO_PROCESS, own)))
         while True:
             with self._lock:
                 job = self._next_job()
@@ -238,7 +244,7 @@ def successors(
     poses = []
     for action in moves:
         env = PanEnv(pose, navigation, renderer=None)
-        env.step(action)
+        env.move(action)
         poses.append(env.pose)
     return poses
 

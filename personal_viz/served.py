@@ -35,7 +35,7 @@ def start_study(folder: Path, *command: str) -> ServedStudy:
         StudyError: The program ended instead.
     """
     program = [sys.executable, "-m", "personal_viz", *command, "--out", str(folder), "--port", "0"]
-    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, process_group=0)
     assert process.stdout is not None
     lines = []
     for line in process.stdout:

@@ -185,12 +185,13 @@ class WorkerPool:
     def _spawn(self, worker: Worker) -> None:
         ours, theirs = socket.socketpair()
         worker.ended = threading.Event()
-        # a session of its own: Ctrl-C reaches the gateway alone, which then closes the socket
+        # a process group of its own: Ctrl-C reaches the gateway alone, which then closes the socket; not a session of
+        # its own, since Linux shares out the cores by session before it looks at the priority of render threads
         # and no standard output: viser prints its own address there, which participants must not use
         worker.process = subprocess.Popen(
             list(self._command(theirs.fileno())),
             pass_fds=[theirs.fileno()],
-            start_new_session=True,
+            process_group=0,
             stdout=subprocess.DEVNULL,
         )
         theirs.close()

@@ -1,7 +1,10 @@
 """Pictures of a home: rendered once, in the right order, the same ones with and without looking ahead."""
 
+import os
+import sys
 import threading
 from collections.abc import Sequence
+from concurrent.futures import Future
 
 import numpy as np
 import pytest
@@ -10,7 +13,7 @@ from numpy.typing import NDArray
 from human_study.commands import Move, Start
 from human_study.events import Act, Event, Key, Shown
 from human_study.session import PanSession
-from personal_viz.frames import Frames, RenderThreads, jpeg_bytes, successors
+from personal_viz.frames import RENDER_NICE, Frames, RenderThreads, jpeg_bytes, successors
 from sim.errors import SceneError
 from sim.frames import T_world_camera
 from sim.tasks.pan import PanEnv
@@ -94,6 +97,15 @@ def test_what_somebody_waits_for_goes_before_what_is_rendered_ahead() -> None:
     threads.close()
     assert renderer.xs.index(2.0) == 1
     assert renderer.xs.count(6.0) == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere priorities belong to whole processes")
+def test_pictures_leave_the_cores_to_keys_that_wait_to_be_stored() -> None:
+    done: Future[int] = Future()
+    own = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+    RenderThreads(1).run(lambda: done.set_result(os.getpriority(os.PRIO_PROCESS, threading.get_native_id())))
+    assert done.result(WAIT_S) == max(own, RENDER_NICE)
+    assert os.getpriority(os.PRIO_PROCESS, threading.get_native_id()) == own
 
 
 def test_a_new_wish_replaces_the_old_one_and_nobody_is_left_out() -> None:

@@ -86,6 +86,14 @@ def test_all_workers_end_with_the_block(tmp_path: Path) -> None:
     assert not any(is_running(pid) for pid in pids(tmp_path))
 
 
+def test_ctrl_c_does_not_reach_workers_and_they_share_the_cores_with_the_gateway(tmp_path: Path) -> None:
+    with pool_of(tmp_path, "good", 2, []):
+        assert pids(tmp_path)
+        for pid in pids(tmp_path):
+            assert os.getpgid(pid) not in (os.getpgid(0), 0)
+            assert os.getsid(pid) == os.getsid(0)
+
+
 def test_a_worker_that_does_not_listen_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "END_S", 0.5)
     with pool_of(tmp_path, "deaf", 1, []):
