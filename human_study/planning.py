@@ -126,7 +126,7 @@ def _house_once(
     groups: dict[str, int],
     rng: np.random.Generator,
 ) -> list[list[_Slot]]:
-    """Slots of each person, nobody in one home twice; as few people as a maximum flow finds enough.
+    """Slots of each person, nobody in one home twice; as few people as a maximum flow finds enough, as evenly as it can.
 
     Raises:
         StudyError: No number of people is enough.
@@ -139,16 +139,18 @@ def _house_once(
     shuffled = [keys[place] for place in rng.permutation(len(keys))]
     for num_people in range(math.ceil(least / step) * step, least + _MORE_PEOPLE, step):
         edges: list[tuple[str, str, int]] = []
-        for person in (int(place) for place in rng.permutation(num_people)):
-            edges.append(("from", f"person {person}", most))
+        order = [int(place) for place in rng.permutation(num_people)]
+        for person in order:
             edges += [(f"person {person}", f"visit {person} {scene}", 1) for scene in sorted(per_home)]
             for key in (shuffled[place] for place in rng.permutation(len(shuffled))):
                 condition = _condition(conditions, groups, key, person)
                 edges.append((f"visit {person} {key.scene}", f"episode {condition} {key}", 1))
         edges += [(f"episode {condition} {key}", "to", raters) for condition in conditions for key in shuffled]
-        flow = flow_of(edges, source="from", sink="to")
-        if sum(amount for (tail, _), amount in flow.items() if tail == "from") == num_slots:
-            return _slots_of(flow, num_people, conditions, keys)
+        even = math.ceil(num_slots / num_people)
+        for each in sorted({even, min(even + 1, most), most}):
+            flow = flow_of([*(("from", f"person {person}", each) for person in order), *edges], source="from", sink="to")
+            if sum(amount for (tail, _), amount in flow.items() if tail == "from") == num_slots:
+                return _slots_of(flow, num_people, conditions, keys)
     raise StudyError(
         f"study {config.study}: design house-once with {most} trials a person and {max(per_home.values())} episodes in "
         f"one home found no plan with up to {least + _MORE_PEOPLE} people; expected one. Lower dataset.max_per_scene."

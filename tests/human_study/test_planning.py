@@ -84,6 +84,13 @@ def test_house_once_needs_25_people_of_30_trials_and_shows_nobody_a_home_twice()
     assert raters == dict.fromkeys(keys, 5)
 
 
+@pytest.mark.parametrize("arms", [("none",), ("none", "topdown")])
+def test_nobody_has_more_to_do_than_others_when_the_study_does_not_say_how_much(arms: tuple[str, ...]) -> None:
+    config = house_once(memory={"arms": arms}, design={"kind": "house-once", "trials_per_person": None})
+    people = planned(config, sample_episodes(config, POOL)).participants
+    assert {len(main(person)) for person in people} == {30}
+
+
 def test_memory_arms_are_counterbalanced_over_halves_of_the_homes() -> None:
     config = house_once(memory={"arms": ("none", "topdown")})
     made = planned(config, sample_episodes(config, POOL))
