@@ -11,6 +11,8 @@ from human_study.study import StudyConfig
 from sim.errors import StudyError
 from sim.types import SceneKind
 
+from .heartbeat import Heartbeat
+
 LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 MOST_DEFAULT_WORKERS = 4
 
@@ -43,6 +45,12 @@ class ServeOptions:
     """Of the researcher's page, always on loopback; 0 takes a free one."""
     per_address: int = 64
     """Connections from one address at once; loopback and the named proxy are not limited."""
+    heartbeat: Heartbeat = Heartbeat()
+    """When a viser process counts as hung, and is killed and started again."""
+    drain_s: float = 10.0
+    """Time that connections and viser processes get to end, together, when the study stops."""
+    page_version: str | None = None
+    """Of the pages that are sent and taken back, letters and digits; None = this program's (`page_version.py`)."""
 
     @property
     def num_workers(self) -> int:
@@ -87,10 +95,12 @@ def require_may_serve(options: ServeOptions, config: StudyConfig, kinds: Iterabl
         StudyError: The first thing that is wrong, and which flag or file makes it right.
     """
     _require_addresses(options)
-    if options.public and "scan" in kinds and "pog" in config.task and not options.i_have_rights:
+    sends_geometry = "pog" in config.task or ("pan" in config.task and "glb" in config.memory.arms)
+    if options.public and "scan" in kinds and sends_geometry and not options.i_have_rights:
         raise StudyError(
-            "--public: this POG study sends the geometry of scans to browsers; expected the right to do that. Read the "
-            "terms of the scans' licence, then add --i-have-rights, or serve on 127.0.0.1 in the laboratory."
+            "--public: this study sends the geometry of scans to browsers (POG, or memory.arms with glb); expected the "
+            "right to do that. Read the terms of the scans' licence, then add --i-have-rights, or serve on 127.0.0.1 "
+            "in the laboratory."
         )
     if not config.ethics.irb.strip() and not options.pilot:
         raise StudyError(

@@ -64,6 +64,9 @@ class LeaseKeeper:
             return
         try:
             for code in self._find_expired():
+                with self._lock:
+                    if code not in self._leases.expired(self._clock()):
+                        continue  # came back while we looked at the others
                 if self._store.drop_out(code, AWAY):
                     self._tell(f"{code} has been away for {self._lease_s / 60:.0f} minutes: others get what is left")
                 with self._lock:

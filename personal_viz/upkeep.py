@@ -2,6 +2,7 @@
 
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -75,12 +76,14 @@ class Upkeep:
 
     def tick(self) -> None:
         """One round; what fails is told, and tried again in a later one."""
-        self._keeper.tick()
-        try:
-            self._backups.tick(time.monotonic())
-            self._look_at_disk()
-        except StudyError as error:
-            self._tell(str(error))
+        for work in (self._keeper.tick, lambda: self._backups.tick(time.monotonic()), self._look_at_disk):
+            try:
+                work()
+            except StudyError as error:
+                self._tell(str(error))
+            except Exception as error:  # the thread's door: leases and backups must go on as long as the study does
+                traceback.print_exc()
+                self._tell(f"{self._store.folder}: looking after the study failed ({error!r}); it is tried again.")
 
     def end(self) -> None:
         """A last copy of what was written since the one before."""

@@ -24,8 +24,8 @@ from .data_flow import data_items, not_stored
 from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S, announced_minutes
 from .preregistration import preregistration_text
 from .sample import Sample, TaskShare, design_text, people_text, range_text, sample_of
-from .sheet_texts import BREAK_RULE, WHAT_TEXTS, WITHDRAW_TEXTS
-from .sheets import consent_text, duration_text, filled_or_open, look_text, open_place, wrapped
+from .sheet_texts import BREAK_RULE, WHAT_TEXTS
+from .sheets import consent_text, duration_text, filled_or_open, look_text, open_place, withdrawal_text, wrapped
 
 _ACTIONS = {
     Action.FORWARD: "forward",
@@ -105,7 +105,7 @@ def information_sheet(config: StudyConfig, plan: StudyPlan | None) -> str:
         duration=_duration(config, plan),
         breaks=_breaks(config),
         pay=_sentence(filled_or_open(ethics.pay, "ethics.pay")),
-        withdrawal=WITHDRAW_TEXTS[config.privacy.on_withdraw].replace("\n", " "),
+        withdrawal=withdrawal_text(config).replace("\n", " "),
         not_stored_short="We do not store your name, e-mail address, internet address or browser.",
         retention=f"They are deleted on {_retention_date(config)}.",
     )

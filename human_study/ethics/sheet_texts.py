@@ -87,13 +87,19 @@ after that."""
 WITHDRAW_TEXTS = {
     "delete": """\
 The key that your records are encrypted with is then deleted, so that nobody can read what you did, not even in a
-backup. What remains is your code, when you reached each part of the study, your consent and your withdrawal, and for
-each task you had begun that it took place, how it ended, how many events of which kind (a key, a click) it had and when
-the server received them, never their content. Tables that were published before you withdrew cannot be called back.""",
+backup. What remains is your code, when you reached each part of the study, what the check of your browser found, which
+keys you chose and which questions about the rules you got wrong, your consent and your withdrawal, and for each task
+you had begun that it took place, how it ended, how many events of which kind (a key, a click) it had and when the
+server received them, never their content.{platform} Tables that were published before you withdrew cannot be called
+back.""",
     "keep": """\
 You will be asked for nothing more. What you have done until then is kept and used as described above.""",
 }
 """By `privacy.on_withdraw`."""
+REMAINS_OF_PLATFORM = (
+    " A code made of your id on the recruiting platform remains too; it cannot be turned back into the id without the"
+    " study's own key."
+)
 
 BREAK_RULE = "A break is offered after every {every} searches."
 

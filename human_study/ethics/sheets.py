@@ -36,6 +36,7 @@ from .sheet_texts import (
     PRACTICE_TEXT,
     QUIZ_TEXT,
     RADIUS_TEXTS,
+    REMAINS_OF_PLATFORM,
     WHAT_TEXTS,
     WITHDRAW_TEXTS,
 )
@@ -103,7 +104,7 @@ def consent_text(config: StudyConfig, *, plan: StudyPlan | None = None) -> str:
         not_stored=NOT_STORED + _platform_text(config),
         retention=f"The records are deleted on {retention or open_place('privacy.retention')}.",
         back=f"within {duration_text(config.resume_within_s)} to the same task, later to the next one",
-        withdraw=WITHDRAW_TEXTS[config.privacy.on_withdraw],
+        withdraw=withdrawal_text(config),
         contact=filled_or_open(ethics.contact, "ethics.contact"),
         irb=filled_or_open(ethics.irb, "ethics.irb"),
     )
@@ -167,6 +168,12 @@ def _pog_section(config: StudyConfig) -> str:
         radius=f"{SUCCESS_RADIUS:g} metre",
         limit=f" A search ends by itself {duration_text(limit)} after the text appears." if limit is not None else "",
     )
+
+
+def withdrawal_text(config: StudyConfig) -> str:
+    """What becomes of the records of somebody who withdraws."""
+    platform = REMAINS_OF_PLATFORM if hashes_platform_ids(config) else ""
+    return WITHDRAW_TEXTS[config.privacy.on_withdraw].format(platform=platform)
 
 
 def _platform_text(config: StudyConfig) -> str:

@@ -62,7 +62,8 @@ def init(
     left = sorted({field for text in TEXTS for field in open_places((folder / text).read_text(encoding="utf-8"))})
     print(f"Written to {folder}: {STUDY_FILE}, {', '.join(TEXTS)}, {CODES_FILE}")
     if left:
-        print(f"Fill these in {STUDY_FILE}, then run init's texts again with study ethics: {', '.join(left)}")
+        print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
+        print(f"Then put them into the texts: personal-viz study ethics {folder} --out sheets --fill")
     print(f"Next: personal-viz study plan {folder} --dataset {dataset}")
     return 0
 

@@ -1,5 +1,6 @@
 // Trades the token in the link's fragment (never sent in a URL, never logged) for a session, then opens the study.
-// On the open link (/join) it asks for a personal link first; this browser remembers it, so that nobody has two.
+// On the open link (/join) it asks for a personal link first; this browser remembers it, so that nobody has two. On a
+// computer that several people use, the next one says so and gets an own link.
 "use strict";
 (async () => {
   const message = document.getElementById("message");
@@ -47,6 +48,21 @@
     }
   };
 
+  const isSomebodyElse = () =>
+    new Promise((resolve) => {
+      message.textContent = "Somebody has taken part in this study on this computer. Was that you?";
+      const choices = document.getElementById("choices");
+      choices.hidden = false;
+      for (const [id, isOther] of [["same", false], ["other", true]]) {
+        document.getElementById(id).addEventListener("click", () => {
+          choices.hidden = true;
+          message.textContent = "Opening the study\u2026";
+          resolve(isOther);
+        });
+      }
+      document.getElementById("same").focus();
+    });
+
   const enter = async (token) => {
     const reply = await post("/enter", { token, device: device() });
     if (reply.ok) {
@@ -64,7 +80,7 @@
       if (given.get(name)) arrival[name] = given.get(name);
     }
     const before = arrival.PROLIFIC_PID ? null : remembered();
-    if (before && (await enter(before))) return;
+    if (before && !(await isSomebodyElse()) && (await enter(before))) return;
     const reply = await post("/join", arrival);
     if (!reply.ok) {
       explain(reply.status, "This link is incomplete. Please open the study again from the page that sent you here.");

@@ -84,6 +84,15 @@ def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None
     deleted, kept = consent_text(config_of()), consent_text(config_of(privacy={"on_withdraw": "keep"}))
     flat = " ".join(deleted.split())
     assert "The key that your records are encrypted with is then deleted" in flat
+    for what in (
+        "what the check of your browser found",
+        "which keys you chose",
+        "questions about the rules you got wrong",
+    ):
+        assert what in flat
+    assert "recruiting platform remains" not in flat
+    prolific = consent_text(config_of(recruit={"kind": "prolific"}, privacy={"platform_id": "hmac"}))
+    assert "A code made of your id on the recruiting platform remains too" in " ".join(prolific.split())
     assert "that it took place, how it ended, how many events of which kind" in flat
     assert "never their content" in flat
     assert "deleted, so that nobody can read" not in " ".join(kept.split())

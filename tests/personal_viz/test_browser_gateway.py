@@ -110,15 +110,16 @@ def test_a_page_goes_on_after_the_study_was_served_again(tmp_path: Path, browser
         walks_on(page, tmp_path)
 
 
-def test_the_open_link_leads_to_a_place_and_the_same_browser_back_to_it(
-    tmp_path: Path, browser: BrowserContext
-) -> None:
+def test_the_open_link_leads_to_a_place_and_the_same_person_back_to_it(tmp_path: Path, browser: BrowserContext) -> None:
     with running(tmp_path, recruit="link") as gateway:
-        first, second = browser.new_page(), browser.new_page()
-        for page in (first, second):
+        for answer in (None, "Yes: go on where I stopped", "No: I begin anew"):
+            page = browser.new_page()
             page.goto(f"{gateway.address}/join")
+            if answer is not None:
+                page.get_by_role("button", name=answer).click()
             page.wait_for_url("**/view/**")
-        assert gateway.people.claimed == {"p01": None}
+            page.close()
+            assert set(gateway.people.claimed) == ({"p01", "p02"} if answer and answer.startswith("No") else {"p01"})
 
 
 def test_a_full_study_says_so_and_shows_the_code(tmp_path: Path, browser: BrowserContext) -> None:

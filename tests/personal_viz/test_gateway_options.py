@@ -48,8 +48,13 @@ def test_geometry_of_scans_leaves_the_laboratory_only_by_right() -> None:
     require_may_serve(ServeOptions(), pog, ["scan"])
     require_may_serve(ServeOptions(**NAMED), pog, ["invented", "schematic"])
     require_may_serve(ServeOptions(**NAMED, i_have_rights=True), pog, ["scan"])
-    with pytest.raises(StudyError, match=r"geometry of scans .* --i-have-rights"):
-        require_may_serve(ServeOptions(**NAMED), pog, ["invented", "scan"])
+    glb = small_config(**APPROVED, memory={"arms": ("none", "glb")})
+    pictures = small_config(**APPROVED, memory={"arms": ("none", "topdown")})
+    require_may_serve(ServeOptions(**NAMED), pictures, ["scan"])
+    require_may_serve(ServeOptions(), glb, ["scan"])
+    for config in (pog, glb):
+        with pytest.raises(StudyError, match=r"geometry of scans .* --i-have-rights"):
+            require_may_serve(ServeOptions(**NAMED), config, ["invented", "scan"])
 
 
 def test_without_an_approval_only_a_pilot_is_served() -> None:

@@ -229,6 +229,27 @@ def test_the_thread_ends_with_the_block_and_leaves_a_last_copy(tmp_path: Path) -
             assert study_progress(reader, now_ns=0).disk.num_backups == 1
 
 
+def test_what_fails_in_a_round_stops_neither_the_rest_of_it_nor_the_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        keeper, _, told = kept(store)
+        rounds = Upkeep(store, keeper, tell=told.append)
+
+        def vanished(now_s: float) -> None:
+            raise FileNotFoundError("study.db-wal")
+
+        monkeypatch.setattr(rounds._backups, "tick", vanished)
+        monkeypatch.setattr("personal_viz.upkeep.free_mb", lambda _: 3)
+        rounds.tick()
+        rounds.tick()
+    assert [line.split("failed")[0].split(":")[1].strip() for line in told] == [
+        "looking after the study",
+        "its disk has 3 MB free; free some space soon. The study goes on.",
+        "looking after the study",
+    ]
+
+
 def test_a_disk_that_gets_full_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with started(tmp_path, **HOUSE_ONCE) as store:
         keeper, _, told = kept(store)
