@@ -4,7 +4,6 @@ viser's callbacks only put items on the queue; the seat's own thread takes them,
 never on viser's event loop.
 """
 
-import contextlib
 import dataclasses
 import enum
 import queue
@@ -89,16 +88,16 @@ class Desk:
         """Keys that the participant chose (`KeyboardEvent.code`); other actions have the usual ones."""
         self.on_keys: Callable[[Mapping[KeyAction, str]], None] = lambda _: None
         """Called on the thread that waits when the participant chose other keys."""
-        self._queue: queue.Queue[Item] = queue.Queue(MAX_WAITING)
+        self._queue: queue.Queue[Item] = queue.Queue()
         self._screen = 0
         self._hears: tuple[type, ...] = ()
         self._is_busy = False
         self._pressed: tuple[Pressed, float] | None = None
 
     def put(self, item: Item) -> None:
-        """Queues an item; a browser that floods its seat loses what is over MAX_WAITING."""
-        with contextlib.suppress(queue.Full):
-            self._queue.put_nowait(item)
+        """Queues an item; a browser that floods its seat loses what is over MAX_WAITING, but no signal is lost."""
+        if isinstance(item.content, Signal) or self._queue.qsize() < MAX_WAITING:
+            self._queue.put(item)
 
     def new_screen(self, *, hears: tuple[type, ...] = PAGE_COMMANDS) -> Send:
         """Begins a screen; returns where its callbacks send, and what older screens still send is dropped.

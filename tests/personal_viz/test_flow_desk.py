@@ -156,3 +156,12 @@ def test_a_flood_is_cut_off(desk: Desk) -> None:
             break
         found += 1
     assert found == MAX_WAITING
+
+
+def test_a_flooded_seat_still_hears_that_its_browser_is_gone(desk: Desk) -> None:
+    desk.new_screen()
+    for _ in range(MAX_WAITING):
+        desk.put(Item("told", screen=-1))
+    desk.put(Item(Signal.GONE))
+    with pytest.raises(GoneError):
+        desk.wait(timeout_s=1.0)
