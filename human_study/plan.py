@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sim.errors import StudyError, line_from_validation_error
 from sim.types import ClutterLevel, EpisodeKey, SceneKind, Split, TaskKind
 
-from .study import Condition, StudyConfig, write_whole
+from .study import OTHER_PROGRAM, Condition, StudyConfig, write_whole
 
 PLAN_FILE = "plan.json"
 PRACTICE_FOLDER = "practice"
@@ -147,7 +147,9 @@ def load_plan(folder: Path, config: StudyConfig) -> StudyPlan:
             f"{path}: cannot be read ({error.strerror}); expected a plan. Run personal-viz study plan first."
         ) from None
     except ValidationError as error:
-        raise StudyError(line_from_validation_error(path, error, advice="Make the plan again.")) from None
+        is_other = any(problem["loc"] == ("schema_version",) for problem in error.errors())
+        advice = OTHER_PROGRAM if is_other else "Make the plan again."
+        raise StudyError(line_from_validation_error(path, error, advice=advice)) from None
     if plan.study_version != config.study_version:
         raise StudyError(
             f"{path}: study_version is {plan.study_version[:12]}; expected {config.study_version[:12]}. "

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from sim import files
 from sim.episodes.schema import Episode
@@ -28,9 +28,13 @@ from sim.types import (
     TaskKind,
 )
 
+from .hypothesis_names import require_hypothesis
+from .study_yaml import json_from_yaml
+
 STUDY_FILE = "study.yaml"
 _MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _ADVICE = "Correct the field; personal-viz study init writes a valid file."
+OTHER_PROGRAM = "It was written by another version of personal-viz: use that one."
 Seconds = Annotated[float, Field(ge=0)]
 Count = Annotated[int, Field(ge=0)]
 PanCondition = Literal["none", "topdown", "glb"]
@@ -46,6 +50,12 @@ def _as_tuple(value: object) -> object:
     if isinstance(value, str):
         return (value,)
     return tuple(value) if isinstance(value, list) else value
+
+
+def _require_order(least_s: float, most_s: float | None, least: str, most: str) -> None:
+    """Raises ValueError for a look that would have to be longer than it can be."""
+    if most_s is not None and least_s > most_s:
+        raise ValueError(f"{least} at most {most}, found {least_s:g} and {most_s:g}")
 
 
 class StudyDataset(BaseModel):
@@ -89,8 +99,13 @@ class StudyMemory(BaseModel):
     """Homes are split into as many groups as arms; which group has which arm is counterbalanced over people."""
     min_s: Seconds = 0.0
     """Shortest look at the map."""
-    max_s: Seconds | None = 60.0
+    max_s: Annotated[float, Field(gt=0)] | None = 60.0
     """Longest look at the map; None = no limit."""
+
+    @model_validator(mode="after")
+    def _can_be_left(self) -> "StudyMemory":
+        _require_order(self.min_s, self.max_s, "min_s", "max_s")
+        return self
 
 
 class StudyPog(BaseModel):
@@ -99,10 +114,15 @@ class StudyPog(BaseModel):
     model_config = _MODEL
     conditions: Annotated[tuple[PogCondition, ...], Field(min_length=1)] = ("map_first",)
     look_min_s: Seconds = 0.0
-    look_max_s: Seconds | None = 120.0
+    look_max_s: Annotated[float, Field(gt=0)] | None = 120.0
     """Of `map_first`: the look at the home before the text."""
     answer_max_s: Annotated[float, Field(gt=0)] | None = None
     """From the text to the confirmed mark; then the trial ends as `timeout`."""
+
+    @model_validator(mode="after")
+    def _can_be_left(self) -> "StudyPog":
+        _require_order(self.look_min_s, self.look_max_s, "look_min_s", "look_max_s")
+        return self
 
 
 class StudyPractice(BaseModel):
@@ -215,6 +235,8 @@ class StudyConfig(BaseModel):
     """Whether one key after each trial says how sure the participant is."""
     resume_within_s: Seconds = 600.0
     """Who comes back later than this finds the trial ended as `abandoned`."""
+    hidden_max_s: Seconds | None = 60.0
+    """A trial whose page was in the background for longer is flagged, and still counts; None = none is."""
     lease_s: Annotated[float, Field(gt=0)] = 900.0
     """Who has been away for longer, in the middle of the study, gives the rest to others."""
     camera: StudyCamera = StudyCamera()
@@ -229,8 +251,8 @@ class StudyConfig(BaseModel):
     aggregate: StudyAggregate = StudyAggregate()
     exclusions: dict[str, str] = {}
     """Rules of your own that leave trials or people out: id to what it says, written down before data."""
-    primary: Annotated[tuple[str, ...], Field(max_length=3)] = ()
-    """At most three hypotheses, named before the first trial."""
+    primary: Annotated[tuple[Annotated[str, AfterValidator(require_hypothesis)], ...], Field(max_length=3)] = ()
+    """At most three hypotheses, named before the first trial as `hypothesis_names` says."""
     privacy: StudyPrivacy = StudyPrivacy()
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()
@@ -326,20 +348,16 @@ def load_study(folder: Path) -> StudyConfig:
             "personal-viz study check-db, then export and report. Go on in a new study."
         )
     try:
-        choices = yaml.safe_load(path.read_bytes())
-        if not isinstance(choices, dict):
-            raise StudyError(f"{path}: holds {type(choices).__name__}; expected fields such as study: and task:.")
-        return StudyConfig.model_validate_json(json.dumps(choices, default=str), strict=True)
+        text = json_from_yaml(path, expected="fields such as study: and task:", advice=_ADVICE)
+        return StudyConfig.model_validate_json(text, strict=True)
     except OSError as error:
         raise StudyError(
             f"{path}: cannot be read ({error.strerror}); expected a study file. Run personal-viz study init first."
         ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        where = getattr(error, "problem_mark", None)
-        line = f", line {where.line + 1}" if where is not None else ""
-        raise StudyError(f"{path}{line}: is not YAML ({getattr(error, 'problem', error)}). {_ADVICE}") from None
     except ValidationError as error:
-        raise StudyError(line_from_validation_error(path, error, advice=_ADVICE)) from None
+        is_other = any(problem["loc"] == ("version",) for problem in error.errors())
+        advice = OTHER_PROGRAM if is_other else _ADVICE
+        raise StudyError(line_from_validation_error(path, error, advice=advice)) from None
 
 
 def write_whole(path: Path, text: str) -> None:

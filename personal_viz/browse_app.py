@@ -3,6 +3,7 @@
 It shows ground truth, so only pages that this server itself delivered get anything: viser would answer any website.
 """
 
+import asyncio
 import contextlib
 import io
 import socket
@@ -17,6 +18,7 @@ from sim.errors import PersonalVizError
 from .browsing.library import Library
 from .browsing.visitor import Visitor
 from .server import refuse_tunnels
+from .viser_threads import make_updates_safe
 
 OWN_HOSTS = ("127.0.0.1", "localhost")
 """Names under which a page of ours can be open."""
@@ -47,15 +49,18 @@ def browser_app(library: Library, *, port: int = 0) -> Iterator[str]:
         if visitor is not None:
             visitor.leave()
 
-    @server.on_client_connect
-    def _(client: viser.ClientHandle) -> None:
-        if not is_own_page(origin_of(server, client.client_id), server.get_port()):
-            return
+    def arrive(client: viser.ClientHandle) -> None:
         visitor = Visitor(client, library)
         with lock:
             visitors[client.client_id] = visitor
         if client.client_id not in server.get_clients():
             leave(client.client_id)  # gone while the panels were built
+
+    @server.on_client_connect
+    async def _(client: viser.ClientHandle) -> None:
+        if is_own_page(origin_of(server, client.client_id), server.get_port()):
+            make_updates_safe(client)
+            await asyncio.get_running_loop().run_in_executor(None, arrive, client)
 
     @server.on_client_disconnect
     def _(client: viser.ClientHandle) -> None:

@@ -9,17 +9,15 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import Protocol, TypeVar
 from urllib.parse import urlsplit
 
 import msgspec
-import viser
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
@@ -31,6 +29,7 @@ from .gateway_http import Guard, address_of, small_body
 from .gateway_limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, is_forwarded
 from .gateway_options import ServeOptions
 from .gateway_proxy import BAD, LATER, join
+from .page_version import STATIC, is_other_viser, page_of, page_version
 
 SESSION_COOKIE = "personal_session"
 PROBE_COOKIE = "personal_probe"
@@ -38,9 +37,9 @@ PROBE_COOKIE = "personal_probe"
 PROBE_BYTES = 256 * 1024
 PROXY_HEADER = "X-Study-Proxy"
 """Of `/check/download`: whether the named proxy asked, and said for whom: `none`, `named` or `silent`."""
-STATIC = Path(__file__).parent / "static"
-VISER_CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
 MAX_JSON_BYTES = 4096
+OTHER_VERSION, OTHER_VERSION_STATUS = "the study's program was updated; load the page again", 409
+"""Answer to a websocket of a page that an earlier, or a later, version of the program served."""
 MOST_PER_TICKET = 6
 """Connections of one session: tabs, and lines that were cut and are not noticed yet."""
 Body = TypeVar("Body", bound=msgspec.Struct)
@@ -93,6 +92,8 @@ class Gateway:
             tell: One line for the person at the terminal; None = standard error.
             note_error: Keeps what was wrong with a participant's connection with the trial; any thread.
         """
+        self._version = options.page_version or page_version()
+        self._page = page_of(self._version)
         self._note_error = note_error
         self._admission, self._seats, self._tickets, self._options = admission, seats, tickets, options
         self._present = present or (lambda _: contextlib.nullcontext())
@@ -109,7 +110,9 @@ class Gateway:
             Route("/enter", self.enter, methods=["POST"]),
             Route("/view/", self.view),
             Route("/check/download", self.download),
+            Route("/page-version", self.version),
             WebSocketRoute("/ws/{ticket:str}", self.websocket),
+            WebSocketRoute("/ws/{ticket:str}/{version:str}", self.websocket),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
         if self._admission.has_open_link:
@@ -139,9 +142,7 @@ class Gateway:
             session_id, ticket_id = await run_in_threadpool(self._tickets.issue, code, profile)
         except StudyError as error:
             return self._paused(error)
-        host = request.headers["host"]
-        scheme = "wss" if self._options.is_secure(host) else "ws"
-        reply = JSONResponse({"view": f"/view/?websocket={scheme}://{host}/ws/{ticket_id}"})
+        reply = JSONResponse({"view": self._view_address(request, ticket_id)})
         self._set_cookie(reply, request, SESSION_COOKIE, session_id, path=f"/ws/{ticket_id}")
         return reply
 
@@ -163,11 +164,21 @@ class Gateway:
         return JSONResponse({"token": token})
 
     async def view(self, request: Request) -> Response:
-        """viser's client; the entry page instead when the ticket in the address is not valid any more."""
-        ticket_id = request.query_params.get("websocket", "").rpartition("/")[2]
+        """viser's client; the entry page instead when the ticket in the address is not valid any more.
+
+        A page of before an upgrade that is loaded again gets the address of the version that is served now.
+        """
+        asked = request.query_params.get("websocket", "").partition("/ws/")[2]
+        ticket_id = asked.partition("/")[0]
         if self._tickets.find(ticket_id) is None:
             return FileResponse(STATIC / "enter.html")
-        return FileResponse(VISER_CLIENT, headers={"Content-Security-Policy": _VISER_CSP})
+        if asked != f"{ticket_id}/{self._version}":
+            return RedirectResponse(self._view_address(request, ticket_id))
+        return Response(self._page, media_type="text/html", headers={"Content-Security-Policy": _VISER_CSP})
+
+    async def version(self, _: Request) -> Response:
+        """The version of the pages that are served, for pages that wonder whether they are still of it."""
+        return PlainTextResponse(self._version)
 
     async def download(self, request: Request) -> Response:
         """Bytes to measure the line with, for `study doctor`."""
@@ -189,6 +200,9 @@ class Gateway:
             return
         if not self._is_own_origin(socket):
             await socket.close(code=BAD)
+            return
+        if socket.path_params.get("version") != self._version or is_other_viser(socket.scope["subprotocols"]):
+            await socket.send_denial_response(PlainTextResponse(OTHER_VERSION, status_code=OTHER_VERSION_STATUS))
             return
         if self._is_crowded(ticket.code):
             await socket.close(code=LATER)
@@ -212,6 +226,11 @@ class Gateway:
     def _paused(self, error: StudyError) -> Response:
         self._tell(str(error))
         return PlainTextResponse("the study is paused", status_code=503, headers={"Retry-After": "60"})
+
+    def _view_address(self, request: Request, ticket_id: str) -> str:
+        host = request.headers["host"]
+        scheme = "wss" if self._options.is_secure(host) else "ws"
+        return f"/view/?websocket={scheme}://{host}/ws/{ticket_id}/{self._version}"
 
     def _is_crowded(self, code: str) -> bool:
         return code not in self._people and len(self._people) >= self._options.max_people

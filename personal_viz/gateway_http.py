@@ -27,8 +27,8 @@ REQUEST_WITHIN_S = 15.0
 """From a request's first byte, or from the connection, to its last: whoever takes longer is disconnected."""
 ANSWER_WITHIN_S = 120.0
 """For a browser on a slow line to read a page of 1 MB."""
-DRAIN_S = 2
-"""Time that connections get to end when the gateway stops; the workers need the rest of the ten seconds."""
+CONNECTIONS_SHARE = 0.2
+"""Of the time to end, for connections when the gateway stops; the workers and the last copy need the rest."""
 OWN_PAGES_CSP = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -168,7 +168,7 @@ def uvicorn_server(app: Starlette, options: ServeOptions) -> uvicorn.Server:
         ws_ping_interval=20,
         ws_ping_timeout=120,  # a home of 15 MB is ahead of the ping, on a line of 1 Mbit/s
         h11_max_incomplete_event_size=MAX_HEADER_BYTES,
-        timeout_graceful_shutdown=DRAIN_S,
+        timeout_graceful_shutdown=max(1, round(CONNECTIONS_SHARE * options.drain_s)),
         ssl_certfile=options.tls_cert,
         ssl_keyfile=options.tls_key,
     )

@@ -3,7 +3,7 @@
 import ipaddress
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -45,7 +45,7 @@ class ServeOptions:
     """Of the researcher's page, always on loopback; 0 takes a free one."""
     per_address: int = 64
     """Connections from one address at once; loopback and the named proxy are not limited."""
-    heartbeat: Heartbeat = Heartbeat()
+    heartbeat: Heartbeat = field(default_factory=Heartbeat)
     """When a viser process counts as hung, and is killed and started again."""
     drain_s: float = 10.0
     """Time that connections and viser processes get to end, together, when the study stops."""
@@ -55,7 +55,7 @@ class ServeOptions:
     @property
     def num_workers(self) -> int:
         """How many viser processes to start."""
-        return self.workers or max(1, min(os.cpu_count() or 1, MOST_DEFAULT_WORKERS))
+        return max(1, min(os.cpu_count() or 1, MOST_DEFAULT_WORKERS)) if self.workers is None else self.workers
 
     @property
     def has_tls(self) -> bool:
@@ -109,6 +109,9 @@ def require_may_serve(options: ServeOptions, config: StudyConfig, kinds: Iterabl
         )
     if not 1 <= options.num_workers <= 64:
         raise StudyError(f"--workers {options.workers}: expected 1 to 64. Leave it out for one per core.")
+    for flag, number in (("--max-people", options.max_people), ("--per-address", options.per_address)):
+        if number < 1:
+            raise StudyError(f"{flag} {number}: expected at least 1. Leave it out for the usual number.")
 
 
 def _require_addresses(options: ServeOptions) -> None:

@@ -18,6 +18,7 @@ from human_study.store import StudyStore
 from sim.errors import StudyError
 
 from .admission import Tickets
+from .heartbeat import Heartbeat, answers
 from .recruit_codes import EndCode
 from .store_link import StoreService
 
@@ -25,7 +26,9 @@ START_S = 600.0
 """A worker that ends is noticed at once; this is for one that hangs. A scan of a million triangles takes half a minute
 the first time (two cores that do nothing else), then four seconds."""
 END_S = 6.0
-"""Time that the workers get to end; the connections have had two seconds before."""
+"""Time that the workers get to end; the connections have had theirs before."""
+WORKERS_SHARE = 0.6
+"""Of the time in which a study ends."""
 MOST_FAILURES = 5
 """A worker that so often in a row ends before it is ready, or at once after, is given up."""
 PAUSES_S = (0.0, 0.0, 0.5, 2.0, 5.0)
@@ -63,6 +66,10 @@ class Worker:
         self.ended = threading.Event()
         self.codes: dict[str, int] = {}
         """Open connections of each participant."""
+        self.hung: str | None = None
+        """Why the process was killed; None when it ended by itself."""
+        self.answered_s = 0.0
+        """`time.monotonic()` when it last answered."""
 
     def close_socket(self) -> None:
         """Tells the process to end."""
@@ -92,6 +99,8 @@ class WorkerPool:
         tickets: Tickets,
         end_code: Callable[[str, Stage], EndCode],
         tell: Callable[[str], None],
+        heartbeat: Heartbeat | None = None,
+        end_s: float = END_S,
     ) -> None:
         """Starts nothing yet.
 
@@ -102,7 +111,10 @@ class WorkerPool:
             tickets: Whose connection a worker has got.
             end_code: What a participant gets who ended by a stage.
             tell: One line for the person at the terminal.
+            heartbeat: When a worker counts as hung.
+            end_s: Time that the workers get to end.
         """
+        self._heartbeat, self._end_s = heartbeat or Heartbeat(), end_s
         self._store, self._command, self._tickets, self._tell = store, command, tickets, tell
         self._end_code = end_code
         self.workers = [Worker(number) for number in range(1, num_workers + 1)]
@@ -130,12 +142,14 @@ class WorkerPool:
             watcher = threading.Thread(target=self._watch, args=(worker,), daemon=True, name=f"worker-{worker.number}")
             watcher.start()
             self._watchers.append(watcher)
+            name = f"pulse-{worker.number}"
+            threading.Thread(target=self._feel_pulse, args=(worker,), daemon=True, name=name).start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Ends all workers: they are told first, and killed when they are still there after `END_S`."""
+        """Ends all workers: they are told first, and killed when they are still there after `end_s`."""
         self._closing.set()
-        deadline_s = time.monotonic() + END_S
+        deadline_s = time.monotonic() + self._end_s
         for worker in self.workers:
             worker.ended.set()
             worker.close_socket()
@@ -225,11 +239,13 @@ class WorkerPool:
                 worker.port = None
             worker.close_socket()
             worker.end_process(2.0)
-            failures = 0 if time.monotonic() - ready_s > HEALTHY_S else failures + 1
+            lived_s = (time.monotonic() if worker.hung is None else worker.answered_s) - ready_s
+            failures = 0 if lived_s > HEALTHY_S else failures + 1
             if failures >= MOST_FAILURES:
                 self._give_up(worker)
                 return
-            self._tell(f"viser worker {worker.number} ended; it is started again. Nothing acknowledged is lost.")
+            why, worker.hung = worker.hung or "ended", None
+            self._tell(f"viser worker {worker.number} {why}; it is started again. Nothing acknowledged is lost.")
             if self._closing.wait(timeout=PAUSES_S[failures]):
                 return
             self._spawn(worker)
@@ -242,6 +258,23 @@ class WorkerPool:
                 self._tell(str(error))
                 worker.ended.set()
             ready_s = time.monotonic()
+
+    def _feel_pulse(self, worker: Worker) -> None:
+        """Kills the worker's process when it hangs, until the pool closes; `_watch` then starts another."""
+        while not self._closing.wait(self._heartbeat.every_s):
+            with self._lock:  # with a port, all three belong together
+                port, process, ended = worker.port, worker.process, worker.ended
+            if port is None or process is None:
+                continue
+            if answers(port, patience_s=self._heartbeat.patience_s, over=ended):
+                worker.answered_s = time.monotonic()
+                continue
+            with self._lock:
+                if worker.port is None or self._closing.is_set():  # it has just ended by itself
+                    continue
+                worker.hung = f"has not answered for {self._heartbeat.patience_s:.0f} s and was killed"
+            process.kill()
+            ended.wait()
 
     def _give_up(self, worker: Worker) -> None:
         self._tell(f"viser worker {worker.number} ended {MOST_FAILURES} times in a row; it is not started again.")

@@ -24,7 +24,7 @@ from personal_viz.gateway_options import ServeOptions, require_may_serve
 from personal_viz.lease_keeper import LeaseKeeper
 from personal_viz.recruit_codes import CODES_FILE, RecruitCodes, end_code, load_recruit_codes
 from personal_viz.upkeep import upkeep
-from personal_viz.workers import WorkerPool, worker_command
+from personal_viz.workers import WORKERS_SHARE, WorkerPool, worker_command
 from sim.cache import cache_dir
 from sim.errors import StudyError
 from sim.types import EpisodeKey
@@ -42,7 +42,7 @@ def serve_study(
     rerun: str | None = None,
     with_pixels: bool = False,
 ) -> None:
-    """Starts the workers, prints the links, serves until Ctrl-C or SIGTERM, ends everything within ten seconds.
+    """Starts the workers, prints the links, serves until Ctrl-C or SIGTERM, ends everything in `options.drain_s`.
 
     Args:
         store: Open, with all participants registered.
@@ -74,27 +74,51 @@ def serve_study(
             tickets=tickets,
             end_code=functools.partial(end_code, codes, platform_key),
             tell=_tell,
+            heartbeat=options.heartbeat,
+            end_s=WORKERS_SHARE * options.drain_s,
         ) as pool,
+        _looked_after(store, pool, options) as (keeper, page),
     ):
-        keeper = LeaseKeeper(store, tell=_tell)
-        gateway = Gateway(
-            admission,
-            pool,
-            tickets=tickets,
-            options=options,
-            present=keeper.present,
-            screen_out_code=codes.prolific and codes.prolific.screen_out,
-            tell=_tell,
-            note_error=store.note_error,
-        )
-        serving = functools.partial(serving_of, pool, keeper)
-        with upkeep(store, keeper, tell=_tell), dashboard(folder, options.dashboard_port, serving=serving) as page:
-            _print_links(options.address(listening.getsockname()[1]), links, has_open_link=admission.has_open_link)
-            print(
-                f"  Who is where, for you only: {page}\nEverything is written to {folder}. Ctrl-C ends the study.",
-                flush=True,
-            )
-            _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
+        gateway = _gateway(store, admission, pool, keeper, tickets=tickets, codes=codes, options=options)
+        _print_links(options.address(listening.getsockname()[1]), links, has_open_link=admission.has_open_link)
+        print(f"  Who is where, for you only: {page}")
+        print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
+        _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
+
+
+@contextlib.contextmanager
+def _looked_after(store: StudyStore, pool: WorkerPool, options: ServeOptions) -> Iterator[tuple[LeaseKeeper, str]]:
+    """Who is here, and the researcher's page; leases, backups and the disk are looked after until the block ends."""
+    keeper = LeaseKeeper(store, tell=_tell)
+    serving = functools.partial(serving_of, pool, keeper)
+    with (
+        upkeep(store, keeper, tell=_tell),
+        dashboard(store.folder, options.dashboard_port, serving=serving) as page,
+    ):
+        yield keeper, page
+
+
+def _gateway(
+    store: StudyStore,
+    admission: Admission,
+    pool: WorkerPool,
+    keeper: LeaseKeeper,
+    *,
+    tickets: Tickets,
+    codes: RecruitCodes,
+    options: ServeOptions,
+) -> Gateway:
+    """What participants' browsers talk to."""
+    return Gateway(
+        admission,
+        pool,
+        tickets=tickets,
+        options=options,
+        present=keeper.present,
+        screen_out_code=codes.prolific and codes.prolific.screen_out,
+        tell=_tell,
+        note_error=store.note_error,
+    )
 
 
 def _admission(store: StudyStore, links: Sequence[tuple[str, str, str]], platform_key: bytes) -> Admission:

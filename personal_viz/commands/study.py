@@ -10,6 +10,7 @@ import numpy as np
 from human_study.database import require_free_space
 from human_study.plan import PLAN_FILE, StudyPlan, StudyScene, load_plan, save_plan
 from human_study.planning import make_plan
+from human_study.requests import Withdrawal, change_study
 from human_study.store import StudyStore, open_store
 from human_study.study import (
     STUDY_FILE,
@@ -179,21 +180,22 @@ def serve_planned(
 def check_db(*, study: Path) -> int:
     """Checks the database file and its hash chains; brings a database of an earlier version up to date first."""
     from human_study.database import bring_up_to_date
+    from human_study.folder_check import require_same_files
     from human_study.records import read_study
 
     for version in bring_up_to_date(study):
         print(f"{study}: brought to schema version {version}; a copy of the earlier file is in backups")
     with read_study(study) as reader:
         num_events = reader.check()
+        require_same_files(reader)
     print(f"{study}: {num_events} events, database and hash chains are whole")
     return 0
 
 
 def withdraw(*, study: Path, participant: str) -> int:
-    """Withdraws a participant who asked the researcher to."""
+    """Withdraws a participant who asked the researcher to; a process that serves the study does it, if there is one."""
     config = load_study(study)
-    with open_store(study, config, load_plan(study, config)) as store:
-        store.withdraw(participant)
+    change_study(study, [Withdrawal(participant=participant)])
     done = "everything done is deleted" if config.privacy.on_withdraw == "delete" else "what was done is kept"
     print(f"{study}: {participant} has withdrawn; {done}")
     return 0

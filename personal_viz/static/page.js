@@ -77,29 +77,28 @@
     roundAt = now();
     tell({ kind: 'round_trip', ms: Math.round(round * 10) / 10 });
   };
+  const isUpdated = () => document.querySelector('dialog.personal-updated[open]') !== null;
   const isLost = () => state.pending.length > 0 && now() - state.pending[0].t_cli_ms > LOST_MS;
   setInterval(() => {
     if (!state.seat) return;
     if (!state.pending.length && now() - state.sentAt > PING_MS) tell({ kind: 'ping' });
     else if (isLost()) {
-      showBanner('The connection is lost. Nothing that you did is lost. This page connects again by itself.');
+      if (!isUpdated()) showBanner('The connection is lost. Nothing that you did is lost. This page connects again by itself.');
       knock();
     }
   }, 1000);
-  // viser gives up trying after half a minute, and tries nothing in a hidden tab. When the server answers again and
-  // viser still has not come back, the page is loaded again: the server rebuilds all of it from what is stored.
+  // viser tries nothing in a hidden tab, and gives up on a server that was away for long. When the server answers again
+  // and viser still has not come back, the page is loaded again: the server rebuilds all of it from what is stored.
+  // A server of another version does not take this page back; then `updated.js` says so.
   let isKnocking = false, answersSince = 0;
   const knock = async () => {
     if (isKnocking) return;
     isKnocking = true;
-    try {
-      const reply = await fetch('/static/page.css', { method: 'HEAD', cache: 'no-store' });
-      answersSince = reply.ok ? answersSince || now() : 0;
-    } catch {
-      answersSince = 0;
-    }
+    const answer = window.personalVersion ? await window.personalVersion.ask() : 'silent';
     isKnocking = false;
-    if (!isLost()) answersSince = 0;
+    answersSince = answer === 'same' ? answersSince || now() : 0;
+    if (answer === 'other') showBanner('');
+    else if (!isLost()) answersSince = 0;
     else if (answersSince && now() - answersSince > COMES_BACK_MS) window.location.reload();
   };
 
@@ -123,7 +122,7 @@
   };
   const codeOf = (event) => event.code || (/^[a-z]$/i.test(event.key) ? 'Key' + event.key.toUpperCase() : event.key);
   window.addEventListener('keydown', (event) => {
-    if (ours.has(event)) return;
+    if (ours.has(event) || isUpdated()) return;
     const target = event.target instanceof Element ? event.target : document.body;
     if (dialog.open) { dialogKey(event); return; }
     if (target.closest('input, textarea, select')) return;
@@ -202,7 +201,11 @@
   banner.className = 'personal-banner';
   banner.setAttribute('role', 'alert');
   banner.hidden = true;
-  const showBanner = (text) => { banner.hidden = !text; if (banner.textContent !== text) banner.textContent = text; };
+  const showBanner = (text) => {
+    banner.hidden = !text;
+    if (banner.textContent !== text) banner.textContent = text;
+    document.documentElement.classList.toggle('personal-lost', Boolean(text));  // nobody looks on while no time is counted
+  };
   const dialog = document.createElement('dialog');
   dialog.className = 'personal-dialog';
   dialog.setAttribute('aria-label', 'Keys');
@@ -247,8 +250,8 @@
     asking = '';
     if (code === 'Escape') { drawDialog(''); return; }
     const taken = actionOf(code);
-    if (!/^(Key[A-Z]|Digit[0-9]|Numpad[0-9]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)$/.test(code))
-      drawDialog('This key cannot be used. Take a letter, a digit, an arrow, Space or Enter.');
+    if (!/^(Key[A-Z]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)$/.test(code))  // digits answer questions
+      drawDialog('This key cannot be used. Take a letter, an arrow, Space or Enter.');
     else if (taken && taken !== action) drawDialog('This key is already used for: ' + NAMES[taken] + '.');
     else { state.own = { ...state.own, [action]: code }; drawDialog('Saved.'); tellKeys(); }
     const back = dialog.querySelector('[data-key="' + action + '"]');

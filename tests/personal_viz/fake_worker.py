@@ -1,7 +1,7 @@
 """A worker without viser, started by tests: says where it listens, answers each message with who sent it and its pid.
 
 Its last argument says how it behaves: `good`; `broken`, which cannot start; `fragile`, which ends once it is ready;
-`deaf`, which goes on when the gateway is gone.
+`deaf`, which goes on when the gateway is gone; `slow`, which says that it is there only when the file `go` is.
 """
 
 import os
@@ -11,6 +11,7 @@ import sys
 import threading
 from pathlib import Path
 
+from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
 from personal_viz.store_link import StoreLink
@@ -31,7 +32,18 @@ def main() -> None:
         for _ in connection:
             connection.send(f"{code} {os.getpid()}")
 
-    with serve(answer, "127.0.0.1", 0) as server:
+    def is_there(connection: ServerConnection, request: Request) -> Response | None:
+        """What viser says to who asks for no websocket."""
+        if request.headers.get("Upgrade") == "websocket":
+            return None
+        if kind == "slow":
+            with (folder / f"{os.getpid()}.asked").open("a") as asked:
+                asked.write("once\n")
+            while not (folder / "go").exists():
+                threading.Event().wait(0.02)
+        return connection.respond(404, "NOT FOUND")
+
+    with serve(answer, "127.0.0.1", 0, process_request=is_there) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         link.tell_ready(server.socket.getsockname()[1])
         if kind == "fragile":

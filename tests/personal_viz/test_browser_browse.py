@@ -21,7 +21,7 @@ from personal_viz.browsing.layers import Layers, Outlined
 from personal_viz.browsing.library import Library, open_library
 from personal_viz.commands.browse import browse
 from personal_viz.commands.runs import run
-from personal_viz.gateway import VISER_CLIENT
+from personal_viz.page_version import VISER_CLIENT
 from sim.episodes.generation import dataset_files, write_files
 from sim.episodes.ownership import ownership_graph
 from sim.errors import PersonalVizError

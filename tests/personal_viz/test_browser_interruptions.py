@@ -149,11 +149,13 @@ def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
         line.cut()
         since_s = time.monotonic()
         expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_visible(timeout=60_000)
+        expect(page.get_by_alt_text("What the robot sees")).to_be_hidden()
         page.keyboard.press("a", delay=HOLD_MS)  # reaches nobody, and must not count when the line is back
         page.wait_for_timeout(1000 * max(0.0, LOST_S - (time.monotonic() - since_s)))  # so long is the line cut
         line.mend()
         expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_hidden(timeout=60_000)
         see_step(page, 1)
+        expect(page.get_by_alt_text("What the robot sees")).to_be_visible()
         page.keyboard.press("a", delay=HOLD_MS)
         see_step(page, 2)
         stored = events(quick_study, "p07", 1)

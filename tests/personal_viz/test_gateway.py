@@ -10,6 +10,7 @@ from starlette.websockets import WebSocketDisconnect
 from personal_viz.admission import DeviceProfile, Tickets
 from personal_viz.gateway import SESSION_COOKIE, Gateway
 from personal_viz.gateway_options import ServeOptions
+from personal_viz.page_version import page_version
 
 from .gateways import FewPeople, OnePort, admission_for, few_people
 
@@ -46,7 +47,12 @@ def site(folder: Path, *, options: ServeOptions | None = None, peer: str = "192.
 def ticket_in(reply) -> str:
     """The ticket id that a reply to `/enter` holds."""
     assert reply.status_code == 200
-    return reply.json()["view"].rsplit("/", 1)[1]
+    return ticket_of(reply.json()["view"])
+
+
+def ticket_of(view: str) -> str:
+    """The ticket id in the address of a view."""
+    return view.partition("/ws/")[2].partition("/")[0]
 
 
 def test_a_known_token_becomes_a_session_and_a_view(tmp_path: Path) -> None:
@@ -121,8 +127,8 @@ def test_foreign_hosts_are_refused(tmp_path: Path, host: str) -> None:
 def test_a_newer_ticket_revokes_the_older_one_and_its_page_asks_for_the_link(tmp_path: Path) -> None:
     at = site(tmp_path)
     old, new = (at.client.post("/enter", json={"token": "good"}, headers=ORIGIN).json()["view"] for _ in range(2))
-    assert at.tickets.find(old.rsplit("/", 1)[1]) is None
-    assert at.tickets.find(new.rsplit("/", 1)[1]) is not None
+    assert at.tickets.find(ticket_of(old)) is None
+    assert at.tickets.find(ticket_of(new)) is not None
     assert b"enter.js" in at.client.get(old).content
     assert b"viser" in at.client.get(new).content.lower()
 
@@ -258,7 +264,7 @@ def test_a_worker_that_is_gone_closes_the_websocket_for_a_later_try(tmp_path: Pa
     at = site(tmp_path)
     session_id, ticket_id = at.tickets.issue("p01")
     headers = {"cookie": f"{SESSION_COOKIE}={session_id}", **ORIGIN}
-    url = f"ws://127.0.0.1/ws/{ticket_id}"
+    url = f"ws://127.0.0.1/ws/{ticket_id}/{page_version()}"
     with pytest.raises(WebSocketDisconnect) as refused, at.client.websocket_connect(url, headers=headers):
         pass
     assert refused.value.code == 1013

@@ -12,7 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from websockets.exceptions import ConnectionClosed
 
+from human_study.events import Act
+from human_study.records import read_study
 from human_study.store import StudyStore, open_store
 from personal_viz.commands.serve_study import ended_by_sigterm, listen, serve_study, shown_live
 from personal_viz.gateway_options import ServeOptions
@@ -30,7 +33,7 @@ def served(folder: Path, *more: str) -> Iterator[tuple[subprocess.Popen[str], li
     command = [sys.executable, "-m", "personal_viz", "study", "serve", "--dataset", str(folder / "data")]
     command += ["--scene", "Small", "--out", str(folder / "study"), "--port", "0", "--workers", "2", *more]
     with (folder / "errors.txt").open("w") as errors:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True, preexec_fn=hear_ctrl_c)
     try:
         assert process.stdout is not None
         lines = []
@@ -43,6 +46,11 @@ def served(folder: Path, *more: str) -> Iterator[tuple[subprocess.Popen[str], li
         if process.poll() is None:
             process.kill()
         process.communicate()
+
+
+def hear_ctrl_c() -> None:
+    """Signals as at a terminal, also where the test's own shell ignores them."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def children(pid: int) -> list[int]:
@@ -79,6 +87,44 @@ def test_sigterm_ends_gateway_and_workers_with_people_online(tmp_path: Path) -> 
     errors = (tmp_path / "errors.txt").read_text()
     assert "127.0.0.1" not in errors
     assert not any(link.partition("#")[2] in errors for link in found.values())
+
+
+def stored_steps(folder: Path) -> int:
+    """Steps that are stored of everybody; the hash chains are whole."""
+    with read_study(folder) as reader:
+        reader.check()
+        trials = [trial.trial_id for code in reader.codes() for trial in reader.trials(code) if trial.trial_id]
+        return sum(isinstance(line.event, Act) for trial_id in trials for line in reader.events(trial_id))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_study_ends_with_people_in_the_middle_of_a_trial_and_keeps_all_that_was_acknowledged(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    invent_dataset(tmp_path / "data", name="Small", seed=3)
+    with served(tmp_path) as (process, lines):
+        links = dict(re.findall(r"(PAN|POG)  p\d\d  (http\S+)", "".join(lines)))
+        workers = children(process.pid)
+        with enter(links["PAN"]) as walker, enter(links["POG"]) as pointer:
+            pointer.receive_until(lambda message: "Gui" in message["type"])
+            walker.press("Start")
+            for step in (0, 1, 2):
+                walker.see_step(step)  # only what is stored is shown
+                walker.press("Turn left (A or Left)")
+            walker.see_step(3)
+            process.send_signal(number)
+            rest, _ = process.communicate(timeout=120)
+            with pytest.raises(ConnectionClosed):
+                walker.receive_until(lambda _: False)
+        assert process.returncode == 0
+        assert "Stopped. Everything is in" in rest
+        assert not any(is_running(worker) for worker in workers)
+    assert stored_steps(tmp_path / "study") == 3
+    with served(tmp_path) as (_, lines):
+        (link,) = re.findall(r"PAN  p\d\d  (http\S+)", "".join(lines))
+        with enter(link) as walker:
+            walker.see_step(3)
 
 
 @pytest.mark.slow

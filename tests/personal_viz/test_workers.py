@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -20,6 +20,7 @@ from personal_viz.commands.serve_study import listen
 from personal_viz.gateway import Gateway
 from personal_viz.gateway_http import uvicorn_server
 from personal_viz.gateway_options import ServeOptions
+from personal_viz.heartbeat import Heartbeat
 from personal_viz.recruit_codes import EndCode
 from personal_viz.workers import WorkerPool, worker_command
 from sim.errors import StudyError
@@ -29,7 +30,9 @@ from .gateways import PRESS, admission_for, enter, few_people, pack, wait_until
 PATIENCE_S = 60
 
 
-def pool_of(folder: Path, kind: str, num_workers: int, told: list[str], tickets: Tickets | None = None) -> WorkerPool:
+def pool_of(
+    folder: Path, kind: str, num_workers: int, told: list[str], tickets: Tickets | None = None, **choices: Any
+) -> WorkerPool:
     """Fake workers that behave like this; their pids are file names in the folder."""
     return WorkerPool(
         cast(StudyStore, None),
@@ -38,6 +41,7 @@ def pool_of(folder: Path, kind: str, num_workers: int, told: list[str], tickets:
         tickets=tickets or Tickets(),
         end_code=lambda code, ending: EndCode(),
         tell=told.append,
+        **choices,
     )
 
 
@@ -94,9 +98,8 @@ def test_ctrl_c_does_not_reach_workers_and_they_share_the_cores_with_the_gateway
             assert os.getsid(pid) == os.getsid(0)
 
 
-def test_a_worker_that_does_not_listen_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "END_S", 0.5)
-    with pool_of(tmp_path, "deaf", 1, []):
+def test_a_worker_that_does_not_listen_is_killed(tmp_path: Path) -> None:
+    with pool_of(tmp_path, "deaf", 1, [], end_s=0.5):
         assert is_running(pids(tmp_path)[0])
     assert not is_running(pids(tmp_path)[0])
 
@@ -185,6 +188,54 @@ def test_people_of_the_other_worker_notice_nothing(tmp_path: Path) -> None:
         url, headers = enter(address, "good")
         with connect(url, additional_headers=headers, proxy=None) as again:
             assert answer(again)[0] == "p01"
+
+
+def test_a_worker_that_hangs_is_killed_and_its_participant_goes_on_with_another(tmp_path: Path) -> None:
+    tickets, told = Tickets(), []
+    heartbeat = Heartbeat(every_s=0.05, patience_s=3)
+    with (
+        pool_of(tmp_path, "good", 1, told, tickets, heartbeat=heartbeat) as pool,
+        served(tmp_path, pool, tickets) as address,
+    ):
+        url, headers = enter(address, "good")
+        with connect(url, additional_headers=headers, proxy=None) as before:
+            _, pid = answer(before)
+            os.kill(pid, signal.SIGSTOP)
+            with pytest.raises(ConnectionClosed) as ended:
+                before.recv(timeout=PATIENCE_S)
+            assert ended.value.rcvd is not None
+            assert ended.value.rcvd.code == 1012
+        wait_until(lambda: pool.workers[0].port is not None and len(pids(tmp_path)) >= 2)
+        with connect(url, additional_headers=headers, proxy=None) as after:
+            code, new_pid = answer(after)
+        assert (code, new_pid != pid) == ("p01", True)
+        assert not is_running(pid)
+    line = "viser worker 1 has not answered for 3 s and was killed; it is started again. Nothing acknowledged is lost."
+    assert told[0] == line
+
+
+def test_a_slow_worker_is_left_alone(tmp_path: Path) -> None:
+    told: list[str] = []
+    with pool_of(tmp_path, "slow", 1, told, heartbeat=Heartbeat(every_s=0.01, patience_s=600)):
+        (pid,) = pids(tmp_path)
+        asked = tmp_path / f"{pid}.asked"
+        wait_until(asked.exists)
+        (tmp_path / "go").touch()  # an answer as late as this test is slow, and the next question follows
+        wait_until(lambda: asked.read_text().count("once") > 2)
+        assert pids(tmp_path) == [pid]
+        assert is_running(pid)
+    assert told == []
+
+
+def test_a_worker_that_hangs_each_time_it_is_started_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "PAUSES_S", (0.0,) * workers.MOST_FAILURES)
+    told: list[str] = []
+    with pool_of(tmp_path, "slow", 1, told, heartbeat=Heartbeat(every_s=0.01, patience_s=0.3)) as pool:
+        assert pool.ended.wait(PATIENCE_S)
+    assert len(pids(tmp_path)) == workers.MOST_FAILURES
+    assert told[-1] == "viser worker 1 ended 5 times in a row; it is not started again."
 
 
 def test_the_program_of_a_worker_names_what_it_needs() -> None:

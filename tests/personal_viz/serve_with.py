@@ -1,0 +1,30 @@
+"""`study serve` with choices that have no flag, started by tests: FOLDER DATASET PORT and, as JSON, those choices.
+
+They are `page_version`, as if this program were another version, and `patience_s` and `every_s` of the heartbeat.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+from personal_viz.commands.study import serve_planned
+from personal_viz.gateway_options import ServeOptions
+from personal_viz.heartbeat import Heartbeat
+
+
+def main() -> None:
+    """Serves until Ctrl-C or SIGTERM."""
+    folder, dataset, port, given = sys.argv[1:]
+    choices = {"page_version": None, "patience_s": 90.0, "every_s": 5.0, "workers": 1, **json.loads(given)}
+    options = ServeOptions(
+        port=int(port),
+        pilot=True,
+        workers=choices["workers"],
+        page_version=choices["page_version"],
+        heartbeat=Heartbeat(every_s=choices["every_s"], patience_s=choices["patience_s"]),
+    )
+    serve_planned(folder=Path(folder), dataset=Path(dataset), scenes_dir=None, options=options)
+
+
+if __name__ == "__main__":
+    main()

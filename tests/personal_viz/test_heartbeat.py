@@ -1,0 +1,102 @@
+"""Whether a worker's event loop goes round: asked of viser itself, of nobody, and of one that stands still."""
+
+import resource
+import socket
+import threading
+from collections.abc import Iterator
+
+import pytest
+import viser
+
+from personal_viz.heartbeat import Heartbeat, answers
+
+NEVER = threading.Event()
+LONG_S, SHORT_S = 120.0, 0.3
+
+
+@pytest.fixture
+def server() -> Iterator[viser.ViserServer]:
+    """A viser server on a free port."""
+    running = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        yield running
+    finally:
+        running.stop()
+
+
+def test_viser_answers(server: viser.ViserServer) -> None:
+    assert all(answers(server.get_port(), patience_s=LONG_S, over=NEVER) for _ in range(3))
+
+
+def test_a_viser_whose_event_loop_is_blocked_does_not_and_then_does_again(server: viser.ViserServer) -> None:
+    blocked, go_on = threading.Event(), threading.Event()
+
+    def block() -> None:
+        blocked.set()
+        go_on.wait()
+
+    loop = server._websock_server._background_event_loop
+    assert loop is not None
+    loop.call_soon_threadsafe(block)
+    assert blocked.wait(LONG_S)
+    try:
+        assert not answers(server.get_port(), patience_s=SHORT_S, over=NEVER)
+    finally:
+        go_on.set()
+    assert answers(server.get_port(), patience_s=LONG_S, over=NEVER)
+
+
+def test_a_question_is_answered_late_when_the_loop_goes_on_late(server: viser.ViserServer) -> None:
+    blocked, go_on, found = threading.Event(), threading.Event(), []
+
+    def block() -> None:
+        blocked.set()
+        go_on.wait()
+
+    loop = server._websock_server._background_event_loop
+    assert loop is not None
+    loop.call_soon_threadsafe(block)
+    assert blocked.wait(LONG_S)
+    asking = threading.Thread(target=lambda: found.append(answers(server.get_port(), patience_s=LONG_S, over=NEVER)))
+    asking.start()
+    assert not answers(server.get_port(), patience_s=SHORT_S, over=NEVER)
+    go_on.set()
+    asking.join(LONG_S)
+    assert found == [True]
+
+
+def test_a_port_where_nobody_listens_does_not_answer() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        assert not answers(probe.getsockname()[1], patience_s=SHORT_S, over=NEVER)
+
+
+def test_waiting_ends_when_nobody_cares_any_more() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as deaf:
+        over, found = threading.Event(), []
+        port = deaf.getsockname()[1]
+        asking = threading.Thread(target=lambda: found.append(answers(port, patience_s=LONG_S / 4, over=over)))
+        asking.start()
+        over.set()
+        asking.join(LONG_S)
+        assert found == [True]
+
+
+def test_more_open_files_than_select_can_take_do_not_kill_a_healthy_worker(server: viser.ViserServer) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < 2048:
+        pytest.skip("this machine does not let us open 2,048 files")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 2048), hard))
+    kept = [socket.socketpair() for _ in range(520)]
+    try:
+        assert max(end.fileno() for pair in kept for end in pair) > 1024
+        assert answers(server.get_port(), patience_s=LONG_S, over=NEVER)
+    finally:
+        for pair in kept:
+            for end in pair:
+                end.close()
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_a_busy_machine_has_at_least_a_minute() -> None:
+    assert Heartbeat().patience_s >= 60
