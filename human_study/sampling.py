@@ -1,5 +1,6 @@
 """Which episodes a study uses: drawn from the dataset by the study's seed, as evenly over the homes as asked for."""
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 
@@ -44,7 +45,8 @@ def _counts(
 ) -> dict[tuple[Split, str], int]:
     """How many episodes of each (split, home): the most even choice that the limits allow.
 
-    The smallest bound per (split, home) under which a maximum flow fills all splits; raises StudyError when none does.
+    The smallest bound per (split, home), and under it the smallest per home, under which a maximum flow fills all
+    splits; raises StudyError when none does.
     """
     wanted = {
         split: sum(len(keys) for (of, _), keys in groups.items() if of == split) if count == "all" else count
@@ -52,21 +54,29 @@ def _counts(
     }
     names = sorted(groups)
     order = [names[place] for place in rng.permutation(len(names))]
-    scenes = sorted({scene for _, scene in order})
-    cap = config.dataset.max_per_scene or sum(wanted.values())
-    largest = max((len(keys) for keys in groups.values()), default=0)
-    bounds = range(1, largest + 1) if config.dataset.stratify == "scene" else (largest,)
-    flow: dict[tuple[str, str], int] = {}
-    for bound in bounds:
+    num_wanted = sum(wanted.values())
+
+    def flow(bound: int, cap: int) -> dict[tuple[str, str], int]:
         edges = [("from", f"split {split}", count) for split, count in wanted.items()]
-        for split, scene in order:
-            edges.append((f"split {split}", f"scene {scene}", min(bound, len(groups[split, scene]))))
-        edges += [(f"scene {scene}", "to", cap) for scene in scenes]
-        flow = flow_of([edge for edge in edges if edge[2] > 0], source="from", sink="to")
-        if sum(amount for (tail, _), amount in flow.items() if tail == "from") == sum(wanted.values()):
-            return {(split, scene): flow.get((f"split {split}", f"scene {scene}"), 0) for split, scene in order}
-    reached = {split: flow.get(("from", f"split {split}"), 0) for split in wanted}
-    raise StudyError(
-        f"study {config.study}: dataset.splits asks for {wanted}, the dataset with at most {cap} of one home gives "
-        f"{reached}; expected enough episodes. Ask for fewer or raise dataset.max_per_scene."
-    )
+        edges += [(f"split {of}", f"scene {home}", min(bound, len(groups[of, home]))) for of, home in order]
+        edges += [(f"scene {home}", "to", cap) for home in sorted({home for _, home in order})]
+        return flow_of([edge for edge in edges if edge[2] > 0], source="from", sink="to")
+
+    def is_full(found: dict[tuple[str, str], int]) -> bool:
+        return sum(amount for (tail, _), amount in found.items() if tail == "from") == num_wanted
+
+    cap = config.dataset.max_per_scene or num_wanted
+    largest = max((len(keys) for keys in groups.values()), default=0)
+    is_even = config.dataset.stratify == "scene"
+    bound = next((bound for bound in (range(1, largest + 1) if is_even else ()) if is_full(flow(bound, cap))), largest)
+    found = flow(bound, cap)
+    if not is_full(found):
+        reached = {split: found.get(("from", f"split {split}"), 0) for split in wanted}
+        raise StudyError(
+            f"study {config.study}: dataset.splits asks for {wanted}, the dataset with at most {cap} of one home gives "
+            f"{reached}; expected enough episodes. Ask for fewer or raise dataset.max_per_scene."
+        )
+    if is_even:
+        least = math.ceil(num_wanted / len({home for _, home in order}))
+        found = next(evener for most in range(least, cap + 1) if is_full(evener := flow(bound, most)))
+    return {(split, scene): found.get((f"split {split}", f"scene {scene}"), 0) for split, scene in order}

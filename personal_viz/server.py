@@ -9,6 +9,7 @@ import contextlib
 import socket
 import sys
 import time
+import warnings
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -45,6 +46,7 @@ def main() -> None:
     parser.add_argument("--rerun", help="show each trial live: a folder of recordings or a viewer's address")
     parser.add_argument("--with-pixels", action="store_true", help="pictures of licensed scans too")
     options = parser.parse_args()
+    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")  # people leave in mid-trial
     link = StoreLink(socket.socket(fileno=options.fd))
     try:
         study = open_study(

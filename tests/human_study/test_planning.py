@@ -57,6 +57,12 @@ def test_the_draw_has_the_asked_splits_and_few_of_one_home() -> None:
     assert sample_episodes(other, POOL) != keys
 
 
+def test_a_small_draw_takes_each_episode_from_another_home() -> None:
+    config = house_once(dataset={"sha256": "0", "splits": {"easy": 4, "medium": 4, "hard": 4}})
+    keys = sample_episodes(config, POOL)
+    assert len({key.scene for key in keys}) == len(keys) == 12
+
+
 def test_a_draw_that_the_dataset_cannot_give_says_what_it_can() -> None:
     config = house_once(dataset={"sha256": "0", "splits": {"easy": 40}, "max_per_scene": 1})
     with pytest.raises(StudyError, match=r"asks for \{'easy': 40\}.*at most 1 of one home gives \{'easy': 31\}"):
