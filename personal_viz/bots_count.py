@@ -1,6 +1,7 @@
-"""Compares what bots sent with what the study's database holds: which keys were lost, which are there twice.
+"""Compares what bots sent with what the study's database holds: what was lost, what is there twice.
 
 Keys carry the browser's clock (`t_cli_ms`), which bots make different for each key: so each is looked for by itself.
+Clicks and answers of POG bots are counted by `bots_count_pog`; all that is said of keys here holds for them, too.
 """
 
 from collections import Counter
@@ -10,36 +11,42 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 from human_study.events import Dropped, Key
-from human_study.records import read_study
+from human_study.records import StudyReader, read_study
 
-from .bots import BotLog
+from .bots_count_pog import count_points
+from .bots_log import BotCount, BotLog
 
 
 class KeyCount(BaseModel):
-    """Where the keys are that bots sent."""
+    """Where that is which bots sent."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     sent: int
+    """Keys, clicks and moves of the mark."""
     stored: int
-    """Different keys of bots that are in the database, accepted or dropped with a reason."""
+    """Different ones that are in the database; keys also where they were dropped with a reason."""
     dropped: dict[str, int]
-    """Stored keys without effect, by reason: `busy`, `rate` and so on."""
+    """Stored as without effect, by reason: `busy`, `rate` and so on."""
     lost: int
-    """Keys that were sent and are not stored, without those cut off."""
+    """Sent and not stored, without those cut off; answers too."""
     cut_off: int
     """Not stored, because the bot hung up while they were on their way; nobody was told that they counted."""
     duplicated: int
-    """Keys that are stored more than once."""
+    """Stored more than once."""
     unknown: int
-    """Stored keys that no bot sent."""
+    """Stored, but sent by no bot."""
     lost_keys: tuple[str, ...]
-    """Which keys were lost: participant, number of the key, number of keys."""
+    """Which were lost: participant, number of the key or click, of how many."""
     events: int
     """All events in the database; its hash chains have been checked."""
+    clicks: int = 0
+    """Of `sent`: clicks and moves of the mark."""
+    answers: int = 0
+    """Marks that were confirmed, in the database."""
 
 
 def count_keys(folder: Path, logs: Sequence[BotLog]) -> KeyCount:
-    """Looks for each key of each bot.
+    """Looks for each key and click of each bot.
 
     Args:
         folder: Of the study; checked whole first.
@@ -48,34 +55,42 @@ def count_keys(folder: Path, logs: Sequence[BotLog]) -> KeyCount:
     Raises:
         StudyError: The database is damaged.
     """
-    cut_off = duplicated = unknown = stored = 0
-    dropped: Counter[str] = Counter()
-    lost_keys: list[str] = []
     with read_study(folder) as reader:
         num_events = reader.check()
-        for log in logs:
-            found: Counter[float | None] = Counter()
-            for status in reader.trials(log.code):
-                events = reader.events(status.trial_id) if status.trial_id is not None else ()
-                kinds = [one.event for one in events]
-                found.update(event.t_cli_ms for event in kinds if isinstance(event, Key))
-                dropped.update(event.reason for event in kinds if isinstance(event, Dropped))
-            sent = {press.t_cli_ms: press for press in log.presses}
-            stored += len(found.keys() & sent.keys())
-            duplicated += sum(count - 1 for mark, count in found.items() if mark in sent)
-            unknown += sum(count for mark, count in found.items() if mark not in sent)
-            missing = [press for mark, press in sent.items() if mark not in found]
-            cut_off += sum(press.was_cut_off for press in missing)
-            gone = [log.presses.index(press) + 1 for press in missing if not press.was_cut_off]
-            lost_keys += [f"{log.code} ({log.kind}): key {number} of {len(log.presses)}" for number in gone]
+        found = [count_points(reader, log) if log.task == "pog" else count_presses(reader, log) for log in logs]
+    dropped = sum((count.dropped for count in found), Counter[str]())
     return KeyCount(
-        sent=sum(len(log.presses) for log in logs),
-        stored=stored,
+        sent=sum(count.sent for count in found),
+        stored=sum(count.stored for count in found),
         dropped=dict(sorted(dropped.items())),
-        lost=len(lost_keys),
-        cut_off=cut_off,
-        duplicated=duplicated,
-        unknown=unknown,
-        lost_keys=tuple(lost_keys),
+        lost=sum(len(count.lost) for count in found),
+        cut_off=sum(count.cut_off for count in found),
+        duplicated=sum(count.duplicated for count in found),
+        unknown=sum(count.unknown for count in found),
+        lost_keys=tuple(text for count in found for text in count.lost),
         events=num_events,
+        clicks=sum(len(log.points) for log in logs),
+        answers=sum(count.answers for count in found),
+    )
+
+
+def count_presses(reader: StudyReader, log: BotLog) -> BotCount:
+    """Looks for each key of a PAN bot."""
+    found: Counter[float | None] = Counter()
+    dropped: Counter[str] = Counter()
+    for status in reader.trials(log.code):
+        events = [one.event for one in reader.events(status.trial_id)] if status.trial_id is not None else []
+        found.update(event.t_cli_ms for event in events if isinstance(event, Key))
+        dropped.update(event.reason for event in events if isinstance(event, Dropped))
+    sent = {press.t_cli_ms: press for press in log.presses}
+    missing = [press for mark, press in sent.items() if mark not in found]
+    gone = [log.presses.index(press) + 1 for press in missing if not press.was_cut_off]
+    return BotCount(
+        sent=len(log.presses),
+        stored=len(found.keys() & sent.keys()),
+        dropped=dropped,
+        lost=tuple(f"{log.code} ({log.kind}): key {number} of {len(log.presses)}" for number in gone),
+        cut_off=sum(press.was_cut_off for press in missing),
+        duplicated=sum(count - 1 for mark, count in found.items() if mark in sent),
+        unknown=sum(count for mark, count in found.items() if mark not in sent),
     )

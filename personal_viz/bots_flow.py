@@ -3,6 +3,7 @@
 import time
 
 from human_study.study import StudyConfig
+from sim.types import TaskKind
 
 from .bots_page import BotPage
 from .bots_wire import BotConnection
@@ -19,16 +20,14 @@ _ON = (
     r"^i agree",
     r"^i have read",
     r"^try again",
-    r"^look whether",
-    r"^[1-5]:",
 )
-"""Labels that lead on, the likeliest first; the last is the question how sure one is."""
+"""Labels that lead on, the likeliest first."""
 _END = ("thank you", "you can close this page", "completion code", "you will be paid")
 
 
-def right_answers(config: StudyConfig) -> frozenset[str]:
-    """The labels of all right answers in the quiz of PAN participants."""
-    return frozenset(question.answers[0] for question in questions_for(config, "pan", config.conditions("pan")))
+def right_answers(config: StudyConfig, task: TaskKind = "pan") -> frozenset[str]:
+    """The labels of all right answers in the quiz of a task's participants."""
+    return frozenset(question.answers[0] for question in questions_for(config, task, config.conditions(task)))
 
 
 def is_the_end(page: BotPage) -> bool:
@@ -37,12 +36,18 @@ def is_the_end(page: BotPage) -> bool:
     return any(words in text for words in _END) and not page.of_kind("GuiButtonMessage")
 
 
-async def answer_page(connection: BotConnection, answers: frozenset[str]) -> bool:
+def is_the_pause(page: BotPage) -> bool:
+    """Whether the study asks for a rest that is longer than a bot waits."""
+    return page.button(r"^look whether") is not None
+
+
+async def answer_page(connection: BotConnection, answers: frozenset[str], *, sure: int = 1) -> bool:
     """Does what leads on; False when the page offers nothing, or nothing yet.
 
     Args:
         connection: With the page.
         answers: The right answers to the quiz.
+        sure: What is said when the page asks how sure an answer is, 1 to 5.
     """
     page = connection.page
     if "Looking at your browser" in page.text:
@@ -56,7 +61,7 @@ async def answer_page(connection: BotConnection, answers: frozenset[str]) -> boo
         if button.label in answers:
             await connection.set_value(button.uuid, True)
             return True
-    for pattern in _ON:
+    for pattern in (*_ON, rf"^{sure}:"):
         button = page.button(pattern)
         if button is not None:
             await connection.set_value(button.uuid, True)

@@ -7,16 +7,25 @@ from typing import Any
 import msgspec
 import zstandard
 
+from sim.tasks.run_files import Vector3
+
 from .page_script import LABEL
 
 _STEP_SHOWN = re.compile(r'data-step="(\d+)"')
 _STEP_COUNTED = re.compile(r"Step (\d+) of (\d+)")
 _SEAT = re.compile(r"personalPage\.begin\((?:&quot;|\")([\w-]+)(?:&quot;|\")")
-_TAGS = re.compile(r"<[^>]*>")
+_TAGS = re.compile(r"<style>.*?</style>|<[^>]*>", re.DOTALL)
+_COMPLETION_CODE = re.compile(r'aria-label="Completion code">([^<]+)<')
 _HEAD_BYTES = 16
 """Two numbers of 8 bytes stand before the compressed part: its size before and after (viser's wire format)."""
 _IMAGE_HEAD = 1200
 """Characters of an element's HTML in which the step is looked for; the picture's bytes come after that."""
+_END_LOOK, _CONFIRM = r"^show what to find", r"^confirm the mark"
+"""Labels of the buttons that only the look screen and the POG screen have."""
+_MARKS = ("/mark", "/mark/dot")
+"""Names of the node at the participant's mark: in the 3-D home, and on its map."""
+_SURFACES = ("/home", "/map")
+"""Names of what is pointed at."""
 
 
 @dataclass(slots=True)
@@ -41,7 +50,7 @@ class Element:
 
 @dataclass(slots=True)
 class BotPage:
-    """The elements that are there now, and what the PAN screen says."""
+    """The elements that are there now, what the PAN screen says, and what of a home is shown."""
 
     elements: dict[str, Element] = field(default_factory=dict)
     """By viser's uuid, in the order in which they came."""
@@ -51,6 +60,16 @@ class BotPage:
     """Actions that the counter says."""
     num_frames: int = 0
     """Pictures received."""
+    mark: Vector3 | None = None
+    """Where the participant's mark is, world metres; None while there is none."""
+    num_marks: int = 0
+    """How often it was shown."""
+    num_surfaces: int = 0
+    """How often a storey of the home or of its map was shown."""
+    has_surface: bool = False
+    """Whether one is shown on the present screen."""
+    hears_clicks: bool = False
+    """Whether viser's client would send a click into the scene."""
 
     def apply(self, data: bytes) -> None:
         """Takes one websocket message of viser."""
@@ -61,6 +80,24 @@ class BotPage:
     def is_walking(self) -> bool:
         """Whether the PAN screen is there: keys move the robot."""
         return self.step_shown is not None and self.command("W") is not None
+
+    @property
+    def is_looking(self) -> bool:
+        """Whether the home is shown before the texts that say what to find."""
+        return self.has_surface and self.button(_END_LOOK) is not None
+
+    @property
+    def is_pointing(self) -> bool:
+        """Whether the POG screen is there: clicks set the mark."""
+        return self.has_surface and self.hears_clicks and self.button(_CONFIRM) is not None
+
+    @property
+    def completion_code(self) -> str | None:
+        """What somebody who has finished is told."""
+        for element in self.elements.values():
+            if found := _COMPLETION_CODE.search(str(element.props.get("content", ""))):
+                return found.group(1)
+        return None
 
     @property
     def seat(self) -> str | None:
@@ -103,6 +140,7 @@ class BotPage:
     def _apply(self, message: dict[str, Any]) -> None:
         kind, uuid = message["type"], message.get("uuid")
         if uuid is None:
+            self._apply_to_scene(kind, message)
             return
         if kind in ("GuiRemoveMessage", "RemoveCommandMessage"):
             removed = self.elements.pop(uuid, None)
@@ -114,7 +152,23 @@ class BotPage:
                 self._read(message["updates"].get("content"))
         elif "props" in message:
             self.elements[uuid] = Element(uuid, kind, dict(message["props"]))
+            if re.search(f"{_END_LOOK}|{_CONFIRM}", self.elements[uuid].label, re.IGNORECASE):
+                self.has_surface = False  # it comes after the buttons; what is there is the last screen's
             self._read(message["props"].get("content"))
+
+    def _apply_to_scene(self, kind: str, message: dict[str, Any]) -> None:
+        """Takes what viser says of the home, the mark, the camera and clicks."""
+        if kind == "SetPositionMessage" and message["name"] in _MARKS:
+            x, y, z = (float(value) for value in message["position"])
+            self.mark, self.num_marks = (x, y, z), self.num_marks + 1
+        elif kind == "RemoveSceneNodeMessage" and message["name"] in _MARKS:
+            self.mark = None
+        elif kind == "RemoveSceneNodeMessage" and message["name"] in _SURFACES:
+            self.has_surface = False
+        elif kind in ("GlbMessage", "ImageMessage") and message["name"] in _SURFACES:
+            self.has_surface, self.num_surfaces = True, self.num_surfaces + 1
+        elif kind == "ScenePointerEnableMessage" and message["event_type"] == "click":
+            self.hears_clicks = bool(message["modifiers"])
 
     def _read(self, content: Any) -> None:
         """Takes steps from an element's new HTML."""

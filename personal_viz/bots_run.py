@@ -3,73 +3,28 @@
 import asyncio
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Literal
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict
-
-from human_study.study import load_study
 from sim.errors import StudyError
-from sim.world.raycast import own_cores
+from sim.types import TaskKind
 
-from .bots import Bot, BotKind, BotLog, Press
+from .bots import Bot
 from .bots_count import count_keys
+from .bots_figures import BotFigures as BotFigures
+from .bots_figures import Spent, figures_of
+from .bots_figures import quantile as quantile
 from .bots_flow import right_answers
+from .bots_goal import GoalFinder
+from .bots_homes import BotHomes
+from .bots_log import BotKind
+from .bots_pan import PanBot
+from .bots_pog import PogBot
 from .bots_site import Site, cpu_seconds
 from .bots_way import WayFinder
 
 _ARRIVE_TOGETHER = 10
 """Bots that come in at the same time."""
-
-
-class BotFigures(BaseModel):
-    """What `study bots --json` prints. Times are taken at the bots, on the websocket, without a browser."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    participants: int
-    kinds: tuple[BotKind, ...]
-    rate: float
-    """Actions per second of each bot, asked for; slow bots act at a quarter of it."""
-    seconds: float
-    """Elapsed, from the first key to the last bot's leaving."""
-    actions: int
-    """Keys that were sent."""
-    actions_per_s: float
-    frames: int
-    """Pictures received."""
-    ack_p50_ms: float | None
-    """From sending a key to the step counter that follows its commit: the key and its step are on disk."""
-    ack_p95_ms: float | None
-    ack_max_ms: float | None
-    key_to_frame_p50_ms: float | None
-    """From sending a key to its picture."""
-    key_to_frame_p95_ms: float | None
-    unanswered: int
-    """Keys whose picture did not come in time, connections that ended left out."""
-    lost: int
-    """Keys that were sent and are not in the database, those left out that were on their way when a bot hung up."""
-    duplicated: int
-    """Keys that are in the database more than once."""
-    unknown: int
-    """Keys in the database that no bot sent."""
-    cut_off: int
-    """Keys that were on their way when a bot hung up, and are not in the database."""
-    dropped: dict[str, int]
-    """Keys in the database that had no effect, by reason."""
-    rate_limited: Literal[0] = 0
-    """Keys over the gateway's rate limit; bots stay below it, so that every key has to be stored."""
-    connections: int
-    problems: tuple[str, ...]
-    """Why bots ended early, and which keys were lost."""
-    server_cpu_ms_per_action: float | None
-    """CPU milliseconds of gateway and workers; None where the serving process is not ours."""
-    bots_cpu_ms_per_action: float
-    cores: int
-    """That this machine lets us use; bots and server share them."""
-    actions_per_s_per_core: float
-    load_before: float
-    """The machine's load average of the last minute when the bots began: others work on it too."""
 
 
 def run_bots(
@@ -80,39 +35,75 @@ def run_bots(
     rate: float,
     kinds: Sequence[BotKind],
     seed: int,
+    tasks: Sequence[TaskKind] = ("pan",),
     progress: Callable[[str], None] = lambda _: None,
     on_acting: Callable[[], None] = lambda: None,
 ) -> BotFigures:
-    """Everybody comes in and answers the pages; then all press keys for so many seconds.
+    """Everybody comes in and answers the pages; then all do their trials for so many seconds, or until they are done.
 
     Args:
         site: The study that is being served.
-        participants: How many of its PAN participants.
+        participants: How many of those who do one of the tasks, in the plan's order.
         seconds: From the first key on.
         rate: Actions per second and bot.
-        kinds: Dealt out in turns.
+        kinds: Dealt out in turns, in each task by itself.
         seed: Of the bots' choices.
+        tasks: Whom bots stand for.
         progress: Told what is done now.
         on_acting: Called when all are in and the first key is pressed.
 
     Raises:
-        StudyError: The study has too few PAN participants, a bot is not let in, or the database is damaged.
+        StudyError: The study has too few participants, a bot is not let in, or the database is damaged.
     """
-    if len(site.links) < participants:
+    people = site.people(tasks)
+    if len(people) < participants:
+        names = " and ".join(task.upper() for task in tasks)
         raise StudyError(
-            f"{site.folder}: has {len(site.links)} PAN participants; expected at least {participants}. "
+            f"{site.folder}: has {len(people)} {names} participants; expected at least {participants}. "
             "Plan more, or give a smaller --participants."
         )
-    answers = right_answers(load_study(site.folder))
-    finder = WayFinder(site) if "shortest" in kinds else None
-    bots = []
-    for number, (code, link) in enumerate(list(site.links.items())[:participants]):
-        kind = kinds[number % len(kinds)]
-        way = finder.way if finder is not None and kind == "shortest" else None
-        bots.append(Bot(code, link, kind, rate=rate, seed=seed + number, answers=answers, way=way))
+    bots = _bots(site, people[:participants], rate=rate, kinds=kinds, seed=seed)
     return asyncio.run(
         _run(site, bots, seconds=seconds, rate=rate, kinds=kinds, progress=progress, on_acting=on_acting)
     )
+
+
+def _bots(
+    site: Site,
+    people: Sequence[tuple[str, TaskKind, str]],
+    *,
+    rate: float,
+    kinds: Sequence[BotKind],
+    seed: int,
+) -> list[Bot]:
+    """A bot for each of the people."""
+    homes = BotHomes(site)
+    ways, goals = WayFinder(homes), GoalFinder(homes)
+    numbers: Counter[TaskKind] = Counter()
+    bots: list[Bot] = []
+    for number, (code, task, link) in enumerate(people):
+        kind = kinds[numbers[task] % len(kinds)]
+        numbers[task] += 1
+        knows = kind == "shortest"
+        answers, own_seed = right_answers(homes.config, task), seed + number
+        if task == "pan":
+            way = ways.way if knows else None
+            bots.append(PanBot(code, link, kind, rate=rate, seed=own_seed, answers=answers, way=way))
+        else:
+            goal = goals.goal if knows else None
+            bots.append(
+                PogBot(
+                    code,
+                    link,
+                    kind,
+                    rate=rate,
+                    seed=own_seed,
+                    answers=answers,
+                    goal=goal,
+                    anywhere=goals.anywhere,
+                )
+            )
+    return bots
 
 
 async def _run(
@@ -140,50 +131,4 @@ async def _run(
     progress("comparing with the database")
     logs = [bot.log for bot in bots]
     counted = await asyncio.to_thread(count_keys, site.folder, logs)
-    num_actions = max(1, counted.sent)
-    acks, shown = _times_ms(logs, lambda press: press.counted_s), _times_ms(logs, lambda press: press.shown_s)
-    return BotFigures(
-        participants=len(bots),
-        kinds=tuple(kinds),
-        rate=rate,
-        seconds=elapsed_s,
-        actions=counted.sent,
-        actions_per_s=counted.sent / elapsed_s,
-        frames=sum(log.num_frames for log in logs),
-        ack_p50_ms=quantile(acks, 0.5),
-        ack_p95_ms=quantile(acks, 0.95),
-        ack_max_ms=quantile(acks, 1.0),
-        key_to_frame_p50_ms=quantile(shown, 0.5),
-        key_to_frame_p95_ms=quantile(shown, 0.95),
-        unanswered=sum(log.num_unanswered for log in logs),
-        lost=counted.lost,
-        duplicated=counted.duplicated,
-        unknown=counted.unknown,
-        cut_off=counted.cut_off,
-        dropped=counted.dropped,
-        connections=sum(log.num_connections for log in logs),
-        problems=(
-            *(f"{log.code} ({log.kind}): {log.problem}" for log in logs if log.problem),
-            *(f"lost {key}" for key in counted.lost_keys),
-        ),
-        server_cpu_ms_per_action=None if served_cpu is None else 1e3 * served_cpu / num_actions,
-        bots_cpu_ms_per_action=1e3 * own_cpu / num_actions,
-        cores=own_cores(),
-        actions_per_s_per_core=counted.sent / elapsed_s / own_cores(),
-        load_before=load_before,
-    )
-
-
-def quantile(values: Sequence[float], share: float) -> float | None:
-    """A quantile, interpolated; None of nothing."""
-    return float(np.quantile(values, share)) if values else None
-
-
-def _times_ms(logs: Sequence[BotLog], moment: Callable[[Press], float | None]) -> list[float]:
-    found = []
-    for log in logs:
-        for press in log.presses:
-            at_s = moment(press)
-            if at_s is not None:
-                found.append(1e3 * (at_s - press.sent_s))
-    return found
+    return figures_of(logs, counted, Spent(elapsed_s, own_cpu, served_cpu, load_before), kinds=kinds, rate=rate)

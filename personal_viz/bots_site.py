@@ -6,20 +6,22 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from human_study.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, load_plan
 from human_study.study import (
     STUDY_FILE,
     FlowStep,
+    PogCondition,
     StudyBreaks,
     StudyChecks,
     StudyConfig,
     StudyDataset,
     StudyDesign,
+    StudyPog,
     StudyPractice,
     load_study,
     save_study,
@@ -27,12 +29,12 @@ from human_study.study import (
 from human_study.study_secrets import load_secrets
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
-from sim.types import SPLITS
+from sim.types import SPLITS, TaskKind
 
 HOME = "BotHome"
 START_S = 120.0
 _READY = "Everything is written to"
-_LINK = re.compile(r"PAN\s+(p\d+)\s+(\S+)")
+_LINK = re.compile(r"(PAN|POG)\s+(p\d+)\s+(\S+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,17 @@ class Site:
     """Personal link of each PAN participant, by code."""
     pid: int | None
     """Of the serving process; None when somebody else started it."""
+    pog_links: dict[str, str] = field(default_factory=dict)
+    """Personal link of each POG participant, by code."""
+
+    def people(self, tasks: Sequence[TaskKind]) -> list[tuple[str, TaskKind, str]]:
+        """(code, task, personal link) of everybody who does one of the tasks, in the plan's order."""
+        links: dict[TaskKind, dict[str, str]] = {"pan": self.links, "pog": self.pog_links}
+        found: list[tuple[str, TaskKind, str]] = []
+        for task in tasks:
+            for code, link in links[task].items():
+                found.append((code, task, link))
+        return sorted(found, key=lambda person: (len(person[0]), person[0]))
 
 
 def make_bot_study(
@@ -56,16 +69,26 @@ def make_bot_study(
     dataset: Path | None = None,
     scenes: tuple[str, ...] = (),
     flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz"),
+    task: tuple[TaskKind, ...] = ("pan",),
+    pog_conditions: tuple[PogCondition, ...] = ("map_first",),
+    practice: int = 0,
+    breaks_every: int | None = None,
+    confidence: bool = False,
 ) -> Path:
-    """Plans a PAN study for bots, in which everybody does every episode; returns its dataset's folder.
+    """Plans a study for bots, in which everybody does every episode; returns its dataset's folder.
 
     Args:
         folder: A new one.
-        participants: How many.
+        participants: How many for each task, and in POG for each condition.
         seed: Of the home and of the plan.
         dataset: None = a home is invented in `folder`.
         scenes: Only these homes of the dataset; () = all.
         flow: The pages before the first trial.
+        task: What people do, each one of them.
+        pog_conditions: Of POG.
+        practice: Practice trials of everybody.
+        breaks_every: A break after so many trials; None = none.
+        confidence: Whether people are asked how sure they are.
     """
     from personal_viz.commands.study_files import plan_study
     from sim.episodes.generation import invent_dataset
@@ -83,12 +106,14 @@ def make_bot_study(
             max_per_scene=None,
             seed=seed,
         ),
-        task=("pan",),
+        task=task,
         design=StudyDesign(kind="crossed", raters_per_episode=participants),
         flow=flow,
-        practice=StudyPractice(pan=0, pog=0),
+        pog=StudyPog(conditions=pog_conditions),
+        practice=StudyPractice(pan=practice, pog=practice),
         checks=StudyChecks(every=None),
-        breaks=StudyBreaks(every=None, sitting_max=None),
+        breaks=StudyBreaks(every=breaks_every, sitting_max=None),
+        confidence=confidence,
     )
     save_study(folder / "study", config)
     plan_study(folder / "study", dataset, None, pilot=True)
@@ -123,18 +148,18 @@ def served(folder: Path, dataset: Path, scenes_dir: Path | None = None) -> Itera
     process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, process_group=0, preexec_fn=_hear_ctrl_c)
     try:
         assert process.stdout is not None
-        links = {}
+        links: dict[str, dict[str, str]] = {"PAN": {}, "POG": {}}
         for line in process.stdout:
             if found := _LINK.search(line):
-                links[found.group(1)] = found.group(2)
+                label, code, link = found.groups()
+                links[label][code] = link
             if _READY in line:
                 break
-        if not links:
+        if not any(links.values()):
             raise StudyError(
-                f"{' '.join(program[2:6])}: printed no link of a PAN participant; expected at least one. "
-                "Plan a study with task: pan."
+                f"{' '.join(program[2:6])}: printed no personal link; expected at least one. Its own message is above."
             )
-        yield Site(folder, dataset, scenes_dir, links, process.pid)
+        yield Site(folder, dataset, scenes_dir, links["PAN"], process.pid, links["POG"])
     finally:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
@@ -156,8 +181,11 @@ def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> S
     """
     plan: StudyPlan = load_plan(folder, load_study(folder))
     tokens = load_secrets(folder).tokens
-    codes = [person.code for person in plan.participants if person.task == "pan" and person.code in tokens]
-    return Site(folder, dataset, scenes_dir, {code: f"{url.rstrip('/')}/#{tokens[code]}" for code in codes}, None)
+    links: dict[TaskKind, dict[str, str]] = {"pan": {}, "pog": {}}
+    for person in plan.participants:
+        if person.code in tokens:
+            links[person.task][person.code] = f"{url.rstrip('/')}/#{tokens[person.code]}"
+    return Site(folder, dataset, scenes_dir, links["pan"], None, links["pog"])
 
 
 def cpu_seconds(pid: int) -> float:

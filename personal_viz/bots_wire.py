@@ -1,16 +1,16 @@
 """How a bot comes in: the personal link's token for a session, as the entry page does it, then viser's websocket."""
 
 import asyncio
+import http.client
 import http.cookies
 import json
-import urllib.error
 import urllib.request
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
 import viser
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.typing import Subprotocol
 
 from sim.errors import StudyError
@@ -84,15 +84,21 @@ async def enter(link: str) -> BotConnection:
     """
     view, cookie, origin = await asyncio.to_thread(_session, link)
     (address,) = parse_qs(urlsplit(view).query)["websocket"]
-    socket = await connect(
-        address,
-        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-        additional_headers={"Cookie": cookie, "Origin": origin},
-        max_size=None,
-        compression=None,
-        open_timeout=ENTER_S,
-        ping_interval=None,
-    )
+    try:
+        socket = await connect(
+            address,
+            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+            additional_headers={"Cookie": cookie, "Origin": origin},
+            max_size=None,
+            compression=None,
+            open_timeout=ENTER_S,
+            ping_interval=None,
+        )
+    except (OSError, WebSocketException) as error:
+        raise StudyError(
+            f"{origin}: the websocket did not open ({error or type(error).__name__}); expected viser's page. "
+            "Check that the study is being served."
+        ) from None
     connection = BotConnection(socket)
     await connection.send(CAMERA)
     return connection
@@ -109,7 +115,7 @@ def _session(link: str) -> tuple[str, str, str]:
             cookie = http.cookies.SimpleCookie()
             for line in reply.headers.get_all("Set-Cookie") or []:
                 cookie.load(line)
-    except (OSError, urllib.error.HTTPError, ValueError, KeyError) as error:
+    except (OSError, http.client.HTTPException, ValueError, KeyError) as error:
         raise StudyError(
             f"{origin}/enter: {error}; expected a session for a personal link. Check that the study is being served."
         ) from None

@@ -2,14 +2,17 @@
 
 import sys
 import tempfile
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
-from personal_viz.bots import KINDS, BotKind
+from human_study.study import load_study
+from personal_viz.bots_log import KINDS, BotKind
 from personal_viz.bots_run import BotFigures, run_bots
-from personal_viz.bots_site import copy_plan, make_bot_study, running, served
+from personal_viz.bots_site import Site, copy_plan, make_bot_study, running, served
 from sim.errors import StudyError
+from sim.types import TaskKind
 
 
 def bots(
@@ -20,12 +23,13 @@ def bots(
     participants: int = 10,
     seconds: float = 60.0,
     rate: float = 2.0,
+    task: Literal["pan", "pog", "both"] | None = None,
     kinds: Sequence[BotKind] = KINDS,
     seed: int = 0,
     json: bool = False,
     url: str | None = None,
 ) -> int:
-    """Prints what came of it; exit code 1 when a key was lost or is there twice.
+    """Prints what came of it; exit code 1 when a key, click or answer was lost or is there twice.
 
     Args:
         study: A planned study. Its plan is copied and the copy is served, so that bots never stand among people; None =
@@ -35,32 +39,19 @@ def bots(
         participants: How many take part.
         seconds: How long they act.
         rate: Actions per second of each.
+        task: Whom bots stand for; None = all that the study has, of an invented one `pan`.
         kinds: How they behave, dealt out in turns.
         seed: Of what they do.
         json: Print `BotFigures` as JSON alone.
         url: Of a server that runs already on `study` itself: its records will hold what the bots do.
 
     Raises:
-        StudyError: The study cannot be served, has too few PAN participants, or a bot is not let in.
+        StudyError: The study cannot be served, has too few participants of the task, or a bot is not let in.
     """
     _require_possible(study, dataset, participants=participants, seconds=seconds, rate=rate, url=url)
 
-    def progress(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
-
-    with ExitStack() as open_until_end:
-        if url is not None and study is not None and dataset is not None:
-            site = running(study, dataset, scenes_dir, url)
-        else:
-            folder = Path(open_until_end.enter_context(tempfile.TemporaryDirectory(prefix="personal-bots-")))
-            if study is None:
-                progress("making a study")
-                dataset = make_bot_study(folder, participants=participants, seed=seed, dataset=dataset)
-            else:
-                copy_plan(study, folder / "study")
-            assert dataset is not None
-            progress("starting to serve")
-            site = open_until_end.enter_context(served(folder / "study", dataset, scenes_dir))
+    tasks = _tasks(study, task)
+    with _site(study, dataset, scenes_dir, participants=participants, seed=seed, tasks=tasks, url=url) as site:
         figures = run_bots(
             site,
             participants=participants,
@@ -68,10 +59,43 @@ def bots(
             rate=rate,
             kinds=tuple(kinds),
             seed=seed,
-            progress=progress,
+            tasks=tasks,
+            progress=_progress,
         )
     print(figures.model_dump_json(indent=2) if json else "\n".join(lines(figures)))
     return 1 if figures.lost or figures.duplicated else 0
+
+
+@contextmanager
+def _site(
+    study: Path | None,
+    dataset: Path | None,
+    scenes_dir: Path | None,
+    *,
+    participants: int,
+    seed: int,
+    tasks: tuple[TaskKind, ...],
+    url: str | None,
+) -> Iterator[Site]:
+    """The server that runs already, or one of our own until the end of the block."""
+    if url is not None and study is not None and dataset is not None:
+        yield running(study, dataset, scenes_dir, url)
+        return
+    with tempfile.TemporaryDirectory(prefix="personal-bots-") as name:
+        folder = Path(name)
+        if study is None:
+            _progress("making a study")
+            dataset = make_bot_study(folder, participants=participants, seed=seed, dataset=dataset, task=tasks)
+        else:
+            copy_plan(study, folder / "study")
+        assert dataset is not None
+        _progress("starting to serve")
+        with served(folder / "study", dataset, scenes_dir) as site:
+            yield site
+
+
+def _progress(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def lines(figures: BotFigures) -> list[str]:
@@ -80,23 +104,36 @@ def lines(figures: BotFigures) -> list[str]:
     def ms(value: float | None) -> str:
         return "-" if value is None else f"{value:.1f} ms"
 
+    people = ", ".join(f"{count} {task.upper()}" for task, count in figures.tasks.items())
     dropped = ", ".join(f"{count} {reason}" for reason, count in figures.dropped.items()) or "none"
     cpu = figures.server_cpu_ms_per_action
+    clicked = (
+        f"  clicks {figures.clicks}, answers {figures.answers}; click -> mark, which follows the commit: median "
+        f"{ms(figures.click_to_mark_p50_ms)}, p95 {ms(figures.click_to_mark_p95_ms)}, "
+        f"longest {ms(figures.click_to_mark_max_ms)}"
+    )
     return [
-        f"{figures.participants} bots ({', '.join(figures.kinds)}), {figures.seconds:.0f} s, "
-        f"{figures.actions} keys ({figures.actions_per_s:.1f}/s), {figures.frames} pictures, "
-        f"{figures.connections} connections",
+        f"{people} bots ({', '.join(figures.kinds)}), {figures.seconds:.0f} s, "
+        f"{figures.actions} keys and clicks ({figures.actions_per_s:.1f}/s), {figures.frames} pictures, "
+        f"{figures.connections} connections, {figures.finished} finished, {figures.resting} sent to rest",
+        *([clicked] if figures.clicks else []),
         f"  stored (key sent -> counter that follows the commit): median {ms(figures.ack_p50_ms)}, "
         f"p95 {ms(figures.ack_p95_ms)}, longest {ms(figures.ack_max_ms)}",
         f"  key -> picture, on the websocket: median {ms(figures.key_to_frame_p50_ms)}, "
         f"p95 {ms(figures.key_to_frame_p95_ms)}",
         f"  lost {figures.lost}, duplicated {figures.duplicated}, unknown {figures.unknown}, "
         f"cut off by hanging up {figures.cut_off}, unanswered {figures.unanswered}; without effect: {dropped}",
-        f"  CPU per key: server {ms(cpu)}, bots {ms(figures.bots_cpu_ms_per_action)}; "
-        f"{figures.actions_per_s_per_core:.1f} keys/s per core on {figures.cores} cores, "
+        f"  CPU per key or click: server {ms(cpu)}, bots {ms(figures.bots_cpu_ms_per_action)}; "
+        f"{figures.actions_per_s_per_core:.1f}/s per core on {figures.cores} cores, "
         f"load before {figures.load_before:.1f}",
         *(f"  {problem}" for problem in figures.problems),
     ]
+
+
+def _tasks(study: Path | None, task: Literal["pan", "pog", "both"] | None) -> tuple[TaskKind, ...]:
+    if task is None:
+        return ("pan",) if study is None else load_study(study).task
+    return ("pan", "pog") if task == "both" else (task,)
 
 
 def _require_possible(

@@ -3,10 +3,8 @@
 import json
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
-import zstandard
 
 from human_study.events import Act, Dropped, Key, Open
 from human_study.plan import load_plan
@@ -23,6 +21,7 @@ from personal_viz.commands.bots import bots
 from sim.errors import StudyError
 from sim.types import PAPER4, Action
 from tests.human_study.small_world import SCENE_DIGEST, plan, study
+from tests.personal_viz.bot_pages import button, html, wire
 
 RESULT = {
     "participants",
@@ -37,21 +36,6 @@ RESULT = {
     "duplicated",
 }
 """What the issue and its readers ask for."""
-
-
-def wire(*messages: dict) -> bytes:
-    """As viser sends messages."""
-    inner = msgspec.msgpack.encode({"messages": messages, "timestampSec": 0.0, "binaryBufferLengths": ()})
-    compressed = zstandard.ZstdCompressor().compress(inner)
-    return len(inner).to_bytes(8, "little") + len(compressed).to_bytes(8, "little") + compressed
-
-
-def html(uuid: str, content: str) -> dict:
-    return {"type": "GuiHtmlMessage", "uuid": uuid, "container_uuid": "root", "props": {"order": 1, "content": content}}
-
-
-def button(uuid: str, label: str, **props: object) -> dict:
-    return {"type": "GuiButtonMessage", "uuid": uuid, "value": False, "props": {"order": 2, "label": label, **props}}
 
 
 def picture(step: int) -> str:

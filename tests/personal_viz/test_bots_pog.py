@@ -1,0 +1,289 @@
+"""Simulated POG participants: what they see of a home, where they click, and what is counted of what they did."""
+
+import asyncio
+import json
+import math
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from human_study.commands import Click, Confirm, Start
+from human_study.events import ShownStorey
+from human_study.plan import StudyScene
+from human_study.planning import make_plan
+from human_study.pog_session import PogSession
+from human_study.records import read_study
+from human_study.store import open_store
+from human_study.tickets import token_hash
+from personal_viz.bots_count import KeyCount, count_keys
+from personal_viz.bots_flow import is_the_end, is_the_pause, right_answers
+from personal_viz.bots_log import KINDS, BotLog, Confirmed, Pointed
+from personal_viz.bots_mouse import ABOVE, Ray, click, look_down, ray_to, screen_pos
+from personal_viz.bots_page import BotPage
+from personal_viz.bots_run import run_bots
+from personal_viz.bots_site import Site, make_bot_study, served
+from personal_viz.commands.bots import bots
+from personal_viz.commands.verify_study import verify
+from personal_viz.flow import FlowPlace
+from personal_viz.flow_cards import end_card
+from personal_viz.gateway_filter import ScenePointerMessage, browser_message
+from personal_viz.panels import card_html
+from sim.episodes.generation import dataset_files, write_files
+from sim.errors import StudyError
+from sim.tasks.run_files import Answer, ClickRay
+from sim.types import EpisodeKey
+from tests.human_study.small_world import SCENE_DIGEST, episode, study
+from tests.personal_viz.bot_pages import button, html, wire
+
+CONDITIONS = ("map_2d", "map_open", "map_first")
+CLICKS_HEARD = {"type": "ScenePointerEnableMessage", "event_type": "click", "modifiers": [None], "owner": "c"}
+HOME = {"type": "GlbMessage", "name": "/home", "props": {}}
+_DOWN = (0.0, -1.0, 0.0)
+
+
+def node_at(name: str, *position: float) -> dict:
+    return {"type": "SetPositionMessage", "name": name, "position": position}
+
+
+def removed(name: str) -> dict:
+    return {"type": "RemoveSceneNodeMessage", "name": name}
+
+
+def test_a_bot_clicks_only_where_a_home_is_shown_and_clicks_are_heard() -> None:
+    page = BotPage()
+    page.apply(wire(button("look", "Show what to find"), HOME))
+    assert (page.is_looking, page.is_pointing) == (True, False)
+    page.apply(wire({"type": "GuiRemoveMessage", "uuid": "look"}, button("confirm", "Confirm the mark"), CLICKS_HEARD))
+    assert (page.is_looking, page.is_pointing) == (False, False)  # the home is still that of the last screen
+    page.apply(wire(HOME))
+    assert page.is_pointing
+    assert page.num_surfaces == 2
+    page.apply(wire({**CLICKS_HEARD, "modifiers": []}))
+    assert not page.is_pointing
+
+
+@pytest.mark.parametrize("name", ["/mark", "/mark/dot"])
+def test_a_bot_sees_its_mark_in_the_home_and_on_the_map(name: str) -> None:
+    page = BotPage()
+    page.apply(wire(node_at("/labels/3", 1.0, 1.0, 1.0), node_at(name, 1.5, 0.25, -2.0)))
+    assert (page.mark, page.num_marks) == ((1.5, 0.25, -2.0), 1)
+    page.apply(wire(removed(name)))
+    assert page.mark is None
+
+
+def test_a_bot_reads_its_completion_code_on_the_last_page() -> None:
+    page = BotPage()
+    last = end_card(study(), FlowPlace("finished", num_done=3, num_all=3), code="12345678")
+    page.apply(wire(html("last", card_html(last))))
+    assert is_the_end(page)
+    assert page.completion_code == "12345678"
+
+
+def test_a_bot_knows_a_rest_that_is_longer_than_it_waits() -> None:
+    page = BotPage()
+    page.apply(wire(button("1", "Go on")))
+    assert not is_the_pause(page)
+    page.apply(wire(button("2", "Look whether I can go on")))
+    assert is_the_pause(page)
+
+
+def test_bots_know_the_right_answers_of_their_own_task() -> None:
+    config = study(task=("pan", "pog"))
+    assert "Click again: the mark moves" in right_answers(config, "pog")
+    assert "Click again: the mark moves" not in right_answers(config, "pan")
+    assert "Within one metre" not in right_answers(config, "pog")
+
+
+def test_rays_go_down_through_the_place_and_no_two_are_the_same() -> None:
+    rng = np.random.default_rng(1)
+    point = (2.0, 0.5, -1.0)
+    rays = [ray_to(point, rng) for _ in range(100)]
+    assert len(set(rays)) == 100
+    for origin, direction in rays:
+        assert math.hypot(*direction) == pytest.approx(1)
+        t = (point[1] - origin[1]) / direction[1]
+        assert [origin[axis] + t * direction[axis] for axis in range(3)] == pytest.approx(point)
+        assert origin[1] == point[1] + ABOVE
+
+
+def test_a_click_lies_where_the_camera_shows_the_place() -> None:
+    assert screen_pos(_DOWN) == (0.5, 0.5)
+    u, v = screen_pos((0.1, -1.0, 0.2))
+    assert (u > 0.5, v > 0.5) == (True, True)  # right = +x, down = +z
+    half = math.tan(1.3 / 2)  # the camera of first_camera.py: 880 x 800 pixels, 1.3 rad high
+    assert (u, v) == pytest.approx((0.5 + 0.1 / (2 * half * 1.1), 0.5 + 0.2 / (2 * half)))
+
+
+def test_the_gateway_passes_what_a_bot_clicks() -> None:
+    sent: list[bytes] = []
+
+    class Connection:
+        async def send(self, message: dict) -> None:
+            sent.append(msgspec.msgpack.encode(message))
+
+    ray = ray_to((1.0, 0.0, 2.0), np.random.default_rng(0))
+    asyncio.run(look_down(Connection(), ray[0]))  # type: ignore[arg-type]
+    asyncio.run(click(Connection(), ray))  # type: ignore[arg-type]
+    camera, clicked = (browser_message(data) for data in sent)
+    assert camera is not None
+    assert isinstance(clicked, ScenePointerMessage)
+    assert (clicked.ray_origin, clicked.ray_direction) == ray
+
+
+def pog_click(ray: Ray, *, is_move: bool = False) -> Click:
+    """A click that met the floor; of a moved mark the server makes the ray, from a camera at its origin."""
+    origin, direction = ray
+    camera = origin if is_move else (9.0, 9.0, 9.0)
+    pointed = ClickRay(
+        origin=origin, direction=direction, camera_position=camera, camera_wxyz=(1.0, 0.0, 0.0, 0.0), storey_y=0.0
+    )
+    return Click(pointed, (origin[0], 0.0, origin[2]))
+
+
+def counted(folder: Path, commands: list[tuple[float, Click | Confirm]], log: BotLog, *, twice: int = 0) -> KeyCount:
+    """What is counted after a trial of these commands (at these seconds); the last `twice` events stored twice."""
+    config = study(task=("pog",), pog={"conditions": ("map_open",)})
+    people = make_plan(config, [StudyScene(name="room", kind="invented")], [EpisodeKey("easy", "room", "0")])
+    session = PogSession(
+        key=EpisodeKey("easy", "room", "0"),
+        task=config.task_for(episode(), "pog"),
+        storeys=(0.0,),
+        scene_digest=SCENE_DIGEST,
+    )
+    events = [*session.handle(Start(), 0.0).events]
+    for at_s, command in commands:
+        events += session.handle(command, at_s).events
+    events += events[len(events) - twice :]
+    with open_store(folder, config, people) as store:
+        for person in people.participants:
+            store.add_participant(person, token_hash(person.code))
+        trial = store.open_trial(log.code, 1)
+        store.append_many(trial.trial_id, trial.epoch, tuple(events))
+    return count_keys(folder, [log])
+
+
+def ray_at(x: float) -> Ray:
+    return ((x, 8.0, 0.0), (0.001, -1.0, 0.0))
+
+
+def clicked_at(*places: float) -> list[Pointed]:
+    return [Pointed(0.0, (x, 0.0), ray_at(x)) for x in places]
+
+
+def test_every_click_is_looked_for_by_itself(tmp_path: Path) -> None:
+    log = BotLog("p01", "random", task="pog", points=clicked_at(1, 2, 3, 4), answers=[Confirmed(0.0)])
+    log.points[3].was_cut_off = True
+    commands = [(1.0, pog_click(ray_at(1))), (2.0, pog_click(ray_at(2))), (3.0, pog_click(ray_at(9))), (4.0, Confirm())]
+    found = counted(tmp_path, commands, log)
+    assert (found.sent, found.clicks, found.stored) == (4, 4, 2)
+    assert found.lost_keys == ("p01 (random): click 3 of 4",)
+    assert (found.lost, found.cut_off, found.duplicated, found.unknown) == (1, 1, 0, 1)
+    assert found.answers == 1
+
+
+def test_a_click_that_came_too_soon_is_stored_as_dropped_and_not_lost(tmp_path: Path) -> None:
+    log = BotLog("p01", "impatient", task="pog", points=clicked_at(1, 2))
+    found = counted(tmp_path, [(1.0, pog_click(ray_at(1))), (1.01, pog_click(ray_at(2)))], log)
+    assert (found.stored, found.lost, found.dropped) == (1, 0, {"rate": 1})
+
+
+def test_an_answer_without_its_confirmation_is_lost_and_a_second_one_is_a_duplicate(tmp_path: Path) -> None:
+    log = BotLog("p01", "random", task="pog", points=clicked_at(1), answers=[Confirmed(0.0)])
+    found = counted(tmp_path / "lost", [(1.0, pog_click(ray_at(1)))], log)
+    assert found.lost_keys == ("p01 (random): an answer of 1",)
+    assert found.answers == 0
+    commands = [(1.0, pog_click(ray_at(1))), (2.0, Confirm())]
+    found = counted(tmp_path / "twice", commands, log, twice=2)
+    assert (found.lost, found.duplicated, found.answers) == (0, 2, 1)  # the click and its confirmation
+
+
+def test_moves_of_the_mark_are_counted_by_their_number(tmp_path: Path) -> None:
+    moved = pog_click(((1.1, 8.0, 0.0), _DOWN), is_move=True)
+    points = [*clicked_at(1), Pointed(0.0, (1.0, 0.0)), Pointed(0.0, (1.1, 0.0))]
+    log = BotLog("p01", "random", task="pog", points=points)
+    found = counted(tmp_path / "lost", [(1.0, pog_click(ray_at(1))), (2.0, moved)], log)
+    assert (found.stored, found.lost_keys) == (2, ("p01 (random): a move of the mark",))
+    points[2].was_cut_off = True
+    found = counted(tmp_path / "cut off", [(1.0, pog_click(ray_at(1))), (2.0, moved)], log)
+    assert (found.stored, found.lost, found.cut_off, found.unknown) == (2, 0, 1, 0)
+
+
+def test_a_bot_knows_which_mark_answers_a_click_and_which_a_move() -> None:
+    (clicked,), moved = clicked_at(1.0), Pointed(0.0, (1.0, 0.0))
+    assert clicked.is_marked_by((1.01, 0.7, -0.01))  # the ray met something above the floor
+    assert not clicked.is_marked_by((1.1, 0.0, 0.0))
+    assert moved.is_marked_by((1.0, 0.0, 0.1))
+    assert not moved.is_marked_by((1.0, 0.0, 0.0))
+
+
+def test_people_of_both_tasks_are_taken_in_the_plans_order() -> None:
+    site = Site(Path("s"), Path("d"), None, {"p01": "a", "p03": "c", "p100": "e"}, None, {"p02": "b", "p04": "d"})
+    assert [code for code, _, _ in site.people(("pan", "pog"))] == ["p01", "p02", "p03", "p04", "p100"]
+    assert site.people(("pog",)) == [("p02", "pog", "b"), ("p04", "pog", "d")]
+
+
+def test_too_few_participants_of_a_task_are_said_before_anybody_comes_in() -> None:
+    site = Site(Path("s"), Path("d"), None, {"p01": "a"}, None)
+    with pytest.raises(StudyError, match="has 0 POG participants; expected at least 1"):
+        run_bots(site, participants=1, seconds=1, rate=1, kinds=("random",), seed=0, tasks=("pog",))
+
+
+@pytest.mark.slow
+def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path: Path) -> None:
+    """The golden bot: practice, counted trials, a break, the question how sure; all that is stored does verify."""
+    dataset = tmp_path / "dataset"
+    write_files(dataset, dataset_files("BotHome", seed=3, episodes_per_split=1))
+    make_bot_study(
+        tmp_path,
+        participants=1,
+        seed=3,
+        dataset=dataset,
+        task=("pog",),
+        pog_conditions=CONDITIONS,
+        practice=1,
+        breaks_every=2,
+        confidence=True,
+    )
+    with served(tmp_path / "study", dataset) as site:
+        figures = run_bots(site, participants=3, seconds=240, rate=4, kinds=("shortest",), seed=1, tasks=("pog",))
+    assert (figures.tasks, figures.problems) == ({"pog": 3}, ())
+    assert (figures.finished, figures.answers) == (3, 12)  # a practice trial and three counted ones each
+    assert (figures.lost, figures.duplicated, figures.unknown, figures.cut_off) == (0, 0, 0, 0)
+    with read_study(tmp_path / "study") as reader:
+        people = [reader.participant(code) for code in reader.codes()]
+        trials = [trial for code in reader.codes() for trial in reader.trials(code)]
+        climbed = {
+            trial.condition
+            for trial in trials
+            if trial.trial_id is not None
+            for stored in reader.events(trial.trial_id)
+            if isinstance(stored.event, ShownStorey)
+        }
+    assert climbed == {"map_2d"}  # the practice home has two storeys, and practice is under the first condition
+    assert all({"quiz_passed", "break_ended", "finished"} <= {entry.stage for entry in one.stages} for one in people)
+    assert {trial.condition for trial in trials if trial.phase == "main"} == set(CONDITIONS)
+    answers = [trial.outcome for trial in trials]
+    assert all(isinstance(answer, Answer) and answer.reason == "click" for answer in answers)
+    measures = [answer.measures for answer in answers if isinstance(answer, Answer) and answer.measures is not None]
+    assert len(measures) == 12
+    assert sum(one.success for one in measures) == 12
+    assert verify(study=tmp_path / "study", dataset=dataset, scenes_dir=None, store=False) == 0
+
+
+@pytest.mark.slow
+def test_every_kind_takes_part_in_both_tasks_and_nothing_is_lost(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("personal_viz.bots.DROP_CHANCE", 0.2)  # the disconnecting ones, many times in a few seconds
+    assert bots(participants=10, seconds=12.0, rate=2.0, task="both", kinds=KINDS, seed=4, json=True) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["tasks"] == {"pan": 5, "pog": 5}
+    assert (found["lost"], found["duplicated"], found["unknown"], found["problems"]) == (0, 0, 0, [])
+    assert found["connections"] > 10
+    assert found["frames"] > 10
+    assert found["clicks"] > 10
+    assert found["answers"] > 3
+    assert found["actions"] > found["clicks"]
+    assert 0 < found["click_to_mark_p50_ms"] <= found["click_to_mark_max_ms"]
