@@ -7,7 +7,8 @@ from typing import Literal
 from human_study.stages import Stage, StageEntry, has_reached, way_out
 from human_study.study import FlowStep, StudyConfig
 
-from .store_link import PersonPlace
+from .flow_pauses import MachineTime, pause_left_s
+from .store_link import PersonPlace, TrialPlace
 
 QUIZ_ROUNDS = 2
 """After so many rounds with a wrong answer the instructions come again."""
@@ -56,13 +57,13 @@ class FlowPlace:
     """Rounds of the quiz with a wrong answer since the instructions."""
 
 
-def flow_place(config: StudyConfig, person: PersonPlace, *, now_ns: int) -> FlowPlace:
+def flow_place(config: StudyConfig, person: PersonPlace, *, now: MachineTime) -> FlowPlace:
     """The participant's next step.
 
     Args:
         config: The study.
         person: What is stored.
-        now_ns: The server's wall clock, which the stages' times are of.
+        now: The server's clocks, which the stages' times are of.
     """
     stages = person.stages
     counted = [trial for trial in person.trials if trial.phase == "main"]
@@ -87,7 +88,7 @@ def flow_place(config: StudyConfig, person: PersonPlace, *, now_ns: int) -> Flow
         return place("practice")
     if due.is_begun:
         return place("trial")
-    return _rest(config, stages, place("trial"), now_ns)
+    return _rest(config, stages, place("trial"), now)
 
 
 def parts_of(config: StudyConfig, person: PersonPlace) -> tuple[str, ...]:
@@ -97,6 +98,31 @@ def parts_of(config: StudyConfig, person: PersonPlace) -> tuple[str, ...]:
     has_practice = any(trial.phase == "practice" for trial in person.trials)
     steps = [*config.flow, *(["practice"] if has_practice else []), "trial", "finished"]
     return tuple(PARTS[step] for step in steps)
+
+
+def ended_trial(person: PersonPlace, order_no: int) -> TrialPlace | None:
+    """The trial at this place of the order, once the store has its outcome."""
+    return next((trial for trial in person.trials if trial.order_no == order_no and trial.is_over), None)
+
+
+def trial_before(person: PersonPlace) -> TrialPlace | None:
+    """The trial that ended just before the one that is due; None where none did, or where that one has begun."""
+    due = next((trial for trial in person.trials if not trial.is_over), None)
+    if due is None or due.is_begun:
+        return None
+    return next((trial for trial in reversed(person.trials) if trial.is_over and trial.order_no < due.order_no), None)
+
+
+def has_rested(person: PersonPlace, place: FlowPlace) -> bool:
+    """Whether the last thing that the participant went on from was a break, after as many trials as now."""
+    return place.num_done > 0 and _rested_at(person.stages) == place.num_done
+
+
+def trial_name(person: PersonPlace, trial: TrialPlace) -> str:
+    """Which trial it is, counted within its phase; attention trials look like any other."""
+    alike = [other for other in person.trials if (other.phase == "practice") == (trial.phase == "practice")]
+    number = 1 + sum(other.order_no < trial.order_no for other in alike)
+    return f"{'Practice' if trial.phase == 'practice' else 'Trial'} {number} of {len(alike)}"
 
 
 def last_detail(stages: Sequence[StageEntry], stage: Stage) -> dict:
@@ -136,7 +162,7 @@ def _failed_rounds(stages: Sequence[StageEntry]) -> int:
     return num
 
 
-def _rest(config: StudyConfig, stages: Sequence[StageEntry], trial: FlowPlace, now_ns: int) -> FlowPlace:
+def _rest(config: StudyConfig, stages: Sequence[StageEntry], trial: FlowPlace, now: MachineTime) -> FlowPlace:
     """The trial, or the break or the end of the sitting that comes before it."""
     breaks = config.breaks
     began_sitting = _done_at(stages, "sitting_started")
@@ -145,12 +171,16 @@ def _rest(config: StudyConfig, stages: Sequence[StageEntry], trial: FlowPlace, n
         if ended is None or ended.detail.get("done") != trial.num_done:
             back_in_s = breaks.sitting_gap_s
         else:
-            back_in_s = breaks.sitting_gap_s - (now_ns - ended.at_ns) / 1e9
-        return FlowPlace("pause", trial.num_done, trial.num_all, max(0.0, back_in_s))
-    rested = max(began_sitting, _done_at(stages, "break_ended"))
-    if breaks.every is not None and trial.num_done - rested >= breaks.every:
+            back_in_s = pause_left_s(ended, breaks.sitting_gap_s, now)
+        return FlowPlace("pause", trial.num_done, trial.num_all, back_in_s)
+    if breaks.every is not None and trial.num_done - _rested_at(stages) >= breaks.every:
         return FlowPlace("break", trial.num_done, trial.num_all)
     return trial
+
+
+def _rested_at(stages: Sequence[StageEntry]) -> int:
+    """How many counted trials were done at the last break or at the beginning of the sitting."""
+    return max(_done_at(stages, "sitting_started"), _done_at(stages, "break_ended"))
 
 
 def _done_at(stages: Sequence[StageEntry], stage: Stage) -> int:

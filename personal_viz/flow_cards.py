@@ -17,10 +17,10 @@ MIN_WIDTH, MIN_HEIGHT = 1000, 600
 """Smallest page in pixels, to which the device check asks people to widen their window."""
 _SMALLER = 0.95
 """Browsers' own bars make "about": a little less is accepted."""
-IN_3D: tuple[Condition, ...] = ("glb", "map_first", "map_open")
+IN_3D: tuple[Condition, ...] = ("glb", "map_first", "map_open", "map_2d")
 """Conditions in which the browser draws the home itself and needs WebGL."""
 ON_LEAVE = {
-    "delete": "Everything that you did in this study will be deleted and cannot be brought back.",
+    "delete": "What you did in your searches will be deleted and cannot be brought back.",
     "keep": "What you did so far will be kept without your name. Nothing more will be asked of you.",
 }
 """What happens to the data of somebody who withdraws (`privacy.on_withdraw`)."""
@@ -170,10 +170,18 @@ def real_card(place: FlowPlace, more_html: str = "") -> Card:
     return Card("Now it counts", body, (Choice("begin", "Begin"),))
 
 
-def saved_card(place: FlowPlace, text: str) -> Card:
-    """Between two trials."""
+def saved_card(place: FlowPlace, name: str, word: str = "") -> Card:
+    """Between two trials: which one is stored, and what is said of one that was practice."""
     bar = progress_html(place.num_done, place.num_all, unit="searches") if place.num_all else ""
+    text = f"{name} is stored." + (f"\n{word}" if word else "")
     return Card("Saved", paragraphs(text) + bar, (Choice("next", "Next trial"),))
+
+
+def interrupted_card(place: FlowPlace) -> Card:
+    """After a trial that has no result: it failed, or its participant was away for too long."""
+    bar = progress_html(place.num_done, place.num_all, unit="searches") if place.num_all else ""
+    text = "This search was interrupted, so it does not count. Everything else that you did is stored."
+    return Card("Interrupted", paragraphs(text) + bar, (Choice("next", "Go on"),))
 
 
 def practice_word(result: EpisodeRun | Answer | None) -> str:
@@ -237,7 +245,7 @@ def end_card(config: StudyConfig, place: FlowPlace, *, code: str | None, url: st
             )
         case "withdrawn":
             done = {
-                "delete": "Everything that you did in this study has been deleted.",
+                "delete": "What you did in your searches has been deleted.",
                 "keep": "What you did so far is kept without your name.",
             }
             text = f"{done[config.privacy.on_withdraw]} You can close this page."

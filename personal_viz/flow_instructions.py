@@ -57,6 +57,21 @@ _POG_KEYS = """
 <li><strong>Move</strong> it: drag with the right mouse button.</li>
 <li><strong>Zoom</strong>: scroll.</li>
 <li><strong>Another storey</strong>: press its button on the right.</li></ul>
+"""
+_MAP_TASK = """
+{picture}
+<p>You see a <strong>map of a home</strong>: the home from straight above. On the right stand <strong>what to
+find</strong> and, below it, a <strong>text about the people</strong> who live there and what belongs to whom.</p>
+<p>There may be several things of the same kind. Only the one that the text gives to the right person counts.</p>
+<p><strong>Click that object</strong>: a mark appears. Click again to move it. When you are content, press
+<strong>Confirm the mark</strong>.</p>
+"""
+_MAP_KEYS = """
+<ul><li><strong>Move</strong> the map: drag with the right mouse button.</li>
+<li><strong>Zoom</strong>: scroll.</li>
+<li><strong>Another storey</strong>: press its button on the right.</li></ul>
+"""
+_LAST_KEYS = """
 <p>Below the buttons, <strong>Larger text</strong> makes everything easier to read. If you cannot find the object,
 <strong>Give up this search</strong> ends it. Please look well before you do.</p>
 """
@@ -72,6 +87,15 @@ _CONDITIONS: dict[Condition, str] = {
     "map_2d": "<p>{some}you do not see the home in 3-D but as a <strong>map from above</strong>; click the object "
     "there.</p>",
 }
+_PICTURES: dict[Condition, tuple[str, str]] = {
+    "none": ("how-pan.jpg", "The page while you walk"),
+    "topdown": ("how-topdown.jpg", "The page with the map of a home, before you walk in it"),
+    "glb": ("how-glb.jpg", "The page with a home in 3-D, before you walk in it"),
+    "map_open": ("how-pog.jpg", "The page with a home in 3-D, beside it what to find"),
+    "map_first": ("how-map-first.jpg", "The page with a home in 3-D, before you are told what to find"),
+    "map_2d": ("how-map-2d.jpg", "The page with the map of a home, beside it what to find"),
+}
+"""File in `static` and what it shows, by condition; made by screenshots_instructions.py."""
 _GOOD_TO_KNOW = """
 <ul><li>There is one answer to each search, and it cannot be changed afterwards. You will not be told whether it was
 right.</li>
@@ -102,39 +126,53 @@ def instruction_pages(
         conditions: All that the participant will meet, in any order.
         text: The study's `instructions.md`; empty = it has nothing to add.
     """
-    picture = picture_html(f"how-{task}.jpg", f"The page while you {'walk' if task == 'pan' else 'look at a home'}")
     pages = []
     if text.strip():
         pages.append(InstructionPage(title_of(text, otherwise="About this study"), html_from_markdown(text)))
     if task == "pan":
         look = _LOOK_KEYS if config.actions == "paper6" else ""
-        pages.append(InstructionPage("Your task", _PAN_TASK.format(picture=picture, steps=config.steps)))
+        pages.append(InstructionPage("Your task", _PAN_TASK.format(picture=_picture("none"), steps=config.steps)))
         pages.append(InstructionPage("How to move", _PAN_KEYS.format(look=look)))
+    elif set(conditions) == {"map_2d"}:
+        pages.append(InstructionPage("Your task", _MAP_TASK.format(picture=_picture("map_2d"))))
+        pages.append(InstructionPage("How to look around", _MAP_KEYS + _LAST_KEYS))
     else:
-        pages.append(InstructionPage("Your task", _POG_TASK.format(picture=picture)))
-        pages.append(InstructionPage("How to look around", _POG_KEYS))
+        pages.append(InstructionPage("Your task", _POG_TASK.format(picture=_picture("map_open"))))
+        pages.append(InstructionPage("How to look around", _POG_KEYS + _LAST_KEYS))
+    shown = conditions_html(config, conditions)
+    if "<img" in shown:
+        pages.append(InstructionPage("What you see of a home", shown))
+        shown = ""
     breaks = ""
     if config.breaks.every is not None:
         breaks = f"\n<li>You can rest after every {config.breaks.every} searches.</li>"
-    know = conditions_html(config, conditions) + _GOOD_TO_KNOW.format(breaks=breaks)
-    pages.append(InstructionPage("Good to know", know))
+    pages.append(InstructionPage("Good to know", shown + _GOOD_TO_KNOW.format(breaks=breaks)))
     return tuple(pages)
 
 
 def conditions_html(config: StudyConfig, conditions: Sequence[Condition]) -> str:
-    """What is shown of a home before or beside the task, in words."""
+    """What is shown of a home before or beside the task, in words and pictures; '' = the page of the task says it."""
     known: list[Condition] = [condition for condition in _CONDITIONS if condition in conditions]
-    if known in (["none"], ["map_open"]):
+    if known in (["none"], ["map_open"], ["map_2d"]):
         return ""
     some = "Sometimes " if len(known) > 1 else "Before each search "
-    if known == ["map_2d"]:
-        some = "In each search "
     texts = []
     for condition in known:
         longest = config.pog.look_max_s if condition == "map_first" else config.memory.max_s
         limit = "" if longest is None else f", for {_duration(longest)} at most"
         texts.append(_CONDITIONS[condition].format(some=some, limit=limit))
+        if condition not in ("none", "map_open"):
+            texts.append(_picture(condition))
     return "".join(texts)
+
+
+def picture_name(condition: Condition) -> str:
+    """The file in `static` that shows a condition."""
+    return _PICTURES[condition][0]
+
+
+def _picture(condition: Condition) -> str:
+    return picture_html(*_PICTURES[condition])
 
 
 @functools.cache

@@ -1,13 +1,24 @@
 """Leads a participant through the pages around the trials; each answer is stored before the next page is shown."""
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from human_study.study import Condition, StudyConfig
 
 from .desk import Chosen, Desk
-from .flow import PARTS, QUIZ_ROUNDS, FlowPlace, StepKind, flow_place, last_detail, parts_of
+from .flow import (
+    PARTS,
+    QUIZ_ROUNDS,
+    FlowPlace,
+    StepKind,
+    ended_trial,
+    flow_place,
+    has_rested,
+    last_detail,
+    parts_of,
+    trial_before,
+    trial_name,
+)
 from .flow_cards import (
     IN_3D,
     DeviceReport,
@@ -16,16 +27,19 @@ from .flow_cards import (
     device_card,
     end_card,
     instruction_card,
+    interrupted_card,
     pause_card,
     practice_card,
     question_card,
     real_card,
+    saved_card,
 )
 from .flow_instructions import WELCOME, instruction_pages
+from .flow_pauses import machine_time, steady_detail
 from .flow_quiz import Question, QuizRound, questions_for
 from .page_script import Device
 from .panels import Card, Choice, paragraphs
-from .store_link import PersonPlace, StoreLink
+from .store_link import PersonPlace, StoreLink, TrialPlace
 
 CONSENT_FILE = "consent.md"
 INSTRUCTIONS_FILE = "instructions.md"
@@ -88,7 +102,31 @@ class FlowPages:
 
     def place(self, person: PersonPlace) -> FlowPlace:
         """Where the participant is now."""
-        return flow_place(self._config, person, now_ns=time.time_ns())
+        return flow_place(self._config, person, now=machine_time())
+
+    def welcome_back(self) -> None:
+        """Says which trial is stored to somebody who left or reloaded the page between two; nothing to others."""
+        person = self._link.person(self._desk.code)
+        place, before = self.place(person), trial_before(person)
+        if place.step in ("practice", "trial") and before is not None and not has_rested(person, place):
+            self._desk.choose(saved_card(place, trial_name(person, before)))
+
+    def after(self, played: TrialPlace, *, word: str = "") -> None:
+        """Says what the store has of the trial that was open, before the next one; nothing where a break comes.
+
+        Args:
+            played: The trial.
+            word: What is said of one that was practice.
+        """
+        person = self._link.person(self._desk.code)
+        place = self.place(person)
+        if place.step not in ("practice", "trial"):
+            return
+        ended = ended_trial(person, played.order_no)
+        if ended is None:
+            self._desk.choose(interrupted_card(place))
+        else:
+            self._desk.choose(saved_card(place, trial_name(person, ended), word))
 
     def introduce(self, person: PersonPlace, place: FlowPlace) -> None:
         """Says before the first practice trial, and before the first counted one after practice, what follows."""
@@ -209,7 +247,7 @@ class FlowPages:
 
     def _pause(self, person: PersonPlace, place: FlowPlace) -> None:
         if last_detail(person.stages, "break_started").get("done") != place.num_done:
-            detail = {"done": place.num_done, "sitting": True}
+            detail = {"done": place.num_done, "sitting": True, **steady_detail(machine_time())}
             self._link.enter_stage(self._desk.code, "break_started", detail)
         if self._choose(pause_card(self._config, place), person, "trial") == "next":
             self._link.enter_stage(self._desk.code, "sitting_started", {"done": place.num_done})

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from playwright.sync_api import BrowserContext, Page, expect
 
@@ -23,6 +24,7 @@ from human_study.study import (
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.generation import invent_dataset
 from sim.errors import StudyError
+from sim.types import TaskKind
 
 from .commands.study_files import plan_study
 
@@ -38,9 +40,10 @@ def picture_study_pages(browser: BrowserContext, folder: Path, pictures: Path) -
         folder: For the study and its episodes.
         pictures: Where the pictures go.
     """
-    with _served_study(folder) as link:
+    shown = StudyMemory(arms=("topdown",))
+    with served_study(folder, task=("pan",), memory=shown, practice=StudyPractice(pan=1)) as links:
         page = browser.new_page()
-        page.goto(link)
+        page.goto(links["pan"])
         expect(page.get_by_text("Your window has room")).to_be_visible(timeout=_WAIT_MS)
         page.keyboard.press("w", delay=60)
         _press(page, "Continue")
@@ -62,8 +65,13 @@ def picture_study_pages(browser: BrowserContext, folder: Path, pictures: Path) -
 
 
 @contextmanager
-def _served_study(folder: Path) -> Iterator[str]:
-    """The personal link of a PAN participant who sees a map first, until the end of the block."""
+def served_study(folder: Path, **choices: Any) -> Iterator[dict[TaskKind, str]]:
+    """A personal link of each task of a pilot on one invented home, until the end of the block.
+
+    Args:
+        folder: For the study and its episodes.
+        choices: Fields of StudyConfig.
+    """
     dataset, study = folder / "dataset", folder / "study"
     invent_dataset(dataset, name=_HOME, seed=5)
     config = StudyConfig(
@@ -71,12 +79,10 @@ def _served_study(folder: Path) -> Iterator[str]:
         dataset=StudyDataset(
             sha256=PersonalDataset(dataset).digest(), splits={"easy": 4}, stratify="none", max_per_scene=None
         ),
-        task=("pan",),
         design=StudyDesign(kind="crossed", raters_per_episode=1),
-        memory=StudyMemory(arms=("topdown",)),
-        practice=StudyPractice(pan=1),
         checks=StudyChecks(every=None),
         ethics=StudyEthics(institution="Example University", contact="study@example.org", duration_min=30),
+        **choices,
     )
     save_study(study, config)
     plan_study(study, dataset, None, pilot=True)
@@ -85,15 +91,15 @@ def _served_study(folder: Path) -> Iterator[str]:
     process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, preexec_fn=_hear_ctrl_c)
     assert process.stdout is not None
     try:
-        link = None
+        links: dict[TaskKind, str] = {}
         for line in process.stdout:
-            found = re.search(r"PAN\s+p\d+\s+(http://\S+)", line)
-            link = found.group(1) if found else link
+            if found := re.search(r"(PAN|POG)\s+p\d+\s+(http://\S+)", line):
+                links.setdefault("pan" if found[1] == "PAN" else "pog", found[2])
             if "Everything is written to" in line:
                 break
-        if link is None:
+        if not links:
             raise StudyError(f"{' '.join(program[2:])}: ended with {process.wait()}; expected a personal link.")
-        yield link
+        yield links
     finally:
         process.send_signal(signal.SIGINT)
         process.wait(timeout=60)

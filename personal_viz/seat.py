@@ -20,8 +20,8 @@ from human_study.study import StudyConfig
 from human_study.writer import StoreFullError
 
 from .desk import Desk, GoneError, Item, Signal, WithdrawnError
-from .flow import FlowPlace, last_detail
-from .flow_cards import IN_3D, ON_LEAVE, lost_picture_card, practice_word, saved_card
+from .flow import FlowPlace, last_detail, trial_name
+from .flow_cards import IN_3D, ON_LEAVE, lost_picture_card, practice_word
 from .flow_pages import FlowPages, QuizMemory
 from .home import Home
 from .homes import HomeLibrary
@@ -126,6 +126,7 @@ class Seat:
         """Pages and trials until there is nothing more to do; then the last page."""
         if not self._link.person(self.code).stages:
             self._link.enter_stage(self.code, "arrived")
+        self._pages.welcome_back()
         while True:
             self._warm_next(self._link.person(self.code))
             person = self._pages.lead()
@@ -134,6 +135,8 @@ class Seat:
             if due is None:
                 self._end(person, place)
                 return
+            if place.step == "none_due":
+                continue  # given out just now: introduction, break and the end of a sitting come before it as well
             if self._desk.has_lost_picture and due.condition in IN_3D:
                 self._load_again()
             self._pages.introduce(person, place)
@@ -167,7 +170,7 @@ class Seat:
         """One trial to its stored outcome, then a word on it."""
         with self._study.homes.use(place.key.scene) as home:
             trial = self._link.open_trial(self.code, place.order_no)
-            progress = self._progress(place)
+            progress = trial_name(self._link.person(self.code), place)
             # time in which the study was not served, or could not store, is not the participant's absence
             away_s = 0.0 if self._was_paused else min(trial.away_s, time.monotonic() - self._study.opened_s)
             play = TrialPlay(self._desk, self._link, home, self._study.config)
@@ -177,21 +180,10 @@ class Seat:
             finally:
                 self._took_over = False
                 play.leave()
-        person = self._link.person(self.code)
-        flow_place = self._pages.place(person)
-        self._warm_next(person)
-        if flow_place.step in ("practice", "trial") and not self._desk.has_lost_picture:
-            text = f"{progress} is stored."
-            if place.phase == "practice":
-                text += "\n" + practice_word(result)
-            self._desk.choose(saved_card(flow_place, text))
-
-    def _progress(self, place: TrialPlace) -> str:
-        """Which trial it is, counted within its phase; attention trials look like any other."""
-        trials = self._link.person(self.code).trials
-        alike = [trial for trial in trials if (trial.phase == "practice") == (place.phase == "practice")]
-        number = 1 + sum(trial.order_no < place.order_no for trial in alike)
-        return f"{'Practice' if place.phase == 'practice' else 'Trial'} {number} of {len(alike)}"
+        self._link.next_trial(self.code)  # gives out what comes next, if anything: the pages before it know of it then
+        self._warm_next(self._link.person(self.code))
+        if not self._desk.has_lost_picture:
+            self._pages.after(place, word=practice_word(result) if place.phase == "practice" else "")
 
     def _warm_next(self, person: PersonPlace) -> None:
         """Opens the next trial's home while the participant reads."""

@@ -19,7 +19,7 @@ from .blueprints import comparison_blueprint
 from .divergence import Divergence, divergence_of
 from .log_divergence import log_divergence
 from .log_goal import GoalRegion, goal_region, log_goal
-from .log_grounding import log_layers, reground, reground_markdown
+from .log_grounding import Regrounded, log_layers, reground, reground_markdown
 from .log_maps import StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map, storeys_of
 from .log_record import log_record_answer, log_record_end, log_record_start, log_record_steps
 from .log_run import ANSWER_STEP, Trace, indexes, log_answer, log_no_clock, log_pictures, log_run, path_lengths, times
@@ -66,12 +66,31 @@ def log_comparison(
     _require_rrd(out)
     traces = select_traces(runs, episode.key)
     require_same_home(traces, scene)
+    regrounded = [] if dataset is None else reground(traces, episode, dataset)
+    may_show = scene.kind != "scan" or with_pixels
+    shown_by = renderer if may_show else None
+    _write(
+        traces, regrounded, episode=episode, scene=scene, out=out, renderer=shown_by, may_show=may_show, camera=camera
+    )
+    return out
+
+
+def _write(
+    traces: Sequence[Trace],
+    regrounded: Sequence[Regrounded],
+    *,
+    episode: Episode,
+    scene: Scene,
+    out: Path,
+    renderer: Renderer | None,
+    may_show: bool,
+    camera: Camera,
+) -> None:
+    """The recording's parts in the order in which a viewer that reads on is to show them."""
     goal = goal_region(episode, scene.navigation)
     maps = [storey_map(scene.navigation, index) for index in _floors_shown(traces, goal, scene)]
     best = best_two(traces)
     divergence = _divergence(traces, goal, best)
-    regrounded = [] if dataset is None else reground(traces, episode, dataset)
-    may_show = scene.kind != "scan" or with_pixels
     with open_recording(out, episode.key) as stream:
         # viewers show what they have while they read on; without a blueprint they arrange it by themselves, and play it
         stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded))
@@ -81,14 +100,14 @@ def log_comparison(
             episode,
             scene,
             traces,
-            has_scan_pixels=scene.kind == "scan" and with_pixels,
+            has_scan_pixels=scene.kind == "scan" and may_show,
             divergence=divergence,
             more=reground_markdown(regrounded),
         )
         if may_show:
             _log_home(stream, scene, maps)
         stream.flush()
-        later = _log_walks(stream, traces, episode, renderer if may_show else None, camera, best)
+        later = _log_walks(stream, traces, episode, renderer, camera, best)
         _log_answers(stream, traces)
         _log_on_maps(stream, traces, maps, scene)
         log_divergence(stream, traces, divergence, maps=maps, navigation=scene.navigation)
@@ -98,7 +117,6 @@ def log_comparison(
         stream.flush()
         for trace, jpegs in later:
             log_pictures(stream, trace, jpegs, first=1)
-    return out
 
 
 def _require_rrd(out: Path) -> None:

@@ -1,6 +1,5 @@
 """Where people and agents walked and pointed at one episode, seen from above, as SVG; under them the free floor."""
 
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,16 +9,16 @@ from numpy.typing import NDArray
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import EpisodeKey, GridSpec, TaskKind
 
+from .overlay_marks import framed, legend, line, mark, scale_bar, start, target
 from .row_labels import row_label
 from .trial_groups import CountedTrial, TrialGroup
 
-_COLOURS = ("#1f5fa8", "#2e7d4f", "#7a4fa3", "#a8641f", "#b5472f", "#8a1f5c", "#3c6e71", "#6b6b00")
-"""Rows of the report in order; people's first."""
 _PIXELS = 640
 """Longer side of the drawing."""
 _MARGIN = 0.6
 """Metres around everything that is drawn."""
-_LEGEND_HEIGHT = 17
+_HOMES = {"schematic": " (schematic home, not HM3D)", "invented": " (invented home)"}
+"""Added to the title of homes that are no scans."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +52,7 @@ def overlay_keys(groups: Sequence[TrialGroup], task: TaskKind, *, most: int) -> 
 def overlay_svg(
     groups: Sequence[TrialGroup], key: EpisodeKey, task: TaskKind, *, floor: FloorPlan | None = None
 ) -> str:
-    """All paths (PAN) or marks (POG) of one episode: filled end = success, open end = failure.
+    """All paths (PAN) or marks (POG) of one episode, a shape and a colour per row; the title says which home it is.
 
     Args:
         groups: People and agents, several runs of an agent included.
@@ -66,21 +65,20 @@ def overlay_svg(
     lines = {id(trial): _points(trial) for _, trials in shown for trial in trials}
     points = np.concatenate([*lines.values(), np.zeros((0, 2))])
     view = _View.around(points, floor)
-    legend = "".join(_legend(number, group, trials, view.height) for number, (group, trials) in enumerate(shown))
-    drawn = []
+    drawn, rows = [], []
     for number, (group, trials) in reversed(list(enumerate(shown))):  # people above agents
         for trial in trials:
-            colour = _COLOURS[number % len(_COLOURS)]
-            drawn.append(_trial(view.pixels(lines[id(trial)]), trial, colour, is_dashed=group.kind != "human"))
-    height = view.height + 24 + _LEGEND_HEIGHT * len(shown)
-    start = _start(view, shown) if task == "pan" else ""
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{view.width + 20}" height="{height}" '
-        'font-family="sans-serif" font-size="12">'
-        f'<rect width="100%" height="100%" fill="white"/><g transform="translate(10 10)">'
-        f'<rect width="{view.width}" height="{view.height}" fill="#dcdcd8"/>{_floor(view, floor)}'
-        f"{''.join(drawn)}{start}{_targets(view, floor)}{_scale(view)}</g>{legend}</svg>\n"
+            drawn.append(_trial(view.pixels(lines[id(trial)]), trial, number, is_dashed=group.kind != "human"))
+        hits = sum(trial.figures["sr"] == 100 for trial in trials)
+        text = f"{row_label(group.who, group.condition)}: {hits} of {len(trials)} succeed"
+        rows.insert(0, (text, group.kind != "human" if task == "pan" else None))
+    starts = _start(view, shown) if task == "pan" else ""
+    below = legend(rows, has_start=bool(starts), has_targets=bool(floor and floor.targets), has_floor=floor is not None)
+    picture = (
+        f"{_floor(view, floor)}{''.join(drawn)}{starts}{_targets(view, floor)}{scale_bar(view.scale, view.height - 10)}"
     )
+    home = next((label for group, _ in shown if (label := _HOMES.get(group.scene_kind))), "")
+    return framed(f"{task.upper()} {key}{home}", picture, below, size=(view.width, view.height))
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,42 +118,35 @@ def _points(trial: CountedTrial) -> NDArray[np.float64]:
     return np.array([[point[0], point[2]] for point in found]).reshape(-1, 2)
 
 
-def _trial(points: NDArray[np.float64], trial: CountedTrial, colour: str, *, is_dashed: bool) -> str:
+def _trial(points: NDArray[np.float64], trial: CountedTrial, number: int, *, is_dashed: bool) -> str:
     if not len(points):
         return ""
     x, y = points[-1]
-    fill = colour if trial.figures["sr"] == 100 else "white"
-    end = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="{fill}" stroke="{colour}" stroke-width="1.6"/>'
+    end = mark(x, y, number, is_filled=trial.figures["sr"] == 100)
     if isinstance(trial.item, Answer):
         return end
     moves = np.concatenate([[True], np.any(np.abs(np.diff(points, axis=0)) > 1e-6, axis=1)])  # turning draws nothing
     path = " ".join(f"{px:.1f},{py:.1f}" for px, py in points[moves])
-    dashes = ' stroke-dasharray="6 3"' if is_dashed else ""
-    return f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="1.6" opacity=".75"{dashes}/>{end}'
+    return line(path, number, is_dashed=is_dashed) + end
 
 
 def _start(view: _View, shown: Sequence[tuple[TrialGroup, list[CountedTrial]]]) -> str:
-    """A cross where the episode starts, the same for everybody."""
     first = next((trial.item for _, trials in shown for trial in trials if isinstance(trial.item, EpisodeRun)), None)
     if first is None:
         return ""
-    (x, y), *_ = view.pixels(np.array([[first.start.position[0], first.start.position[2]]]))
-    return f'<path d="M{x - 6:.1f} {y:.1f} h12 M{x:.1f} {y - 6:.1f} v12" stroke="black" stroke-width="2"/>'
+    (place, *_) = view.pixels(np.array([[first.start.position[0], first.start.position[2]]])).tolist()
+    return start(*place)
 
 
 def _targets(view: _View, floor: FloorPlan | None) -> str:
     """A ring of one metre, within which an answer is right, around each target."""
     if floor is None or not floor.targets:
         return ""
-    return "".join(
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{view.scale:.1f}" fill="none" stroke="black" stroke-dasharray="5 4"/>'
-        f'<path d="M{x - 5:.1f} {y - 5:.1f} l10 10 m-10 0 l10 -10" stroke="black" stroke-width="1.6"/>'
-        for x, y in view.pixels(np.array(floor.targets))
-    )
+    return "".join(target(x, y, view.scale) for x, y in view.pixels(np.array(floor.targets)))
 
 
 def _floor(view: _View, floor: FloorPlan | None) -> str:
-    """Free cells as one path, a rectangle per run of cells in a row."""
+    """Free cells as one path, a rectangle per run of cells in a row, on what nobody can stand on."""
     if floor is None:
         return ""
     edges = np.diff(np.pad(floor.free.astype(np.int8), ((0, 0), (1, 1))), axis=1)
@@ -166,23 +157,8 @@ def _floor(view: _View, floor: FloorPlan | None) -> str:
         f"M{x:.1f} {y:.1f}h{(last - first) * side:.1f}v{side + 0.3:.1f}h{-(last - first) * side:.1f}z"
         for (x, y), (_, first), (_, last) in zip(corner, firsts, lasts, strict=True)
     ]
-    return f'<path d="{"".join(runs)}" fill="#ffffff"/>'
-
-
-def _scale(view: _View) -> str:
-    y = view.height - 10
-    return (
-        f'<path d="M10 {y} h{view.scale:.1f}" stroke="black" stroke-width="2"/>'
-        f'<text x="{14 + view.scale:.1f}" y="{y + 4}">1 m</text>'
-    )
-
-
-def _legend(number: int, group: TrialGroup, trials: Sequence[CountedTrial], height: int) -> str:
-    colour, y = _COLOURS[number % len(_COLOURS)], height + 26 + number * _LEGEND_HEIGHT
-    hits = sum(trial.figures["sr"] == 100 for trial in trials)
-    how = "" if group.kind == "human" else ", dashed"
-    text = html.escape(f"{row_label(group.who, group.condition)}: {hits} of {len(trials)} succeed (filled){how}")
-    return f'<circle cx="18" cy="{y - 4}" r="4.5" fill="{colour}"/><text x="30" y="{y}">{text}</text>'
+    ground = f'<rect width="{view.width}" height="{view.height}" fill="#dcdcd8"/>'
+    return f'{ground}<path d="{"".join(runs)}" fill="#ffffff"/>'
 
 
 def overlay_name(key: EpisodeKey, task: TaskKind) -> str:

@@ -7,6 +7,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ RELEASED = {"easy": 600, "medium": 700, "hard": 700}
 """Episodes of the authors' repository (d997eca), for a study that takes them all."""
 NUM_HOMES = 31
 """Of the released dataset; nobody has more trials where nobody meets a home twice."""
+MOST_SD = 4.0
+"""Largest spread on the logit scale: from 2 to 98 of 100 succeed one spread around a half."""
 _MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _ADVICE = "See personal-viz study plan --help."
 
@@ -39,9 +42,9 @@ class PowerAssumptions(BaseModel):
     """By which an agent is worse than people, on the same episodes, one run."""
     memory_gap: float = Field(default=0.10, gt=0, lt=1)
     """By which people are better with memory."""
-    person_sds: tuple[float, ...] = (0.3, 0.9)
+    person_sds: tuple[Annotated[float, Field(ge=0, le=MOST_SD)], ...] = Field(default=(0.3, 0.9), min_length=1)
     """Spread of people on the logit scale: alike, and different."""
-    episode_sd: float = Field(default=1.3, ge=0)
+    episode_sd: float = Field(default=1.3, ge=0, le=MOST_SD)
     """Spread of episodes on the logit scale; 1.3 gives the figures of HUMAN_STUDY.md, section 3."""
     agent_alike: float = Field(default=0.5, ge=0, le=1)
     """How far what is hard for people is hard for the agent (share of the variance)."""

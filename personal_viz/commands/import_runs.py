@@ -50,24 +50,19 @@ def import_files(
     """
     check_options(run_id=run_id)
     free = _free_motion(motion, max_move=max_move, max_turn_deg=max_turn_deg, max_steps=max_steps)
-    _require_rounding(rounding)
-    others = (quaternion, camera_axes, columns, rows, stopped, episode, free, allow_sliding, poses == "camera")
-    _require_frame(frame, others)
-    reading = None
-    if frame is not None:
-        reading = PoseReading(
-            frame=frame,
-            quaternion=quaternion,
-            poses=poses,
-            camera_axes=camera_axes,
-            columns=tuple(name.strip() for name in columns.split(",")) if columns else (),
-            rows=rows,
-            stopped=None if stopped is None else stopped == "yes",
-            allow_sliding=allow_sliding,
-            episode=None if episode is None else key_from_text(episode),
-            rounding=rounding,
-            free=free,
-        )
+    reading = _reading(
+        frame,
+        quaternion=quaternion,
+        poses=poses,
+        camera_axes=camera_axes,
+        columns=columns,
+        rows=rows,
+        stopped=stopped,
+        allow_sliding=allow_sliding,
+        episode=episode,
+        rounding=rounding,
+        free=free,
+    )
     folders = import_runs(
         files,
         dataset=PersonalDataset(dataset),
@@ -81,6 +76,46 @@ def import_files(
     for folder in folders:
         _print_run(folder, read_run(folder), who, is_free=free is not None)
     return 0
+
+
+def _reading(
+    frame: PoseFrame | None,
+    *,
+    quaternion: Literal["xyzw", "wxyz"] | None,
+    poses: Literal["body", "camera"],
+    camera_axes: CameraAxes | None,
+    columns: str | None,
+    rows: Literal["after-action", "before-action"] | None,
+    stopped: Literal["yes", "no"] | None,
+    allow_sliding: bool,
+    episode: str | None,
+    rounding: float,
+    free: FreeMotion | None,
+) -> PoseReading | None:
+    """How pose files are to be read; None = the files are steps files.
+
+    Raises:
+        PersonalVizError: Options of pose files stand without the frame, the rounding is no rounding, or the episode's
+            name is none.
+    """
+    _require_rounding(rounding)
+    others = (quaternion, camera_axes, columns, rows, stopped, episode, free, allow_sliding, poses == "camera")
+    _require_frame(frame, others)
+    if frame is None:
+        return None
+    return PoseReading(
+        frame=frame,
+        quaternion=quaternion,
+        poses=poses,
+        camera_axes=camera_axes,
+        columns=tuple(name.strip() for name in columns.split(",")) if columns else (),
+        rows=rows,
+        stopped=None if stopped is None else stopped == "yes",
+        allow_sliding=allow_sliding,
+        episode=None if episode is None else key_from_text(episode),
+        rounding=rounding,
+        free=free,
+    )
 
 
 def _require_rounding(rounding: float) -> None:

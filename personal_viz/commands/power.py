@@ -13,6 +13,9 @@ from sim.errors import StudyError
 if TYPE_CHECKING:
     from human_study.reporting.power import PowerAssumptions
 
+_OPTIONS = {"agent_gap": "gap", "person_sds": "person_sd", "num_simulations": "simulations"}
+"""Fields of the assumptions that have another name on the command line."""
+
 
 def power(
     *,
@@ -64,7 +67,7 @@ def power(
         _require_counts(people=people, episodes=episodes, raters=raters, conditions=conditions)
         design = PowerDesign(f"{people} people", people, episodes, raters, num_conditions=conditions)
     gaps = {"agent_gap": gap, "split_gap": split_gap, "memory_gap": memory_gap}
-    spreads = {"person_sds": tuple(person_sd), "episode_sd": episode_sd}
+    spreads = {"person_sds": tuple(dict.fromkeys(person_sd)), "episode_sd": episode_sd}
     assumptions = _assumptions(**gaps, **spreads, base_rate=base_rate, num_simulations=simulations, seed=seed)
     found = power_report(design, assumptions=assumptions)
     print(found.model_dump_json(indent=2) if json else power_markdown(found), end="\n" if json else "")
@@ -78,10 +81,28 @@ def _assumptions(**fields: float | tuple[float, ...]) -> PowerAssumptions:
         return PowerAssumptions.model_validate(fields)
     except ValidationError as error:
         first = error.errors()[0]
+        field = str(first["loc"][0])
+        option = _OPTIONS.get(field, field).replace("_", "-")
         raise StudyError(
-            f"study plan --power: {'.'.join(map(str, first['loc']))} is {first['input']!r}; expected {first['msg']}. "
-            "Rates and gaps lie between 0 and 1."
+            f"study plan --power: --{option} is {_words(first['input'])}; expected {_expected(field)}. Change it."
         ) from None
+
+
+def _words(value: object) -> str:
+    """As somebody typed it."""
+    return " ".join(map(str, value)) or "nothing" if isinstance(value, tuple) else str(value)
+
+
+def _expected(field: str) -> str:
+    from human_study.reporting.power import MOST_SD
+
+    ranges = {
+        "person_sds": f"one number or more, each from 0 to {MOST_SD:g}",
+        "episode_sd": f"0 to {MOST_SD:g}",
+        "num_simulations": "20 to 20000",
+        "seed": "0 or more",
+    }
+    return ranges.get(field, "a number between 0 and 1, without them")
 
 
 def _require_counts(*, people: int, episodes: int, raters: int, conditions: int) -> None:

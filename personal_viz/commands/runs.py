@@ -48,18 +48,10 @@ def run(
     with_pixels: bool = False,
 ) -> int:
     """Runs an agent over episodes into `out/<run_id>`; a second call goes on. Tables keep clutter levels apart."""
-    if agent not in ("random", "shortest-path") and ":" not in agent:
-        raise AgentError(
-            f"--agent is {agent!r}; expected random, shortest-path, or your own as package.module:factory."
-        )
+    _require_agent(agent)
     check_options(run_id=run_id, limit=limit, jobs=jobs, seed=seed)
     episodes = PersonalDataset(dataset)
-    if episode is None:
-        chosen = select_episodes(episodes, scenes=scene, splits=split, limit=limit)
-    else:
-        chosen = [episodes.episode(key_from_text(episode))]
-    if not chosen:
-        raise PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
+    chosen = _chosen(episodes, episode, scenes=scene, splits=split, limit=limit)
     kind = common_kind(episodes, {item.key.scene for item in chosen}, scenes_dir)
     require_no_scan(kind, clutter=clutter)
     by_scene = _by_scene(chosen, scenes_dir)
@@ -98,6 +90,32 @@ def run(
             run_agent(work, writer, processes=jobs, on_episode=lambda: progress.update(bar, advance=1))
         print(f"Written to {out / run_id}; see it with: personal-viz metrics {out / run_id}")
     return 0
+
+
+def _require_agent(agent: str) -> None:
+    if agent not in ("random", "shortest-path") and ":" not in agent:
+        raise AgentError(
+            f"--agent is {agent!r}; expected random, shortest-path, or your own as package.module:factory."
+        )
+
+
+def _chosen(
+    episodes: PersonalDataset,
+    episode: str | None,
+    *,
+    scenes: tuple[str, ...],
+    splits: tuple[Split, ...],
+    limit: int | None,
+) -> list[Episode]:
+    """The named episode, or those of splits and scenes; raises PersonalVizError where these hold none."""
+    if episode is not None:
+        return [episodes.episode(key_from_text(episode))]
+    chosen = select_episodes(episodes, scenes=scenes, splits=splits, limit=limit)
+    if not chosen:
+        raise PersonalVizError(
+            f"{episodes.root}: the chosen splits and scenes hold no episode; expected one. Choose others."
+        )
+    return chosen
 
 
 def _by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:

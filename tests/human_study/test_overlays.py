@@ -1,10 +1,13 @@
 """Paths and marks from above: what is drawn where, and the same text every time."""
 
 import re
+from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from human_study.reporting.overlay_marks import DASHES
 from human_study.reporting.overlays import FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
 from human_study.reporting.trial_groups import CountedTrial, TrialGroup
 from sim.tasks.run_files import Answer
@@ -31,12 +34,25 @@ PEOPLE = TrialGroup(
 AGENT = TrialGroup("pan", "scan", "walker & co", "agent", "none", (walked(KEY, "walker", hit=False, path=8),))
 
 
+def parts(drawn: str) -> tuple[str, str]:
+    """(picture, legend)"""
+    picture, frame, legend = drawn.partition('fill="none" stroke="#8a8a86"/>')
+    assert frame
+    return picture, legend
+
+
+def ends(drawn: str) -> list[tuple[float, str]]:
+    """(x, fill) of every mark of the picture."""
+    found = re.findall(r'class="mark" (?:d="M|cx=")(-?[\d.]+)[^>]*?fill="([^"]+)"', parts(drawn)[0])
+    return [(float(x), fill) for x, fill in found]
+
+
 def test_everybody_is_drawn_once_with_a_filled_end_for_success() -> None:
     drawn = overlay_svg([PEOPLE, AGENT], KEY, "pan")
-    assert drawn.count("<polyline") == 3
-    assert drawn.count('stroke-dasharray="6 3"') == 1  # the agent
-    ends = re.findall(r'r="4.5" fill="([^"]+)" stroke', drawn)
-    assert sorted(fill == "white" for fill in ends) == [False, True, True]
+    picture, legend = parts(drawn)
+    assert (picture.count("<polyline"), legend.count("<polyline")) == (3, 2)
+    assert (picture.count(DASHES), legend.count(DASHES)) == (1, 1)  # the agent
+    assert sorted(fill == "white" for _, fill in ends(drawn)) == [False, True, True]
     assert "Human: 1 of 2 succeed" in drawn
     assert "walker &amp; co: 0 of 1 succeed" in drawn
     assert overlay_svg([PEOPLE, AGENT], KEY, "pan") == drawn
@@ -49,10 +65,11 @@ def test_a_path_has_the_length_that_was_walked() -> None:
     scale = re.search(r'd="M10 \d+ h([\d.]+)"', drawn)
     assert points is not None
     assert scale is not None
-    ends = [tuple(float(x) for x in point.split(",")) for point in points[1].split()]
-    assert len(ends) == 9
-    assert ends[-1][1] - ends[0][1] == pytest.approx(2 * float(scale[1]), abs=0.3)
-    assert ends[-1][0] == pytest.approx(ends[0][0])
+    places = [tuple(float(x) for x in point.split(",")) for point in points[1].split()]
+    assert len(places) == 9
+    assert places[-1][1] - places[0][1] == pytest.approx(2 * float(scale[1]), abs=0.3)
+    assert places[-1][0] == pytest.approx(places[0][0])
+    assert ">1 m</text>" in drawn
 
 
 def test_the_floor_lies_under_the_paths_where_it_is() -> None:
@@ -65,6 +82,11 @@ def test_the_floor_lies_under_the_paths_where_it_is() -> None:
     assert cells[1].count("M") == 3  # one run of cells in the first row, two in the second
     assert drawn.count('stroke-dasharray="5 4"') == 1
     assert drawn.index("#ffffff") < drawn.index("<polyline")
+    assert "White: where the robot can stand" in drawn
+    assert "Right object" in drawn
+    bare = overlay_svg([PEOPLE], KEY, "pan")
+    assert "The floor is not drawn" in bare
+    assert "Right object" not in bare
 
 
 def test_marks_are_drawn_where_people_pointed() -> None:
@@ -77,11 +99,44 @@ def test_marks_are_drawn_where_people_pointed() -> None:
     group = TrialGroup("pog", "scan", "human", "human", "map_open", (*trials, nothing))
     drawn = overlay_svg([group], KEY, "pog")
     assert "<polyline" not in drawn
-    centres = [float(x) for x in re.findall(r'<circle cx="([\d.]+)" cy="[\d.]+" r="4.5" fill="[^"]+" stroke', drawn)]
+    centres = [x for x, _ in ends(drawn)]
     scale = re.search(r'd="M10 \d+ h([\d.]+)"', drawn)
     assert scale is not None
     assert max(centres) - min(centres) == pytest.approx(2 * float(scale[1]), abs=0.2)
     assert floors_needed([group], [KEY]) == {KEY: 0.4}
+
+
+@pytest.mark.parametrize(
+    ("kind", "label"),
+    [("scan", ""), ("invented", " (invented home)"), ("schematic", " (schematic home, not HM3D)")],
+)
+def test_the_title_says_which_episode_it_is_and_that_a_home_is_no_scan(kind: str, label: str) -> None:
+    drawn = overlay_svg([replace(PEOPLE, scene_kind=kind), replace(AGENT, scene_kind=kind)], KEY, "pan")
+    assert f'font-weight="bold">PAN easy/Home/1{label}</text>' in drawn
+    assert f'aria-label="PAN easy/Home/1{label}"' in drawn
+
+
+def test_rows_differ_in_shape_and_in_colour() -> None:
+    rows = [replace(PEOPLE, who=f"row {n}", kind="agent", trials=PEOPLE.trials[:1]) for n in range(5)]
+    samples = re.findall(
+        r'class="mark" (?:d="M22.0 0.0 ([^"]+)"|cx="22.0") ?[^>]*?fill="(#\w+)"', overlay_svg(rows, KEY, "pan")
+    )
+    assert len({shape for shape, _ in samples}) == 5
+    assert len({colour for _, colour in samples}) == 5
+
+
+def test_the_drawing_of_a_large_home_has_a_longer_scale_and_of_a_narrow_one_room_for_its_legend() -> None:
+    far = walked(KEY, "p01", hit=True, path=120)
+    assert ">5 m</text>" in overlay_svg([replace(PEOPLE, trials=(far,))], KEY, "pan")
+    width = re.search(r'<svg [^>]*width="(\d+)"', overlay_svg([AGENT], KEY, "pan"))
+    assert width is not None
+    assert int(width[1]) >= 460
+
+
+def test_every_overlay_is_a_whole_document() -> None:
+    floor = FloorPlan(np.ones((3, 3), bool), GridSpec((-1.0, -0.5), 0.5, (3, 3)), targets=((0.0, 0.5),))
+    for drawn in (overlay_svg([PEOPLE, AGENT], KEY, "pan", floor=floor), overlay_svg([], OTHER, "pog")):
+        assert ElementTree.fromstring(drawn).tag == "{http://www.w3.org/2000/svg}svg"
 
 
 def test_episodes_on_which_people_differ_come_first() -> None:

@@ -16,6 +16,7 @@ from human_study.reporting.power import (
     power_row,
 )
 from human_study.study import StudyDataset, StudyDesign, StudyMemory, save_study
+from personal_viz.cli import parse
 from personal_viz.commands.power import power
 from sim.errors import StudyError
 from sim.types import SPLITS
@@ -137,9 +138,56 @@ def test_the_command_prints_the_same_twice_and_reads_the_plan(
 
 
 def test_impossible_options_are_refused() -> None:
-    with pytest.raises(StudyError, match=r"base_rate is 1\.5"):
-        power(base_rate=1.5)
     with pytest.raises(StudyError, match="expected all within 0 and 1"):
         power(base_rate=0.9, memory_gap=0.2)
     with pytest.raises(StudyError, match="raters times conditions people"):
         power(people=3, raters=5)
+    with pytest.raises(StudyError, match="raters times conditions people"):
+        power(people=5, raters=5, conditions=2)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ("--base-rate 1.5", "--base-rate is 1.5; expected a number between 0 and 1, without them. Change it."),
+        ("--gap 0", "--gap is 0.0; expected a number between 0 and 1, without them. Change it."),
+        ("--split-gap -0.2", "--split-gap is -0.2; expected a number between 0 and 1, without them. Change it."),
+        ("--memory-gap 2", "--memory-gap is 2.0; expected a number between 0 and 1, without them. Change it."),
+        ("--person-sd 0.3 -1", "--person-sd is -1.0; expected one number or more, each from 0 to 4. Change it."),
+        ("--person-sd", "--person-sd is nothing; expected one number or more, each from 0 to 4. Change it."),
+        ("--episode-sd nan", "--episode-sd is nan; expected 0 to 4. Change it."),
+        ("--simulations 3", "--simulations is 3; expected 20 to 20000. Change it."),
+        ("--seed -1", "--seed is -1; expected 0 or more. Change it."),
+    ],
+)
+def test_an_option_out_of_its_range_is_one_line(options: str, line: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        parse(["study", "plan", "--power", *options.split()]).work()
+    assert str(caught.value) == f"study plan --power: {line}"
+
+
+def test_every_option_of_the_command_reaches_the_simulation(capsys: pytest.CaptureFixture[str]) -> None:
+    options = "--people 8 --episodes 10 --raters 2 --conditions 2 --base-rate 0.6 --gap 0.2 --split-gap 0.12"
+    options += " --memory-gap 0.3 --person-sd 0.4 0.8 --episode-sd 1.1 --simulations 25 --seed 7 --json"
+    assert parse(["study", "plan", "--power", *options.split()]).work() == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["assumptions"] == {
+        "base_rate": 0.6,
+        "split_gap": 0.12,
+        "agent_gap": 0.2,
+        "memory_gap": 0.3,
+        "person_sds": [0.4, 0.8],
+        "episode_sd": 1.1,
+        "agent_alike": 0.5,
+        "num_simulations": 25,
+        "seed": 7,
+    }
+    assert (found["rows"][0]["design"], found["rows"][0]["trials"]) == ("8 people", 3 * 10 * 2 * 2)
+    assert found["rows"][0]["power_memory"] is not None
+
+
+def test_the_options_defaults_are_those_of_the_assumptions(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--people", "4", "--episodes", "4", "--raters", "2", "--json"]
+    assert parse(["study", "plan", "--power", *options]).work() == 0
+    found = PowerAssumptions.model_validate(json.loads(capsys.readouterr().out)["assumptions"])
+    assert found == PowerAssumptions()

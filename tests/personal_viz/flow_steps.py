@@ -120,3 +120,17 @@ def point_somewhere(page: Page) -> None:
         if marked.count():
             return
     raise AssertionError("no click met the home")
+
+
+def press_by_keyboard(page: Page, name: str) -> None:
+    """Reaches a button with the Tab key and presses it with Enter."""
+    expect(page.get_by_role("button", name=name, exact=True)).to_be_visible()
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        focused = page.evaluate("document.activeElement.textContent.trim()")
+        if focused == name:
+            width = page.evaluate("parseFloat(getComputedStyle(document.activeElement).outlineWidth)")
+            assert width >= 2, "the focus must be visible"
+            page.keyboard.press("Enter", delay=HOLD_MS)
+            return
+    raise AssertionError(f"{name} cannot be reached with the Tab key")

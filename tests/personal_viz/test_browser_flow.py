@@ -25,6 +25,7 @@ from .flow_steps import (
     give_up,
     pass_device_check,
     point_somewhere,
+    press_by_keyboard,
     read_instructions,
     record,
     see_step,
@@ -198,7 +199,9 @@ def test_wrong_answers_are_explained_and_a_reload_stays_at_the_question(
     expect(page.get_by_role("heading", name="Practice")).to_be_visible()
 
 
-def test_larger_text_and_the_whole_way_by_keyboard_alone(pan_study: PlannedStudy, browser: BrowserContext) -> None:
+def test_larger_text_stays_and_the_tools_are_reached_by_keyboard(
+    pan_study: PlannedStudy, browser: BrowserContext
+) -> None:
     page = browser.new_page()
     page.goto(pan_study.links["p04"])
     expect(page.get_by_text("Your window has room")).to_be_visible()
@@ -217,17 +220,3 @@ def test_larger_text_and_the_whole_way_by_keyboard_alone(pan_study: PlannedStudy
     press_by_keyboard(page, "Continue")
     press_by_keyboard(page, "I agree and take part")
     expect(page.get_by_text("Page 1 of")).to_be_visible()
-
-
-def press_by_keyboard(page: Page, name: str) -> None:
-    """Reaches a button with the Tab key and presses it with Enter."""
-    expect(page.get_by_role("button", name=name, exact=True)).to_be_visible()
-    for _ in range(40):
-        page.keyboard.press("Tab")
-        focused = page.evaluate("document.activeElement.textContent.trim()")
-        if focused == name:
-            width = page.evaluate("parseFloat(getComputedStyle(document.activeElement).outlineWidth)")
-            assert width >= 2, "the focus must be visible"
-            page.keyboard.press("Enter")
-            return
-    raise AssertionError(f"{name} cannot be reached with the Tab key")

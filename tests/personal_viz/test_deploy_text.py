@@ -1,12 +1,16 @@
-"""The nginx text of DEPLOY.md is what works: a real nginx reads it where there is one, and its lines stay."""
+"""The proxies' texts of DEPLOY.md work: real nginx and Caddy read them where they are installed, and lines stay."""
 
+import os
 import re
 import shutil
 import signal
 import socket
+import ssl
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,14 +23,27 @@ from .gateways import running, wait_until
 from .tls_proxy import self_signed
 
 DEPLOY = Path(personal_viz.__file__).parent / "DEPLOY.md"
-NGINX = shutil.which("nginx")
+NGINX, CADDY = shutil.which("nginx"), shutil.which("caddy")
+Proxy = Callable[..., AbstractContextManager[None]]
+needs_nginx = pytest.mark.skipif(NGINX is None, reason="found no nginx; install it to check the text of DEPLOY.md")
+needs_caddy = pytest.mark.skipif(CADDY is None, reason="found no caddy; install it to check the text of DEPLOY.md")
 
 
-def nginx_text() -> str:
-    """As the document prints it."""
-    found = re.search(r"```nginx\n(.*?)```", DEPLOY.read_text(encoding="utf-8"), re.DOTALL)
+def text_of(language: str) -> str:
+    """The document's block in this language, as it is printed."""
+    found = re.search(rf"```{language}\n(.*?)```", DEPLOY.read_text(encoding="utf-8"), re.DOTALL)
     assert found is not None
     return found.group(1)
+
+
+def replaced(text: str, places: Mapping[str, str], changed: tuple[str, str]) -> str:
+    """The text with one setting changed, and what is of this machine in place of the document's."""
+    assert changed[0] in text
+    text = text.replace(*changed) if changed[0] else text
+    for found, place in places.items():
+        assert found in text
+        text = text.replace(found, place)
+    return text
 
 
 def free_port() -> int:
@@ -46,7 +63,6 @@ def is_answered(port: int) -> bool:
 def nginx(folder: Path, ports: dict[str, int], behind: int, *, changed: tuple[str, str] = ("", "")) -> Iterator[None]:
     """The document's nginx in front of a port, with free ports, our certificate, and one setting changed."""
     certificate, key = self_signed(folder)
-    text = nginx_text().replace(*changed) if changed[0] else nginx_text()
     places = {
         "listen 80;": f"listen 127.0.0.1:{ports['http']};",
         "listen 443 ssl;": f"listen 127.0.0.1:{ports['tls']} ssl;",
@@ -55,29 +71,51 @@ def nginx(folder: Path, ports: dict[str, int], behind: int, *, changed: tuple[st
         "/etc/letsencrypt/live/study.example.org/privkey.pem": str(key),
         "127.0.0.1:8080": f"127.0.0.1:{behind}",
     }
-    for found, place in places.items():
-        assert found in text
-        text = text.replace(found, place)
+    text = replaced(text_of("nginx"), places, changed)
     temporary = " ".join(f"{kind}_temp_path {folder}/{kind};" for kind in ("client_body", "proxy", "fastcgi"))
     temporary += " ".join(f" {kind}_temp_path {folder}/{kind};" for kind in ("uwsgi", "scgi"))
     main = f"daemon off; pid {folder}/nginx.pid; error_log {folder}/error.log; events {{}}\n"
     (folder / "nginx.conf").write_text(f"{main}http {{ {temporary} access_log off;\n{text}\n}}\n")
     assert NGINX is not None
     process = subprocess.Popen([NGINX, "-p", str(folder), "-e", f"{folder}/error.log", "-c", f"{folder}/nginx.conf"])
+    yield from until_ended(process, ports, folder / "error.log")
+
+
+@contextmanager
+def caddy(folder: Path, ports: dict[str, int], behind: int, *, changed: tuple[str, str] = ("", "")) -> Iterator[None]:
+    """The document's Caddy, likewise; its own files stay in the folder."""
+    certificate, key = self_signed(folder)
+    places = {
+        "study.example.org {": f"localhost {{\n    tls {certificate} {key}",
+        "127.0.0.1:8080": f"127.0.0.1:{behind}",
+    }
+    text = replaced(text_of("caddyfile"), places, changed)
+    own = f"admin off\nhttp_port {ports['http']}\nhttps_port {ports['tls']}\ndefault_bind 127.0.0.1\n"
+    (folder / "Caddyfile").write_text(text.replace("{\n", "{\n" + own, 1))
+    assert CADDY is not None
+    command = [CADDY, "run", "--config", str(folder / "Caddyfile"), "--adapter", "caddyfile"]
+    homes = {name: str(folder) for name in ("HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME")}
+    with (folder / "caddy.log").open("w") as log:
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=os.environ | homes)
+        yield from until_ended(process, ports, folder / "caddy.log")
+
+
+def until_ended(process: subprocess.Popen[bytes], ports: dict[str, int], log: Path) -> Iterator[None]:
+    """A running proxy, once it listens; ended when the test goes on."""
     try:
-        wait_until(lambda: is_answered(ports["tls"]) or process.poll() is not None)
-        assert process.poll() is None, (folder / "error.log").read_text()
+        wait_until(lambda: all(map(is_answered, ports.values())) or process.poll() is not None)
+        assert process.poll() is None, log.read_text()
         yield
     finally:
         process.send_signal(signal.SIGTERM)
         process.wait(timeout=30)
 
 
-def failures(folder: Path, *, changed: tuple[str, str] = ("", "")) -> list[str]:
+def failures(proxy: Proxy, folder: Path, *, changed: tuple[str, str] = ("", "")) -> list[str]:
     """What the doctor finds wrong with a gateway behind it."""
     ports = {"tls": free_port(), "http": free_port()}
     options = ServeOptions(port=0, public=True, hosts=(f"localhost:{ports['tls']}",), proxy="127.0.0.1", pilot=True)
-    with running(folder, options=options) as gateway, nginx(folder, ports, gateway.port, changed=changed):
+    with running(folder, options=options) as gateway, proxy(folder, ports, gateway.port, changed=changed):
         url = f"https://localhost:{ports['tls']}"
         checks = examine(url, link=f"{url}/#good", insecure_ca=folder / "cert.pem", http_port=ports["http"])
     assert all(check.passed is not None for check in checks)
@@ -85,13 +123,66 @@ def failures(folder: Path, *, changed: tuple[str, str] = ("", "")) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(NGINX is None, reason="found no nginx; install it to check the text of DEPLOY.md")
+@needs_nginx
 def test_nginx_as_documented_has_nothing_to_correct(tmp_path: Path) -> None:
-    assert failures(tmp_path) == []
+    assert failures(nginx, tmp_path) == []
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(NGINX is None, reason="found no nginx; install it to check the text of DEPLOY.md")
+@needs_caddy
+def test_caddy_as_documented_has_nothing_to_correct_and_logs_no_address(tmp_path: Path) -> None:
+    assert failures(caddy, tmp_path) == []
+    assert "remote_ip" not in (tmp_path / "caddy.log").read_text()
+
+
+@pytest.mark.slow
+@needs_caddy
+@pytest.mark.parametrize(
+    ("changed", "names"),
+    [
+        (
+            ("flush_interval -1", "header_up Host {upstream_hostport}"),
+            ["security headers", "Origin", "cookie", "session"],
+        ),
+        (("flush_interval -1", "header_up -X-Forwarded-For"), ["proxy"]),
+        (("flush_interval -1", "header_down -Content-Security-Policy"), ["security headers"]),
+    ],
+)
+def test_caddy_with_one_setting_wrong_is_noticed(tmp_path: Path, changed: tuple[str, str], names: list[str]) -> None:
+    assert failures(caddy, tmp_path, changed=changed) == names
+
+
+def logged_without_gateway(proxy: Proxy, folder: Path, *, changed: tuple[str, str] = ("", "")) -> str:
+    """What a proxy writes about somebody who comes while nobody listens behind it."""
+    ports = {"tls": free_port(), "http": free_port()}
+    with proxy(folder, ports, free_port(), changed=changed):
+        context = ssl.create_default_context(cafile=folder / "cert.pem")
+        with pytest.raises(urllib.error.HTTPError, match="502"):
+            urllib.request.urlopen(f"https://localhost:{ports['tls']}/join?id=canary", context=context, timeout=30)
+    return "".join(path.read_text() for path in folder.glob("*.log"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("proxy", "setting", "address"),
+    [
+        pytest.param(nginx, "error_log /dev/null emerg;", "client: 127.0.0.1", marks=needs_nginx, id="nginx"),
+        pytest.param(caddy, "exclude http.log.error", '"remote_ip":"127.0.0.1"', marks=needs_caddy, id="caddy"),
+    ],
+)
+def test_nothing_of_a_participant_is_logged_while_the_gateway_is_away(
+    tmp_path: Path, proxy: Proxy, setting: str, address: str
+) -> None:
+    for name in ("documented", "without"):
+        (tmp_path / name).mkdir()
+    logged = logged_without_gateway(proxy, tmp_path / "documented")
+    assert address not in logged
+    assert "canary" not in logged
+    assert address in logged_without_gateway(proxy, tmp_path / "without", changed=(setting, ""))
+
+
+@pytest.mark.slow
+@needs_nginx
 @pytest.mark.parametrize(
     ("changed", "names"),
     [
@@ -102,7 +193,7 @@ def test_nginx_as_documented_has_nothing_to_correct(tmp_path: Path) -> None:
     ],
 )
 def test_nginx_with_one_setting_wrong_is_noticed(tmp_path: Path, changed: tuple[str, str], names: list[str]) -> None:
-    assert failures(tmp_path, changed=changed) == names
+    assert failures(nginx, tmp_path, changed=changed) == names
 
 
 @pytest.mark.parametrize(
@@ -115,10 +206,11 @@ def test_nginx_with_one_setting_wrong_is_noticed(tmp_path: Path, changed: tuple[
         "proxy_set_header Connection $connection_upgrade;",
         "proxy_buffering off;",
         "access_log off;",
+        "error_log /dev/null emerg;",
     ],
 )
 def test_the_document_names_what_the_test_proxy_does(directive: str) -> None:
-    assert directive in nginx_text()
+    assert directive in text_of("nginx")
 
 
 def test_the_document_names_files_that_never_leave_and_flags_that_exist() -> None:

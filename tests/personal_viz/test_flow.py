@@ -1,13 +1,13 @@
 """Which page comes next is a function of what is stored: every step, breaks, sittings, and the ways out."""
 
-import time
 from typing import Any
 
 import pytest
 
 from human_study.stages import Stage, StageEntry
 from human_study.study import StudyBreaks, StudyConfig, StudyDataset
-from personal_viz.flow import FlowPlace, flow_place, parts_of
+from personal_viz.flow import FlowPlace, ended_trial, flow_place, has_rested, parts_of, trial_before, trial_name
+from personal_viz.flow_pauses import MachineTime
 from personal_viz.store_link import PersonPlace, TrialPlace
 from sim.types import EpisodeKey
 
@@ -42,7 +42,7 @@ def place(
     at_ns = NOW_NS - int(seconds_ago * 1e9)
     entries = [StageEntry(stage, detail, at_ns) for stage, detail in stages]
     person = PersonPlace("p01", "pan", entries, trials if trials is not None else [trial(1), trial(2)], None)
-    return flow_place(study or config(), person, now_ns=NOW_NS)
+    return flow_place(study or config(), person, now=MachineTime(NOW_NS, 10**15, None))
 
 
 def test_the_pages_come_in_the_order_of_the_study_file() -> None:
@@ -141,9 +141,39 @@ def test_the_parts_of_the_way_are_those_that_the_study_has() -> None:
     assert parts_of(config(flow=("instructions",)), person) == ()
 
 
-def test_the_clock_of_the_server_is_enough_for_a_pause() -> None:
-    study = config(breaks=StudyBreaks(every=None, sitting_max=1, sitting_gap_s=10.0))
-    entries = [StageEntry(stage, detail, time.time_ns() - 20 * 10**9) for stage, detail in READY]
-    entries.append(StageEntry("break_started", {"done": 1}, time.time_ns() - 20 * 10**9))
-    person = PersonPlace("p01", "pan", entries, [trial(1, is_over=True), trial(2)], None)
-    assert flow_place(study, person, now_ns=time.time_ns()).back_in_s == 0.0
+@pytest.mark.parametrize(
+    ("stages", "trials", "before", "name"),
+    [
+        ((), [trial(1), trial(2)], None, ""),
+        ((), [trial(1, is_over=True), trial(2)], 1, "Trial 1 of 2"),
+        ((), [trial(1, is_over=True), trial(2, is_begun=True)], None, ""),
+        ((), [trial(1, is_over=True), trial(2, is_over=True)], None, ""),
+        ((), [trial(1, phase="practice", is_over=True), trial(2)], 1, "Practice 1 of 1"),
+        ((), [trial(1, is_over=True), trial(2, phase="check", is_over=True), trial(3)], 2, "Trial 2 of 3"),
+    ],
+)
+def test_the_stored_trial_before_the_next_one_is_named(
+    stages: tuple[Entered, ...], trials: list[TrialPlace], before: int | None, name: str
+) -> None:
+    person = PersonPlace("p01", "pan", [StageEntry(stage, detail, NOW_NS) for stage, detail in stages], trials, None)
+    found = trial_before(person)
+    assert (found and found.order_no) == before
+    assert (trial_name(person, found) if found else "") == name
+
+
+def test_only_a_trial_that_has_ended_is_stored() -> None:
+    trials = [trial(1, is_over=True), trial(3, is_begun=True), trial(4)]  # the second was given to somebody else
+    person = PersonPlace("p01", "pan", [], trials, None)
+    assert [ended_trial(person, order_no) for order_no in (1, 2, 3, 4)] == [trials[0], None, None, None]
+
+
+def test_whoever_went_on_from_a_break_has_rested_until_the_next_trial_is_done() -> None:
+    def rested(*stages: Entered, num_done: int) -> bool:
+        entries = [StageEntry(stage, detail, NOW_NS) for stage, detail in stages]
+        return has_rested(PersonPlace("p01", "pan", entries, [], None), FlowPlace("trial", num_done, 9))
+
+    assert not rested(("sitting_started", {"done": 0}), num_done=0)
+    assert not rested(("break_started", {"done": 2}), num_done=2)
+    assert rested(("break_started", {"done": 2}), ("break_ended", {"done": 2}), num_done=2)
+    assert rested(("sitting_started", {"done": 4}), num_done=4)
+    assert not rested(("sitting_started", {"done": 4}), num_done=5)

@@ -1,19 +1,25 @@
 """What the pages around the trials say: texts, questions, cards, and the messages of the page's script."""
 
+import base64
+import io
 import json
+import re
 from html.parser import HTMLParser
 
 import msgspec
+import numpy as np
 import pytest
+from PIL import Image
 
-from human_study.study import StudyConfig, StudyDataset, StudyPrivacy
+from human_study.study import Condition, StudyConfig, StudyDataset, StudyPrivacy
 from personal_viz.flow import FlowPlace
 from personal_viz.flow_cards import DeviceReport, device_card, duration, end_card, pause_card
 from personal_viz.flow_instructions import conditions_html, instruction_pages
 from personal_viz.flow_markdown import html_from_markdown, title_of
 from personal_viz.flow_quiz import QuizRound, questions_for
-from personal_viz.page_script import Device, OwnKeys, Pressed, Told, page_html, said_in, script
+from personal_viz.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in, script
 from personal_viz.panels import Card, card_html, progress_html
+from personal_viz.screenshots_instructions import MAX_BYTES, SIZE, small_jpeg
 from sim.types import TaskKind
 
 
@@ -79,6 +85,44 @@ def test_instructions_and_questions_fit_task_and_conditions(task: TaskKind) -> N
         if task == "pan"
         else ["mark", "confirm", "whose", "order", "feedback"]
     )
+
+
+@pytest.mark.parametrize(
+    ("task", "conditions", "shown"),
+    [
+        ("pan", ("none",), ["how-pan.jpg"]),
+        ("pan", ("none", "topdown"), ["how-pan.jpg", "how-topdown.jpg"]),
+        ("pan", ("glb", "topdown", "none"), ["how-pan.jpg", "how-topdown.jpg", "how-glb.jpg"]),
+        ("pog", ("map_open",), ["how-pog.jpg"]),
+        ("pog", ("map_first",), ["how-pog.jpg", "how-map-first.jpg"]),
+        ("pog", ("map_open", "map_2d"), ["how-pog.jpg", "how-map-2d.jpg"]),
+        ("pog", ("map_2d",), ["how-map-2d.jpg"]),
+    ],
+)
+def test_people_see_a_picture_of_every_condition_that_they_will_meet(
+    task: TaskKind, conditions: tuple[Condition, ...], shown: list[str]
+) -> None:
+    body = "".join(page.body for page in instruction_pages(config(), task, conditions, text=""))
+    found = re.findall(r'<img src="data:image/jpeg;base64,([^"]+)" alt="([^"]+)">', body)
+    assert [base64.b64decode(data) for data, _ in found] == [(STATIC / name).read_bytes() for name in shown]
+    assert len({alt for _, alt in found}) == len(found)
+
+
+def test_who_never_sees_a_home_in_3d_is_not_told_how_to_turn_it() -> None:
+    words = "".join(page.body for page in instruction_pages(config(), "pog", ("map_2d",), text=""))
+    assert "<strong>Turn</strong>" not in words
+    assert "without its ceiling" not in words
+    assert "from straight above" in words
+    assert "Give up this search" in words
+
+
+def test_pictures_are_small_and_of_one_size() -> None:
+    paths = sorted(STATIC.glob("how-*.jpg"))
+    assert len(paths) == 6
+    for path in paths:
+        assert path.stat().st_size <= 60_000
+        with Image.open(path) as picture:
+            assert picture.size == (760, 475)
 
 
 def test_the_time_of_the_look_is_said() -> None:
@@ -219,3 +263,15 @@ def test_the_script_survives_being_an_attribute() -> None:
     parser.feed(source)
     assert parser.found == script()
     assert msgspec.json.encode(script())
+
+
+def test_a_screenshot_becomes_a_picture_that_is_small_enough() -> None:
+    noise = np.random.default_rng(1).integers(0, 255, (200, 320, 3), dtype=np.uint8)
+    buffer = io.BytesIO()
+    Image.fromarray(noise).resize((1280, 800), Image.Resampling.NEAREST).save(buffer, "PNG")
+    found = small_jpeg(buffer.getvalue())
+    with Image.open(io.BytesIO(found)) as picture:
+        assert (picture.format, picture.size) == ("JPEG", SIZE)
+    plain = io.BytesIO()
+    Image.new("RGB", (1280, 800), "white").save(plain, "PNG")
+    assert len(small_jpeg(plain.getvalue())) < MAX_BYTES

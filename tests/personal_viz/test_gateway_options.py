@@ -36,6 +36,9 @@ def test_an_approved_study_on_loopback_may_be_served() -> None:
         ({**NAMED, "proxy": None, "tls_cert": Path("no.pem"), "tls_key": Path("no.key")}, r"no\.pem: found no such"),
         ({"port": 70000}, "--port 70000: is not a port"),
         ({"workers": 65}, "--workers 65: expected 1 to 64"),
+        ({"workers": 0}, "--workers 0: expected 1 to 64"),
+        ({"max_people": 0}, "--max-people 0: expected at least 1"),
+        ({"per_address": 0}, "--per-address 0: expected at least 1"),
     ],
 )
 def test_what_would_be_unsafe_is_refused_with_the_flag_that_is_missing(options: dict[str, Any], found: str) -> None:

@@ -1,0 +1,137 @@
+"""A pause lasts as long as it should, whatever anybody does to the server's wall clock."""
+
+import time
+from dataclasses import dataclass
+
+import pytest
+
+from human_study.stages import StageEntry
+from human_study.study import StudyBreaks, StudyConfig, StudyDataset
+from personal_viz import flow_pauses
+from personal_viz.flow import FlowPlace, flow_place
+from personal_viz.flow_pauses import machine_time, pause_left_s, steady_detail
+from personal_viz.store_link import PersonPlace, TrialPlace
+from sim.types import EpisodeKey
+
+S = 10**9
+HOUR_S = 3600
+DAY_S = 24 * HOUR_S
+GAP_S = 3600.0
+
+
+@dataclass
+class Clocks:
+    """The machine's clocks, moved by the test."""
+
+    wall_ns: int = 1_790_000_000 * S
+    since_boot_ns: int = 5_000 * S
+    boot_id: str | None = "first boot"
+
+    def pass_s(self, seconds: float) -> None:
+        """Time goes on."""
+        self.wall_ns += int(seconds * S)
+        self.since_boot_ns += int(seconds * S)
+
+    def boot(self, *, since_s: float) -> None:
+        """The machine was started again, so long ago."""
+        self.boot_id, self.since_boot_ns = f"boot at {self.wall_ns}", int(since_s * S)
+
+    def read_text(self) -> str:
+        """As the system's file with the boot's name."""
+        if self.boot_id is None:
+            raise FileNotFoundError
+        return self.boot_id + "\n"
+
+
+@pytest.fixture
+def clocks(monkeypatch: pytest.MonkeyPatch) -> Clocks:
+    found = Clocks()
+    monkeypatch.setattr("time.time_ns", lambda: found.wall_ns)
+    monkeypatch.setattr("time.clock_gettime_ns", lambda clock: found.since_boot_ns)
+    monkeypatch.setattr(flow_pauses, "_BOOT_ID", found)
+    return found
+
+
+def began() -> StageEntry:
+    """A pause that begins now, as the page stores it."""
+    detail = {"done": 1, "sitting": True, **steady_detail(machine_time())}
+    return StageEntry("break_started", detail, time.time_ns())
+
+
+def place(entry: StageEntry) -> FlowPlace:
+    """Where somebody with this pause is."""
+    config = StudyConfig(
+        study="flow",
+        dataset=StudyDataset(sha256="0" * 64),
+        task=("pan",),
+        flow=(),
+        breaks=StudyBreaks(every=None, sitting_max=1, sitting_gap_s=GAP_S),
+    )
+    trials = [TrialPlace(n, "main", "pan", "none", EpisodeKey("easy", "H", str(n)), n == 1, n == 1) for n in (1, 2)]
+    return flow_place(config, PersonPlace("p01", "pan", [entry], trials, None), now=machine_time())
+
+
+@pytest.mark.parametrize("jump_s", [0, HOUR_S, -HOUR_S, 3 * DAY_S, -50 * 365 * DAY_S])
+@pytest.mark.parametrize(("passed_s", "left_s"), [(0.0, 3600.0), (600.0, 3000.0), (3599.0, 1.0), (3601.0, 0.0)])
+def test_a_jump_of_the_wall_clock_neither_skips_nor_lengthens_a_pause(
+    clocks: Clocks, jump_s: int, passed_s: float, left_s: float
+) -> None:
+    entry = began()
+    clocks.pass_s(passed_s / 2)
+    clocks.wall_ns += jump_s * S
+    clocks.pass_s(passed_s / 2)
+    assert place(entry) == FlowPlace("pause", 1, 2, left_s)
+
+
+def test_over_a_restart_of_the_machine_the_wall_clock_counts(clocks: Clocks) -> None:
+    entry = began()
+    clocks.pass_s(600.0)
+    clocks.boot(since_s=20.0)
+    assert place(entry).back_in_s == 3000.0
+    clocks.pass_s(3000.0)
+    assert place(entry).back_in_s == 0.0
+
+
+@pytest.mark.parametrize("jump_s", [HOUR_S, 30 * DAY_S])
+def test_a_wall_clock_that_went_back_over_a_restart_makes_nobody_wait_longer_than_a_whole_pause(
+    clocks: Clocks, jump_s: int
+) -> None:
+    entry = began()
+    clocks.pass_s(600.0)
+    clocks.boot(since_s=0.0)
+    clocks.wall_ns -= jump_s * S
+    assert place(entry).back_in_s == GAP_S
+    clocks.pass_s(900.0)
+    assert place(entry).back_in_s == 2700.0  # it began before the boot: so long at least it has lasted
+    clocks.pass_s(2700.0)
+    assert place(entry).back_in_s == 0.0
+
+
+def test_a_steady_clock_of_another_boot_is_not_compared(clocks: Clocks) -> None:
+    entry = began()
+    clocks.pass_s(60.0)
+    clocks.boot(since_s=5.0)
+    assert pause_left_s(entry, GAP_S, machine_time()) == 3540.0
+
+
+def test_where_boots_have_no_name_the_wall_clock_counts_and_a_pause_is_never_longer_than_it_is(clocks: Clocks) -> None:
+    clocks.boot_id = None
+    entry = began()
+    assert entry.detail == {"done": 1, "sitting": True}
+    clocks.pass_s(600.0)
+    assert place(entry).back_in_s == 3000.0
+    clocks.wall_ns -= 5 * HOUR_S * S
+    assert place(entry).back_in_s == GAP_S
+
+
+def test_a_pause_that_an_earlier_version_stored_goes_by_the_wall_clock(clocks: Clocks) -> None:
+    entry = StageEntry("break_started", {"done": 1, "sitting": True}, clocks.wall_ns)
+    clocks.pass_s(1000.0)
+    assert place(entry).back_in_s == 2600.0
+
+
+def test_the_real_clocks_go_on(tmp_path: object) -> None:
+    first, second = machine_time(), machine_time()
+    assert second.since_boot_ns >= first.since_boot_ns > 0
+    assert second.boot_id == first.boot_id
+    assert 0 < pause_left_s(began(), GAP_S, machine_time()) <= GAP_S
