@@ -18,6 +18,16 @@ from .tickets import new_id
 
 _LIVE = "NOT EXISTS(SELECT 1 FROM release WHERE release.assignment_id = assignment.assignment_id)"
 _SLOT = "task, condition, split, scene, episode_id, rep"
+MOST_FAILURES = 2
+"""`technical` is queued again once (HUMAN_STUDY.md, section 4)."""
+_SPENT = (
+    "((SELECT count(*) FROM assignment AS held JOIN trial ON trial.assignment_id = held.assignment_id"
+    " JOIN outcome USING(trial_id) WHERE held.phase = 'main' AND end_reason = 'technical'"
+    " AND held.task = assignment.task AND held.condition = assignment.condition AND held.split = assignment.split"
+    " AND held.scene = assignment.scene AND held.episode_id = assignment.episode_id AND held.rep = assignment.rep)"
+    f" >= {MOST_FAILURES})"
+)
+"""Whether the episode of a row of `assignment` failed too often, over all who had it."""
 
 
 class Slot(NamedTuple):
@@ -63,19 +73,45 @@ def due_order_no(database: sqlite3.Connection, code: str) -> int | None:
     return row[0]
 
 
-def release(database: sqlite3.Connection, code: str, reason: str, *, also_done: bool = False) -> int:
-    """Give back the participant's counted trials without an outcome, or all of them; returns how many."""
-    done = (
-        ""
-        if also_done
-        else " AND NOT EXISTS(SELECT 1 FROM trial JOIN outcome USING(trial_id)"
-        " WHERE trial.assignment_id = assignment.assignment_id)"
+def release(
+    database: sqlite3.Connection, code: str, reason: str, *, also_done: bool = False, also_tried: bool = True
+) -> int:
+    """Give back the participant's counted trials that are still to do; returns how many.
+
+    Args:
+        database: In a write transaction.
+        code: The participant.
+        reason: Is kept.
+        also_done: Those with a result, too. What failed twice for technical reasons stays: nobody gets it again.
+        also_tried: Those that wait for another attempt, too.
+    """
+    ended = (
+        "NOT EXISTS(SELECT 1 FROM trial JOIN outcome USING(trial_id)"
+        " WHERE trial.assignment_id = assignment.assignment_id{newest})"
     )
+    newest = (
+        " AND attempt = (SELECT max(attempt) FROM trial AS other WHERE other.assignment_id = assignment.assignment_id)"
+    )
+    kept = f"NOT {_SPENT}" if also_done else ended.format(newest=newest if also_tried else "")
     return database.execute(
         f"INSERT INTO release SELECT assignment_id, ?, ? FROM assignment WHERE code = ? AND phase = 'main' AND {_LIVE}"
-        + done,
+        f" AND {kept}",
         (reason, time.time_ns(), code),
     ).rowcount
+
+
+def is_spent(database: sqlite3.Connection, assignment_id: str) -> bool:
+    """Whether the episode failed twice for technical reasons, whoever had it: nobody gets it again."""
+    row = database.execute(f"SELECT {_SPENT} FROM assignment WHERE assignment_id = ?", (assignment_id,)).fetchone()
+    return bool(row[0])
+
+
+def others_can_take(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> bool:
+    """Whether what one person leaves can go to another: where everybody does everything, only to a spare person."""
+    if config.design.kind == "house-once":
+        return True
+    people = (person for person in plan.participants if person.task == task)
+    return any(all(trial.phase != "main" for trial in person.trials) for person in people)
 
 
 def release_one(database: sqlite3.Connection, assignment_id: str, reason: str) -> None:

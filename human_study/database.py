@@ -28,6 +28,18 @@ MIN_FREE_MB = 500
 """Room that a study needs to be served: thousands of trials and the copies of them take less."""
 
 
+class StudyInUseError(StudyError):
+    """Another process has the study open for writing."""
+
+    def __init__(self, folder: Path, holder: str) -> None:
+        """Names the study's folder and the process that holds it."""
+        super().__init__(
+            f"{folder}: is in use by process {holder}; expected a study that no other process serves. "
+            "Stop that process first."
+        )
+        self.holder = holder
+
+
 def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.Connection:
     """The database, up to date and in autocommit mode, for use by one thread at a time; makes it when there is none.
 
@@ -96,7 +108,7 @@ def require_free_space(folder: Path, *, least_mb: int = MIN_FREE_MB) -> None:
 
 
 def take_lock(folder: Path) -> IO[str]:
-    """The open lock file; closing it, or dying, lets go. Raises StudyError when another process holds it."""
+    """The open lock file; closing it, or dying, lets go. Raises StudyInUseError when another process holds it."""
     path = folder / LOCK_FILE
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -111,10 +123,7 @@ def take_lock(folder: Path) -> IO[str]:
         lock.seek(0)
         holder = lock.read().strip() or "unknown"
         lock.close()
-        raise StudyError(
-            f"{folder}: is in use by process {holder}; expected a study that no other process serves. "
-            "Stop that process first."
-        ) from None
+        raise StudyInUseError(folder, holder) from None
     lock.truncate(0)
     lock.write(str(os.getpid()))
     lock.flush()

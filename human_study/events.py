@@ -243,7 +243,7 @@ class Superseded(TrialEvent):
 
 
 class Abandoned(TrialEvent):
-    """The participant came back too late: the trial is over."""
+    """The participant came back too late, or never; the store writes the latter, without a time. The trial is over."""
 
     kind: Literal["abandoned"] = "abandoned"
     away_s: Finite

@@ -12,7 +12,8 @@ from .study import StudyConfig
 
 STANDARD_RULES: dict[str, str] = {
     "technical": "A failure of the program or the server stopped the trial; it is given out once more.",
-    "abandoned": "The person left the trial and did not come back in time; the episode is given to somebody else.",
+    "abandoned": "The person left the trial and did not come back in time; the episode is given to somebody else, or "
+    "once more to the same person where nobody else can take it.",
     "attention": "The person failed more than one attention trial: all trials of the person are left out.",
     "misunderstood": "The person reported not having understood the task.",
     "disturbed": "The person reported having been disturbed or helped during the trial.",

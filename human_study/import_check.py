@@ -12,14 +12,14 @@ from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, read_run
 from sim.types import EpisodeKey
 
 from .events import Event, Open
-from .outcome import Outcome
+from .outcome import Outcome, has_begun
 from .plan import StudyScene
 from .study import StudyConfig, load_study
 from .tables.manifest import Manifest, read_manifest, require_unchanged
 from .tables.rows import EventRow
 from .tables.runs import RUN_CONDITIONS
 from .tables.trial_figures import TrialFigures, trial_figures
-from .tables.trial_table import TrialRow
+from .tables.trial_table import TrialRow, is_long_hidden
 from .verify import TrialHome, first_difference, recompute
 
 Row = TypeVar("Row", bound=BaseModel)
@@ -101,22 +101,28 @@ def _difference(
     """What does not agree about one attempt; `in_runs` is its result in the run folders."""
     if row.left_out is None and in_runs is None:
         return "is in no run folder, though nothing leaves it out"
-    if row.end_reason == "technical" and not events:
-        return None
     # whether a failure of ours ended it is the one thing that the record alone knows
     stored: Outcome = EpisodeEnd(reason=row.end_reason or "technical")
+    if row.end_reason == "technical" and not has_begun(events):  # it failed before anything was shown
+        return _other_figures(row, events, stored, config)
     try:
         episode = home.episode(EpisodeKey(row.split, row.scene, row.episode_id))
         result = recompute(events, stored, episode, home=home, participant=row.participant)
     except (StudyError, TaskStateError) as problem:
         return str(problem)
     outcome = result.end if isinstance(result, EpisodeRun) else result
-    figures = trial_figures(events, outcome, rule=config.success)
-    stored_figures = row.model_dump(mode="json", include=set(TrialFigures.model_fields))
-    difference = first_difference(stored_figures, figures.model_dump(mode="json"), "row")
+    difference = _other_figures(row, events, outcome, config)
     if difference is None and in_runs is not None:
         difference = first_difference(in_runs.model_dump(mode="json"), result.model_dump(mode="json"), "run")
     return difference
+
+
+def _other_figures(row: TrialRow, events: Sequence[Event], outcome: Outcome, config: StudyConfig) -> str | None:
+    """The first figure of a row that the events do not give; None when they agree."""
+    figures = trial_figures(events, outcome, rule=config.success)
+    found = figures.model_dump(mode="json") | {"is_long_hidden": is_long_hidden(figures.t_hidden_s, config)}
+    stored = row.model_dump(mode="json", include={*TrialFigures.model_fields, "is_long_hidden"})
+    return first_difference(stored, {name: found[name] for name in stored}, "row")
 
 
 def _name_in_runs(row: TrialRow) -> _Counted:

@@ -35,6 +35,11 @@ def opening(events: Sequence[Event]) -> Open:
     return first
 
 
+def has_begun(events: Sequence[Event]) -> bool:
+    """Whether the trial has its first event; one that failed before, or that nobody opened, has no figures."""
+    return bool(events) and isinstance(events[0], Open)
+
+
 def end_reason(events: Sequence[Event]) -> EndReason | None:
     """Why the trial is over; None while it is running.
 
@@ -85,7 +90,7 @@ def _ends(event: Event, *, is_last_step: bool) -> EndReason | None:
 def pan_outcome(
     events: Sequence[Event], episode: Episode, *, navigation: NavigationMap, participant: str
 ) -> EpisodeRun:
-    """The finished PAN trial with its measures.
+    """The finished PAN trial with its measures; without any after a failure of ours, and where nobody came back.
 
     Args:
         events: All events of the trial, in order.
@@ -98,6 +103,8 @@ def pan_outcome(
     """
     opened, reason = _finished(events, "pan", episode)
     run = episode_run(events, end=EpisodeEnd(reason=reason), participant=participant)
+    if _is_unscored(events):
+        return run
     measures = score_run(
         episode,
         run.poses,
@@ -114,6 +121,8 @@ def pog_outcome(
 ) -> Answer:
     """The finished POG trial with its measures; without candidates unless the participant confirmed a point.
 
+    Without measures after a failure of ours, and where nobody came back.
+
     Args:
         events: All events of the trial, in order.
         episode: The trial's episode, with its targets.
@@ -127,6 +136,10 @@ def pog_outcome(
     for event in events:
         if isinstance(event, Clicked):
             _require_own_point(event, opened)
+    if _is_unscored(events):
+        outcome = unscored_outcome(episode.key, "pog", reason=reason, participant=participant)
+        assert isinstance(outcome, Answer)
+        return outcome
     marked = last_marked(events) if reason == "click" else None
     candidates = (marked.hit,) if marked is not None and marked.hit is not None else ()
     end = trial_end(events)
@@ -146,15 +159,20 @@ def pog_outcome(
 
 def technical_outcome(key: EpisodeKey, task: TaskKind, *, participant: str) -> Outcome:
     """The end of a trial that a failure of ours stopped: no measures, counted nowhere."""
+    return unscored_outcome(key, task, reason="technical", participant=participant)
+
+
+def unscored_outcome(key: EpisodeKey, task: TaskKind, *, reason: EndReason, participant: str) -> Outcome:
+    """The end of a trial without measures."""
     if task == "pan":
-        return EpisodeEnd(reason="technical")
+        return EpisodeEnd(reason=reason)
     return Answer(
         split=key.split,
         scene=key.scene,
         episode_id=key.episode_id,
         candidates=(),
         participant=participant,
-        reason="technical",
+        reason=reason,
     )
 
 
@@ -246,3 +264,15 @@ def _finished(events: Sequence[Event], task: TaskKind, episode: Episode) -> tupl
             "Let the participant finish it first."
         )
     return opened, reason
+
+
+def _is_unscored(events: Sequence[Event]) -> bool:
+    """Whether the end is no result: a failure of ours, or somebody who never came back.
+
+    The store writes the latter, without a time; it knows no targets. Who comes back too late is scored as all others.
+    """
+    end = trial_end(events)
+    if end is None:
+        return False
+    event, reason = end
+    return reason == "technical" or (reason == "abandoned" and event.t_s is None)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from sim.errors import StudyError
 
-from .assigning import due_order_no, free_slot, release
+from .assigning import due_order_no, free_slot, others_can_take, release
 from .database import BACKUP_FOLDER, audit, backup
 from .plan import StudyPlan
 from .record_types import ParticipantRecord, VerificationEntry
@@ -19,6 +19,7 @@ from .records import AUDIT_PILOT, DATABASE_FILE, read_study
 from .stages import Stage
 from .study import StudyConfig
 from .tickets import new_id
+from .trial_writes import Now, abandon_running
 from .vault import Vault
 from .writer import GroupWriter
 
@@ -29,13 +30,16 @@ KEPT_BACKUPS = 10
 class PeopleWrites:
     """The part of the store that is about participants; blocking, from any thread, as all of the store."""
 
-    def __init__(self, folder: Path, config: StudyConfig, plan: StudyPlan, writer: GroupWriter, vault: Vault) -> None:
-        """Writes through a writer that somebody else closes."""
+    def __init__(
+        self, folder: Path, config: StudyConfig, plan: StudyPlan, writer: GroupWriter, vault: Vault, *, boot_id: str
+    ) -> None:
+        """Writes through a writer that somebody else closes; `boot_id` names this machine's boot."""
         self.folder = folder
         self.config = config
         self.plan = plan
         self._writer = writer
         self._vault = vault
+        self._boot_id = boot_id
         self._backup_lock = threading.Lock()
 
     def participant(self, code: str) -> ParticipantRecord:
@@ -117,16 +121,21 @@ class PeopleWrites:
     def drop_out(self, code: str, reason: str) -> int:
         """Give the counted trials that a participant has not finished to others; returns how many.
 
-        A participant who comes back gets what is then left. Nothing happens to one who has nothing left to do.
+        The one that was under way ends as `abandoned` (HUMAN_STUDY.md, section 4). A participant who comes back gets
+        what is then left. Nothing happens to one who has nothing left to do.
         """
+        now = self._now()
 
         def job(database: sqlite3.Connection) -> int:
             self._require_known(database, code)
-            num_released = release(database, code, reason)
-            if num_released:
-                _add_stage(database, code, "dropped_out", json.dumps({"reason": reason, "released": num_released}))
+            task = self.plan.participant(code).task
+            num_left = abandon_running(database, self._vault, self.config, self.plan, code, now=now)
+            # what waits for another attempt stays with the only person who could make it
+            num_left += release(database, code, reason, also_tried=others_can_take(self.config, self.plan, task))
+            if num_left:
+                _add_stage(database, code, "dropped_out", json.dumps({"reason": reason, "released": num_left}))
                 audit(database, f"drop out ({reason})", code)
-            return num_released
+            return num_left
 
         return self._writer.write(job)
 
@@ -245,6 +254,9 @@ class PeopleWrites:
         """Names a backup: now, or just after the newest one where the wall clock went back."""
         names = [path.stem.removeprefix("study-") for path in (self.folder / BACKUP_FOLDER).glob("study-[0-9]*.db")]
         return max([time.time_ns(), *(int(name) + 1 for name in names if name.isdecimal())])
+
+    def _now(self) -> Now:
+        return Now(time.time_ns(), time.monotonic_ns(), self._boot_id)
 
     def _has_work(self, database: sqlite3.Connection, code: str) -> bool:
         """Whether there is something for the participant to do that counts."""

@@ -34,7 +34,7 @@ class SlotCount:
     num_free: int
     """Given back, and waiting for somebody."""
     num_failed: int
-    """Ended twice by a failure of ours; nobody gets it again."""
+    """Ended twice by a failure of ours, or left twice where nobody else can take it; nobody gets it again."""
 
     @property
     def num_all(self) -> int:

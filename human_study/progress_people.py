@@ -62,7 +62,7 @@ class PersonProgress:
     num_technical: int
     """Trials that ended by a failure of ours."""
     num_abandoned: int
-    """Trials to which the participant came back too late."""
+    """Trials to which the participant came back too late, or never."""
 
 
 def place_of(config: StudyConfig, row: PersonRow) -> Place:

@@ -58,7 +58,8 @@ class TrialStatus:
     """Whether the participant withdrew and what was done is deleted."""
     opened_ns: int | None
     prior_visits_scene: int | None
-    """Counted trials of this participant in this home before this one; None for records of the first version."""
+    """Attempts of this participant at trials in this home before this one, of any phase and however they ended; None
+    for records of the first version."""
     prior_visits_split: int | None
     """Of these, in the same split."""
     secs_in_scene_before: float | None

@@ -18,15 +18,23 @@ from sim.types import EpisodeKey, TaskKind
 
 from .assigning import assign, due_order_no, fill
 from .database import audit, open_database, take_lock
-from .events import Error, Event, Reconnect, event_to_json
+from .events import Error, Event, Reconnect
 from .outcome import Outcome
 from .people import PeopleWrites
 from .plan import Phase, PlannedParticipant, StudyPlan
 from .record_types import StoredEvent, TrialStatus
-from .records import DATABASE_FILE, event_hash, first_hash, read_study
+from .records import DATABASE_FILE, read_study
 from .stages import has_dropped_out, way_out
 from .study import Condition, StudyConfig
-from .trial_writes import Now, code_of, last_event, new_trial, queue_again, seconds_since_last_event
+from .trial_writes import (
+    Now,
+    insert_events,
+    insert_outcome,
+    last_event,
+    new_trial,
+    queue_again,
+    seconds_since_last_event,
+)
 from .vault import Vault
 from .writer import GroupWriter
 
@@ -67,11 +75,10 @@ class StudyStore(PeopleWrites):
     ) -> None:
         """Takes over a database that is up to date and a lock that is held."""
         path = folder / DATABASE_FILE
-        super().__init__(folder, config, plan, GroupWriter(database, path), Vault(folder))
+        super().__init__(folder, config, plan, GroupWriter(database, path), Vault(folder), boot_id=_boot_id())
         self._path = path
         self._database = database
         self._lock = lock
-        self._boot_id = _boot_id()
 
     def __enter__(self) -> "StudyStore":
         """The store itself."""
@@ -181,7 +188,7 @@ class StudyStore(PeopleWrites):
             database.execute("INSERT INTO sitting VALUES (?, ?, ?)", (trial_id, epoch, now.wall_ns))
             away_s = seconds_since_last_event(database, trial_id, now)
             if away_s is not None:
-                self._insert(database, code, trial_id, epoch, [Reconnect(epoch=epoch, away_s=away_s)], now)
+                self._insert(database, trial_id, epoch, [Reconnect(epoch=epoch, away_s=away_s)], now)
             return Trial(trial_id, code, order_no, phase, task, condition, key, attempt, epoch, away_s or 0.0)
 
         return self._writer.write(job)
@@ -210,13 +217,14 @@ class StudyStore(PeopleWrites):
                     f"trial {trial_id}: epoch is {epoch}; expected {newest}, the newest tab. Continue in that tab."
                 )
             self._require_running(database, trial_id)
-            code = code_of(database, trial_id)
-            return self._insert(database, code, trial_id, epoch, events, now)
+            return self._insert(database, trial_id, epoch, events, now)
 
         return self._writer.write(job) if events else ()
 
     def note_error(self, code: str, message: str) -> None:
         """Keep something that went wrong outside the trial with the participant's running one; without one, nothing.
+
+        A trial that was opened and has no first event yet is none: every trial begins with `open`.
 
         Args:
             code: The participant.
@@ -229,12 +237,13 @@ class StudyStore(PeopleWrites):
                 "SELECT trial_id, max(epoch) FROM sitting JOIN trial USING(trial_id) JOIN assignment"
                 " USING(assignment_id) WHERE code = ? AND trial_id NOT IN (SELECT trial_id FROM outcome)"
                 " AND assignment_id NOT IN (SELECT assignment_id FROM release)"
+                " AND EXISTS(SELECT 1 FROM event WHERE event.trial_id = trial.trial_id AND seq = 1 AND kind = 'open')"
                 " GROUP BY trial_id ORDER BY trial.opened_ns DESC LIMIT 1",
                 (code,),
             ).fetchone()
             if row is not None:
                 trial_id, epoch = row
-                self._insert(database, code, trial_id, epoch, [Error(message=message[:500], is_fatal=False)], now)
+                self._insert(database, trial_id, epoch, [Error(message=message[:500], is_fatal=False)], now)
 
         self._writer.write(job)
 
@@ -251,7 +260,6 @@ class StudyStore(PeopleWrites):
             StudyError: The trial has no events, or the store is closed.
         """
         now_ns = time.time_ns()
-        reason = outcome.reason
 
         def job(database: sqlite3.Connection) -> None:
             if database.execute("SELECT 1 FROM outcome WHERE trial_id = ?", (trial_id,)).fetchone():
@@ -260,10 +268,8 @@ class StudyStore(PeopleWrites):
             _, head = last_event(database, trial_id)
             if head is None:
                 raise StudyError(f"{self._path}: trial {trial_id!r} has no events; expected at least 'open'.")
-            code = code_of(database, trial_id)
-            payload = self._vault.seal(code, outcome.model_dump_json(), where=f"{trial_id}/outcome")
-            database.execute("INSERT INTO outcome VALUES (?, ?, ?, ?, ?)", (trial_id, reason, payload, head, now_ns))
-            queue_again(database, trial_id, reason, now_ns, is_crossed=self.config.design.kind == "crossed")
+            insert_outcome(database, self._vault, trial_id, outcome, now_ns=now_ns)
+            queue_again(database, trial_id, outcome.reason, now_ns, config=self.config, plan=self.plan)
 
         self._writer.write(job)
         with read_study(self.folder) as reader:
@@ -291,9 +297,6 @@ class StudyStore(PeopleWrites):
         """Check the database and all hash chains; returns the number of events. Raises StudyError on damage."""
         with read_study(self.folder) as reader:
             return reader.check()
-
-    def _now(self) -> Now:
-        return Now(time.time_ns(), time.monotonic_ns(), self._boot_id)
 
     def _require_consent(self, database: sqlite3.Connection, code: str) -> None:
         """Raises StudyError where the study asks for consent and the last answer is not yes."""
@@ -324,9 +327,12 @@ class StudyStore(PeopleWrites):
         self._require_held(database, trial_id)
 
     def _require_held(self, database: sqlite3.Connection, trial_id: str) -> None:
-        """Raises TrialEndedError where the trial was given back."""
+        """Raises TrialEndedError where the trial was given back, or the participant withdrew in any trial."""
         row = database.execute(
-            "SELECT reason FROM release JOIN trial USING(assignment_id) WHERE trial_id = ?", (trial_id,)
+            "SELECT reason FROM release JOIN trial USING(assignment_id) WHERE trial_id = ?1 UNION ALL"
+            " SELECT stage FROM stage JOIN assignment USING(code) JOIN trial USING(assignment_id)"
+            " WHERE trial_id = ?1 AND stage = 'withdrawn'",
+            (trial_id,),
         ).fetchone()
         if row is not None:
             raise TrialEndedError(
@@ -334,19 +340,10 @@ class StudyStore(PeopleWrites):
             )
 
     def _insert(
-        self, database: sqlite3.Connection, code: str, trial_id: str, epoch: int, events: Sequence[Event], now: Now
+        self, database: sqlite3.Connection, trial_id: str, epoch: int, events: Sequence[Event], now: Now
     ) -> tuple[int, ...]:
-        last_seq, head = last_event(database, trial_id)
-        prev = head or first_hash(self.config.study_version, trial_id)
-        rows = []
-        for seq, event in enumerate(events, start=last_seq + 1):
-            payload = self._vault.seal(code, event_to_json(event), where=f"{trial_id}/{seq}")
-            row = (trial_id, seq, epoch, event.kind, now.wall_ns, now.mono_ns, now.boot_id, payload)
-            digest = event_hash(prev, row)
-            rows.append((*row, prev, digest))
-            prev = digest
-        database.executemany("INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
-        return tuple(row[1] for row in rows)
+        version = self.config.study_version
+        return insert_events(database, self._vault, version, trial_id, epoch=epoch, events=events, now=now)
 
 
 def open_store(folder: Path, config: StudyConfig, plan: StudyPlan) -> StudyStore:

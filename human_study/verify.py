@@ -17,6 +17,7 @@ from .outcome import (
     Outcome,
     end_reason,
     episode_run,
+    has_begun,
     largest_click_error,
     opening,
     pan_outcome,
@@ -81,7 +82,7 @@ def verify_trial(
         DatasetError: The home has no such episode.
     """
     episode = home.episode(key)
-    if outcome.reason == "technical" and not events:
+    if outcome.reason == "technical" and not has_begun(events):  # it failed before anything was shown
         return Verification("verified", 0.0, None, None, "")
     try:
         opened = opening(events)

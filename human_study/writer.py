@@ -37,7 +37,7 @@ class _Write(Generic[T]):
     def __init__(self, job: Callable[[sqlite3.Connection], T]) -> None:
         self.job = job
         self.answer: list[T] = []
-        self.error: StudyError | None = None
+        self.error: Exception | None = None
         self.is_stored = False
 
 
@@ -62,7 +62,10 @@ class GroupWriter:
         self._thread.shutdown(wait=True)
 
     def write(self, job: Callable[[sqlite3.Connection], T]) -> T:
-        """Run a write in the writer's thread, together with others that wait; returns when it is on disk."""
+        """Run a write in the writer's thread, together with others that wait; returns when it is on disk.
+
+        What the job raises is raised here, and nowhere else: the others are stored.
+        """
         if not self._is_open:
             raise StudyError(f"{self._path}: found a store that is closed; expected an open one. Open it again.")
         write = _Write(job)
@@ -98,10 +101,20 @@ class GroupWriter:
         self._database.execute("SAVEPOINT one_write")
         try:
             write.answer.append(write.job(self._database))
-        except (StudyError, sqlite3.IntegrityError) as error:
+        except sqlite3.Error as error:
+            if not isinstance(error, sqlite3.IntegrityError) and self._concerns_all(error):
+                raise
             self._database.execute("ROLLBACK TO one_write")
-            write.error = error if isinstance(error, StudyError) else store_error(self._path, error)
+            write.error = store_error(self._path, error)
+        except Exception as error:  # a plug-in call: whose job it is hears of it, and nobody else of the same commit
+            self._database.execute("ROLLBACK TO one_write")
+            write.error = error
         self._database.execute("RELEASE one_write")
+
+    def _concerns_all(self, error: sqlite3.Error) -> bool:
+        """Whether no write of the transaction can be stored: the disk, not this write, is the reason."""
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        return code == _NO_SPACE or code in _LATER or not self._database.in_transaction
 
     def _stopped(self, error: sqlite3.Error) -> StudyError:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF

@@ -66,10 +66,16 @@ class StudyPlanVerb:
     power: Annotated[bool, arg(help="Only simulate: width of intervals, power, and designs that do better.")] = False
     people: Annotated[int, arg(help="--power without a study: people in all.")] = 25
     episodes: Annotated[int, arg(help="--power without a study: episodes of each split.")] = 50
-    raters: Annotated[int, arg(help="--power without a study: people per episode.")] = 5
+    raters: Annotated[int, arg(help="--power without a study: people per episode and condition.")] = 5
+    conditions: Annotated[int, arg(help="--power without a study: such as 2, without and with memory.")] = 1
     base_rate: Annotated[float, arg(help="--power: success rate of people.")] = 0.65
     gap: Annotated[float, arg(help="--power: by which an agent is worse.")] = 0.15
+    split_gap: Annotated[float, arg(help="--power: between two splits.")] = 0.10
+    memory_gap: Annotated[float, arg(help="--power: by which people are better with memory.")] = 0.10
+    person_sd: Annotated[tuple[float, ...], arg(help="--power: spreads of people (logit), a table each.")] = (0.3, 0.9)
+    episode_sd: Annotated[float, arg(help="--power: spread of episodes (logit).")] = 1.3
     simulations: Annotated[int, arg(help="--power: studies drawn per number.")] = 150
+    seed: Annotated[int, arg(help="--power: of the draws.")] = 0
     json: bool = False
 
     def work(self) -> int:
@@ -81,9 +87,15 @@ class StudyPlanVerb:
                 people=self.people,
                 episodes=self.episodes,
                 raters=self.raters,
+                conditions=self.conditions,
                 base_rate=self.base_rate,
                 gap=self.gap,
+                split_gap=self.split_gap,
+                memory_gap=self.memory_gap,
+                person_sd=self.person_sd,
+                episode_sd=self.episode_sd,
                 simulations=self.simulations,
+                seed=self.seed,
                 json=self.json,
             )
         from .commands.study_files import plan
@@ -199,7 +211,7 @@ class StudyEthics:
 
 @dataclass
 class StudyBots:
-    """Simulated participants through the real gateway: how fast it answers, and whether a key was lost."""
+    """Simulated participants through the real gateway: how fast it answers, and whether anything was lost."""
 
     study: Positional[Path | None] = None
     """A planned study, of which a copy is served; an invented one without."""
@@ -208,6 +220,9 @@ class StudyBots:
     participants: int = 10
     seconds: float = 60.0
     rate: Annotated[float, arg(help="Actions per second of each.")] = 2.0
+    task: Annotated[
+        Literal["pan", "pog", "both"] | None, arg(help="Whom bots stand for; otherwise all of the study, or PAN.")
+    ] = None
     kinds: Annotated[tuple[BotKind, ...], arg(help="How they behave, dealt out in turns.")] = get_args(BotKind)
     seed: int = 0
     url: Annotated[str | None, arg(help="Of a server that runs on the study: its records will hold the bots.")] = None

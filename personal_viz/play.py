@@ -14,7 +14,7 @@ from typing import Any
 
 from human_study.commands import Command, Resume, Start, Tick
 from human_study.events import Error, Event
-from human_study.outcome import pan_outcome, pog_outcome, technical_outcome
+from human_study.outcome import has_begun, pan_outcome, pog_outcome, technical_outcome
 from human_study.session import (
     PanSession,
     PogSession,
@@ -104,7 +104,7 @@ class TrialPlay:
             raise
         except Exception as error:  # the live session's door: the same trial must not fail for ever
             traceback.print_exc()
-            self._link.append_many(trial.trial_id, trial.epoch, (Error(message=repr(error)[:500], is_fatal=True),))
+            self._note_failure(trial, error)
         return self._finish(trial)
 
     def leave(self) -> None:
@@ -247,19 +247,26 @@ class TrialPlay:
         """Stores the outcome that the stored events give, and returns it; it stays on the server."""
         result: EpisodeRun | Answer | None = None
         try:
-            result = self._result(trial, self._home.episodes[trial.key])
-            outcome = result.end if isinstance(result, EpisodeRun) else result
+            events = self._link.events(trial.trial_id)
+            if has_begun(events):
+                result = self._result(events, trial, self._home.episodes[trial.key])
         except (StoreFullError, SupersededError, TrialEndedError):
             raise
-        except Exception:  # the live session's door: the same trial must not fail for ever
+        except Exception as error:  # the live session's door: the same trial must not fail for ever
             traceback.print_exc()
-            outcome = technical_outcome(trial.key, trial.task, participant=trial.code)
+            self._note_failure(trial, error)
+        outcome = result.end if isinstance(result, EpisodeRun) else result
+        if outcome is None or outcome.reason == "technical":
+            result, outcome = None, technical_outcome(trial.key, trial.task, participant=trial.code)
         self._link.finish_trial(trial.trial_id, outcome)
         self._watch.end(result)
         return result
 
-    def _result(self, trial: Trial, episode: Episode) -> EpisodeRun | Answer:
-        events = self._link.events(trial.trial_id)
+    def _note_failure(self, trial: Trial, error: Exception) -> None:
+        """Stores that a failure of ours ended the trial: without this event the record would not say so."""
+        self._link.append_many(trial.trial_id, trial.epoch, (Error(message=repr(error)[:500], is_fatal=True),))
+
+    def _result(self, events: list[Event], trial: Trial, episode: Episode) -> EpisodeRun | Answer:
         if trial.task == "pan":
             navigation = self._home.scene.navigation
             return pan_outcome(events, episode, navigation=navigation, participant=trial.code)

@@ -1,4 +1,6 @@
-"""What a study needs now and then while it is served: leases, backups, a look at the disk. In one thread."""
+"""What a study needs now and then while it is served: leases, backups, a look at the disk, and what the
+researcher asks of it by a command. In one thread.
+"""
 
 import threading
 import time
@@ -9,6 +11,7 @@ from pathlib import Path
 
 from human_study.database import MIN_FREE_MB, free_mb
 from human_study.records import DATABASE_FILE
+from human_study.requests import take_requests
 from human_study.store import StudyStore
 from sim.errors import StudyError
 
@@ -76,7 +79,12 @@ class Upkeep:
 
     def tick(self) -> None:
         """One round; what fails is told, and tried again in a later one."""
-        for work in (self._keeper.tick, lambda: self._backups.tick(time.monotonic()), self._look_at_disk):
+        for work in (
+            self._do_requests,
+            self._keeper.tick,
+            lambda: self._backups.tick(time.monotonic()),
+            self._look_at_disk,
+        ):
             try:
                 work()
             except StudyError as error:
@@ -91,6 +99,11 @@ class Upkeep:
             self._backups.copy(time.monotonic())
         except StudyError as error:
             self._tell(str(error))
+
+    def _do_requests(self) -> None:
+        """What the researcher asked for with a command: withdrawals and exclusions."""
+        for line in take_requests(self._store):
+            self._tell(line)
 
     def _look_at_disk(self) -> None:
         """Told once each time that the disk gets nearly full."""

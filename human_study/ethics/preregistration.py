@@ -3,8 +3,9 @@
 from sim.types import TaskKind
 
 from ..exclusions import rules_before_data
+from ..hypothesis_names import HYPOTHESIS_NAME
 from ..plan import StudyPlan
-from ..reporting.hypotheses import ALPHA, PATTERN
+from ..reporting.hypotheses import ALPHA
 from ..reporting.statistics import LEVEL, NUM_RESAMPLES
 from ..study import StudyConfig
 from .sample import Sample, design_text, people_text
@@ -165,7 +166,7 @@ def _hypotheses(config: StudyConfig) -> str:
 
 def hypothesis_sentence(name: str) -> str:
     """What a name of `primary` claims; the name itself where the report does not know it."""
-    match = PATTERN.match(name)
+    match = HYPOTHESIS_NAME.match(name)
     if match is None:
         return f"`{name}`: to be stated in words; the report does not test it by itself."
     measure, task = (

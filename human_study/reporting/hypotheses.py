@@ -1,6 +1,5 @@
 """The study's primary hypotheses, named in the study file before the first trial, with Holm's adjustment."""
 
-import re
 from collections.abc import Sequence
 
 from pydantic import BaseModel, ConfigDict
@@ -8,6 +7,7 @@ from scipy.special import stdtr
 
 from sim.types import TaskKind
 
+from ..hypothesis_names import HYPOTHESIS_NAME
 from .person_effects import EffectRow
 from .row_labels import is_first_condition
 from .rows import Aggregate, counted_trials
@@ -17,11 +17,6 @@ from .within_effects import holm
 
 ALPHA = 0.05
 """Family-wise."""
-PATTERN = re.compile(
-    r"^(?:(?P<task>pan|pog)_)?(?:human(?:_(?P<condition>[a-z0-9_]+?))?_minus_(?P<agent>.+)|(?P<memory>[a-z0-9_]+)_effect)"
-    r"_(?P<measure>SR|SPL|SoftSPL|DTG|steps|time)$"
-)
-"""`human_minus_agent_SR` (or an agent's name), `human_memory_topdown_minus_agent_SR`, `memory_effect_SR`, `pog_...`."""
 _MEASURES = {"SR": "sr", "SPL": "spl", "SoftSPL": "soft_spl", "DTG": "dtg", "steps": "steps", "time": "t_s"}
 
 
@@ -67,7 +62,7 @@ def hypothesis_rows(
 def _tested(
     name: str, differences: Sequence[TrialGroup], memory: Sequence[EffectRow], aggregate: Aggregate
 ) -> HypothesisRow:
-    match = PATTERN.match(name)
+    match = HYPOTHESIS_NAME.match(name)
     if match is None:
         return _untested(name, "not tested: the name is none that the report knows, such as human_minus_agent_SR")
     task, measure = match["task"], _MEASURES[match["measure"]]

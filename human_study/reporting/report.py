@@ -30,7 +30,7 @@ from .sensitivity import SensitivityRow, sensitivity_rows
 from .source import ReportSource, StudyRecords
 from .spreads import SpreadRow, spread_rows
 from .statistics import Weight
-from .trial_ends import AttentionCount, EndRow, attention_counts, end_rows
+from .trial_ends import AttentionCount, EndRow, HiddenCount, attention_counts, end_rows, hidden_count
 from .trial_groups import LeftOut, TrialGroup, averaged_agent, difference, trial_groups
 
 _MODEL = ConfigDict(frozen=True, extra="forbid")
@@ -100,6 +100,8 @@ class StudyReport(BaseModel):
     """() = the study's records are not at hand."""
     verification: tuple[VerificationCount, ...]
     attention: tuple[AttentionCount, ...]
+    hidden: HiddenCount | None
+    """None = the study file has no limit, or is not at hand."""
     exclusions: tuple[ExclusionCount, ...]
     left_out: tuple[LeftOut, ...]
     checklist: tuple[ChecklistItem, ...]
@@ -206,6 +208,7 @@ def _of_records(records: StudyRecords | None, rows: Sequence[ReportRow], runs: S
             "study_version": told.get("study_version"),
             "is_pilot": bool(told.get("pilot")),
             "num_open": 0,
+            "hidden": None,
             "information": tuple(information) if information else None,
         }
     config = records.config
@@ -221,6 +224,7 @@ def _of_records(records: StudyRecords | None, rows: Sequence[ReportRow], runs: S
         "flow": tuple(flow),
         "verification": tuple(verification_counts(records.rows)),
         "attention": tuple(attention_counts(records.rows)),
+        "hidden": hidden_count(records.rows, config.hidden_max_s),
         "exclusions": tuple(exclusions),
         "checklist": tuple(checklist(config, rows=rows, flow=flow, exclusions=exclusions, is_pilot=records.is_pilot)),
     }

@@ -262,6 +262,14 @@ def _left_out(report: StudyReport) -> list[Block]:
                 f"{count.num_failing} of {count.num_people} people failed more than one."
             )
         )
+    if report.hidden is not None:
+        found = report.hidden
+        blocks.append(
+            Text(
+                f"Page in the background for more than {found.limit_s:g} s: {found.num_flagged} of {found.num_trials} "
+                f"counted trials, of {found.num_people} people. They are flagged in the trial table, and they count."
+            )
+        )
     if report.exclusions:
         planned = {True: "yes", False: "no", None: "not known"}
         lines = tuple(

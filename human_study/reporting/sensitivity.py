@@ -58,7 +58,12 @@ def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Agg
         if " - " not in group.who:
             found += [
                 _counted(group, "technical failures as failures", _with_failures(group, rows, "technical"), aggregate),
-                _counted(group, "abandoned trials as failures", _with_failures(group, rows, "abandoned"), aggregate),
+                _counted(
+                    group,
+                    "abandoned and never ended trials as failures",
+                    _with_failures(group, rows, "abandoned"),
+                    aggregate,
+                ),
             ]
     return [*found, _by_house(group, aggregate)]
 
@@ -69,7 +74,8 @@ def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> 
     failed: dict[tuple[str, EpisodeKey], CountedTrial] = {}
     for row in rows:
         is_theirs = row.task == group.task and run_condition(row.condition) == group.condition
-        if row.phase == "main" and row.end_reason == reason and is_theirs and row.scene_kind == group.scene_kind:
+        is_such = row.end_reason == reason or (reason == "abandoned" and row.is_never_ended)
+        if row.phase == "main" and is_such and is_theirs and row.scene_kind == group.scene_kind:
             person = f"{prefix}/{row.participant}"
             failed[person, row_key(row)] = CountedTrial(row_key(row), person, {"sr": 0.0}, None, row)
     kept = [trial for trial in group.trials if (trial.participant, trial.key) not in failed]

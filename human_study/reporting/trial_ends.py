@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import EndReason, TaskKind
 
-from ..tables.trial_table import TrialRow
+from ..tables.trial_table import NOT_A_RESULT, TrialRow
 from .trial_groups import CountedTrial, TrialGroup
 
 _MODEL = ConfigDict(frozen=True, extra="forbid")
@@ -38,6 +38,28 @@ class AttentionCount(BaseModel):
     num_people: int
     num_failing: int
     """People who failed more than one."""
+
+
+class HiddenCount(BaseModel):
+    """Counted trials whose page was in the background for longer than the study file allows without a flag."""
+
+    model_config = _MODEL
+    limit_s: float
+    num_trials: int
+    num_flagged: int
+    """They count as all others."""
+    num_people: int
+    """With a flagged trial."""
+
+
+def hidden_count(rows: Sequence[TrialRow], limit_s: float | None) -> HiddenCount | None:
+    """The flagged ones among trials of phase `main` with a result; None where the study file has no limit."""
+    if limit_s is None:
+        return None
+    done = [row for row in rows if row.phase == "main" and row.end_reason not in (None, *NOT_A_RESULT)]
+    flagged = [row for row in done if row.is_long_hidden]
+    num_people = len({row.participant for row in flagged})
+    return HiddenCount(limit_s=limit_s, num_trials=len(done), num_flagged=len(flagged), num_people=num_people)
 
 
 def end_rows(group: TrialGroup) -> list[EndRow]:

@@ -16,6 +16,8 @@ from .row_labels import is_first_condition, run_condition
 STEP_LIMITS = (25, 50, 100, 200, 300, 400, 500)
 """Of the anytime success rate: success within so many steps."""
 Figures = dict[str, float | None]
+NEVER_ENDED = "begun, never ended (taken as abandoned)"
+"""Of who left in mid-trial, where nobody else could take the episode; and of trials that still run."""
 
 
 class LeftOut(BaseModel):
@@ -97,7 +99,7 @@ def trial_groups(
                 left_out[info.who, task, figures] += 1
                 continue
             if row is not None:
-                figures |= {"t_look_s": row.t_look_s} if row.t_look_s is not None else {}
+                figures |= _row_times(row)
             trials[name].append(CountedTrial(item.key, _person(run, code), figures, item, row, places.get(at)))
     for at, row in results.items():
         if at not in used:
@@ -110,6 +112,8 @@ def trial_groups(
     for row in rows:
         if row.phase == "main" and row.end_reason in NOT_A_RESULT:
             left_out["human", row.task, "technical failure" if row.end_reason == "technical" else "abandoned"] += 1
+        elif row.is_never_ended:
+            left_out["human", row.task, NEVER_ENDED] += 1
     groups = [
         TrialGroup(task, kind, who, which, condition, tuple(sorted(found, key=lambda t: (t.key, t.participant))))
         for (task, kind, who, which, condition), found in trials.items()
@@ -167,9 +171,7 @@ def _row_figures(row: TrialRow, *, same_rule: bool) -> Figures | str:
         return "excluded; its row is under another success rule"
     if row.success is None:
         return "never scored"
-    figures: Figures = {"sr": 100.0 * row.success, "t_s": row.t_total_s}
-    if row.t_look_s is not None:
-        figures["t_look_s"] = row.t_look_s
+    figures: Figures = {"sr": 100.0 * row.success, **_row_times(row)}
     if row.task == "pog":
         return figures | {"distance": row.planar_distance}
     shares = {"spl": row.spl, "soft_spl": row.softspl}
@@ -177,6 +179,13 @@ def _row_figures(row: TrialRow, *, same_rule: bool) -> Figures | str:
     steps = row.n_steps or 0
     figures |= {"dtg": row.dtg, "steps": float(steps), "path_m": row.path_m}
     return figures | {f"sr_within_{limit}": 100.0 * (row.success and steps <= limit) for limit in STEP_LIMITS}
+
+
+def _row_times(row: TrialRow) -> Figures:
+    """Time to decision, from the start of the task to the trial's end however it ended; and the look before it."""
+    total_s = row.t_total_s
+    times: Figures = {"t_s": None if total_s is None else total_s - (row.t_look_s or 0.0)}
+    return times if row.t_look_s is None else times | {"t_look_s": row.t_look_s}
 
 
 def _pan_figures(run: EpisodeRun, rule: SuccessRule) -> Figures | str:
@@ -198,7 +207,9 @@ def _pan_figures(run: EpisodeRun, rule: SuccessRule) -> Figures | str:
         "path_m": run.end.measures.path_m,
     }
     if run.start.participant is not None:
-        figures["t_s"] = run.steps[-1].t_s if run.steps else None
+        # run files have no time of the end but that of the last step, which ends no trial that was given up
+        is_told = run.end.reason in ("stop", "steps") and run.steps
+        figures["t_s"] = run.steps[-1].t_s if is_told else None
     within = {f"sr_within_{limit}": 100.0 * (measures.success and num_steps <= limit) for limit in STEP_LIMITS}
     return figures | within
 

@@ -9,7 +9,7 @@ from sim.tasks.run_files import EpisodeEnd
 from sim.types import EndReason, SuccessRule
 
 from ..events import Act, Confidence, Event, Hidden, MapOff, MapOn, Open, Shown
-from ..outcome import Outcome, trial_end
+from ..outcome import Outcome, has_begun, trial_end
 from .data_dictionary import Unit
 
 Seconds = Annotated[float, Unit("s")]
@@ -37,7 +37,8 @@ class TrialFigures(BaseModel):
     path_m: Metres | None
     """Length of the robot's way; PAN only."""
     t_total_s: Seconds | None
-    """From the trial's start to its end, without time away; includes the look at a map."""
+    """From the trial's start to its end, however it ended, without time away; includes the look at a map. The report's
+    time to decision is this minus `t_look_s`."""
     t_look_s: Seconds | None
     """How long the map or home was shown before the task; empty when nothing was to be shown."""
     t_hidden_s: Seconds
@@ -52,12 +53,13 @@ def trial_figures(events: Sequence[Event], outcome: Outcome | None, *, rule: Suc
     """The figures of one attempt.
 
     Args:
-        events: All of the attempt, in order; () when it was never opened.
+        events: All of the attempt, in order; () when it was never opened. Those of an attempt that failed before its
+            first event `open` have no figures.
         outcome: Of the store, or recomputed; None while it has not ended.
         rule: Success rule of PAN.
     """
     acts = [event for event in events if isinstance(event, Act)]
-    end = trial_end(events) if events and outcome is not None else None
+    end = trial_end(events) if has_begun(events) and outcome is not None else None
     is_pan = bool(events) and isinstance(events[0], Open) and events[0].task == "pan"
     figures = TrialFigures(
         end_reason=outcome.reason if outcome is not None else None,

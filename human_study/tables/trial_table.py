@@ -62,11 +62,13 @@ class TrialRow(TrialFigures, AssignedTrial):
     """One attempt at an assigned trial, or an assigned trial that was never opened."""
 
     prior_visits_scene: int | None
-    """Counted trials of this person in this home before this one."""
+    """Attempts of this person at trials in this home before this one, of any phase and however they ended."""
     prior_visits_split: int | None
     """Of these, in the same split."""
     secs_in_scene_before: Seconds | None
     """Time that the person had spent in this home before."""
+    is_long_hidden: bool
+    """Whether the page was in the background for longer than the study file's `hidden_max_s`; leaves nothing out."""
     verification: VerificationStatus | None
     """What doing the trial again found, at the last time; empty when nobody looked."""
     excluded: tuple[str, ...]
@@ -75,6 +77,11 @@ class TrialRow(TrialFigures, AssignedTrial):
     """Whether the person gave the episode back to others."""
     head_hash: str | None
     """Hash of the trial's last stored event, which stands for all before it."""
+
+    @property
+    def is_never_ended(self) -> bool:
+        """Whether it is a counted trial that somebody began and nobody ended; also while it still runs."""
+        return self.phase == "main" and self.end_reason is None and self.head_hash is not None
 
     @property
     def left_out(self) -> str | None:
@@ -121,6 +128,11 @@ def trial_rows(reader: StudyReader) -> list[TrialRow]:
             head = reader.head_hash(status.trial_id) if status.trial_id else None
             rows.append(trial_row(context, status, events, head_hash=head))
     return rows
+
+
+def is_long_hidden(t_hidden_s: float, config: StudyConfig) -> bool:
+    """Whether a page was in the background for longer than the study allows without a flag."""
+    return config.hidden_max_s is not None and t_hidden_s > config.hidden_max_s
 
 
 def row_context(reader: StudyReader) -> RowContext:
@@ -170,6 +182,7 @@ def trial_row(
         prior_visits_scene=status.prior_visits_scene,
         prior_visits_split=status.prior_visits_split,
         secs_in_scene_before=status.secs_in_scene_before,
+        is_long_hidden=is_long_hidden(figures.t_hidden_s, context.config),
         verification=context.verifications.get(status.trial_id or ""),
         excluded=tuple(rules),
         is_released=status.is_released,

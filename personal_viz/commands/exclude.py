@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from human_study.exclusions import find_target, require_rule_id, rules_before_data
-from human_study.plan import load_plan
 from human_study.records import read_study
-from human_study.store import open_store
+from human_study.requests import Change, Exclusion, UndoneExclusion, change_study
 from human_study.study import load_study
 from sim.errors import StudyError
 
@@ -16,7 +15,7 @@ def exclude(
     """Applies a rule to a trial or a person, or takes it back.
 
     Args:
-        study: Folder; nobody else may write to it meanwhile.
+        study: Folder; a process that serves it does it, and this waits for that.
         trial: `p03/12`, as `study status` prints it; every attempt of it.
         participant: `p03`; either this or a trial.
         rule: Id of the rule.
@@ -24,7 +23,7 @@ def exclude(
         undo: Take back what this rule left out before.
 
     Raises:
-        StudyError: There is no such trial, person or exclusion, or the study is in use.
+        StudyError: There is no such trial, person or exclusion, or a process that has the study open does not answer.
     """
     rule_id = require_rule_id(rule)
     if not undo and not (reason or "").strip():
@@ -43,13 +42,14 @@ def exclude(
     name = f"{'participant' if participant else 'trial'} {participant or trial}"
     if undo and not live:
         raise StudyError(f"{name}: rule {rule_id} leaves nothing out here; expected that it does. See study export.")
-    with open_store(study, config, load_plan(study, config)) as store:
-        for exclusion_id in live if undo else ():
-            store.undo_exclusion(exclusion_id)
-        for trial_id in target.trial_ids if not undo else ():
-            store.exclude("trial", trial_id, rule_id=rule_id, reason=reason or "")
-        if not undo and not target.trial_ids:
-            store.exclude("participant", target.code, rule_id=rule_id, reason=reason or "")
+    changes: list[Change] = [UndoneExclusion(exclusion_id=exclusion_id) for exclusion_id in live]
+    if not undo:
+        kind = "trial" if target.trial_ids else "participant"
+        changes = [
+            Exclusion(target_kind=kind, target=name, rule_id=rule_id, reason=reason or "")
+            for name in target.trial_ids or (target.code,)
+        ]
+    change_study(study, changes)
     when = "written down before data" if rule_id in rules_before_data(config) else "not written down before data"
     done = "counts again" if undo else f"is left out by rule {rule_id} ({when})"
     print(f"{study}: {name} {done}. The records are as they were, and the report's main tables count every result.")

@@ -115,6 +115,7 @@ def trial_row(code: str, order_no: int, key: EpisodeKey, condition: str, *, succ
         "t_total_s": float(steps),
         "t_look_s": 20.0 if condition == "topdown" else None,
         "t_hidden_s": 0.0,
+        "is_long_hidden": False,
         "t_first_view_s": 0.5,
         "confidence": None,
         "prior_visits_scene": (order_no - 1) // 6,

@@ -5,13 +5,16 @@ import math
 import pytest
 
 from human_study.commands import Click, Confirm, ShowStorey, Start
-from human_study.events import Clicked, Error, Event, MapPixel
-from human_study.outcome import largest_click_error, pog_outcome, task_began_s, trial_end, walked_steps
+from human_study.events import Abandoned, Clicked, Error, Event, GaveUp, MapPixel
+from human_study.outcome import largest_click_error, pan_outcome, pog_outcome, task_began_s, trial_end, walked_steps
 from human_study.trial_terms import TrialTerms
+from human_study.verify import verify_trial
 from sim.errors import StudyError
 from sim.tasks.run_files import ClickRay
+from sim.types import TaskKind
 
-from .small_world import episode
+from .finished import room
+from .small_world import SquareRoom, episode
 from .test_session import FORWARD, RAY, drive, pan_session
 from .trials import driven, new_session
 
@@ -51,6 +54,26 @@ def test_an_end_that_the_server_wrote_without_a_time_gives_an_answer_without_one
     events = driven(new_session("pog", TrialTerms(condition="map_open")), [(Start(), 0.0)])
     events.append(Error(message="renderer died", is_fatal=True))
     assert pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01").t_s is None
+
+
+@pytest.mark.parametrize("kind", ["pan", "pog"])
+def test_a_failure_of_ours_and_somebody_who_never_came_back_have_no_measures(kind: TaskKind) -> None:
+    begun = driven(new_session(kind, TrialTerms(condition="none" if kind == "pan" else "map_open")), [(Start(), 0.0)])
+    endings: list[tuple[Event, bool]] = [
+        (Error(t_s=5.0, message="renderer died", is_fatal=True), False),
+        (Abandoned(away_s=1000.0), False),  # by the store
+        (Abandoned(t_s=5.0, away_s=1000.0), True),
+        (GaveUp(t_s=5.0), True),
+    ]
+    for end, is_scored in endings:
+        events = [*begun, end]
+        if kind == "pan":
+            found = pan_outcome(events, episode(), navigation=SquareRoom(), participant="p01").end
+        else:
+            found = pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01")
+        assert (found.measures is not None) == is_scored, end
+        verified = verify_trial(events, found, episode().key, home=room(), participant="p01")
+        assert (verified.status, verified.detail) == ("verified", "")
 
 
 def test_without_a_look_the_task_begins_with_the_trial() -> None:

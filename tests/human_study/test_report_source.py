@@ -34,7 +34,10 @@ def test_a_study_folder_is_exported_and_read(tmp_path: Path) -> None:
     assert (found.study, found.scene_kinds) == ("pilot", ("invented",))
     assert rate(found, "pan") == (100, 1, 1)
     assert rate(found, "pog") == (100, 1, 1)
-    assert [(cell.task, cell.reason, cell.n) for cell in found.left_out] == [("pan", "technical failure", 1)]
+    assert [(cell.task, cell.reason, cell.n) for cell in found.left_out] == [
+        ("pan", "begun, never ended (taken as abandoned)", 1),
+        ("pan", "technical failure", 1),
+    ]
     assert {count.point: count.n for count in found.flow}["began counted trials"] == 2
     text = markdown(found)
     assert "no human baseline for PersONAL" in text

@@ -11,6 +11,7 @@ from human_study.reporting.record_summary import flow_counts
 from human_study.reporting.report import StudyReport, study_report
 from human_study.reporting.sections import html_page, markdown
 from human_study.reporting.source import StudyRecords, read_source
+from human_study.reporting.trial_groups import trial_groups
 from human_study.study import StudyAggregate
 from human_study.tables.trial_table import TrialRow
 from personal_viz.commands.report import report as report_command
@@ -109,6 +110,66 @@ def test_technical_failures_can_count_as_failures(found: StudyReport, rows: list
     assert worst.k == main.k - bool(again.success)
     late = ways["without each person's first 10 trials"]
     assert late.n == sum(row.condition == failed.condition and row.order_no in (11, 12) for row in rows)
+
+
+def test_trials_that_nobody_ended_are_left_out_and_count_as_abandoned(rows: list[TrialRow]) -> None:
+    (left,) = [row for row in rows if row.end_reason == "abandoned"]
+    empty = dict.fromkeys(("end_reason", "success", "spl", "softspl", "dtg", "planar_distance", "path_m", "t_total_s"))
+    open_rows = [row.model_copy(update=empty) if row is left else row for row in rows]
+    condition = "memory_topdown" if left.condition == "topdown" else "none"
+    found = study_report(people_runs(open_rows, CONFIG), records=StudyRecords(CONFIG, tuple(open_rows)))
+    counts = {cell.reason: cell.n for cell in found.left_out}
+    assert counts == {"begun, never ended (taken as abandoned)": 1, "technical failure": 1}
+    before = study_report(people_runs(rows, CONFIG), records=StudyRecords(CONFIG, tuple(rows)))
+    way = "abandoned and never ended trials as failures"
+    ways = [
+        next(row for row in report.sensitivity if (row.way, row.who, row.condition) == (way, "human", condition))
+        for report in (found, before)
+    ]
+    assert ways[0] == ways[1]
+    main = next(row for row in found.sensitivity if (row.who, row.condition) == ("human", condition))
+    assert ways[0].value is not None
+    assert main.value is not None
+    assert ways[0].value < main.value
+
+
+def test_time_to_decision_is_from_the_tasks_start_to_the_end_in_every_row(rows: list[TrialRow]) -> None:
+    changed = [
+        row.model_copy(update={"t_total_s": 30.0 + (row.t_look_s or 0.0), "end_reason": "giveup" if is_odd else "stop"})
+        for number, row in enumerate(rows)
+        for is_odd in (bool(number % 2) and row.end_reason == "stop",)
+        if row.end_reason == "stop" and row.phase == "main"
+    ]
+    runs = people_runs(changed, CONFIG)  # those that gave up have no run here, as excluded ones: their rows count
+    found = study_report(runs, records=StudyRecords(CONFIG, tuple(changed)))
+    times = [row for row in found.rows if row.measure == "t_s" and row.kind == "human"]
+    assert {row.condition for row in times} == {"none", "memory_topdown"}
+    assert {row.value for row in times} == {30.0}
+    assert sum(row.n for row in times if row.split == "total") == len(changed)
+
+
+def test_without_records_a_trial_that_was_given_up_has_no_time_of_its_end(rows: list[TrialRow]) -> None:
+    (run,) = people_runs(rows[:1], CONFIG)
+    (walk,) = run.episodes
+    given_up = run.model_copy(
+        update={"episodes": (walk.model_copy(update={"end": walk.end.model_copy(update={"reason": "giveup"})}),)}
+    )
+    for one, time_s in ((run, walk.steps[-1].t_s), (given_up, None)):
+        (group,), _ = trial_groups([one], "paper")
+        assert group.trials[0].figures["t_s"] == time_s
+
+
+def test_pages_in_the_background_are_a_line_and_leave_nothing_out(rows: list[TrialRow]) -> None:
+    flagged = [row.model_copy(update={"is_long_hidden": row.order_no == 5}) for row in rows]
+    people = {row.participant for row in rows}
+    found = study_report(people_runs(flagged, CONFIG), records=StudyRecords(CONFIG, tuple(flagged)))
+    assert found.hidden is not None
+    done = [row for row in rows if row.end_reason == "stop" and row.phase == "main"]
+    assert (found.hidden.limit_s, found.hidden.num_trials, found.hidden.num_people) == (60.0, len(done), len(people))
+    line = f"more than 60 s: {found.hidden.num_flagged} of {len(done)} counted trials, of {len(people)} people"
+    assert line in markdown(found)
+    assert found.rows == study_report(people_runs(rows, CONFIG), records=StudyRecords(CONFIG, tuple(rows))).rows
+    assert "Page in the background" not in markdown(found.model_copy(update={"hidden": None}))
 
 
 def test_the_memory_effect_is_found_within_people_and_is_primary(found: StudyReport, rows: list[TrialRow]) -> None:

@@ -24,6 +24,7 @@ from sim.tasks.run_files import EpisodeEnd
 from sim.types import EpisodeKey
 
 from .small_world import study
+from .stores import OPEN
 
 HOMES = ("A", "B", "C")
 CODES = st.sampled_from(["p01", "p02", "p03"])
@@ -108,8 +109,10 @@ class StoreMachine(RuleBasedStateMachine):
         """Events of a tab; only the newest of a running trial may write, and all or none are stored."""
         assert self.store is not None
         steps = [next(self.numbers) for _ in range(count)]
+        first = [] if self.steps[trial.trial_id] else [OPEN]
+        shown = [Shown(step=step, frame_hash=None) for step in steps]
         try:
-            self.store.append_many(trial.trial_id, trial.epoch, [Shown(step=step, frame_hash=None) for step in steps])
+            self.store.append_many(trial.trial_id, trial.epoch, [*first, *shown])
         except (SupersededError, TrialEndedError):
             assert not self._is_newest(trial) or self._is_over(trial)
             return
@@ -136,9 +139,16 @@ class StoreMachine(RuleBasedStateMachine):
 
     @rule(code=CODES)
     def leave(self, code: str) -> None:
+        """What was under way is abandoned, and what was not begun has no end."""
         assert self.store is not None
+        with read_study(self.folder) as reader:
+            running = [
+                trial.trial_id for trial in reader.trials(code) if trial.trial_id and trial.is_due and trial.attempt
+            ]
+        left = {trial_id: "abandoned" for trial_id in running if self.steps[trial_id]}
         self.store.drop_out(code, "away")
         assert self.store.drop_out(code, "away") == 0
+        self.outcomes |= left
 
     @precondition(lambda self: not self.withdrawn)
     @rule(code=CODES)

@@ -89,6 +89,13 @@ def test_a_study_file_comes_back_as_it_was_and_is_never_replaced(tmp_path: Path)
         ({"design": {"kind": "random"}}, "design.kind is 'random'"),
         ({"privacy": {"retention": "soon"}}, "privacy.retention is 'soon'"),
         ({"resume_within_s": float("inf")}, "resume_within_s is inf"),
+        ({"memory": {"min_s": 5, "max_s": 2}}, "min_s at most max_s, found 5 and 2"),
+        ({"memory": {"max_s": 0}}, "memory.max_s is 0; expected: Input should be greater than 0"),
+        ({"pog": {"look_min_s": 300}}, "look_min_s at most look_max_s, found 300 and 120"),
+        ({"pog": {"look_max_s": 0}}, "pog.look_max_s is 0"),
+        ({"hidden_max_s": -1}, "hidden_max_s is -1"),
+        ({"primary": ["memory_effect_SR", "people are better"]}, "primary.1 is 'people are better'"),
+        ({"primary": ["human_minus_agent_success"]}, "with one of SR, SPL, SoftSPL, DTG, steps, time as MEASURE"),
     ],
 )
 def test_a_bad_study_file_names_the_field(tmp_path: Path, change: dict[str, object], message: str) -> None:
@@ -106,6 +113,15 @@ def test_a_bad_study_file_names_the_field(tmp_path: Path, change: dict[str, obje
         ("study: [", r"study\.yaml, line \d+: is not YAML"),
         ("- a", "holds list; expected fields such as study:"),
         ("!!python/object/apply:os.getcwd []", r"study\.yaml, line 1: is not YAML"),
+        ("study: a\n2026-11-22: b", r"line 2: is not YAML \(found key '2026-11-22', which is no text"),
+        ("study: a\n? [1, 2]\n: b", r"line 2: is not YAML \(found key 'sequence', which is no text"),
+        ("study: &x [*x]", r"study\.yaml: holds a value that cannot be used \(Circular reference"),
+        ("study: a\nsteps: " + "9" * 5000, r"line 2: is not YAML \(found '9{40}', which cannot be read"),
+        ("steps: 0x" + "f" * 5000, r"study\.yaml: holds a value that cannot be used \(Exceeds the limit"),
+        ("study: 2026-99-99", r"line 1: is not YAML \(found '2026-99-99', which cannot be read"),
+        ("study: " + "[" * 5000, r"study\.yaml: is nested too deeply"),
+        ("study: a\nsteps: 5\nstudy: b", r"line 3: is not YAML \(found 'study' twice; expected each field once"),
+        ("memory:\n  max_s: 5\n  max_s: 6", r"line 3: is not YAML \(found 'max_s' twice"),
     ],
 )
 def test_a_file_that_is_no_study_is_one_line(tmp_path: Path, text: str, message: str) -> None:

@@ -9,6 +9,7 @@ from human_study.events import Confidence, Event, Hidden, Looking, MapOff, MapOn
 from human_study.plan import PlannedTrial, StudyPlan
 from human_study.records import read_study
 from human_study.store import open_store
+from human_study.tables.data_dictionary import columns_of
 from human_study.tables.trial_figures import trial_figures
 from human_study.tables.trial_table import TrialRow, trial_rows
 from human_study.tickets import token_hash
@@ -153,6 +154,32 @@ def test_confidence_after_the_end_changes_no_time() -> None:
     figures = trial_figures(events, EpisodeEnd(reason="stop"), rule="paper")
     assert (figures.confidence, figures.t_total_s) == (4, 10.0)
     assert trial_figures(events[:-1], None, rule="paper").confidence is None
+
+
+def test_a_page_in_the_background_for_too_long_is_flagged(tmp_path: Path) -> None:
+    away = [(Hidden(t_s=1.0), Visible(t_s=61.0)), (Hidden(t_s=1.0), Visible(t_s=61.5))]
+    for limit_s, flags in ((60.0, [False, True]), (None, [False, False]), (0.0, [True, True])):
+        folder = tmp_path / str(limit_s)
+        with open_small(folder, study(hidden_max_s=limit_s)) as store:
+            for person in store.plan.participants:
+                store.add_participant(person, token_hash(person.code))
+            for number, pair in enumerate(away, start=1):
+                trial = store.open_trial("p02", number)
+                store.append_many(trial.trial_id, trial.epoch, begun(*pair))
+        rows = [row for row in rows_of(folder) if row.attempt]
+        assert [row.is_long_hidden for row in rows] == flags
+        assert [row.t_hidden_s for row in rows] == [60.0, 60.5]
+
+
+def test_a_trial_that_nobody_ended_is_told_from_one_that_nobody_began(tmp_path: Path) -> None:
+    study_with_trials(tmp_path)
+    assert [row.attempt_name for row in rows_of(tmp_path) if row.is_never_ended] == ["p02/3/1"]
+
+
+def test_visits_count_every_attempt_and_the_dictionary_says_so() -> None:
+    texts = {column.name: column.meaning for column in columns_of(TrialRow)}
+    assert texts["prior_visits_scene"].startswith("Attempts of this person at trials in this home before this one")
+    assert "time to decision is this minus `t_look_s`" in texts["t_total_s"]
 
 
 def test_figures_of_a_trial_without_events_are_empty() -> None:

@@ -7,13 +7,16 @@ from pathlib import Path
 import pytest
 
 from human_study.database import require_free_space
-from human_study.plan import StudyScene
+from human_study.plan import StudyScene, save_plan
 from human_study.planning import make_plan
 from human_study.progress import study_progress
 from human_study.records import read_study
 from human_study.stages import has_dropped_out
 from human_study.store import StudyStore, open_store
+from human_study.study import save_study
 from human_study.tickets import token_hash
+from personal_viz.commands.exclude import exclude
+from personal_viz.commands.study import withdraw
 from personal_viz.lease_keeper import LeaseKeeper
 from personal_viz.upkeep import Backups, Upkeep, upkeep
 from sim.errors import StudyError
@@ -266,3 +269,23 @@ def test_a_study_is_not_served_from_a_disk_that_is_nearly_full(tmp_path: Path) -
         require_free_space(tmp_path, least_mb=10**9)
     with pytest.raises(StudyError, match="expected a study's folder"):
         require_free_space(tmp_path / "none")
+
+
+def test_commands_of_the_researcher_work_while_the_study_is_served(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with started(tmp_path, **HOUSE_ONCE) as store:
+        save_study(tmp_path, store.config)
+        save_plan(tmp_path, store.plan)
+        trial = store.open_trial("p02", 1)
+        keeper, _, told = kept(store)
+        with upkeep(store, keeper, tell=told.append, tick_s=0.01):
+            assert withdraw(study=tmp_path, participant="p01") == 0
+            names = {"study": tmp_path, "trial": "p02/1", "participant": None, "rule": "disturbed"}
+            assert exclude(**names, reason="somebody came in", undo=False) == 0
+            assert exclude(**names, reason=None, undo=True) == 0
+        assert store.participant("p01").is_withdrawn
+        with read_study(tmp_path) as reader:
+            assert [(entry.target, entry.is_undone) for entry in reader.exclusions()] == [(trial.trial_id, True)]
+    assert [line.partition(": ")[2].split()[0] for line in told] == ["p01", "rule", "exclusion"]
+    assert "p01 has withdrawn; everything done is deleted" in capsys.readouterr().out

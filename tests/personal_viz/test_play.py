@@ -14,12 +14,15 @@ from human_study.commands import (
 )
 from human_study.events import Clicked, Confidence, Event, Shown
 from human_study.store import SupersededError
+from human_study.verify import verify_trial
 from human_study.views import LookView, PanView, PogView
 from human_study.writer import StoreFullError
 from personal_viz.desk import GoneError, WithdrawnError
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import Action
 
+from ..human_study.finished import room
+from ..human_study.small_world import episode
 from .fake_play import HIT, PASS, RAY, MemoryLink, Played, RenderedHere, played
 from .fake_play import fake_screens as fake_screens
 
@@ -170,6 +173,46 @@ def test_a_broken_renderer_ends_the_trial_as_technical(fake_screens: Fakes, caps
     assert trial.link.outcome.reason == "technical"
     assert kinds(trial)[-1] == "error"
     assert "the renderer died" in capsys.readouterr().err
+
+
+def test_a_failure_before_the_trial_begins_is_technical_with_one_event(
+    fake_screens: Fakes, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("the home cannot be walked in")
+
+    monkeypatch.setattr("personal_viz.play.pan_env", broken)
+    trial = played(fake_screens, MemoryLink("pan"), FORWARD)
+    assert kinds(trial) == ["error"]
+    assert trial.link.outcome == EpisodeEnd(reason="technical")
+    found = verify_trial(trial.link.stored, trial.link.outcome, episode().key, home=room(), participant="p02")
+    assert found.status == "verified"
+    assert "the home cannot be walked in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["pan_outcome", "pog_outcome"])
+def test_a_trial_that_cannot_be_scored_says_so_in_its_record(
+    fake_screens: Fakes, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise RuntimeError("no way to the target")
+
+    monkeypatch.setattr(f"personal_viz.play.{name}", broken)
+    link = MemoryLink("pan" if name == "pan_outcome" else "pog")
+    trial = played(fake_screens, link, *([FORWARD, *STOP] if name == "pan_outcome" else [RAY, Confirm()]))
+    assert link.outcome.reason == "technical"
+    assert link.calls[-2:] == ["store error", "finish"]
+    found = verify_trial(link.stored, link.outcome, episode().key, home=room(), participant="p02")
+    assert (found.status, found.detail) == ("verified", "")
+    assert trial.raised is None
+    assert "no way to the target" in capsys.readouterr().err
+
+
+def test_a_lost_picture_is_verified_as_a_failure_of_ours(fake_screens: Fakes) -> None:
+    link = MemoryLink("pog")
+    played(fake_screens, link, RAY, PageChanged("context_lost"))
+    found = verify_trial(link.stored, link.outcome, episode().key, home=room(), participant="p02")
+    assert (link.outcome.reason, found.status, found.detail) == ("technical", "verified", "")
 
 
 def test_a_full_disk_shows_nothing_that_is_not_stored(fake_screens: Fakes) -> None:

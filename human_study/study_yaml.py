@@ -1,0 +1,82 @@
+"""A YAML file that a person wrote, as JSON text for a model to check: whatever is wrong with it is one line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sim.errors import StudyError
+
+_LONGEST_SHOWN = 40
+"""Characters of a bad value in a message."""
+
+
+def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
+    """The fields of a YAML file as a JSON object.
+
+    Args:
+        path: Of the file.
+        expected: Fields that the file should have, for a message.
+        advice: What to do, a full sentence.
+
+    Raises:
+        OSError: The file cannot be read.
+        StudyError: It is not YAML, names a field twice, has keys that are no text, or values that JSON cannot hold.
+    """
+    content = path.read_bytes()
+    try:
+        choices = yaml.load(content, Loader=_StrictLoader)
+        if not isinstance(choices, dict):
+            raise StudyError(f"{path}: holds {type(choices).__name__}; expected {expected}. {advice}")
+        return json.dumps(choices, default=str)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        where = getattr(error, "problem_mark", None)
+        line = f", line {where.line + 1}" if where is not None else ""
+        raise StudyError(f"{path}{line}: is not YAML ({getattr(error, 'problem', error)}). {advice}") from None
+    except RecursionError:
+        raise StudyError(f"{path}: is nested too deeply; expected {expected}. {advice}") from None
+    except ValueError as error:  # JSON has no list that holds itself, and Python prints no endless number
+        problem = str(error).partition(";")[0]
+        raise StudyError(
+            f"{path}: holds a value that cannot be used ({problem}); expected {expected}. {advice}"
+        ) from None
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """YAML without what is taken in silence otherwise: a field that stands twice, a key that is no text."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """The mapping.
+
+        Raises:
+            yaml.YAMLError: A key stands twice, or is no text.
+        """
+        seen: set[str] = set()
+        for key_node, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+            if key_node.tag == "tag:yaml.org,2002:merge":
+                continue
+            if key_node.tag != "tag:yaml.org,2002:str":
+                is_scalar = isinstance(key_node, yaml.ScalarNode)
+                found = str(key_node.value)[:_LONGEST_SHOWN] if is_scalar else key_node.id
+                raise yaml.constructor.ConstructorError(
+                    problem=f"found key {found!r}, which is no text; expected a field's name, in quotes if need be",
+                    problem_mark=key_node.start_mark,
+                )
+            if key_node.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    problem=f"found {key_node.value!r} twice; expected each field once",
+                    problem_mark=key_node.start_mark,
+                )
+            seen.add(key_node.value)
+        return super().construct_mapping(node, deep=deep)
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """The value of a node; one that is none, such as the 32nd of May, is named with its line."""
+        try:
+            return super().construct_object(node, deep=deep)
+        except ValueError:
+            found = str(node.value)[:_LONGEST_SHOWN]
+            raise yaml.constructor.ConstructorError(
+                problem=f"found {found!r}, which cannot be read as a value", problem_mark=node.start_mark
+            ) from None

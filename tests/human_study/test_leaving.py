@@ -1,0 +1,185 @@
+"""Who leaves in mid-trial, and what fails twice: an outcome of its own, and a bounded number of other attempts."""
+
+from pathlib import Path
+
+import pytest
+
+from human_study.events import Abandoned, Error, GaveUp
+from human_study.plan import StudyScene
+from human_study.planning import make_plan
+from human_study.progress import SlotCount, study_progress
+from human_study.records import read_study
+from human_study.store import StudyStore, TrialEndedError, open_store
+from human_study.tickets import token_hash
+from human_study.verify import verify_trial
+from sim.tasks.run_files import Answer, EpisodeEnd
+from sim.types import EpisodeKey, TaskKind
+
+from .finished import BEGUN, POINT, events_of, register, room
+from .small_world import ROOM, episode, study
+from .stores import OPEN, open_small
+from .test_assigning import do_next, started
+
+CROSSED = {"kind": "crossed", "raters_per_episode": 1}
+
+
+def crossed(folder: Path, *, overbook: float = 1.0) -> StudyStore:
+    """Everybody does the room's two episodes; p02 is spare where the plan has more people than needed."""
+    config = study(task=("pan",), design=CROSSED | {"overbook": overbook})
+    plan = make_plan(config, [ROOM], [episode(name).key for name in ("0", "1")])
+    store = open_store(folder, config, plan)
+    for person in plan.participants:
+        store.add_participant(person, token_hash(person.code))
+    return store
+
+
+def begin_next(store: StudyStore, code: str) -> tuple[str, EpisodeKey]:
+    """The participant's next trial, begun: (trial id, episode)."""
+    place = store.next_trial(code)
+    assert place is not None
+    trial = store.open_trial(code, place.order_no)
+    store.append(trial.trial_id, trial.epoch, OPEN)
+    return trial.trial_id, trial.key
+
+
+def ends(store: StudyStore, code: str) -> list[tuple[int, str | None, bool]]:
+    """(attempt, end, given back) of every counted attempt, in order."""
+    with read_study(store.folder) as reader:
+        return [
+            (trial.attempt, trial.outcome.reason if trial.outcome else None, trial.is_released)
+            for trial in reader.trials(code)
+        ]
+
+
+def slots(store: StudyStore) -> SlotCount:
+    with read_study(store.folder) as reader:
+        (found,) = study_progress(reader, now_ns=0).slots
+    return found
+
+
+def test_who_leaves_in_mid_trial_for_good_has_abandoned_it(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        trial_id, key = begin_next(store, "p01")
+        assert store.drop_out("p01", "away") == 3
+        assert store.drop_out("p01", "away") == 0
+        last = store.events(trial_id)[-1].event
+        assert isinstance(last, Abandoned)
+        assert last.t_s is None
+        assert ends(store, "p01")[0] == (1, "abandoned", True)
+        assert ends(store, "p01")[1:] == [(0, None, True)] * 2
+        with pytest.raises(TrialEndedError, match="has ended"):
+            store.open_trial("p01", 1)
+        given = {do_next(store, "p03") for _ in range(3)}
+        assert key in given
+        assert store.check() >= 2
+        with read_study(tmp_path) as reader:
+            assert study_progress(reader, now_ns=0).people[0].num_abandoned == 1
+
+
+def test_a_trial_that_was_opened_and_not_begun_is_only_given_back(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        place = store.next_trial("p01")
+        assert place is not None
+        store.open_trial("p01", place.order_no)
+        assert store.drop_out("p01", "away") == 3
+        assert ends(store, "p01")[0] == (1, None, True)
+
+
+def test_an_end_that_waits_for_its_outcome_is_not_called_abandoned(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        trial_id, _ = begin_next(store, "p01")
+        epoch = store.events(trial_id)[-1].epoch
+        store.append(trial_id, epoch, GaveUp())
+        store.drop_out("p01", "away")
+        assert [stored.event.kind for stored in store.events(trial_id)] == ["open", "giveup"]
+        assert ends(store, "p01")[0] == (1, None, True)
+
+
+@pytest.mark.parametrize(("code", "task", "commands"), [("p02", "pan", BEGUN), ("p01", "pog", POINT[:2])])
+def test_what_was_abandoned_is_verified(tmp_path: Path, code: str, task: TaskKind, commands: list) -> None:
+    with open_small(tmp_path) as store:
+        register(store)
+        trial = store.open_trial(code, 1)
+        store.append_many(trial.trial_id, trial.epoch, events_of(trial.key, commands, task=task))
+        store.drop_out(code, "away")
+        events = [stored.event for stored in store.events(trial.trial_id)]
+        with read_study(tmp_path) as reader:
+            outcome = reader.outcome(trial.trial_id)
+    assert isinstance(outcome, EpisodeEnd if task == "pan" else Answer)
+    assert (outcome.reason, outcome.measures) == ("abandoned", None)
+    found = verify_trial(events, outcome, trial.key, home=room(), participant=code)
+    assert (found.status, found.detail) == ("verified", "")
+
+
+def test_where_nobody_else_can_take_it_the_same_person_gets_it_once_more(tmp_path: Path) -> None:
+    with crossed(tmp_path) as store:
+        first = do_next(store, "p01", reason="abandoned")
+        assert do_next(store, "p01", reason="abandoned") == first
+        assert do_next(store, "p01") != first
+        assert store.next_trial("p01") is None
+        assert ends(store, "p01") == [(1, "abandoned", False), (2, "abandoned", False), (1, "giveup", False)]
+        assert slots(store) == SlotCount("pan", "none", "easy", num_done=1, num_held=0, num_free=0, num_failed=1)
+
+
+def test_where_a_spare_person_can_take_it_that_person_does(tmp_path: Path) -> None:
+    with crossed(tmp_path, overbook=2.0) as store:
+        first = do_next(store, "p01", reason="abandoned")
+        assert do_next(store, "p01") != first
+        assert store.next_trial("p01") is None
+        assert do_next(store, "p02") == first
+
+
+def test_who_comes_back_to_a_crossed_study_finds_the_abandoned_trial_again(tmp_path: Path) -> None:
+    with crossed(tmp_path) as store:
+        _, key = begin_next(store, "p01")
+        assert store.drop_out("p01", "away") == 2
+        assert store.drop_out("p01", "away") == 0
+        assert {do_next(store, "p01"), do_next(store, "p01")} == {key, episode("1").key, episode("0").key}
+        assert store.next_trial("p01") is None
+        assert slots(store).num_done == 2
+
+
+def test_another_attempt_of_who_left_goes_to_a_spare_person(tmp_path: Path) -> None:
+    with crossed(tmp_path, overbook=2.0) as store:
+        first = do_next(store, "p01", reason="technical")
+        assert store.drop_out("p01", "away") == 2
+        assert first in {do_next(store, "p02"), do_next(store, "p02")}
+        assert slots(store).num_done == 2
+
+
+def house_once(folder: Path) -> StudyStore:
+    """One episode, one person for it, and three spare people."""
+    config = study(task=("pan",), design={"kind": "house-once", "raters_per_episode": 1, "overbook": 3.0})
+    plan = make_plan(config, [StudyScene(name="A", kind="invented")], [EpisodeKey("easy", "A", "0")])
+    store = open_store(folder, config, plan)
+    for person in plan.participants:
+        store.add_participant(person, token_hash(person.code))
+    return store
+
+
+def test_what_failed_twice_is_given_to_nobody_else(tmp_path: Path) -> None:
+    with house_once(tmp_path) as store:
+        assert do_next(store, "p01", reason="technical") is not None
+        assert slots(store).num_free == 1
+        assert do_next(store, "p02", reason="technical") is not None
+        assert do_next(store, "p03") is None
+        assert slots(store) == SlotCount("pan", "none", "easy", num_done=0, num_held=0, num_free=0, num_failed=1)
+        store.withdraw("p02")
+        assert do_next(store, "p03") is None
+        assert slots(store).num_failed == 1
+
+
+def test_leaving_is_no_failure_and_is_queued_again_each_time(tmp_path: Path) -> None:
+    with house_once(tmp_path) as store:
+        assert do_next(store, "p01", reason="abandoned") is not None
+        assert do_next(store, "p02", reason="technical") is not None
+        assert do_next(store, "p03") is not None
+        assert slots(store).num_done == 1
+
+
+def test_an_error_after_leaving_changes_no_end(tmp_path: Path) -> None:
+    with started(tmp_path) as store:
+        trial_id, _ = begin_next(store, "p01")
+        store.drop_out("p01", "away")
+        store.note_error("p01", "sent text")
+        assert not any(isinstance(stored.event, Error) for stored in store.events(trial_id))
