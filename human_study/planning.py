@@ -126,7 +126,7 @@ def _house_once(
     groups: dict[str, int],
     rng: np.random.Generator,
 ) -> list[list[_Slot]]:
-    """Slots of each person, nobody in one home twice; as few people as a maximum flow finds enough, as evenly as it can.
+    """Slots of each person, nobody in one home twice: as few people as a maximum flow finds enough, and most evenly.
 
     Raises:
         StudyError: No number of people is enough.
@@ -148,7 +148,8 @@ def _house_once(
         edges += [(f"episode {condition} {key}", "to", raters) for condition in conditions for key in shuffled]
         even = math.ceil(num_slots / num_people)
         for each in sorted({even, min(even + 1, most), most}):
-            flow = flow_of([*(("from", f"person {person}", each) for person in order), *edges], source="from", sink="to")
+            loads = [("from", f"person {person}", each) for person in order]
+            flow = flow_of([*loads, *edges], source="from", sink="to")
             if sum(amount for (tail, _), amount in flow.items() if tail == "from") == num_slots:
                 return _slots_of(flow, num_people, conditions, keys)
     raise StudyError(
