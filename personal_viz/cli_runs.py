@@ -11,6 +11,8 @@ from sim.types import SuccessRule
 
 from .cli_options import Clutter, Dataset, Json, Limit, Rerun, RunId, Scenes, ScenesDir, Splits, WithPixels
 
+StudyPart = Literal["store", "load", "browser", "kills", "people", "big-home", "restart", "soak"]
+
 
 @dataclass
 class Run:
@@ -154,11 +156,15 @@ class Bench:
 
     what: Positional[Literal["sim", "recordings", "study"]]
     out: Annotated[Path, arg(help="Folder of the table, the plot and the JSON file.")] = Path("runs/bench")
-    quick: Annotated[bool, arg(help="Fewer and smaller scenes, at most 50 s.")] = False
+    quick: Annotated[bool, arg(help="Fewer and smaller scenes, at most 50 s; study: some minutes.")] = False
+    parts: Annotated[tuple[StudyPart, ...], arg(help="study: only these, by default all, which takes an hour.")] = ()
     json: Json = False
 
     def work(self) -> int:
-        from .commands.bench import bench_recordings, bench_sim, bench_study
+        from .commands.bench import bench_recordings, bench_sim, bench_study, require_no_parts
 
-        bench = {"sim": bench_sim, "recordings": bench_recordings, "study": bench_study}[self.what]
+        if self.what == "study":
+            return bench_study(out=self.out, quick=self.quick, parts=self.parts, json=self.json)
+        require_no_parts(self.what, self.parts)
+        bench = {"sim": bench_sim, "recordings": bench_recordings}[self.what]
         return bench(out=self.out, quick=self.quick, json=self.json)

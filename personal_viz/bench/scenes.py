@@ -57,7 +57,7 @@ def bench_mesh(
     segments = _segments(sides, num_faces - 2 * num_clutter)
     texture, corner_uv = _layout(sides, num_textures, texture_size, rng)
     vertices, vertex_uv, faces, face_island = _divided(islands, segments, corner_uv)
-    vertices += _displacement(vertices, rng)
+    vertices += displacement(vertices, rng)
     face_instance = np.array([island.instance for island in islands], np.int32)[face_island]
     face_texture = texture[face_island]
     if num_clutter:
@@ -231,7 +231,7 @@ def _divided(
     return vertices, uv, faces, np.repeat(np.arange(len(islands)), num_faces)
 
 
-def _displacement(points: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float32]:
+def displacement(points: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float32]:
     """(N, 3) metres: waves of 5 to 80 cm in all directions. A function of the place, so neighbours stay joined."""
     waves = rng.normal(size=(_NUM_WAVES, 3))
     waves *= (2 * np.pi / np.geomspace(0.05, 0.8, _NUM_WAVES) / np.linalg.norm(waves, axis=1))[:, None]

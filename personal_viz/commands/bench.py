@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from sim.errors import PersonalVizError
+from sim.errors import PersonalVizError, StudyError
 from sim.files import write_whole
 
 from ..bench.plot import frame_time_png
@@ -71,16 +71,28 @@ def bench_recordings(*, out: Path, quick: bool, json: bool) -> int:
     return 0
 
 
-def bench_study(*, out: Path, quick: bool, json: bool) -> int:
+def bench_study(*, out: Path, quick: bool, json: bool, parts: Sequence[str] = ()) -> int:
     """Measures a study, writes STUDY_NAMES into `out` and prints the figures; progress goes to stderr.
 
-    Raises:
-        PersonalVizError: `out` cannot be written, or the study cannot be served.
-    """
-    from ..bench.study import FULL, QUICK, figure_rows, markdown, measure_study
+    Args:
+        out: Folder.
+        quick: Shorter.
+        json: Print the figures as JSON alone.
+        parts: Names of `bench.study.PARTS`, measured in that order; () = all.
 
+    Raises:
+        PersonalVizError: `out` cannot be written, a part is unknown, or a study cannot be served.
+    """
+    from ..bench.study import FULL, PARTS, QUICK, figure_rows, markdown, measure_study
+
+    unknown = sorted(set(parts) - set(PARTS))
+    if unknown:
+        raise StudyError(f"--parts {' '.join(unknown)}: is none of the parts; expected some of {', '.join(PARTS)}.")
     _require_folder(out)
-    figures = measure_study(QUICK if quick else FULL, progress=lambda line: print(line, file=sys.stderr, flush=True))
+    settings = QUICK if quick else FULL
+    if parts:
+        settings = settings.model_copy(update={"parts": tuple(part for part in PARTS if part in parts)})
+    figures = measure_study(settings, progress=lambda line: print(line, file=sys.stderr, flush=True))
     document = figures.model_dump_json(indent=2)
     data, table = (out / name for name in STUDY_NAMES)
     try:
@@ -94,6 +106,19 @@ def bench_study(*, out: Path, quick: bool, json: bool) -> int:
     _print_table("Human study", figure_rows(figures))
     print(f"Written to {data}, {table}")
     return 0
+
+
+def require_no_parts(what: str, parts: Sequence[str]) -> None:
+    """Refuses parts where there are none.
+
+    Raises:
+        PersonalVizError: There are some.
+    """
+    if parts:
+        raise PersonalVizError(
+            f"bench {what}: --parts is {' '.join(parts)}; expected none, because only bench study has parts. "
+            "Leave it out."
+        )
 
 
 def _require_folder(out: Path) -> None:

@@ -1,0 +1,184 @@
+"""What the benchmark concludes from a study's records: which keys are lost, and who resumed elsewhere."""
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from human_study.events import Act, Event, Key
+from human_study.store import StudyStore, Trial
+from personal_viz.bench.study_big_scan import divided
+from personal_viz.bench.study_crowd import StayingBot
+from personal_viz.bench.study_processes import children, held_by, is_running
+from personal_viz.bench.study_records import first_other_step, key_tally, missing_steps, resumed_elsewhere
+from personal_viz.bots_log import Press
+from sim.errors import StudyError
+from sim.scenes.scene import FLAT, TriangleMesh
+from sim.types import Action
+from tests.human_study.small_world import env
+from tests.human_study.stores import edit, opened
+
+LINUX = pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
+
+
+def bot_with(marks: tuple[float, ...], *, starts: tuple[int, ...] = (0,)) -> StayingBot:
+    """A bot that has sent these keys, on connections that began at these places."""
+    bot = StayingBot("p02", "http://127.0.0.1:1/#x", "random", rate=2.0, seed=0, answers=frozenset())
+    bot.log.presses += [Press(mark, 0.0) for mark in marks]
+    bot.starts += starts
+    return bot
+
+
+def key(mark: float | None) -> Key:
+    return Key(t_s=1.0, t_cli_ms=mark, code="KeyW", action=Action.FORWARD)
+
+
+def step(number: int) -> Act:
+    return Act(t_s=1.0, action=Action.FORWARD, position=(0.0, 0.0, -0.25 * number), yaw=0.0)
+
+
+@contextmanager
+def stored(folder: Path, *events: Event) -> Iterator[tuple[StudyStore, Trial]]:
+    """p02's first trial with these events behind its first."""
+    store, trial = opened(folder)
+    with store:
+        store.append_many(trial.trial_id, trial.epoch, events)
+        yield store, trial
+
+
+def test_a_key_is_lost_when_a_later_one_of_its_connection_is_stored(tmp_path: Path) -> None:
+    with stored(tmp_path, key(1.0), step(1), key(3.0), step(2), key(5.0), step(3)):
+        pass
+    found = key_tally(tmp_path, [bot_with((1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0))])
+    assert (found.sent, found.stored, found.lost, found.cut_off) == (7, 3, 2, 2)
+    assert (found.duplicated, found.unknown, found.untimed) == (0, 0, 0)
+
+
+def test_the_last_keys_of_each_connection_may_be_cut_off(tmp_path: Path) -> None:
+    with stored(tmp_path, key(1.0), step(1), key(3.0), step(2)):
+        pass
+    found = key_tally(tmp_path, [bot_with((1.0, 2.0, 3.0, 4.0), starts=(0, 2))])
+    assert (found.lost, found.cut_off) == (0, 2)
+    assert key_tally(tmp_path, [bot_with((1.0, 2.0, 3.0, 4.0), starts=(0,))]).lost == 1
+
+
+def test_a_key_without_the_pages_time_is_not_lost(tmp_path: Path) -> None:
+    with stored(tmp_path, key(1.0), step(1), key(None), step(2), key(3.0), step(3)):
+        pass
+    found = key_tally(tmp_path, [bot_with((1.0, 2.0, 3.0))])
+    assert (found.stored, found.lost, found.untimed, found.unknown) == (3, 0, 1, 0)
+
+
+def test_keys_that_are_there_twice_or_were_never_pressed_are_counted(tmp_path: Path) -> None:
+    with stored(tmp_path, key(1.0), step(1), key(1.0), step(2), key(9.0), step(3)):
+        pass
+    found = key_tally(tmp_path, [bot_with((1.0,))])
+    assert (found.duplicated, found.unknown, found.lost) == (1, 1, 0)
+    both = key_tally(tmp_path, [bot_with((1.0,)), bot_with((1.0,))])
+    assert (both.sent, both.duplicated) == (2, 2)
+
+
+def test_a_counted_step_that_is_not_stored_is_missing(tmp_path: Path) -> None:
+    bot = bot_with((1.0, 2.0))
+    bot.step_counted = 2
+    with stored(tmp_path, key(1.0), step(1)) as (store, trial):
+        assert missing_steps(tmp_path, [bot]) == ("p02: step 2 was counted, 1 are stored",)
+        store.append_many(trial.trial_id, trial.epoch, (key(2.0), step(2)))
+        assert missing_steps(tmp_path, [bot]) == ()
+
+
+def test_a_damaged_chain_is_found_with_the_steps(tmp_path: Path) -> None:
+    with stored(tmp_path, key(1.0), step(1)):
+        pass
+    edit(tmp_path, "DELETE FROM event WHERE seq = 2")
+    with pytest.raises(StudyError):
+        missing_steps(tmp_path, [bot_with((1.0,))])
+
+
+def test_a_bot_that_resumes_at_another_step_is_found(tmp_path: Path) -> None:
+    with stored(tmp_path, key(1.0), step(1), key(2.0), step(2), key(3.0), step(3)):
+        pass
+    bot = bot_with((1.0, 2.0, 3.0), starts=(0, 1, 2))
+    bot.resumed = [(1, 1), (1, 2), (3, 3)]  # before the second key; wrong before the third; no key after the last
+    assert resumed_elsewhere(tmp_path, [bot]) == (2, ("p02: shown step 1, stored 2",))
+
+
+def test_a_step_that_leads_elsewhere_than_stored_is_named() -> None:
+    walked = env()
+    events = []
+    for action in (Action.FORWARD, Action.LEFT, Action.FORWARD):
+        walked.step(action)
+        done = walked.steps[-1]
+        events.append(Act(action=action, position=done.position, yaw=done.yaw, collided=done.collided))
+    assert first_other_step(events, env()) is None
+    moved = events[1].model_copy(update={"position": (9.0, 0.0, 0.0)})
+    assert first_other_step([events[0], moved, events[2]], env()) == 2
+
+
+def test_divided_triangles_are_the_same_surface() -> None:
+    square = TriangleMesh(
+        np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32),
+        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        np.array([[10, 20, 30], [40, 50, 60]], np.uint8),
+        np.array([1, 2], np.int32),
+        np.full(2, FLAT, np.int16),
+        np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], np.float32),
+    )
+    fine = divided(square)
+    assert fine.faces.shape == (8, 3)
+    assert len(fine.vertices) == 9  # the diagonal's middle is shared
+    corners = fine.vertices[fine.faces]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
+    np.testing.assert_allclose(areas, 1 / 8)
+    np.testing.assert_array_equal(fine.face_uv, corners[:, :, :2])  # here texture and place are the same
+    assert [int((fine.face_instance == number).sum()) for number in (1, 2)] == [4, 4]
+    np.testing.assert_array_equal(np.unique(fine.face_rgb[fine.face_instance == 2], axis=0), [[40, 50, 60]])
+
+
+@LINUX
+def test_files_threads_and_connections_of_a_server_are_counted() -> None:
+    before = held_by(os.getpid())
+    assert before is not None
+    assert before.rss_mb > 10
+    assert before.peak_mb >= before.rss_mb - 1
+    ended = threading.Event()
+    waiting = threading.Thread(target=ended.wait)
+    with open(os.devnull) as one, open(os.devnull) as two:
+        waiting.start()
+        held = held_by(os.getpid())
+        assert held is not None
+        assert held.fds >= before.fds + 2 > one.fileno() - two.fileno()
+        assert held.threads >= before.threads + 1
+        ended.set()
+        waiting.join()
+
+
+@LINUX
+def test_connections_of_workers_are_counted() -> None:
+    program = "import socket, sys; one = socket.create_connection(('127.0.0.1', int(sys.argv[1]))); print(flush=True)"
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        worker = subprocess.Popen(
+            [sys.executable, "-c", program + "; input()", str(server.getsockname()[1])],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        try:
+            connection, _ = server.accept()
+            assert worker.stdout is not None
+            worker.stdout.readline()
+            held = held_by(os.getpid())
+            assert held is not None
+            assert worker.pid in children(os.getpid())
+            assert is_running(worker.pid)
+            assert held.clients == 1
+            connection.close()
+        finally:
+            worker.communicate(b"\n")
+    assert not is_running(worker.pid)
