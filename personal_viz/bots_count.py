@@ -4,6 +4,7 @@ Keys carry the browser's clock (`t_cli_ms`), which bots make different for each 
 Clicks and answers of POG bots are counted by `bots_count_pog`; all that is said of keys here holds for them, too.
 """
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -84,13 +85,27 @@ def count_presses(reader: StudyReader, log: BotLog) -> BotCount:
         dropped.update(event.reason for event in events if isinstance(event, Dropped))
     sent = {press.t_cli_ms: press for press in log.presses}
     missing = [press for mark, press in sent.items() if mark not in found]
-    gone = [log.presses.index(press) + 1 for press in missing if not press.was_cut_off]
+    before_stored = _before_stored(log, {mark for mark in found if mark is not None})
+    gone = [
+        number
+        for number, press in enumerate(log.presses, start=1)
+        if press.t_cli_ms not in found and (number <= before_stored[number - 1] or not press.was_cut_off)
+    ]
     return BotCount(
         sent=len(log.presses),
         stored=len(found.keys() & sent.keys()),
         dropped=dropped,
         lost=tuple(f"{log.code} ({log.kind}): key {number} of {len(log.presses)}" for number in gone),
-        cut_off=sum(press.was_cut_off for press in missing),
+        cut_off=len(missing) - len(gone),
         duplicated=sum(count - 1 for mark, count in found.items() if mark in sent),
         unknown=sum(count for mark, count in found.items() if mark not in sent),
     )
+
+
+def _before_stored(log: BotLog, found: set[float]) -> list[int]:
+    """For each key the number of the last stored one of its connection: keys of one are stored in their order."""
+    numbers: list[int] = []
+    for begin, end in itertools.pairwise([0, *log.ends, len(log.presses)]):
+        stored = [place + 1 for place in range(begin, end) if log.presses[place].t_cli_ms in found]
+        numbers += [stored[-1] if stored else 0] * (end - begin)
+    return numbers

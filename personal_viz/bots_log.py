@@ -76,6 +76,8 @@ class BotLog:
     task: TaskKind = "pan"
     presses: list[Press] = field(default_factory=list)
     """Keys of a PAN bot."""
+    ends: list[int] = field(default_factory=list)
+    """How many keys it had sent when each of its connections ended."""
     points: list[Pointed] = field(default_factory=list)
     """Clicks and moves of the mark of a POG bot."""
     answers: list[Confirmed] = field(default_factory=list)

@@ -57,6 +57,9 @@ class PanBot(Bot):
         """The key whose answer is awaited, and the step that it leads to."""
         self._num_heard = 0
         """Keys up to the last one whose answer came."""
+        self._is_sure = True
+        """Whether it is known which key of this connection a picture belongs to: an answer that does not come in time
+        may still come later."""
 
     @property
     def _is_at_work(self) -> bool:
@@ -72,7 +75,8 @@ class PanBot(Bot):
     def _cut_off(self) -> None:
         for press in self.log.presses[self._num_heard :]:
             press.was_cut_off = True
-        self._press, self._num_heard = None, len(self.log.presses)
+        self.log.ends.append(len(self.log.presses))
+        self._press, self._num_heard, self._is_sure = None, len(self.log.presses), True
 
     def _heard(self, page: BotPage, now_s: float) -> None:
         """Notes when the awaited key was stored and when its picture came."""
@@ -83,7 +87,9 @@ class PanBot(Bot):
             press.counted_s = now_s
         if press.shown_s is None and (page.step_shown or 0) >= step:
             press.shown_s = now_s
-            self._press, self._num_heard = None, self.log.presses.index(press) + 1
+            self._press = None
+            if self._is_sure:
+                self._num_heard = self.log.presses.index(press) + 1
 
     async def _act_in_the_dark(self) -> None:
         await self._send(Action.FORWARD, awaited=False)
@@ -95,7 +101,7 @@ class PanBot(Bot):
             return
         if self._press is not None and time.perf_counter() - self._press[0].sent_s > ANSWER_S:
             self.log.num_unanswered += 1
-            self._press = None
+            self._press, self._is_sure = None, False  # its picture may still come, and be taken for a later key's
         press = await self._send(action, awaited=self._press is None)
         for _ in range(BURST - 1 if self._kind == "impatient" else 0):
             await asyncio.sleep(BURST_GAP_S)

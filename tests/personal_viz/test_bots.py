@@ -124,6 +124,9 @@ def test_every_key_is_looked_for_by_itself(tmp_path: Path) -> None:
     log = BotLog("p02", "random", presses=[Press(mark, 0.0) for mark in (1.5, 2.5, 3.5, 4.5, 10.0)])
     log.presses[3].was_cut_off = True
     found = count_keys(tmp_path, [log])
+    assert (found.lost, found.cut_off) == (2, 0), "a later key of the same connection is stored"
+    log.ends = [4]
+    found = count_keys(tmp_path, [log])
     assert (found.sent, found.stored, found.lost, found.cut_off) == (5, 3, 1, 1)
     assert (found.duplicated, found.unknown, found.dropped) == (1, 1, {"busy": 1})
     assert found.events == 1 + 2 * 4 + 2
