@@ -111,7 +111,7 @@ def _execution(config: StudyConfig, exclusions: Sequence[ExclusionCount]) -> Ans
             f"{config.design.kind}, {config.design.raters_per_episode} people per episode and condition, order at "
             f"random from a seed; conditions {conditions}"
         ),
-        "Feedback or help during trials?": "no feedback until the study closes",
+        "Feedback or help during trials?": "none until the study closes; a practice trial says whether it was right",
         "Breaks and fatigue?": f"{rest}{sitting}; see the order effect",
         "Same interface for all?": "yes: one page; keys can be remapped and pictures scale with the window",
     }
@@ -130,6 +130,8 @@ def _analysis(config: StudyConfig) -> Answers:
 
 
 def _robotics(config: StudyConfig, rows: Sequence[ReportRow]) -> Answers:
+    has_several = any(len(config.conditions(task)) > 1 for task in config.task)
+    mixed = "conditions alternate within people" if has_several else "one condition per task"
     measures = {row.measure for row in rows if not row.measure.startswith("sr_within") and row.split == TOTAL}
     return {
         "Success criterion, stated exactly?": (
@@ -138,7 +140,7 @@ def _robotics(config: StudyConfig, rows: Sequence[ReportRow]) -> Answers:
         "Initial conditions controlled?": "start pose, text and home are the episode's, the same for everybody",
         "Number of trials per condition?": "k/n in every cell",
         "More than the success rate?": ", ".join(sorted(measures)),
-        "Comparisons interleaved?": "conditions alternate within people; agents ran apart, in the same simulator",
+        "Comparisons interleaved?": f"{mixed}; agents ran apart, in the same simulator",
         "Failure modes described?": f"ends, unreachable goals and suspect labels are listed; prose is {NOT_IN_FILE}",
         "Statistical analysis?": "intervals, paired differences and tests below",
         "Evaluator blinded?": "scores are computed from stored events; study verify computes them again",

@@ -311,7 +311,7 @@ def _caption(name: str) -> str:
     captions = {
         "people": "Success rate of each person (dots) and of agents (dashed)",
         "episodes": "Who succeeded at which episode",
-        "effort": "Steps and time to decision, trial by trial",
+        "effort": f"{'Time' if task == 'pog' else 'Steps and time'} to decision, trial by trial",
         "order": "Success by place in the order, and by earlier visits",
     }
     if name == "flow.svg":

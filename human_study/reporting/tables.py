@@ -19,7 +19,7 @@ HEADS = {
     "steps": "steps to decision",
     "path_m": "path (m)",
     "t_s": "time to decision (s)",
-    "t_look_s": "look at the map before (s)",
+    "t_look_s": "look at the home or its map before (s)",
 }
 NOBODY = "no such trials"
 END_NAMES: dict[EndReason, str] = {

@@ -35,7 +35,8 @@ def export(*, study: Path, out: Path | None) -> int:
     deleted = f", {manifest.num_deleted} people deleted" if manifest.num_deleted else ""
     print(
         f"Written to {out}: {len(folders)} run folders, {num_trials} trials in trials.csv, "
-        f"{len(manifest.left_out)} begun ones left out of the runs{deleted}; data_dictionary.md explains the columns"
+        f"{len(manifest.left_out)} of them in no run (practice, attention, failures){deleted}; "
+        "data_dictionary.md explains the columns"
     )
     print("exclusions.csv holds your own words: read it before you publish the folder.")
     return 0

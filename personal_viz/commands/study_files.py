@@ -86,7 +86,8 @@ def plan(*, folder: Path | None, dataset: Path | None, scenes_dir: Path | None, 
     spare = per_person.pop(0, 0)
     num_trials = sum(number * people for number, people in per_person.items())
     keys = {trial.key for person in made.participants for trial in person.trials if trial.phase == "main"}
-    print(f"{config.study}: {len(keys)} episodes in {len(made.scenes)} homes, design {config.design.kind}")
+    homes = f"{len(made.scenes)} home{'s' if len(made.scenes) > 1 else ''}"
+    print(f"{config.study}: {len(keys)} episodes in {homes}, design {config.design.kind}")
     sizes = ", ".join(f"{people} people x {number} trials" for number, people in sorted(per_person.items()))
     print(f"  {num_trials} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
     print(f"  most meetings of one person with one home: {_most_visits(made)}")
