@@ -225,7 +225,7 @@ class StudyBots:
     ] = None
     kinds: Annotated[tuple[BotKind, ...], arg(help="How they behave, dealt out in turns.")] = get_args(BotKind)
     seed: int = 0
-    url: Annotated[str | None, arg(help="Of a server that runs on the study: its records will hold the bots.")] = None
+    url: Annotated[str | None, arg(help="Of a server on a pilot study: its records will hold the bots.")] = None
     json: bool = False
 
     def work(self) -> int:

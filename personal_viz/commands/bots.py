@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
+from human_study.records import read_study
 from human_study.study import load_study
 from personal_viz.bots_log import KINDS, BotKind
 from personal_viz.bots_run import BotFigures, run_bots
@@ -148,3 +149,13 @@ def _require_possible(
         raise StudyError(f"{study}: found no --dataset; expected the folder of the study's dataset. Add it.")
     if url is not None and study is None:
         raise StudyError(f"--url {url}: found no study folder; expected it, because the tokens are in it. Name it.")
+    if url is not None and study is not None and not _is_pilot(study):
+        raise StudyError(
+            f"--url {url}: {study} is a study with people; expected a pilot, because its records will hold the bots. "
+            "Leave --url out: bots then have a copy of the plan to themselves."
+        )
+
+
+def _is_pilot(study: Path) -> bool:
+    with read_study(study) as reader:
+        return reader.is_pilot

@@ -152,6 +152,13 @@ def test_what_bots_cannot_do_is_said_before_work_starts(tmp_path: Path) -> None:
         bots(url="http://127.0.0.1:1")
 
 
+def test_bots_never_stand_among_people(tmp_path: Path) -> None:
+    config = study()
+    open_store(tmp_path, config, plan(config, ("0",))).close()
+    with pytest.raises(StudyError, match="is a study with people; expected a pilot"):
+        bots(url="http://127.0.0.1:1", study=tmp_path, dataset=tmp_path)
+
+
 def test_cpu_time_of_a_process_that_is_gone_is_none() -> None:
     assert cpu_seconds(2**22 + 1) == 0
 
