@@ -215,7 +215,7 @@ def test_another_dataset_is_refused(study: Path) -> None:
 def test_an_export_is_read_back_and_agrees(study: Path, dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert export(study=study, out=None) == 0
     out = study / "exports" / "records"
-    assert f"Written to {out}: 2 run folders, 6 trials in trials.csv, 2 begun ones left out" in capsys.readouterr().out
+    assert f"Written to {out}: 2 run folders, 6 trials in trials.csv, 2 of them in no run" in capsys.readouterr().out
     assert import_check(export=out, dataset=dataset, scenes_dir=None) == 0
     assert "6 of 6 outcomes agree with their events" in capsys.readouterr().out
     rows = [json.loads(line) for line in (out / "trials.jsonl").read_text().splitlines()]
