@@ -6,6 +6,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .posed_frames import PosedFrame
+
 EncoderName = Literal["hashed"]
 _MAX_CACHED_TEXTS = 50_000
 
@@ -25,6 +27,22 @@ class TextEncoder(Protocol):
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, E) unit rows, one per text whatever the others are; a zero row for a text without content."""
+        ...
+
+
+class TextImageEncoder(TextEncoder, Protocol):
+    """Whole pictures and texts to unit vectors of one space."""
+
+    def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+        """(N, E) unit rows, one per picture; zero for one that says nothing. Real models read `rgb` only."""
+        ...
+
+
+class DenseEncoder(TextImageEncoder, Protocol):
+    """A vector for each patch of a picture too."""
+
+    def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+        """(N, h, w, E) unit vectors of patches that tile each picture evenly; zero where a patch says nothing."""
         ...
 
 
