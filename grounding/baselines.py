@@ -10,6 +10,8 @@ from sim.episodes.schema import Vector3
 from sim.types import Task
 
 from .encoders import TextEncoder
+from .memory import Memory
+from .memory_kinds import MemoryKind, require_grid
 from .types import TIE, Candidate, FeatureMap, Grounding, Layers
 
 NUM_CANDIDATES = 3
@@ -24,13 +26,15 @@ class RandomCell:
     name = "random"
     uses_phrases = False
     frame = "whole grid"
+    takes: MemoryKind = "grid"
 
     def __init__(self, *, seed: int) -> None:
         """Takes the seed of all draws."""
         self._seed = seed
 
-    def ground(self, memory: FeatureMap, task: Task, phrases: Sequence[str]) -> Grounding:
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
         """Uniform over all cells of the grid, empty ones included; all scores are 0."""
+        memory = require_grid(memory, self.name)
         text = "\n".join((*task.queries, task.description))
         rng = np.random.default_rng([self._seed, zlib.crc32(text.encode())])
         rows, cols = memory.grid.shape
@@ -45,9 +49,11 @@ class MapCentre:
     name = "center"
     uses_phrases = False
     frame = "middle of the home's bounding box"
+    takes: MemoryKind = "grid"
 
-    def ground(self, memory: FeatureMap, task: Task, phrases: Sequence[str]) -> Grounding:
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
         """One candidate with score 0; it is the exact middle, not a cell's centre."""
+        memory = require_grid(memory, self.name)
         row, col = (int(value) for value in memory.grid.rc_from_xz(np.array(memory.centre_xz)))
         x, z = memory.centre_xz
         position = (float(x), memory.floor_y, float(z))
@@ -60,17 +66,19 @@ class QueryScoring:
     name = "qs"
     uses_phrases = False
     frame = "non-empty cells"
+    takes: MemoryKind = "grid"
 
     def __init__(self, encoder: TextEncoder) -> None:
         """Takes the encoder of the map."""
         self._encoder = encoder
 
-    def ground(self, memory: FeatureMap, task: Task, phrases: Sequence[str]) -> Grounding:
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
         """Ranks the non-empty cells by their cosine with the query.
 
         Raises:
-            AgentError: The map is of another encoder.
+            AgentError: The map is of another encoder or no grid.
         """
+        memory = require_grid(memory, self.name)
         memory.require_encoder(self._encoder.name, self._encoder.dim)
         scores = memory.rows @ self._encoder.encode_texts(task.queries[:1])[0]
         best = rank_cells(scores, memory.rc)

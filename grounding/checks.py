@@ -1,6 +1,7 @@
-"""Checks that users run on their own encoders and grounders; our own pass the same ones."""
+"""Checks that users run on their own encoders, map builders and grounders; our own pass the same ones."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,8 +10,11 @@ from numpy.typing import NDArray
 from sim.errors import AgentError
 from sim.types import GridSpec, Task
 
+from .check_maps import check_map_builder as check_map_builder
 from .encoders import TextEncoder
 from .grounders import Grounder
+from .memory import Memory, ObjectInstance, ObjectMap
+from .object_matching import objects_grid
 from .types import TIE, FeatureMap, Grounding, map_from_cells
 
 _TEXTS = ("red wooden chair beside the window", "large white sofa", "oval mirror with a golden frame")
@@ -55,8 +59,8 @@ def check_grounder(grounder: Grounder, encoder: TextEncoder) -> None:
         AgentError: It does not; the message names the first breach.
     """
     where = f"grounder {grounder.name!r}"
-    memory = _small_map(encoder)
-    before = memory.rows.copy()
+    memory, empty = _small_maps(encoder, grounder)
+    before = _features(memory).copy()
     for phrases in (_PHRASES, (*_PHRASES, *_PHRASES), ()):
         first = grounder.ground(memory, _TASK, phrases)
         _require(len(first.candidates) > 0, where, "candidates", 0, "at least one on a map that holds the object")
@@ -64,8 +68,9 @@ def check_grounder(grounder: Grounder, encoder: TextEncoder) -> None:
         second = grounder.ground(memory, _TASK, phrases)
         same = second.candidates == first.candidates
         _require(same, where, "second answer", "another one", "the same answer to the same inputs")
-    _require(bool(np.array_equal(before, memory.rows)), where, "the map's rows", "changed", "unchanged")
-    _check_candidates(grounder.ground(_empty_map(encoder), _TASK, _PHRASES), _empty_map(encoder), where)
+    _require(bool(np.array_equal(before, _features(memory))), where, "the map's rows", "changed", "unchanged")
+    _check_candidates(grounder.ground(empty, _TASK, _PHRASES), empty, where)
+    _check_refusal(grounder, encoder, where)
 
 
 def _require(holds: bool, where: str, what: str, found: object, expected: str) -> None:
@@ -84,21 +89,56 @@ def _encoded(encoder: TextEncoder, texts: Sequence[str]) -> NDArray[np.float32]:
     return vectors
 
 
-def _check_candidates(grounding: Grounding, memory: FeatureMap, where: str) -> None:
+def _check_refusal(grounder: Grounder, encoder: TextEncoder, where: str) -> None:
+    """Whether the grounder refuses the kind of map that it does not take."""
+    other = _small_map(encoder) if grounder.takes == "objects" else _small_objects(encoder)
+    try:
+        grounder.ground(other, _TASK, _PHRASES)
+    except AgentError:
+        return
+    _require(False, where, "answer to the other kind of map", "given", f"AgentError: it takes {grounder.takes!r}")
+
+
+def _check_candidates(grounding: Grounding, memory: Memory, where: str) -> None:
+    grid = objects_grid(memory) if isinstance(memory, ObjectMap) else memory.grid
     scores = [candidate.score for candidate in grounding.candidates]
     ranked = all(first >= second - TIE for first, second in pairwise(scores))
     _require(ranked and bool(np.isfinite(scores).all()), where, "scores", scores, "finite numbers, best first")
-    floors = {memory.floor_y, *memory.cell_y.tolist()}
+    floors = {memory.floor_y} if isinstance(memory, ObjectMap) else {memory.floor_y, *memory.cell_y.tolist()}
     for candidate in grounding.candidates:
         x, y, z = candidate.position
         rc = (candidate.row, candidate.col)
-        cell = tuple(memory.grid.rc_from_xz(np.array([x, z])).tolist())
+        cell = tuple(grid.rc_from_xz(np.array([x, z])).tolist())
         _require(cell == rc, where, "row and column", rc, f"{cell}, the cell that holds the candidate's position")
-        _require(bool(memory.grid.contains(np.array(rc))), where, "cell", rc, f"inside the grid {memory.grid.shape}")
-        index = candidate.row * memory.grid.shape[1] + candidate.col
+        _require(bool(grid.contains(np.array(rc))), where, "cell", rc, f"inside the grid {grid.shape}")
+        index = candidate.row * grid.shape[1] + candidate.col
         _require(candidate.index == index, where, "index", candidate.index, f"{index} = row * columns + column")
         on_floor = min(abs(y - floor) for floor in floors) <= _TOLERANCE
         _require(on_floor, where, "height of a candidate", y, f"one of the map's floors {sorted(floors)}")
+
+
+def _small_maps(encoder: TextEncoder, grounder: Grounder) -> tuple[Memory, Memory]:
+    """A map with three things and one without any, of the kind that the grounder takes."""
+    if grounder.takes == "objects":
+        full = _small_objects(encoder)
+        return full, replace(full, objects=())
+    return _small_map(encoder), _empty_map(encoder)
+
+
+def _features(memory: Memory) -> NDArray[np.float32]:
+    """(N, E) vectors of the cells or things."""
+    if isinstance(memory, ObjectMap):
+        return np.array([item.feature for item in memory.objects])
+    return memory.rows
+
+
+def _small_objects(encoder: TextEncoder) -> ObjectMap:
+    vectors = encoder.encode_texts(_TEXTS)
+    spots = np.array([[-1.0, 0.7, 3.0], [1.0, 0.7, 3.0], [0.0, 0.7, 5.0]], np.float32)
+    things = [
+        ObjectInstance(spot[None], row, text, 1.0) for spot, row, text in zip(spots, vectors, _TEXTS, strict=True)
+    ]
+    return ObjectMap(tuple(things), 0.25, encoder.name, encoder.dim, (0.0, 4.0), 0.1)
 
 
 def _small_map(encoder: TextEncoder) -> FeatureMap:

@@ -1,15 +1,25 @@
-"""What an encoder of texts must offer, a cache by text, and the encoders known by name."""
+"""What an encoder must offer, a cache by text, and the encoders known by name."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.errors import AgentError
+
 from .posed_frames import PosedFrame
 
-EncoderName = Literal["hashed"]
+EncoderName = str
+"""`hashed`, `minilm`, or `clip:`, `siglip:`, `blip2-itc256:`, `blip2-hidden768:` and a model id or a folder; with the
+suffix `+oracle-perception` it encodes the queries to maps that oracle perception made in that space."""
+TEXT_ENCODERS = ("hashed", "minilm")
+MODEL_FAMILIES = ("clip", "siglip", "blip2-itc256", "blip2-hidden768")
+ORACLE_SUFFIX = "+oracle-perception"
 _MAX_CACHED_TEXTS = 50_000
+_MAX_SLUG = 40
 
 
 class TextEncoder(Protocol):
@@ -31,7 +41,7 @@ class TextEncoder(Protocol):
 
 
 class TextImageEncoder(TextEncoder, Protocol):
-    """Whole pictures and texts to unit vectors of one space."""
+    """Whole pictures and texts to unit vectors of one space. `check_images.check_image_encoder` tests a plug-in."""
 
     def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
         """(N, E) unit rows, one per picture; zero for one that says nothing. Real models read `rgb` only."""
@@ -44,6 +54,21 @@ class DenseEncoder(TextImageEncoder, Protocol):
     def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit vectors of patches that tile each picture evenly; zero where a patch says nothing."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class ModelOptions:
+    """How a real model runs; the vectors depend on `autocast` a little (about 1e-2), on nothing else."""
+
+    device: Literal["cpu", "cuda"] = "cpu"
+    batch_size: int = 16
+    """Texts or pictures at a time."""
+    autocast: Literal["off", "bfloat16", "float16"] = "off"
+    """Arithmetic of the large products; float16 on cuda only."""
+    download: bool = True
+    """Whether a model id may be fetched; False = the local cache only."""
+    on_batch: Callable[[int], None] = lambda count: None
+    """Called after each batch with its number of items, for a progress bar."""
 
 
 class CachedTextEncoder:
@@ -76,10 +101,91 @@ class CachedTextEncoder:
         return np.array([self._rows[text] for text in texts], np.float32).reshape(len(texts), self.dim)
 
 
-def make_encoder(name: EncoderName) -> TextEncoder:
-    """The encoder of this name, with a cache by text."""
-    match name:
-        case "hashed":
-            from .encoder_hashed import HashedWords
+def make_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> TextEncoder:
+    """The text encoder of this name, with a cache by text.
 
-            return CachedTextEncoder(HashedWords())
+    Args:
+        name: As `EncoderName` says.
+        options: Of a real model; `hashed` and `minilm` have none.
+
+    Raises:
+        AgentError: The name is not one, or the model cannot be loaded.
+        MissingDependencyError: Its extra is not installed.
+    """
+    space, source = parse_encoder_name(name)
+    if name.endswith(ORACLE_SUFFIX):
+        from .encoder_oracle import OraclePerception
+
+        return OraclePerception(make_encoder(name.removesuffix(ORACLE_SUFFIX), options=options), {})
+    if space == "hashed":
+        from .encoder_hashed import HashedWords
+
+        return CachedTextEncoder(HashedWords())
+    if space == "minilm":
+        from .encoder_minilm import stored_minilm  # torch, transformers
+
+        return CachedTextEncoder(stored_minilm())
+    return CachedTextEncoder(_model(space, source, options))
+
+
+def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> DenseEncoder:
+    """The real model of this name, for building maps from pictures.
+
+    Raises:
+        AgentError: The name is not a model's, or the model cannot be loaded.
+        MissingDependencyError: Extra `models` is not installed.
+    """
+    space, source = parse_encoder_name(name)
+    if space in TEXT_ENCODERS or name.endswith(ORACLE_SUFFIX):
+        raise AgentError(
+            f"encoder {name!r}: cannot see; expected {_families()}. Name a model, or use "
+            "grounding.encoder_oracle.OraclePerception, which needs the home's captions."
+        )
+    return _model(space, source, options)
+
+
+def parse_encoder_name(name: EncoderName) -> tuple[str, str]:
+    """The text encoder or family, and the model id or folder ("" for text encoders); loads nothing.
+
+    Raises:
+        AgentError: It is none.
+    """
+    space, colon, source = name.removesuffix(ORACLE_SUFFIX).partition(":")
+    if (space in TEXT_ENCODERS and not colon) or (space in MODEL_FAMILIES and source):
+        return space, source
+    raise AgentError(
+        f"encoder {name!r}: is not known; expected {', '.join(TEXT_ENCODERS)}, or {_families()}. "
+        "Example: clip:openai/clip-vit-large-patch14."
+    )
+
+
+def encoder_slug(name: EncoderName) -> str:
+    """The name as file and run names can carry it: `clip-clip-vit-large-patch14`.
+
+    Raises:
+        AgentError: It is not an encoder's name.
+    """
+    space, source = parse_encoder_name(name)
+    suffix = ORACLE_SUFFIX.replace("+", "-") if name.endswith(ORACLE_SUFFIX) else ""
+    last = re.sub(r"[^A-Za-z0-9_.-]", "-", source.rstrip("/").rsplit("/", 1)[-1])
+    return f"{space}{'-' if last else ''}{last[:_MAX_SLUG]}{suffix}"
+
+
+def _families() -> str:
+    return f"one of {', '.join(f'{family}:' for family in MODEL_FAMILIES)} and a model id or a folder"
+
+
+def _model(family: str, source: str, options: ModelOptions | None) -> DenseEncoder:
+    match family:  # torch, transformers
+        case "clip":
+            from .encoder_clip import Clip
+
+            return Clip(source, options=options)
+        case "siglip":
+            from .encoder_siglip import Siglip
+
+            return Siglip(source, options=options)
+        case _:
+            from .encoder_blip2 import Blip2
+
+            return Blip2(source, space="itc256" if family == "blip2-itc256" else "hidden768", options=options)

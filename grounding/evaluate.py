@@ -12,11 +12,14 @@ from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .encoders import EncoderName, make_encoder
-from .grounders import GrounderName, make_grounder
-from .oracle_map import MapName, objects_map, oracle_home
-from .phrases import DatasetPhrases, PhraseSource
-from .types import FeatureMap, Grounding
+from .encoders import make_encoder
+from .grounders import make_grounder
+from .home_maps import HomeMaps, MapFolders
+from .memory import Memory
+from .oracle_source import OracleMaps
+from .phrases import DatasetPhrases
+from .settings import GroundSettings as GroundSettings
+from .types import Grounding
 
 BATCH = 100
 """Answers are quick and opening a scene is not: a process does a whole scene of the release (at most 80) at a time."""
@@ -24,48 +27,53 @@ _SCORE_DECIMALS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class GroundSettings:
-    """What is evaluated; the same settings give the same answers, whatever else is run."""
-
-    method: GrounderName
-    map: MapName = "oracle"
-    encoder: EncoderName = "hashed"
-    seed: int = 0
-    all_storeys: bool = False
-    """Merge the storeys into one map instead of telling the target's storey."""
-
-
-@dataclass(frozen=True, slots=True)
 class GroundJob(SceneJob):
     """One scene's episodes for one worker."""
 
     settings: GroundSettings
+    folders: MapFolders | None = None
+    """Where maps and explorations are; None for oracle maps, which are made from the episode files alone."""
 
 
 class SceneGrounder:
     """A scene's maps, phrases and grounder; answers its episodes. Views use it to show one episode's layers."""
 
-    def __init__(self, dataset: PersonalDataset, scene: str, settings: GroundSettings) -> None:
-        """Reads the scene's episode files.
+    def __init__(
+        self,
+        dataset: PersonalDataset,
+        scene: str,
+        settings: GroundSettings,
+        *,
+        folders: MapFolders | None = None,
+    ) -> None:
+        """Reads the scene's episode files; a home is explored and mapped when its first episode is asked.
+
+        Args:
+            dataset: Of the episodes.
+            scene: One of its scenes.
+            settings: What is asked, and on what map.
+            folders: Where maps are; needed unless they are oracle maps.
 
         Raises:
             DatasetError: The scene is unknown or a file is damaged.
             SceneError: The home does not fit a map.
         """
+        self._maps: OracleMaps | HomeMaps
+        if settings.map == "oracle":
+            self._encoder = make_encoder(settings.encoder)
+            self._maps = OracleMaps(dataset, scene, settings, self._encoder)
+        else:
+            assert folders is not None, "maps that are no oracle maps lie in a folder"
+            self._maps = HomeMaps(dataset, scene, settings, folders)
+            self._encoder = self._maps.query_encoder
         self._settings = settings
-        self._home = oracle_home(dataset, scene)
-        self._encoder = make_encoder(settings.encoder)
         self._grounder = make_grounder(settings.method, self._encoder, seed=settings.seed)
-        self._phrases: PhraseSource = DatasetPhrases(dataset.episodes(scenes=(scene,)))
+        self._phrases = DatasetPhrases(dataset.episodes(scenes=(scene,)))
         self._storeys = scene_storeys(dataset.goals(scene).values())
-        self._maps: dict[str | None, FeatureMap] = {}
 
-    def memory(self, episode: Episode) -> FeatureMap:
-        """The map that the grounder gets for this episode; built once per storey."""
-        floor_id = None if self._settings.all_storeys else episode.record.floor_id
-        if floor_id not in self._maps:
-            self._maps[floor_id] = objects_map(self._home, self._encoder, floor_id=floor_id)
-        return self._maps[floor_id]
+    def memory(self, episode: Episode) -> Memory:
+        """The map that the grounder gets for this episode; made once per storey."""
+        return self._maps.memory(episode)
 
     def ground(self, episode: Episode) -> Grounding:
         """The grounder's answer and layers; it sees the map, the task and the phrases only."""
@@ -95,6 +103,7 @@ def select_jobs(
     splits: tuple[Split, ...] = SPLITS,
     scenes: tuple[str, ...] | None = None,
     limit: int | None = None,
+    folders: MapFolders | None = None,
 ) -> list[GroundJob]:
     """One job per scene, in order of scene names.
 
@@ -104,6 +113,7 @@ def select_jobs(
         splits: Which splits.
         scenes: Which scenes; None = all.
         limit: The first so many episodes of each split in the dataset's order, after choosing scenes; None = all.
+        folders: Where maps are; None for oracle maps.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
@@ -114,7 +124,10 @@ def select_jobs(
         for episode in islice(dataset.episodes(splits=(split,), scenes=scenes), limit)
     ]
     names = sorted({key.scene for key in keys})
-    return [GroundJob(dataset.root, name, tuple(key for key in keys if key.scene == name), settings) for name in names]
+    return [
+        GroundJob(dataset.root, name, tuple(key for key in keys if key.scene == name), settings, folders)
+        for name in names
+    ]
 
 
 def evaluate(
@@ -144,6 +157,6 @@ def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
         SceneError: The home does not fit a map.
     """
     dataset = PersonalDataset(job.dataset_root)
-    grounder = SceneGrounder(dataset, job.scene, job.settings)
+    grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders)
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     return lambda key: grounder.answer(episodes[key])

@@ -7,9 +7,27 @@ from sim.types import Task
 
 from .baselines import MapCentre, QueryScoring, RandomCell
 from .encoders import TextEncoder
-from .types import FeatureMap, Grounding
+from .matching import MATCHERS, PhraseMatcher
+from .memory import Memory
+from .memory_kinds import MemoryKind
+from .object_matching import OBJECT_MATCHERS, ObjectMatcher
+from .types import Grounding
 
-GrounderName = Literal["random", "center", "qs", "rpg"]
+GrounderName = Literal[
+    "random",
+    "center",
+    "qs",
+    "rpg",
+    "rpg-authors",
+    "rpg-literal",
+    "phrase",
+    "dual",
+    "dual-smooth",
+    "dual-smooth-point",
+    "joint",
+    "object-phrase",
+    "object-dual",
+]
 
 
 class Grounder(Protocol):
@@ -30,11 +48,16 @@ class Grounder(Protocol):
         """Among which places it chooses; a baseline's figure means nothing without it."""
         ...
 
-    def ground(self, memory: FeatureMap, task: Task, phrases: Sequence[str]) -> Grounding:
+    @property
+    def takes(self) -> MemoryKind:
+        """The kind of map that it answers on; it refuses the other kind."""
+        ...
+
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
         """Ranked answers; the same inputs give the same answers.
 
         Args:
-            memory: The map.
+            memory: The map, of the kind that it takes.
             task: Description and queries; the first query counts.
             phrases: Of the task's description; may be empty.
         """
@@ -56,7 +79,16 @@ def make_grounder(name: GrounderName, encoder: TextEncoder, *, seed: int = 0) ->
             return MapCentre()
         case "qs":
             return QueryScoring(encoder)
-        case "rpg":
-            from .rpg import RegionGated  # torch
+        case "rpg" | "rpg-authors" | "rpg-literal":
+            from .rpg import PRESETS, RegionGated  # torch
 
-            return RegionGated(encoder)
+            options = {"rpg": PRESETS["paper"], "rpg-authors": PRESETS["authors"], "rpg-literal": PRESETS["literal"]}
+            return RegionGated(encoder, options=options[name], name=name)
+        case "phrase" | "dual" | "dual-smooth" | "dual-smooth-point":
+            return PhraseMatcher(encoder, name=name, options=MATCHERS[name])
+        case "joint":
+            from .joint import JointMatcher  # scipy
+
+            return JointMatcher(encoder)
+        case "object-phrase" | "object-dual":
+            return ObjectMatcher(encoder, name=name, temperature=OBJECT_MATCHERS[name])

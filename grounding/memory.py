@@ -3,7 +3,7 @@
 Map builders make a `HomeMemory`, map files hold it, grounders get one storey's `Memory`, recordings draw it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from sim.episodes.schema import Vector3
 from sim.errors import AgentError
 from sim.types import GridSpec
 
-from .types import FeatureMap
+from .types import FeatureMap, map_from_cells
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,3 +120,38 @@ class HomeMemory:
         if not self.storeys:
             raise AgentError("map: has no storey; expected at least one. Explore the home, or add valid frames.")
         return min(self.storeys, key=lambda storey: abs(storey.floor_y - y))
+
+
+def merged_storeys(home: HomeMemory) -> Memory:
+    """One memory of all storeys, for queries that do not say the storey; cells above each other become one.
+
+    A merged cell holds the mean of its storeys' vectors by evidence, and the floor of the one with most evidence.
+
+    Raises:
+        AgentError: The memory is empty.
+    """
+    lowest = home.storey_near(-np.inf).memory
+    memories = [storey.memory for storey in home.storeys]
+    if isinstance(lowest, ObjectMap):
+        objects = [item for memory in memories if isinstance(memory, ObjectMap) for item in memory.objects]
+        return replace(lowest, objects=tuple(objects))
+    maps = [memory for memory in memories if isinstance(memory, FeatureMap)]
+    assert all(item.grid == lowest.grid for item in maps), "storeys of one home have one grid"
+    flat = np.concatenate([item.flat_index for item in maps])
+    weights = np.concatenate([item.weights for item in maps]).astype(np.float64)
+    heights = np.concatenate([item.cell_y for item in maps])
+    cells, inverse = np.unique(flat, return_inverse=True)
+    vectors = np.zeros((len(cells), lowest.dim))
+    np.add.at(vectors, inverse, np.concatenate([item.rows for item in maps]) * weights[:, None])
+    total = np.bincount(inverse, weights, len(cells))
+    best = np.lexsort((-weights, inverse))[np.unique(np.sort(inverse), return_index=True)[1]]
+    return map_from_cells(
+        vectors,
+        np.column_stack([cells // lowest.grid.shape[1], cells % lowest.grid.shape[1]]),
+        grid=lowest.grid,
+        floor_y=lowest.floor_y,
+        encoder=lowest.encoder,
+        centre_xz=lowest.centre_xz,
+        cell_y=heights[best],
+        weights=total,
+    )

@@ -6,19 +6,17 @@ once; `objects_map` makes a storey's `FeatureMap` of it. Built from ground truth
 
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Vector3
 from sim.errors import SceneError
-from sim.types import GridSpec
+from sim.types import STOREY_GAP, GridSpec
 
 from .encoders import TextEncoder
 from .types import FeatureMap, map_from_cells
 
-MapName = Literal["oracle"]
 GRID_CELLS = 50
 GRID_CELL = 1.0
 """50 x 50 cells of 1 m (paper, Sec. IV)."""
@@ -48,6 +46,8 @@ class OracleHome:
     centre_xz: tuple[float, float]
     """Middle of the x, z bounds of all objects and view points."""
     objects: tuple[OracleObject, ...]
+    stands: tuple[tuple[str, Vector3], ...]
+    """View points on the storey of the object that they look at: its label, and the floor point, world metres."""
 
 
 def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
@@ -72,8 +72,8 @@ def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
         )
         for goal in goals
     )
-    stands = [point.agent_state.position for goal in goals for point in goal.view_points]
-    known = np.array([item.position for item in objects] + stands).reshape(-1, 3)
+    seen_from = [(goal, point.agent_state.position) for goal in goals for point in goal.view_points]
+    known = np.array([item.position for item in objects] + [place for _, place in seen_from]).reshape(-1, 3)
     if not len(known):
         raise SceneError(
             f"{dataset.root}: scene {scene!r} has no goal object; expected at least one in goals_by_category. "
@@ -88,7 +88,9 @@ def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
             f"{dataset.root}: scene {scene!r} is {high[0] - low[0]:.1f} x {high[1] - low[1]:.1f} m; expected at most "
             f"{GRID_CELLS - 1} x {GRID_CELLS - 1} m, the size of an oracle map. Leave the scene out with --scene."
         )
-    return OracleHome(scene, grid, (float(middle[0]), float(middle[1])), objects)
+    # the release lists points of other storeys too
+    stands = tuple((goal.floor_id, at) for goal, at in seen_from if abs(at[1] - goal.floor_y) < STOREY_GAP)
+    return OracleHome(scene, grid, (float(middle[0]), float(middle[1])), objects, stands)
 
 
 def objects_map(home: OracleHome, encoder: TextEncoder, *, floor_id: str | None) -> FeatureMap:
@@ -102,13 +104,7 @@ def objects_map(home: OracleHome, encoder: TextEncoder, *, floor_id: str | None)
     Raises:
         SceneError: No object has this label.
     """
-    objects = [item for item in home.objects if floor_id is None or item.floor_id == floor_id]
-    if not objects:
-        labels = sorted({item.floor_id for item in home.objects})
-        raise SceneError(
-            f"{home.scene}: found no object with floor_id {floor_id!r}; expected one of {labels}. "
-            '"personal-viz validate" lists every problem.'
-        )
+    objects = [home.objects[index] for index in storey_objects(home, floor_id)]
     vectors = encoder.encode_texts([item.text for item in objects])
     cells = home.grid.rc_from_xz(np.array([(item.position[0], item.position[2]) for item in objects]))
     members: dict[tuple[int, int], list[int]] = defaultdict(list)
@@ -119,14 +115,30 @@ def objects_map(home: OracleHome, encoder: TextEncoder, *, floor_id: str | None)
         np.array([vectors[inside].sum(axis=0) for inside in members.values()]),
         np.array(list(members)),
         grid=home.grid,
-        floor_y=_lower_median(heights),
+        floor_y=lower_median(heights),
         encoder=encoder.name,
         centre_xz=home.centre_xz,
-        cell_y=np.array([_lower_median(heights[inside]) for inside in members.values()]),
+        cell_y=np.array([lower_median(heights[inside]) for inside in members.values()]),
         weights=np.array([len(inside) for inside in members.values()]),
     )
 
 
-def _lower_median(heights: np.ndarray) -> float:
+def storey_objects(home: OracleHome, floor_id: str | None) -> list[int]:
+    """Indices into `home.objects` of those with this label; all for None.
+
+    Raises:
+        SceneError: No object has this label.
+    """
+    found = [index for index, item in enumerate(home.objects) if floor_id is None or item.floor_id == floor_id]
+    if not found:
+        labels = sorted({item.floor_id for item in home.objects})
+        raise SceneError(
+            f"{home.scene}: found no object with floor_id {floor_id!r}; expected one of {labels}. "
+            '"personal-viz validate" lists every problem.'
+        )
+    return found
+
+
+def lower_median(heights: np.ndarray) -> float:
     """A height that occurs: the mean of two storeys would be on neither."""
     return float(np.sort(heights)[(len(heights) - 1) // 2])

@@ -18,9 +18,14 @@ from sim.types import Task
 
 from .baselines import candidates_at, rank_cells
 from .encoders import TextEncoder
+from .memory import Memory
+from .memory_kinds import MemoryKind, require_grid
+from .rpg_kernels import best_inside, find_peaks, join_gates, open_cells
 from .types import TIE, FeatureMap, Grounding, Layers
 
-RpgPreset = Literal["paper", "authors"]
+RpgPreset = Literal["paper", "authors", "literal"]
+_SHORTEST = 1e-12
+"""Length below which a text's vector counts as zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +51,7 @@ PRESETS: dict[RpgPreset, RpgOptions] = {
     "paper": RpgOptions(),
     # how the authors' public code calls it
     "authors": RpgOptions(top_k=4, nhood=0, nms_r=0),
+    "literal": RpgOptions(literal=True),
 }
 
 
@@ -89,17 +95,25 @@ def rpg_packed(
     """
     if options.literal:
         raise ValueError("rpg_packed has no empty cells, which the literal form needs; call rpg_dense")
-    product = torch.cat([_unit(phrases), _unit(queries)]) @ rows.T
+    product = _cosines(torch.cat([phrases, queries]), rows)
     similarity, scores = product[: len(phrases)], product[len(phrases) :]
     peaks = nms_peaks(similarity, rc, top_k=options.top_k, nms_r=options.nms_r)
     opened = grown(peaks, rc, nhood=options.nhood)
-    uses = torch.ones(len(queries), len(phrases), dtype=torch.bool) if uses is None else uses
-    gate = (uses.float() @ opened.float() > 0) | ~uses.any(dim=1, keepdim=True)
-    final = torch.where(gate, scores, -torch.inf)
-    cell, value = first_best(final)
-    flat = torch.cat([rc[:, 0].long() * width + rc[:, 1].long(), torch.tensor([-1])])
-    index = flat[cell]  # cell -1 (no answer) takes the appended -1
-    return RpgResult(index, value, final, gate, peaks, similarity)
+    used = np.ones((len(queries), len(phrases)), bool) if uses is None else uses.numpy()
+    gate, final = np.zeros(scores.shape, bool), np.full(scores.shape, -np.inf, np.float32)
+    cells, value = np.full(len(queries), -1), np.full(len(queries), -np.inf, np.float32)
+    join_gates(opened.numpy(), used, gate)
+    best_inside(scores.numpy(), gate, np.float32(TIE), final, cells, value)
+    places = rc.numpy()[cells] if len(rc) else np.zeros((len(cells), 2), np.int64)
+    index = np.where(cells < 0, -1, places[:, 0] * width + places[:, 1])
+    return RpgResult(
+        torch.from_numpy(index),
+        torch.from_numpy(value),
+        torch.from_numpy(final),
+        torch.from_numpy(gate),
+        peaks,
+        similarity,
+    )
 
 
 def rpg_dense(
@@ -149,20 +163,16 @@ def nms_peaks(scores: Tensor, rc: Tensor, *, top_k: int, nms_r: int) -> Tensor:
         top_k: Peaks per row.
         nms_r: Chebyshev radius in cells.
     """
-    left = scores.clone()
     peaks = torch.full((len(scores), top_k), -1, dtype=torch.int64)
-    for step in range(top_k):
-        peak, _ = first_best(left)
-        if not bool((peak >= 0).any()):
-            break
-        peaks[:, step] = peak
-        left.masked_fill_(_within(peak[:, None], rc, nms_r), -torch.inf)
+    find_peaks(scores.numpy(), rc.long().numpy(), top_k, nms_r, np.float32(TIE), peaks.numpy())
     return peaks
 
 
 def grown(peaks: Tensor, rc: Tensor, *, nhood: int) -> Tensor:
     """(L, N) bool: the cells within `nhood` (Chebyshev) of any of a row's peaks (L, top_k); -1 opens nothing."""
-    return _within(peaks, rc, nhood)
+    opened = torch.zeros(len(peaks), len(rc), dtype=torch.bool)
+    open_cells(peaks.numpy(), rc.long().numpy(), nhood, opened.numpy())
+    return opened
 
 
 def first_best(scores: Tensor) -> tuple[Tensor, Tensor]:
@@ -182,23 +192,25 @@ def first_best(scores: Tensor) -> tuple[Tensor, Tensor]:
 class RegionGated:
     """RPG as a grounder; keeps its layers."""
 
-    name = "rpg"
     uses_phrases = True
-    frame = "non-empty cells"
+    takes: MemoryKind = "grid"
 
-    def __init__(self, encoder: TextEncoder, *, options: RpgOptions = PRESETS["paper"]) -> None:
-        """Takes the encoder of the map and the parameters."""
+    def __init__(self, encoder: TextEncoder, *, options: RpgOptions = PRESETS["paper"], name: str = "rpg") -> None:
+        """Takes the encoder of the map, the parameters and the name for tables."""
+        self.name = name
+        self.frame = "whole grid" if options.literal else "non-empty cells"
         self._encoder = encoder
         self._options = options
 
-    def ground(self, memory: FeatureMap, task: Task, phrases: Sequence[str]) -> Grounding:
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
         """Runs Algorithm 1 with the phrases as they are (owners' names included).
 
         Raises:
-            AgentError: The map is of another encoder.
+            AgentError: The map is of another encoder or no grid.
         """
+        memory = require_grid(memory, self.name)
         memory.require_encoder(self._encoder.name, self._encoder.dim)
-        with _one_thread():
+        with one_thread():
             return self._ground(memory, task, phrases)
 
     def _ground(self, memory: FeatureMap, task: Task, phrases: Sequence[str]) -> Grounding:
@@ -230,7 +242,7 @@ class RegionGated:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Keeps torch to one thread: products this small wait for each other's threads, 4 times slower on busy cores."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -241,15 +253,10 @@ def _one_thread() -> Iterator[None]:
 
 
 def _unit(vectors: Tensor) -> Tensor:
-    return torch.nn.functional.normalize(vectors, dim=-1, eps=1e-12)
+    return torch.nn.functional.normalize(vectors, dim=-1, eps=_SHORTEST)
 
 
-def _within(peaks: Tensor, rc: Tensor, radius: int) -> Tensor:
-    """(L, N) bool: cells within `radius` (Chebyshev) of any of the row's peaks (L, k) with peak >= 0."""
-    near = torch.zeros(len(peaks), len(rc), dtype=torch.bool)
-    rows, cols = rc.int().T
-    for column in peaks.T if len(rc) else ():
-        at = column.clamp(min=0)
-        close = ((rows - rows[at, None]).abs() <= radius) & ((cols - cols[at, None]).abs() <= radius)
-        near |= close & (column >= 0)[:, None]
-    return near
+def _cosines(texts: Tensor, rows: Tensor) -> Tensor:
+    """(L, N) of texts (L, E) of any length with unit rows (N, E); divides the product, so that nothing is copied."""
+    lengths = torch.linalg.vector_norm(texts, dim=1, keepdim=True).clamp(min=_SHORTEST)
+    return (texts @ rows.T).div_(lengths)

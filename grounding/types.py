@@ -113,6 +113,8 @@ class Layers:
     """(K, top_k) index into `rc` of each phrase's best cells, best first; -1 = no more."""
     gate: NDArray[np.bool_] | None = None
     """(N,) cells that the phrases leave open; None for grounders without a gate."""
+    chosen: int = -1
+    """Index into `phrases` of the one that the query means; -1 for grounders that choose none."""
 
     def on_grid(self, values: NDArray) -> NDArray[np.float32]:
         """(..., H, W) picture of values (..., N); NaN in cells that the layers do not cover."""

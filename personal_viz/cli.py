@@ -5,9 +5,11 @@ from typing import Annotated
 import tyro
 from tyro.conf import subcommand
 
+from .cli_ground import Ground
+from .cli_grounding import Explore, Map, PogReport, ShowExploration, ShowMap
 from .cli_homes import ContactSheet, Homes, Invent, Stats, Validate
 from .cli_recordings import Browse, Compare, Export, Replay
-from .cli_runs import Bench, CheckHabitat, Ground, Import, Metrics, Run
+from .cli_runs import Bench, CheckHabitat, Import, Metrics, Run
 from .cli_study import Demo, Study
 
 Verb = (
@@ -18,7 +20,12 @@ Verb = (
     | Annotated[Homes, subcommand("homes")]
     | Annotated[ContactSheet, subcommand("contact-sheet")]
     | Annotated[Run, subcommand("run")]
+    | Annotated[Explore, subcommand("explore")]
     | Annotated[Ground, subcommand("ground")]
+    | Annotated[PogReport, subcommand("pog-report")]
+    | Annotated[ShowExploration, subcommand("show-exploration")]
+    | Annotated[ShowMap, subcommand("show-map")]
+    | Annotated[Map, subcommand("map")]
     | Annotated[Import, subcommand("import")]
     | Annotated[Metrics, subcommand("metrics")]
     | Annotated[Replay, subcommand("replay")]

@@ -1,4 +1,4 @@
-"""Verbs that make runs, read them in and tabulate them: run, ground, import, metrics, check-habitat, bench."""
+"""Verbs that make runs, read them in and tabulate them: run, import, metrics, check-habitat, bench."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,30 +39,6 @@ class Run:
         from .commands.runs import run
 
         return run(**vars(self))
-
-
-@dataclass
-class Ground:
-    """Ground POG episodes on a map."""
-
-    dataset: Dataset
-    method: Literal["random", "center", "qs", "rpg"]
-    map: Literal["oracle"] = "oracle"
-    encoder: Literal["hashed"] = "hashed"
-    all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
-    out: Path = Path("runs")
-    scene: Scenes = ()
-    split: Splits = ()
-    limit: Limit = None
-    seed: int = 0
-    jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
-    run_id: RunId = None
-    json: Json = False
-
-    def work(self) -> int:
-        from .commands.ground import ground
-
-        return ground(**{**vars(self), "scene": self.scene or None, "split": self.split or None})
 
 
 @dataclass
@@ -154,17 +130,17 @@ class CheckHabitat:
 class Bench:
     """Measure speed on this machine; each figure stands beside its reference measured in the same run."""
 
-    what: Positional[Literal["sim", "recordings", "study"]]
+    what: Positional[Literal["sim", "recordings", "study", "grounding"]]
     out: Annotated[Path, arg(help="Folder of the table, the plot and the JSON file.")] = Path("runs/bench")
     quick: Annotated[bool, arg(help="Fewer and smaller scenes, at most 50 s; study: some minutes.")] = False
     parts: Annotated[tuple[StudyPart, ...], arg(help="study: only these, by default all, which takes an hour.")] = ()
     json: Json = False
 
     def work(self) -> int:
-        from .commands.bench import bench_recordings, bench_sim, bench_study, require_no_parts
+        from .commands.bench import bench_grounding, bench_recordings, bench_sim, bench_study, require_no_parts
 
         if self.what == "study":
             return bench_study(out=self.out, quick=self.quick, parts=self.parts, json=self.json)
         require_no_parts(self.what, self.parts)
-        bench = {"sim": bench_sim, "recordings": bench_recordings}[self.what]
+        bench = {"sim": bench_sim, "recordings": bench_recordings, "grounding": bench_grounding}[self.what]
         return bench(out=self.out, quick=self.quick, json=self.json)

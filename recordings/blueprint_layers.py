@@ -6,9 +6,14 @@ import rerun.blueprint as rrb
 from rerun.blueprint.api import VisualizerLike
 from rerun.encodings import EntityPathLike
 
+from grounding.memory import StoreyMemory
+from grounding.types import FeatureMap
+
 from . import paths
 from .log_grounding import FINAL, GATE, PEAKS, SIMILARITY, Regrounded, home_entity, map_entity
 from .log_maps import StoreyMap
+from .log_memory import LAYER_NAMES, NamedMemory, layers_of, storey_at
+from .log_memory import map_entity as map_layer
 from .log_run import Trace
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
@@ -43,7 +48,7 @@ def hidden_layers(
 
 def phrase_pages(item: Regrounded, maps: Sequence[StoreyMap]) -> list[rrb.Container]:
     """Pages with a small map per phrase of one grounder, with the phrase's similarity, peaks and the answers."""
-    if item.layers is None or item.memory is None:
+    if item.layers is None or not isinstance(item.memory, FeatureMap):
         return []
     heights = item.memory.cell_y
     storey = min(maps, key=lambda storey: float(abs(heights - storey.floor_y).mean()))
@@ -54,6 +59,32 @@ def phrase_pages(item: Regrounded, maps: Sequence[StoreyMap]) -> list[rrb.Contai
         name = f"{item.trace.title}: phrases {first + 1}-{first + len(page)}"
         pages.append(rrb.Grid(*page, grid_columns=min(3, len(page)), name=name))
     return pages
+
+
+def memory_pages(item: NamedMemory, maps: Sequence[StoreyMap]) -> list[rrb.Container]:
+    """A page per storey with the layers of a map that grounders answered on, beside each other."""
+    pages: list[rrb.Container] = []
+    for storey in maps:
+        known = storey_at(item.memory, storey)
+        if known is None:
+            continue
+        views = memory_views(item.name, known, storey)
+        words = f", storey {storey.index + 1}" if len(maps) > 1 else ""
+        pages.append(rrb.Grid(*views, grid_columns=len(views), name=f"Map {item.name[:_TITLE]}{words}"))
+    return pages
+
+
+def memory_views(name: str, known: StoreyMemory, storey: StoreyMap) -> list[rrb.View]:
+    """A flat view per layer of a map's storey."""
+    return [
+        rrb.Spatial2DView(
+            origin=storey.entity,
+            contents=[f"{storey.entity}/**", map_layer(name, layer, storey)],
+            name=LAYER_NAMES[layer],
+            visual_bounds=map_bounds(storey),
+        )
+        for layer in layers_of(known)
+    ]
 
 
 def map_bounds(storey: StoreyMap) -> rrb.VisualBounds2D:

@@ -9,10 +9,12 @@ from rerun.blueprint.encodings import TextLogColumn
 from sim.tasks.run_files import EpisodeRun
 
 from . import paths
-from .blueprint_layers import Overrides, hidden_layers, home_layers, map_bounds, phrase_pages
+from .blueprint_layers import Overrides, hidden_layers, home_layers, map_bounds, memory_pages, phrase_pages
 from .log_divergence import DEPARTURE, DEVIATION, PARTING
 from .log_grounding import Regrounded, home_entity, map_entity
 from .log_maps import StoreyMap
+from .log_memory import NamedMemory
+from .log_memory import home_entity as home_layer
 from .log_run import Trace
 from .traces import best_two
 
@@ -31,6 +33,7 @@ def comparison_blueprint(
     *,
     shown: Sequence[Trace] | None = None,
     regrounded: Sequence[Regrounded] = (),
+    memories: Sequence[NamedMemory] = (),
 ) -> rrb.Blueprint:
     """The layout for any number of runs of one episode.
 
@@ -39,9 +42,10 @@ def comparison_blueprint(
         maps: The storeys shown; each has a view of its own in the home and on the map, since floors hide each other.
         shown: At most two PAN runs whose cameras are shown, left and right; None = the best two.
         regrounded: Grounders with layers, which the map shows.
+        memories: Maps that they answered on, each with a page of its own; objects stand in the home too.
     """
     cameras = best_two(traces) if shown is None else shown
-    middle = _middle(traces, maps, regrounded, is_wide=not cameras)
+    middle = _middle(traces, maps, regrounded, memories, is_wide=not cameras)
     row: list[rrb.View | rrb.Container] = [middle]
     shares = [6]
     if cameras:
@@ -50,7 +54,7 @@ def comparison_blueprint(
     if len(cameras) > 1:
         row.append(_camera(cameras[1]))
         shares.append(5)
-    below = _below(traces, maps, regrounded)
+    below = _below(traces, maps, regrounded, memories)
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(*row, column_shares=shares),
@@ -66,16 +70,24 @@ def comparison_blueprint(
 
 
 def _middle(
-    traces: Sequence[Trace], maps: Sequence[StoreyMap], regrounded: Sequence[Regrounded], *, is_wide: bool
+    traces: Sequence[Trace],
+    maps: Sequence[StoreyMap],
+    regrounded: Sequence[Regrounded],
+    memories: Sequence[NamedMemory],
+    *,
+    is_wide: bool,
 ) -> rrb.Container:
     """The home above the map, or beside it where no camera needs the place."""
-    home = _homes(traces, maps, regrounded, aspect=WIDE_ASPECT if is_wide else ASPECT)
+    home = _homes(traces, maps, regrounded, memories, aspect=WIDE_ASPECT if is_wide else ASPECT)
     plan = _maps(traces, maps, regrounded)
     return rrb.Horizontal(plan, home) if is_wide else rrb.Vertical(home, plan, row_shares=[1, 1])
 
 
 def _below(
-    traces: Sequence[Trace], maps: Sequence[StoreyMap], regrounded: Sequence[Regrounded]
+    traces: Sequence[Trace],
+    maps: Sequence[StoreyMap],
+    regrounded: Sequence[Regrounded],
+    memories: Sequence[NamedMemory],
 ) -> list[tuple[rrb.View | rrb.Container, int]]:
     """Plots or phrases, the document, the actions; each with its share of the width."""
     parts: list[tuple[rrb.View | rrb.Container, int]] = []
@@ -85,6 +97,7 @@ def _below(
         legend = rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=number > 0)  # one is enough, runs seldom stray at first
         parts.append((rrb.TimeSeriesView(origin="/", contents=contents, name=name, plot_legend=legend), 3))
     pages = [page for item in regrounded for page in phrase_pages(item, maps)]
+    pages += [page for item in memories for page in memory_pages(item, maps)]
     if pages:
         parts.append((pages[0] if len(pages) == 1 else rrb.Tabs(*pages), 6))
     log = rrb.TextLogView(
@@ -104,7 +117,12 @@ def _camera(trace: Trace) -> rrb.View:
 
 
 def _homes(
-    traces: Sequence[Trace], maps: Sequence[StoreyMap], regrounded: Sequence[Regrounded], *, aspect: float
+    traces: Sequence[Trace],
+    maps: Sequence[StoreyMap],
+    regrounded: Sequence[Regrounded],
+    memories: Sequence[NamedMemory],
+    *,
+    aspect: float,
 ) -> rrb.View | rrb.Container:
     shared = [f"{paths.GOAL}/{name}" for name in ("centre", "region", "places", "path")]
     for trace in traces:
@@ -117,7 +135,12 @@ def _homes(
         views.append(
             rrb.Spatial3DView(
                 origin="/",
-                contents=[f"{paths.MESH}/{storey.part}/**", *shared, *home_layers(regrounded, storey)],
+                contents=[
+                    f"{paths.MESH}/{storey.part}/**",
+                    *shared,
+                    *home_layers(regrounded, storey),
+                    *(home_layer(item.name, "objects", storey) for item in memories),
+                ],
                 name=_storey_name("Home", storey, maps),
                 background=BACKGROUND,
                 line_grid=False,

@@ -20,7 +20,6 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk, OptimizationProfile, RrdReader
 
 from sim.errors import RecordingError
-from sim.types import EpisodeKey
 
 from . import paths
 from .stream import open_recording
@@ -47,14 +46,14 @@ class LiveSink:
     application_id: str = paths.APPLICATION_ID
     """A viewer keeps recordings and layouts of applications apart: two people may do one episode at once."""
 
-    def file_of(self, key: EpisodeKey) -> Path | None:
-        """The file of an episode's recording; None when a viewer gets it."""
+    def file_of(self, key: paths.RecordingKey) -> Path | None:
+        """The file of a recording; None when a viewer gets it."""
         if self.kind == "address":
             return None
-        return Path(self.where) if self.kind == "file" else Path(self.where) / f"{key.split}-{key.scene}-{key[2]}.rrd"
+        return Path(self.where) if self.kind == "file" else Path(self.where) / paths.file_name(key)
 
-    def open(self, key: EpisodeKey) -> "LiveRecording":
-        """The recording of one episode; a file that was there is replaced.
+    def open(self, key: paths.RecordingKey) -> "LiveRecording":
+        """The recording of one episode or exploration; a file that was there is replaced.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -70,12 +69,12 @@ class LiveSink:
 
 
 @contextlib.contextmanager
-def live_sink(option: str, keys: Sequence[EpisodeKey]) -> Iterator[LiveSink]:
+def live_sink(option: str, keys: Sequence[paths.RecordingKey]) -> Iterator[LiveSink]:
     """The sink that an option `--rerun` names: FILE.rrd, a folder, rerun+http://HOST:PORT/proxy, or spawn.
 
     Args:
         option: What the user gave; grpc://HOST:PORT means the same as rerun+http://HOST:PORT/proxy.
-        keys: The episodes that will be recorded.
+        keys: The episodes or explorations that will be recorded.
 
     Raises:
         RecordingError: A file for several episodes, a form that is not known, nobody listens at the address, or no
@@ -91,8 +90,8 @@ def live_sink(option: str, keys: Sequence[EpisodeKey]) -> Iterator[LiveSink]:
     elif option.endswith(".rrd"):
         if len(keys) > 1:
             raise RecordingError(
-                f"--rerun {option}: found {len(keys)} episodes for one file; expected one. Give a folder (one file per "
-                "episode), or choose one with --episode SPLIT/SCENE/ID."
+                f"--rerun {option}: found {len(keys)} {_what(keys[0])}s for one file; expected one. Give a folder (one "
+                f"file per {_what(keys[0])}), or choose one{_HOW_TO_CHOOSE[_what(keys[0])]}."
             )
         yield LiveSink("file", option)
     else:
@@ -107,7 +106,9 @@ def live_sink(option: str, keys: Sequence[EpisodeKey]) -> Iterator[LiveSink]:
 class LiveRecording:
     """One open recording. Whoever logs calls `flush` when something should be seen, and `close` at the end."""
 
-    def __init__(self, key: EpisodeKey, stream: rr.RecordingStream, where: str, file: "_PipedFile | None") -> None:
+    def __init__(
+        self, key: paths.RecordingKey, stream: rr.RecordingStream, where: str, file: "_PipedFile | None"
+    ) -> None:
         """Use `LiveSink.open`."""
         self.stream = stream
         self._key = key
@@ -242,6 +243,13 @@ def _end(stream: rr.RecordingStream, file: _PipedFile | None) -> None:
     stream.disconnect()
     if file is not None:
         file.wait()
+
+
+_HOW_TO_CHOOSE = {"episode": " with --episode SPLIT/SCENE/ID", "exploration": ""}
+
+
+def _what(key: paths.RecordingKey) -> str:
+    return "exploration" if isinstance(key, paths.ExplorationKey) else "episode"
 
 
 def _first_step(chunk: Chunk) -> int:

@@ -1,4 +1,4 @@
-"""How the viewer lays a running episode out: camera | home | map; below them distances, actions and task."""
+"""How the viewer lays a running episode out: camera | home | map; below them a plot, actions and task."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from . import paths
 from .blueprints import BACKGROUND, home_eye, until_now
 from .log_insight import OCCUPANCY, SIMILARITY
 from .log_maps import StoreyMap
-from .log_steps import Walker
+from .log_steps import SEEN_M2, Walker
 
 _IN_HOME = ("camera", "path", "trail", "collisions", "frontiers", "candidates", "chosen", "found")
 _PAST_TOO = ("trail", "collisions")
@@ -36,10 +36,11 @@ def live_blueprint(
     homes = rrb.Vertical(*(_home(walker, storey, len(maps)) for storey in maps))
     kinds = (False, True) if explains else (False,)
     seen = [rrb.Vertical(*(_map(walker, storey, own=own, many=many) for storey in maps)) for own in kinds]
-    distances = rrb.TimeSeriesView(
+    plotted = ["centre_distance", "goal_distance"] if walker.is_episode else [SEEN_M2]
+    plot = rrb.TimeSeriesView(
         origin="/",
-        contents=[walker.entity("centre_distance"), walker.entity("goal_distance")],
-        name="Metres to the goal",
+        contents=[walker.entity(name) for name in plotted],
+        name="Metres to the goal" if walker.is_episode else "Free floor seen, square metres",
     )
     log = rrb.TextLogView(
         origin="/",
@@ -51,7 +52,7 @@ def live_blueprint(
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(sees, homes, *seen, column_shares=[5, 4, 3, 3] if explains else [5, 4, 4]),
-            rrb.Horizontal(distances, log, task, column_shares=[3, 3, 4]),
+            rrb.Horizontal(plot, log, task, column_shares=[3, 3, 4]),
             row_shares=[2, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline=paths.STEP, fps=4.0, play_state="following" if follows else "paused"),

@@ -1,4 +1,4 @@
-"""One running episode in its recording: rows are gathered for a moment and sent together, Rerun's cost is per call."""
+"""One running episode or exploration in its recording: rows are gathered, then sent together; Rerun costs per call."""
 
 import math
 import time
@@ -10,7 +10,6 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from sim.episodes.schema import Episode
 from sim.frames import T_world_agent, T_world_camera
 from sim.scenes.scene import Scene
 from sim.tasks.observers import Insight
@@ -21,7 +20,7 @@ from sim.world.raycast import own_cores
 
 from .live import LiveRecording
 from .live_blueprint import live_blueprint
-from .log_goal import goal_region, log_goal
+from .log_goal import GoalRegion, log_goal
 from .log_insight import Place, log_insight, log_insight_maps, log_insight_styles, require_fits
 from .log_maps import StoreyMap, log_map_picture, storey_map, storeys_of
 from .log_run import jpeg_bytes
@@ -29,6 +28,7 @@ from .log_scene import log_scene
 from .log_steps import (
     DEPTH_FACTOR,
     DEPTH_PER_METRE,
+    SEEN_M2,
     Row,
     Walker,
     log_figures,
@@ -58,30 +58,40 @@ class _Storey:
 
 
 class LiveEpisode:
-    """Logs one episode step by step; the recording's owner opens and closes it."""
+    """Logs one episode or exploration step by step; the recording's owner opens and closes it."""
 
     def __init__(
-        self, episode: Episode, scene: Scene, recording: LiveRecording, walker: Walker, *, may_show: bool, follows: bool
+        self,
+        start: Pose,
+        scene: Scene,
+        recording: LiveRecording,
+        walker: Walker,
+        *,
+        goal: GoalRegion | None,
+        may_show: bool,
+        follows: bool,
     ) -> None:
         """Nothing is logged before `start`.
 
         Args:
-            episode: With its targets: distances to them are shown from the start, they themselves at the end.
+            start: Where the robot starts.
             scene: The home.
             recording: Where to.
             walker: Who walks.
+            goal: The truth of the episode: distances to it are shown from the start, it itself at the end. None where
+                nothing is looked for.
             may_show: Whether geometry, maps and pictures of this home may be shown.
             follows: Whether the viewer's cursor stays at the newest data.
         """
-        self._episode = episode
+        self._start = start
         self._scene = scene
         self._recording = recording
         self._stream = recording.stream
         self._walker = walker
         self._may_show = may_show
         self._follows = follows
-        self._goal = goal_region(episode, scene.navigation)
-        self._T_world_start = T_world_agent(episode.start)
+        self._goal = goal
+        self._T_world_start = T_world_agent(start)
         self._storeys: dict[int, _Storey] = {}
         self._has_depth = False
         self._explains = False
@@ -99,7 +109,7 @@ class LiveEpisode:
         """
         self._has_depth = self._may_show and observation.depth_m is not None
         log_styles(self._stream, self._walker, with_depth=self._has_depth)
-        self._add(self._episode.start, None, observation)
+        self._add(self._start, None, observation)
         self._send()
 
     def step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
@@ -124,15 +134,17 @@ class LiveEpisode:
         """
         if self._storeys:
             self._log_seen(self._storeys[self._last.storey])
-        for index in sorted(set(self._goal.storeys.tolist())):
-            self._show_storey(index)
+        if self._goal is not None:
+            for index in sorted(set(self._goal.storeys.tolist())):
+                self._show_storey(index)
         self._send()
         maps = self._maps
         floors = storeys_of(np.array([pose.position[1] for pose in self._poses]), self._scene.navigation)
         log_whole_way(self._stream, self._walker, self._poses, floors, maps)
-        set_moment(self._stream, self._walker, self._last)
-        log_goal(self._stream, self._goal, maps)
-        self._stream.reset_time()
+        if self._goal is not None:
+            set_moment(self._stream, self._walker, self._last)
+            log_goal(self._stream, self._goal, maps)
+            self._stream.reset_time()
 
     @property
     def _maps(self) -> list[StoreyMap]:
@@ -196,24 +208,22 @@ class LiveEpisode:
         rows, self._unsent = self._unsent[:count], self._unsent[count:]
         if rows:
             log_rows(self._stream, self._walker, rows, self._maps)
-            positions = np.array([row.pose.position for row in rows])
-            log_figures(self._stream, self._walker, rows, "centre_distance", self._apart(positions).min(axis=1))
-            log_figures(self._stream, self._walker, rows, "goal_distance", self._left(positions))
+            if self._goal is not None:
+                positions = np.array([row.pose.position for row in rows])
+                apart, left = _apart(self._goal, positions), self._left(self._goal, positions)
+                log_figures(self._stream, self._walker, rows, "centre_distance", apart.min(axis=1))
+                log_figures(self._stream, self._walker, rows, "goal_distance", left)
         self._recording.flush()
         self._sent_at = time.monotonic()
 
-    def _left(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _left(self, goal: GoalRegion, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) metres to walk to where STOP succeeds, 0 there (DTG of rule `paper`); inf where there is no way."""
-        if not len(self._goal.places):
+        if not len(goal.places):
             return np.full(len(positions), np.inf)
-        left = self._scene.navigation.distances(positions, self._goal.places)
-        on_storey = np.abs(positions[:, None, 1] - self._goal.floors_y) < STOREY_GAP  # (N, M)
-        there = on_storey & (self._apart(positions) <= self._goal.radii)
+        left = self._scene.navigation.distances(positions, goal.places)
+        on_storey = np.abs(positions[:, None, 1] - goal.floors_y) < STOREY_GAP  # (N, M)
+        there = on_storey & (_apart(goal, positions) <= goal.radii)
         return np.where(there.any(axis=1), 0.0, left)
-
-    def _apart(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, M) planar metres to each target's centre."""
-        return np.linalg.norm(positions[:, None, [0, 2]] - self._goal.centres[:, [0, 2]], axis=-1)
 
     def _show_storey(self, index: int) -> _Storey:
         """The storey, shown from now on."""
@@ -251,7 +261,14 @@ class LiveEpisode:
         set_moment(self._stream, self._walker, self._last)
         picture = rr.EncodedImage(contents=seen_png(storey.map.free, seen), media_type="image/png", draw_order=0.0)
         self._stream.log(self._walker.entity("map", storey.map.part, "seen"), picture)
+        if not self._walker.is_episode:
+            self._stream.log(self._walker.entity(SEEN_M2), rr.Scalars(self._seen_m2()))
         self._stream.reset_time()
+
+    def _seen_m2(self) -> float:
+        """Square metres of free floor that were seen."""
+        shown = self._storeys.values()
+        return sum(float((one.seen.cells & one.map.free).sum()) * one.map.grid.cell**2 for one in shown)
 
     def _explain(self, insight: Insight, *, with_maps: bool) -> None:
         if not self._explains:
@@ -266,6 +283,11 @@ class LiveEpisode:
         if with_maps and self._may_show:
             log_insight_maps(self._stream, self._walker.label, insight, place)
         self._stream.reset_time()
+
+
+def _apart(goal: GoalRegion, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, M) planar metres to each target's centre."""
+    return np.linalg.norm(positions[:, None, [0, 2]] - goal.centres[:, [0, 2]], axis=-1)
 
 
 def _quarter(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:

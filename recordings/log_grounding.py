@@ -1,28 +1,28 @@
-"""Log how grounders on oracle maps came to their answers: similarity per phrase, peaks, gate and final scores.
+"""Log how grounders came to their answers: similarity per phrase, peaks, gate and final scores.
 
 Run files hold the answers only: the grounder answers again, from the settings in its `run.json`, and must come to the
 same points. Layers lie on the storey's map in the map's pixels, and in the home as a carpet above the floor.
 """
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
-from PIL import Image
-from pydantic import TypeAdapter, ValidationError
 
-from grounding.evaluate import GroundSettings, SceneGrounder
+from grounding.asked_again import AskAgain
+from grounding.memory import Memory
 from grounding.types import FeatureMap, Layers
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.tasks.run_files import Answer, RunInfo
+from sim.tasks.run_files import Answer
 from sim.types import GridSpec
 from sim.world.navigation_map import NavigationMap
 
 from . import paths
+from .carpets import carpet, heat_rgb, on_map
 from .log_maps import StoreyMap, storeys_of
 from .log_run import LIFT, Rgb, Trace, set_answered
 from .log_text import plain_text
@@ -34,9 +34,6 @@ GATE_RGB: Rgb = (255, 0, 160)
 PEAK_RGB: Rgb = (255, 140, 0)
 _PEAK, _OUTLINE = -3.5, -1.5
 """Radii; negative = points of the screen."""
-_SETTINGS = TypeAdapter(GroundSettings)
-_SAME = 1e-6
-"""Metres within which an answer given again is the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,53 +41,34 @@ class Regrounded:
     """A grounder's answer with the layers behind it, or why there are none."""
 
     trace: Trace
-    memory: FeatureMap | None = None
+    memory: Memory | None = None
     """The map that it answered on."""
     layers: Layers | None = None
+    map_file: Path | None = None
+    """The file of the whole home's map; None for oracle maps."""
     problem: str = ""
     """One sentence when there are no layers; empty otherwise."""
 
 
-def reground(traces: Sequence[Trace], episode: Episode, dataset: PersonalDataset) -> list[Regrounded]:
-    """The answers on oracle maps among `traces`, given again; those of grounders that score no cells are left out.
+def reground(
+    traces: Sequence[Trace], episode: Episode, dataset: PersonalDataset, *, beside: Sequence[Path] = ()
+) -> list[Regrounded]:
+    """The grounders' answers among `traces`, given again; those of grounders that score no cells are left out.
 
     Raises:
         PersonalVizError: The episode's files are damaged.
     """
-    made: dict[GroundSettings, SceneGrounder] = {}
+    asking = AskAgain(dataset, beside=beside)
     found: list[Regrounded] = []
     for trace in traces:
-        if not isinstance(trace.run, Answer) or trace.info.scene_kind != "oracle-map":
+        if not isinstance(trace.run, Answer) or trace.info.who_kind != "agent":
             continue
-        settings = settings_of(trace.info)
-        if settings is None:
-            found.append(Regrounded(trace, problem="is none of our grounders, so it cannot be asked again"))
-            continue
-        if settings not in made:
-            made[settings] = SceneGrounder(dataset, episode.key.scene, settings)
-        grounding = made[settings].ground(episode)
-        again = np.array([candidate.position for candidate in grounding.candidates], float).reshape(-1, 3)
-        if again.shape != trace.positions.shape or not np.allclose(again, trace.positions, rtol=0, atol=_SAME):
-            found.append(Regrounded(trace, problem="gives other points now than its run file holds"))
-        elif grounding.layers is not None:
-            found.append(Regrounded(trace, made[settings].memory(episode), grounding.layers))
+        again = asking.ask(trace.info, trace.run, episode)
+        if again.problem:
+            found.append(Regrounded(trace, problem=again.problem))
+        elif again.grounding is not None and again.grounding.layers is not None:
+            found.append(Regrounded(trace, again.memory, again.grounding.layers, again.map_file))
     return found
-
-
-def settings_of(info: RunInfo) -> GroundSettings | None:
-    """The settings with which `personal-viz ground` made a run; None where another program did."""
-    try:
-        return _SETTINGS.validate_python(
-            {
-                "method": info.who,
-                "map": info.config.get("map"),
-                "encoder": info.config.get("encoder"),
-                "seed": info.seed,
-                "all_storeys": info.config.get("all_storeys"),
-            }
-        )
-    except ValidationError:
-        return None
 
 
 def reground_markdown(regrounded: Sequence[Regrounded]) -> list[str]:
@@ -116,7 +94,7 @@ def log_layers(
 ) -> None:
     """Logs every layer on each storey that it has cells on, when the answer appears."""
     for item in regrounded:
-        if item.layers is None or item.memory is None:
+        if item.layers is None or not isinstance(item.memory, FeatureMap):
             continue
         assert isinstance(item.trace.run, Answer)
         set_answered(stream, item.trace.run)
@@ -158,18 +136,10 @@ class _Sheet:
         flat = rr.EncodedImage(contents=png, media_type="image/png", draw_order=5.0)
         stream.log(map_entity(self.trace, name, self.storey), flat)
         if np.isfinite(on_grid).any():
-            stream.log(home_entity(self.trace, name, self.storey), self._carpet(on_grid))
-
-    def _carpet(self, on_grid: NDArray[np.float32]) -> rr.Mesh3D:
-        """The cells that have a value as squares above the floor; a picture there would hide the home below it."""
-        rgb = np.array(Image.open(io.BytesIO(similarity_png(on_grid))).convert("RGBA"))[..., :3]
-        cells = np.argwhere(np.isfinite(on_grid))  # (C, 2)
-        corners = cells[:, None] + np.array([[0, 0], [0, 1], [1, 1], [1, 0]])  # (C, 4, 2)
-        xz = np.asarray(self.grid.origin_xz) + corners[..., ::-1] * self.grid.cell
-        points = np.insert(xz, 1, self.storey.floor_y + LIFT / 2, axis=-1).reshape(-1, 3)
-        squares = 4 * np.arange(len(cells))[:, None, None] + np.array([[0, 2, 1], [0, 3, 2]])
-        colors = np.repeat(rgb[cells[:, 0], cells[:, 1]], 4, axis=0)
-        return rr.Mesh3D(vertex_positions=points, triangle_indices=squares.reshape(-1, 3), vertex_colors=colors)
+            rgb = heat_rgb(on_grid)
+            stream.log(
+                home_entity(self.trace, name, self.storey), carpet(rgb, np.isfinite(on_grid), self.grid, self.storey)
+            )
 
     def _log_peaks(self, stream: rr.RecordingStream, name: str, peaks: NDArray[np.int64]) -> None:
         found = peaks[peaks >= 0]
@@ -199,15 +169,6 @@ def map_entity(trace: Trace, layer: str, storey: StoreyMap) -> str:
 def home_entity(trace: Trace, layer: str, storey: StoreyMap) -> str:
     """Entity of a layer above a storey's floor."""
     return paths.run_path(trace.label, LAYERS, layer, storey.part)
-
-
-def on_map(values: NDArray[np.float32], grid: GridSpec, storey: StoreyMap) -> NDArray[np.float32]:
-    """Values (R, C) of a coarse grid at the pixels of a storey's map; NaN outside the grid."""
-    rc = np.stack(np.meshgrid(*map(np.arange, storey.grid.shape), indexing="ij"), axis=-1)
-    cells = grid.rc_from_xz(storey.grid.xz_from_rc(rc))
-    inside = grid.contains(cells)
-    rows, cols = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
-    return np.where(inside, values[rows, cols], np.float32(np.nan))
 
 
 def outline(inside: NDArray[np.bool_], grid: GridSpec) -> NDArray[np.float64]:

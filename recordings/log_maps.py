@@ -59,7 +59,14 @@ def storey_map(navigation: NavigationMap, index: int) -> StoreyMap:
     """The map of one storey of a scene; the whole grid when nothing is free there."""
     floor_y = navigation.storey_heights[index]
     free, grid, _ = navigation.top_down(floor_y)
-    rows, cols = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
+    return cropped_map(index, floor_y, free, grid, around=free)
+
+
+def cropped_map(
+    index: int, floor_y: float, free: NDArray[np.bool_], grid: GridSpec, *, around: NDArray[np.bool_]
+) -> StoreyMap:
+    """A storey whose picture ends `MARGIN` behind the cells `around` (rows, cols); the whole grid where none is set."""
+    rows, cols = np.flatnonzero(around.any(axis=1)), np.flatnonzero(around.any(axis=0))
     if not len(rows):
         return StoreyMap(index, floor_y, free, grid)
     pad = round(MARGIN / grid.cell)

@@ -23,6 +23,11 @@ def log_identity(stream: rr.RecordingStream, episode: Episode, scene: Scene) -> 
     stream.send_recording_name(f"{episode.key} in {scene.label}")
     facts = rr.AnyValues(episode=str(episode.key), scene=scene.name, scene_kind=scene.kind, scene_digest=scene.digest)
     stream.send_property("episode", facts)
+    log_up(stream)
+
+
+def log_up(stream: rr.RecordingStream) -> None:
+    """Says which way is up."""
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
 
 

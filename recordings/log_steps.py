@@ -27,6 +27,8 @@ DEEPEST = 10.0
 BLOCKED_RGB: Rgb = (255, 80, 40)
 BLOCKED = -3.5
 """Radius of the marks where a wall stopped the robot, points of the screen."""
+SEEN_M2 = "seen_m2"
+"""Plotted where there is no goal: square metres of free floor seen so far, all storeys together."""
 _UP = np.array([0.0, LIFT, 0.0])
 
 
@@ -41,6 +43,8 @@ class Walker:
     camera: Camera
     is_timed: bool
     """Whether its steps measure seconds, as people's do."""
+    is_episode: bool = True
+    """Whether it has a goal and a run file: distances are then plotted, and its lines kept for `read_rrd`."""
 
     def entity(self, *parts: str) -> str:
         """Entity of this run."""
@@ -82,8 +86,9 @@ def log_styles(stream: rr.RecordingStream, walker: Walker, *, with_depth: bool) 
     stream.log(walker.entity("trail"), rr.LineStrips3D.from_fields(colors=[rgb], radii=[TRAIL]), static=True)
     marks = rr.Points3D.from_fields(colors=[BLOCKED_RGB], radii=[BLOCKED])
     stream.log(walker.entity("collisions"), marks, static=True)
-    for name, color in (("centre_distance", rgb), ("goal_distance", tuple(255 - (255 - part) // 2 for part in rgb))):
-        words = {"centre_distance": "to its centre", "goal_distance": "to walk"}[name]
+    lighter = tuple(255 - (255 - part) // 2 for part in rgb)
+    plotted = [("centre_distance", "to its centre", rgb), ("goal_distance", "to walk", lighter)]
+    for name, words, color in plotted if walker.is_episode else [(SEEN_M2, "free floor seen", rgb)]:
         style = rr.SeriesLines(names=words, colors=[color], widths=2.0)
         stream.log(walker.entity(name), style, static=True)
 
@@ -114,7 +119,8 @@ def log_rows(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row], ma
     colors = np.full(len(texts), rgba_u32(walker.rgb), np.uint32)
     columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
     stream.send_columns(walker.entity("actions"), times, columns)
-    log_record_steps(stream, walker.label, [row.step for row in taken if row.step is not None], times=times)
+    if walker.is_episode:
+        log_record_steps(stream, walker.label, [row.step for row in taken if row.step is not None], times=times)
     blocked = [row for row in taken if row.step is not None and row.step.collided]
     if blocked:
         spots = np.array([row.pose.position for row in blocked]) + _UP

@@ -49,6 +49,13 @@ def similarity_png(similarity: NDArray[np.float32]) -> bytes:
     return palette_png(np.round(levels).astype(np.uint8), HEAT_PALETTE)
 
 
+def rgb_png(pixels: NDArray[np.uint8]) -> bytes:
+    """(rows, cols, 4) red, green, blue, alpha."""
+    buffer = io.BytesIO()
+    Image.fromarray(pixels, "RGBA").save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()
+
+
 def palette_png(levels: NDArray[np.uint8], palette: NDArray[np.uint8]) -> bytes:
     """A PNG with few bits per cell: (rows, cols) indices into a palette (N, 3) RGB or (N, 4) RGBA."""
     image = Image.fromarray(levels, "P")

@@ -10,6 +10,7 @@ from sim.types import Camera, Observation
 
 from .live import LiveRecording, LiveSink
 from .live_episode import LiveEpisode
+from .log_goal import goal_region
 from .log_record import log_record_end, log_record_start
 from .log_run import Trace
 from .log_scene import log_identity
@@ -68,10 +69,11 @@ class RerunObserver:
         recording = self._sink.open(episode.key)
         stream, scene = recording.stream, self._scene
         live = LiveEpisode(
-            episode,
+            episode.start,
             scene,
             recording,
             self._walker,
+            goal=goal_region(episode, scene.navigation),
             may_show=self._may_show,
             follows=self._sink.kind == "address",
         )

@@ -1,6 +1,7 @@
 """Names inside a recording: entity paths, timelines, ids. Light; every other module of `recordings` uses these."""
 
 import re
+from typing import NamedTuple
 
 from sim.types import EpisodeKey
 
@@ -11,6 +12,8 @@ MESH = "/scene/mesh"
 TOPDOWN = "/scene/topdown"
 GOAL = "/goal"
 TASK = "/task"
+MEMORY = "/memory"
+"""Below it, by name: what explorations left behind (log_memory.py)."""
 RUNS = "/runs"
 RECORD = "record"
 """Below a run: the lines of its run file (log_record.py)."""
@@ -23,9 +26,39 @@ TIME_S = "time_s"
 TIMELINES = (STEP, PATH_M, TIME_S)
 
 
-def recording_id(key: EpisodeKey) -> str:
-    """Id of the one recording of an episode; files of one episode open as one recording."""
+class ExplorationKey(NamedTuple):
+    """What names one exploration of a home's storey: it has no episode and no goal."""
+
+    scene: str
+    storey: int
+    """Index from the lowest."""
+    seed: int
+
+    def __str__(self) -> str:
+        return f"explore/{self.scene}/storey{self.storey}/seed{self.seed}"
+
+
+class MapKey(NamedTuple):
+    """What names a recording of a map alone."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return f"map/{self.name}"
+
+
+RecordingKey = EpisodeKey | ExplorationKey | MapKey
+"""What names a recording."""
+
+
+def recording_id(key: RecordingKey) -> str:
+    """Id of the one recording of an episode or exploration; files of one episode open as one recording."""
     return f"personal/{key}"
+
+
+def file_name(key: RecordingKey) -> str:
+    """Of the recording's file in a folder of recordings."""
+    return f"{str(key).replace('/', '-')}.rrd"
 
 
 def escape_part(name: str) -> str:
@@ -39,6 +72,11 @@ def escape_part(name: str) -> str:
 def run_path(label: str, *parts: str) -> str:
     """Entity of a run: `/runs/<label>/<parts>`; the label is escaped, the parts are ours."""
     return "/".join((RUNS, escape_part(label), *parts))
+
+
+def memory_path(name: str, *parts: str) -> str:
+    """Entity of a map: `/memory/<name>/<parts>`; the name is escaped, the parts are ours."""
+    return "/".join((MEMORY, escape_part(name), *parts))
 
 
 def storey_part(index: int) -> str:

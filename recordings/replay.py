@@ -21,6 +21,7 @@ from .log_divergence import log_divergence
 from .log_goal import GoalRegion, goal_region, log_goal
 from .log_grounding import Regrounded, log_layers, reground, reground_markdown
 from .log_maps import StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map, storeys_of
+from .log_memory import log_memory, memory_markdown, named_memories
 from .log_record import log_record_answer, log_record_end, log_record_start, log_record_steps
 from .log_run import ANSWER_STEP, Trace, indexes, log_answer, log_no_clock, log_pictures, log_run, path_lengths, times
 from .log_scene import log_identity, log_scene
@@ -42,6 +43,7 @@ def log_comparison(
     with_pixels: bool,
     camera: Camera = Camera(),  # noqa: B008 - frozen value
     dataset: PersonalDataset | None = None,
+    beside: Sequence[Path] = (),
 ) -> Path:
     """Writes every run of one episode into one recording.
 
@@ -53,8 +55,9 @@ def log_comparison(
         renderer: Renders what the robots saw from their poses; None = no first-person pictures.
         with_pixels: Whether geometry and pictures of a licensed scan may be written; other homes need no leave.
         camera: The robots' camera.
-        dataset: Where the episode is from: grounders on oracle maps answer again, to show how they came to their
-            answers; None leaves that out.
+        dataset: Where the episode is from: grounders answer again, to show how they came to their answers; None leaves
+            that out.
+        beside: Folders that hold the run folders: maps that grounders answered on lie there too.
 
     Returns:
         `out`.
@@ -66,8 +69,10 @@ def log_comparison(
     _require_rrd(out)
     traces = select_traces(runs, episode.key)
     require_same_home(traces, scene)
-    regrounded = [] if dataset is None else reground(traces, episode, dataset)
+    regrounded = [] if dataset is None else reground(traces, episode, dataset, beside=beside)
     may_show = scene.kind != "scan" or with_pixels
+    if not may_show:  # maps of a scan come from its pictures
+        regrounded = [item for item in regrounded if item.map_file is None]
     shown_by = renderer if may_show else None
     _write(
         traces, regrounded, episode=episode, scene=scene, out=out, renderer=shown_by, may_show=may_show, camera=camera
@@ -91,9 +96,10 @@ def _write(
     maps = [storey_map(scene.navigation, index) for index in _floors_shown(traces, goal, scene)]
     best = best_two(traces)
     divergence = _divergence(traces, goal, best)
+    memories = named_memories([item.map_file for item in regrounded if item.map_file]) if may_show else []
     with open_recording(out, episode.key) as stream:
         # viewers show what they have while they read on; without a blueprint they arrange it by themselves, and play it
-        stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded))
+        stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded, memories=memories))
         log_identity(stream, episode, scene)
         log_task(
             stream,
@@ -102,10 +108,12 @@ def _write(
             traces,
             has_scan_pixels=scene.kind == "scan" and may_show,
             divergence=divergence,
-            more=reground_markdown(regrounded),
+            more=[*reground_markdown(regrounded), *(memory_markdown(item.name, item.memory) for item in memories)],
         )
         if may_show:
             _log_home(stream, scene, maps)
+        for item in memories:
+            log_memory(stream, item.name, item.memory, maps)
         stream.flush()
         later = _log_walks(stream, traces, episode, renderer, camera, best)
         _log_answers(stream, traces)

@@ -8,14 +8,13 @@ from pathlib import Path
 import rerun as rr
 
 from sim.errors import RecordingError
-from sim.types import EpisodeKey
 
 from . import paths
 
 
 @contextmanager
-def open_recording(out: Path, key: EpisodeKey) -> Iterator[rr.RecordingStream]:
-    """The recording of one episode; the file appears at `out` only when the block ends without an error.
+def open_recording(out: Path, key: paths.RecordingKey) -> Iterator[rr.RecordingStream]:
+    """The recording of one episode or exploration; the file appears at `out` only when the block ends without an error.
 
     Rerun's strict mode is on inside: it would else warn and drop what it cannot use. Times of logging are left out, so
     that two recordings of the same runs have the same content. Rerun's own file writer is not used: on a full disk it

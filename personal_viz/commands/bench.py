@@ -21,6 +21,8 @@ NAMES = ("bench-sim.json", "bench-sim.md", "bench-sim.png")
 """What a run of the simulator's benchmark writes into its folder."""
 RECORDING_NAMES = ("bench-recordings.json", "bench-recordings.md")
 """The same of the recordings' benchmark."""
+GROUNDING_NAMES = ("bench-grounding.json", "bench-grounding.md")
+"""The same of grounding's benchmark."""
 STUDY_NAMES = ("bench-study.json", "bench-study.md")
 """The same of the human study's benchmark."""
 
@@ -67,6 +69,34 @@ def bench_recordings(*, out: Path, quick: bool, json: bool) -> int:
         print(document)
         return 0
     _print_table("Recordings", figure_rows(figures))
+    print(f"Written to {data}, {table}")
+    return 0
+
+
+def bench_grounding(*, out: Path, quick: bool, json: bool) -> int:
+    """Measures grounding, writes GROUNDING_NAMES into `out` and prints the figures; progress goes to stderr.
+
+    Raises:
+        PersonalVizError: `out` cannot be written; found out before anything is measured.
+    """
+    from ..bench.grounding import FULL, QUICK, measure_grounding
+    from ..bench.grounding_table import figure_rows, markdown
+
+    _require_folder(out)
+    figures = measure_grounding(
+        QUICK if quick else FULL, progress=lambda line: print(line, file=sys.stderr, flush=True)
+    )
+    document = figures.model_dump_json(indent=2)
+    data, table = (out / name for name in GROUNDING_NAMES)
+    try:
+        write_whole(data, document + "\n")
+        write_whole(table, markdown(figures))
+    except OSError as error:
+        raise _unwritable(out, error) from None
+    if json:
+        print(document)
+        return 0
+    _print_table("Grounding", figure_rows(figures))
     print(f"Written to {data}, {table}")
     return 0
 

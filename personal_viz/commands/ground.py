@@ -1,163 +1,185 @@
-"""Verb `ground`: a grounder over POG episodes into a run folder, and the paper's POG table of it."""
+"""Verb `ground`: a grounder over POG episodes into a run folder, and the paper's POG table of it; sweeps over noise."""
 
-import json as json_module
+import hashlib
+import json
 import sys
-from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Literal
 
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
-from grounding.encoders import make_encoder
-from grounding.evaluate import GroundJob, GroundSettings, evaluate, select_jobs
-from grounding.grounders import Grounder, make_grounder
-from grounding.phrases import DatasetPhrases
+from grounding.encoders import encoder_slug, make_encoder
+from grounding.evaluate import GroundJob, evaluate, select_jobs
+from grounding.grounders import make_grounder
+from grounding.home_maps import MapFolders
+from grounding.settings import GroundSettings
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import PersonalVizError
-from sim.tasks.metrics import MetricRow, metric_rows
+from sim.errors import AgentError, PersonalVizError
+from sim.scenes.code_digest import code_digest
+from sim.scenes.kind import common_kind
+from sim.tasks.metrics import metric_rows
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import RunInfo, read_run
 from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS, Split
 
+from .ground_tables import ground_document, print_ground_table
 from .options import check_options
 
-_TOTAL_IS = "plain mean of the splits"
-"""As in the paper's Total column and in `personal-viz metrics`; `pooled` weighs every episode alike."""
+EXPLORATIONS = "explorations"
+"""Folder below --out that all maps of explored homes share."""
+_NOT_OF_THE_MAP = ("method", "phrases", "all_storeys")
+"""Settings that the same map serves."""
 
 
-def ground(
-    *,
-    dataset: Path,
-    method: Literal["random", "center", "qs", "rpg"],
-    map: Literal["oracle"],
-    encoder: Literal["hashed"],
-    out: Path,
-    run_id: str | None,
-    scene: tuple[str, ...] | None,
-    split: tuple[Split, ...] | None,
-    limit: int | None,
-    seed: int,
-    jobs: int,
-    json: bool,
-    all_storeys: bool = False,
-) -> int:
+@dataclass(frozen=True, slots=True)
+class GroundCall:
+    """One call of the verb."""
+
+    dataset: Path
+    settings: GroundSettings
+    maps: Path | None
+    """Folder of map files, for `--map PATH`."""
+    scenes_dir: Path | None
+    out: Path
+    run_id: str | None
+    scene: tuple[str, ...] | None
+    split: tuple[Split, ...] | None
+    limit: int | None
+    jobs: int
+    json: bool
+    sweep: str | None
+    """`NAME=V1,V2,...`: one run per value of this setting."""
+
+
+def ground(call: GroundCall) -> int:
     """Grounds episodes into `out/<run_id>`; a second call goes on where the first stopped. Prints the figures.
 
     Raises:
         PersonalVizError: Bad options, dataset or folder.
     """
-    check_options(run_id=run_id, limit=limit, jobs=jobs, seed=seed)
-    episodes = PersonalDataset(dataset)
-    settings = GroundSettings(method, map=map, encoder=encoder, seed=seed, all_storeys=all_storeys)
-    work = select_jobs(episodes, settings, splits=split or SPLITS, scenes=scene, limit=limit)
-    if not work:
-        raise PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
-    grounder = make_grounder(method, make_encoder(encoder), seed=seed)
-    storey = "all-storeys" if all_storeys else "storey-given"
-    run_id = run_id or f"ground-{method}-{map}-{encoder}-{storey}-seed{seed}"
-    folder = out / run_id
-    writer = RunWriter(folder, _info(run_id, episodes, settings, grounder))
-    _evaluate_with_progress(work, writer, processes=jobs)
-    run = read_run(folder)
-    chosen = {key for job in work for key in job.keys}
-    answers = tuple(answer for answer in run.answers if answer.key in chosen)
-    rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
-    if json:
-        print(json_module.dumps(_document(settings, grounder, rows, folder), indent=2))
-    else:
-        _print_table(settings, grounder, rows, folder)
+    check_options(run_id=call.run_id, limit=call.limit, jobs=call.jobs, seed=call.settings.seed)
+    episodes = PersonalDataset(call.dataset)
+    documents = []
+    for settings in [call.settings] if call.sweep is None else swept(call.settings, call.sweep):
+        info, folder = _ground_once(call, episodes, settings)
+        run = read_run(folder)
+        chosen = {key for job in _work(call, episodes, settings, info) for key in job.keys}
+        answers = tuple(answer for answer in run.answers if answer.key in chosen)
+        rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
+        if call.json:
+            documents.append(ground_document(settings, info, rows, folder))
+        else:
+            print_ground_table(settings, info, rows, folder)
+    if call.json:
+        print(json.dumps(documents if call.sweep else documents[0], indent=2))
     return 0
 
 
-def _phrase_source(grounder: Grounder) -> str:
-    """The phrase source's name, printed with every figure; "none" for a grounder that ignores phrases."""
-    return DatasetPhrases.name if grounder.uses_phrases else "none"
+def swept(settings: GroundSettings, sweep: str) -> list[GroundSettings]:
+    """The settings with each value of `NAME=V1,V2,...` in turn.
+
+    Raises:
+        AgentError: The name is no setting with numbers, or a value is none.
+    """
+    name, _, values = sweep.partition("=")
+    name = name.strip().replace("-", "_")
+    numbers = {
+        field.name: field.type for field in fields(settings) if field.type in (float, int) or name == "paraphrase"
+    }
+    if name not in numbers or name == "seed" or not values:
+        raise AgentError(
+            f"--sweep is {sweep!r}; expected NAME=V1,V2,... with object-noise, cell-noise, blur, view-noise, confusion "
+            "or paraphrase. Example: --sweep object-noise=0,0.1,0.2."
+        )
+    try:
+        parsed = [int(value) if name == "paraphrase" else float(value) for value in values.split(",")]
+    except ValueError:
+        raise AgentError(f"--sweep is {sweep!r}; expected numbers behind {name}=. Separate them by commas.") from None
+    return [replace(settings, **{name: value}) for value in parsed]
 
 
-def _info(run_id: str, dataset: PersonalDataset, settings: GroundSettings, grounder: Grounder) -> RunInfo:
-    phrases = _phrase_source(grounder)
-    storey = "all storeys" if settings.all_storeys else "storey given"
-    return make_run_info(
-        run_id,
-        who=settings.method,
-        who_kind="agent",
-        condition=f"{settings.map} map, {settings.encoder} encoder, phrases {phrases}, {storey}",
-        scene_kind="oracle-map",
-        dataset_digest=dataset.digest(),
-        seed=settings.seed,
-        config={
-            "map": settings.map,
-            "encoder": settings.encoder,
-            "phrases": phrases,
-            "all_storeys": settings.all_storeys,
-            "frame": grounder.frame,
-        },
-    )
-
-
-def _evaluate_with_progress(work: Sequence[GroundJob], writer: RunWriter, *, processes: int) -> None:
+def _ground_once(call: GroundCall, episodes: PersonalDataset, settings: GroundSettings) -> tuple[RunInfo, Path]:
+    info = _info(call, episodes, settings)
+    work = _work(call, episodes, settings, info)
+    if not work:
+        raise PersonalVizError(
+            f"{call.dataset}: the chosen splits and scenes hold no episode; expected one. Choose others."
+        )
+    folder = call.out / info.run_id
+    writer = RunWriter(folder, info)
     total = sum(len(job.keys) for job in work)
     left = sum(key not in writer.done for job in work for key in job.keys)
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
-        bar = progress.add_task(work[0].settings.method, total=total, completed=total - left)
-        evaluate(work, writer, processes=processes, on_episode=lambda: progress.update(bar, advance=1))
+        bar = progress.add_task(info.run_id, total=total, completed=total - left)
+        evaluate(work, writer, processes=call.jobs, on_episode=lambda: progress.update(bar, advance=1))
+    return info, folder
 
 
-def _document(settings: GroundSettings, grounder: Grounder, rows: dict[str, MetricRow], folder: Path) -> dict:
-    names = (*SPLITS, "total")
-    splits = [rows[split] for split in SPLITS if split in rows]
-    return {
-        "method": settings.method,
-        "encoder": settings.encoder,
-        "phrases": _phrase_source(grounder),
-        "map": settings.map,
-        "storey_given": not settings.all_storeys,
-        "frame": grounder.frame,
-        "seed": settings.seed,
-        "n": rows["total"].n,
-        "n_per_split": {split: rows[split].n if split in rows else 0 for split in SPLITS},
-        "sr": {name: _rounded(rows[name].sr) if name in rows else None for name in names},
-        "top3": {name: _rounded(rows[name].top3) if name in rows else None for name in names},
-        "total_is": _TOTAL_IS,
-        "pooled": {
-            "sr": _pooled([(row.sr, row.n) for row in splits]),
-            "top3": _pooled([(row.top3, row.n) for row in splits]),
-        },
-        "run": str(folder),
-    }
-
-
-def _pooled(figures: Sequence[tuple[float | None, int]]) -> float | None:
-    """Percent over all episodes together, of each split's percent and number of episodes."""
-    known = [(percent, n) for percent, n in figures if percent is not None]
-    return _rounded(sum(percent * n for percent, n in known) / sum(n for _, n in known)) if known else None
-
-
-def _rounded(percent: float | None) -> float | None:
-    return None if percent is None else round(percent, 2)
-
-
-def _print_table(settings: GroundSettings, grounder: Grounder, rows: dict[str, MetricRow], folder: Path) -> None:
-    storey = "all storeys merged" if settings.all_storeys else "storey given"
-    table = Table(
-        title=f"POG, {settings.map} map ({storey}), {settings.encoder} encoder, phrases {_phrase_source(grounder)}",
-        caption=f"Percent within 1 m of the target. {settings.method} chooses among: {grounder.frame}. "
-        f"Total = {_TOTAL_IS}.",
+def _work(call: GroundCall, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
+    folders = None
+    if settings.map != "oracle":
+        maps = call.maps or call.out / str(info.config["maps"])
+        folders = MapFolders(maps, call.out / EXPLORATIONS, call.scenes_dir)
+    return select_jobs(
+        episodes, settings, splits=call.split or SPLITS, scenes=call.scene, limit=call.limit, folders=folders
     )
-    table.add_column("Method")
-    table.add_column("")
-    names = [name for name in (*SPLITS, "total") if name in rows]
-    for name in names:
-        table.add_column(name.capitalize(), justify="right")
-    table.add_row(settings.method, "SR", *(_cell(rows[name].sr) for name in names))
-    table.add_row("", "k/n", *(f"{rows[name].k}/{rows[name].n}" for name in names))
-    table.add_row("", "top-3", *(_cell(rows[name].top3) for name in names))
-    Console(file=sys.stdout).print(table)
-    print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
 
 
-def _cell(percent: float | None) -> str:
-    return "-" if percent is None else f"{percent:.1f}"
+def _info(call: GroundCall, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
+    grounder = make_grounder(settings.method, make_encoder("hashed"), seed=settings.seed)  # its facts, no answers
+    phrases = settings.phrases if grounder.uses_phrases else "none"
+    storey = "all storeys" if settings.all_storeys else "storey given"
+    digest = episodes.digest()
+    kind = "oracle-map"
+    config = {**settings.config, "phrases": phrases, "frame": grounder.frame}
+    if settings.map != "oracle":
+        kind = common_kind(episodes, call.scene or episodes.scenes, call.scenes_dir)
+        config["maps"] = str(call.maps) if call.maps else f"{map_name(settings, digest, kind)}/maps"
+    return make_run_info(
+        (call.run_id and _swept_id(call, settings)) or run_name(settings),
+        who=settings.method,
+        who_kind="agent",
+        condition=f"{settings.condition}, phrases {phrases}, {storey}",
+        scene_kind=kind,
+        dataset_digest=digest,
+        seed=settings.seed,
+        config=config,
+    )
+
+
+def run_name(settings: GroundSettings) -> str:
+    """Folder name of a run: what is usual stays unsaid."""
+    storey = "all-storeys" if settings.all_storeys else "storey-given"
+    parts = [settings.method, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
+    if settings.phrases != "dataset":
+        parts.append(settings.phrases)
+    return f"ground-{'-'.join(parts)}-seed{settings.seed}"
+
+
+def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
+    """Folder name of the maps of explored homes that runs with these settings share; changed code makes new ones."""
+    made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
+    text = json.dumps([made_of, dataset_digest, kind, code_digest()], sort_keys=True)
+    parts = [encoder_slug(settings.encoder), *_unusual(settings), kind]
+    return f"map-{'-'.join(parts)}-seed{settings.seed}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def _unusual(settings: GroundSettings) -> list[str]:
+    """Words for the settings of the map that are not their defaults."""
+    skipped = {"method", "map", "encoder", "seed", "all_storeys", "phrases"}
+    changed = [field for field in fields(settings) if field.name not in skipped]
+    return [
+        f"{field.name.replace('_', '')}{'' if value is True else value}"
+        for field in changed
+        if (value := getattr(settings, field.name)) != field.default
+    ]
+
+
+def _swept_id(call: GroundCall, settings: GroundSettings) -> str:
+    """The run's own name, with the value of the swept setting behind it."""
+    if call.sweep is None:
+        return str(call.run_id)
+    name = call.sweep.partition("=")[0].strip().replace("-", "_")
+    return f"{call.run_id}-{name.replace('_', '-')}{getattr(settings, name)}"

@@ -53,6 +53,7 @@ def replay(
         renderer=renderer_of(scene) if has_pictures else None,
         with_pixels=with_pixels,
         dataset=episodes,
+        beside=[folder.resolve().parent for folder in runs],
     )
     print(f"{out}: {key} in {scene.label}. Open it with --open, or: rerun {out}")
     if not has_pictures:

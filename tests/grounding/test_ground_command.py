@@ -7,24 +7,19 @@ import numpy as np
 import pytest
 
 from grounding.evaluate import GroundSettings, SceneGrounder
-from personal_viz.commands.ground import ground
+from personal_viz.cli_ground import Ground
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import DatasetError, PersonalVizError, RunFileError
+from sim.errors import AgentError, DatasetError, PersonalVizError, RunFileError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.rules import scene_storeys, score_answer
 from sim.tasks.run_files import read_run
 
-DEFAULTS = {
-    "map": "oracle",
-    "encoder": "hashed",
-    "run_id": None,
-    "scene": None,
-    "split": None,
-    "limit": None,
-    "seed": 0,
-    "jobs": 1,
-    "json": True,
-}
+DEFAULTS = {"json": True}
+
+
+def ground(**options) -> int:
+    """The verb with these options, as the command line makes it."""
+    return Ground(**options).work()
 
 
 def document(capsys: pytest.CaptureFixture[str], **options) -> dict:
@@ -130,6 +125,40 @@ def test_bad_options_are_refused_before_anything_is_written(small_root: Path, tm
         with pytest.raises(PersonalVizError, match=rf"--run-id is '{name}'; expected 1 to 80 letters"):
             ground(**{**base, "run_id": name})
     assert not out.exists()
+
+
+def test_a_sweep_makes_one_run_per_value(small_root: Path, tmp_path: Path, capsys) -> None:
+    options = {"dataset": small_root, "method": "qs", "out": tmp_path, "encoder": "hashed"}
+    found = document(capsys, **options, sweep="object-noise=0,0.5")
+    assert [item["config"]["object_noise"] for item in found] == [0.0, 0.5]
+    assert found[0]["sr"] == document(capsys, **options)["sr"]
+    assert found[1]["run"].endswith("ground-qs-oracle-hashed-objectnoise0.5-storey-given-seed0")
+    assert found[1]["condition"] == "oracle map, hashed encoder, object noise 0.5, phrases none, storey given"
+    named = document(capsys, **options, sweep="object-noise=0.5", run_id="mine")
+    assert named[0]["run"].endswith("mine-object-noise0.5")
+    assert named[0]["sr"] == found[1]["sr"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"sweep": "seed=1,2"}, r"--sweep is 'seed=1,2'; expected NAME=V1,V2"),
+        ({"sweep": "encoder=hashed"}, r"--sweep is 'encoder=hashed'; expected NAME=V1,V2"),
+        ({"sweep": "blur=a"}, r"--sweep is 'blur=a'; expected numbers behind blur="),
+        ({"object_noise": -0.1}, r"--object-noise is -0.1; expected a number of at least 0"),
+        ({"object_noise": float("nan")}, r"--object-noise is nan"),
+        ({"view_noise": 0.1}, r"--view-noise is 0.1 with --map oracle; it means something with --map explore only"),
+        ({"map": "explore", "blur": 0.1}, r"--blur is 0.1 with --map explore; it means something with --map oracle"),
+        ({"map": "explore", "confusion": 1.5}, r"--confusion is 1.5; expected a share of 0 to 1"),
+        ({"layout": "fine"}, r"--layout is 'fine' on oracle maps; expected grid"),
+        ({"map": "explore", "layout": "objects"}, r"--method qs with --layout objects; expected object-phrase"),
+        ({"encoder": "word2vec"}, r"encoder 'word2vec': is not known; expected hashed, minilm"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(small_root: Path, tmp_path: Path, options: dict, message: str) -> None:
+    with pytest.raises(AgentError, match=message):
+        ground(dataset=small_root, method="qs", out=tmp_path / "runs", **options)
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """The checks for plug-ins: ours pass, and each breach of a contract is named."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ import pytest
 from grounding.baselines import QueryScoring
 from grounding.checks import check_encoder, check_grounder
 from grounding.encoder_hashed import HashedWords
-from grounding.grounders import make_grounder
+from grounding.grounders import GrounderName, make_grounder
+from grounding.memory_kinds import MemoryKind
 from grounding.rpg import PRESETS, RegionGated, RpgOptions
 from grounding.types import Grounding
 from sim.errors import AgentError
@@ -16,7 +18,7 @@ from sim.errors import AgentError
 WORDS = HashedWords()
 
 
-@pytest.mark.parametrize("name", ["random", "center", "qs", "rpg"])
+@pytest.mark.parametrize("name", get_args(GrounderName))
 def test_our_grounders_keep_the_contract(name) -> None:
     check_grounder(make_grounder(name, WORDS), WORDS)
 
@@ -86,6 +88,7 @@ class Changed:
     """QS whose candidates are changed by `edit`."""
 
     name, uses_phrases, frame = "changed", False, "non-empty cells"
+    takes: MemoryKind = "grid"
 
     def __init__(self, edit) -> None:
         self._edit = edit

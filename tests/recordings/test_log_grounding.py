@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from grounding.asked_again import settings_of
 from grounding.evaluate import GroundSettings, SceneGrounder
-from recordings.log_grounding import on_map, outline, reground, settings_of
+from recordings.carpets import on_map
+from recordings.log_grounding import outline, reground
 from recordings.log_maps import StoreyMap
 from recordings.traces import select_traces
 from sim.episodes.dataset import PersonalDataset

@@ -1,0 +1,1 @@
+"""Agents that explore: they see observations only."""

@@ -1,0 +1,118 @@
+"""Exploration: look at the frontier that is seen with the fewest actions, again and again, until none is left.
+
+Observation -> `Seeker` (map, frontiers, way) -> the goal chosen here -> next action.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from sim.tasks.observers import Insight
+from sim.types import TURN_STEP, Action, Camera, Observation, Task
+
+from .frontiers import Frontier
+from .seeking import Seeker, SeekSettings
+
+StopReason = Literal["no-frontier", "steps", "stuck"]
+MAX_STEPS = 2500
+"""Budget of an exploration (paper, Sec. IV; issue 7)."""
+FULL_TURN = round(2 * math.pi / TURN_STEP)
+_MOVED = 0.02
+"""A forward that moves the robot less than this, metres, moved it not at all."""
+_STUCK = 60
+"""Forwards in a row that did not move it after which it gives up."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrontierSettings:
+    """What the policy may be tuned with."""
+
+    max_steps: int = MAX_STEPS
+    """STOP at the latest as this action."""
+    seek: SeekSettings = field(default_factory=SeekSettings)
+    replan_steps: int = 4
+    """While a goal holds, a nearer one is looked for every so many steps."""
+    switch_gain: float = 3.0
+    """Actions that another frontier must save to be taken instead."""
+
+
+class FrontierExplorer:
+    """An `Agent` that explores the storey it starts on; it sees depth and where it is, and nothing else."""
+
+    def __init__(self, settings: FrontierSettings | None = None) -> None:
+        """Takes what it may be tuned with; None = the defaults."""
+        self.settings = settings or FrontierSettings()
+
+    def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
+        """Begins with an empty map, whatever `keep_memory` says: each episode has a start frame of its own."""
+        rng = np.random.default_rng(seed)
+        self._turn = Action.LEFT if rng.integers(2) else Action.RIGHT
+        self._seeker = Seeker(camera, self.settings.seek)
+        self._frontiers: list[Frontier] = []
+        self._turns_left, self._has_looked_around = FULL_TURN, False
+        self._planned_at = 0
+        self._note = "looking around at the start"
+        self._last: tuple[Action, tuple[float, float]] | None = None
+        self._unmoved = 0
+        self.stop_reason: StopReason | None = None
+        """Why it stopped; None while it explores."""
+
+    def act(self, observation: Observation) -> Action:
+        """The next action; STOP when no frontier is left, as the last step, or when it cannot move."""
+        self._seeker.see(observation)
+        self._count_unmoved()
+        action = self._choose(observation.step)
+        if action is not Action.STOP and observation.step + 1 >= self.settings.max_steps:
+            self.stop_reason, self._note, action = "steps", "no step is left", Action.STOP
+        self._last = (action, self._seeker.memory.xz)
+        return action
+
+    def insight(self) -> Insight:
+        """The map so far, the frontiers, where it goes and why."""
+        return self._seeker.insight(self._frontiers, note=self._note)
+
+    def _choose(self, step: int) -> Action:
+        if self._unmoved >= _STUCK:
+            return self._stop("stuck", f"{_STUCK} forwards in a row led nowhere")
+        while not self._turns_left:
+            self._look_for_nearer(step)
+            action = self._seeker.pursue()
+            if action is not None:
+                return action
+            self._frontiers = self._seeker.frontiers()
+            if self._frontiers and math.isfinite(self._frontiers[0].cost):
+                self._take(self._frontiers[0], step)
+            elif not self._seeker.forgive():
+                if not self._frontiers or self._has_looked_around:
+                    return self._stop("no-frontier", f"{len(self._frontiers)} frontiers are left, out of reach")
+                self._turns_left, self._note = FULL_TURN, "no frontier can be reached: looking around"
+                self._has_looked_around = True
+        self._turns_left -= 1
+        return self._turn
+
+    def _look_for_nearer(self, step: int) -> None:
+        """Every few steps: plans the way anew, and goes to another frontier where that saves actions."""
+        if self._seeker.goal is None or step - self._planned_at < self.settings.replan_steps:
+            return
+        self._seeker.replan()
+        self._frontiers, self._planned_at = self._seeker.frontiers(), step
+        if self._frontiers and self._frontiers[0].cost + self.settings.switch_gain < self._seeker.cost_left:
+            self._take(self._frontiers[0], step)
+
+    def _take(self, frontier: Frontier, step: int) -> None:
+        self._seeker.choose(frontier)
+        self._planned_at, self._has_looked_around = step, False
+        self._note = f"to a frontier of {len(frontier.cells_rc)} cells, {frontier.cost:.0f} actions away"
+
+    def _stop(self, reason: StopReason, note: str) -> Action:
+        self._seeker.choose(None)
+        self.stop_reason, self._note = reason, note
+        return Action.STOP
+
+    def _count_unmoved(self) -> None:
+        """Counts forwards that did not move the robot; any that did ends the row."""
+        if self._last is not None and self._last[0] is Action.FORWARD:
+            moved = math.dist(self._last[1], self._seeker.memory.xz) >= _MOVED
+            self._unmoved = 0 if moved else self._unmoved + 1

@@ -1,0 +1,135 @@
+"""Frontiers (Yamauchi): where known free floor meets the unknown, grouped, with the best place to look from.
+
+Ground of a `FloorMemory` -> groups of unknown cells -> `Frontier`s with what it costs to see them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sim.tasks.observers import FREE, UNKNOWN
+from sim.types import FORWARD_STEP, TURN_STEP, Camera
+
+from .floor_memory import Ground
+from .plan_kernels import best_views, spread_costs
+
+MIN_CELLS = 5
+"""Smaller groups are too narrow to lead anywhere: a quarter of a metre."""
+VIEW_RANGE = 4.0
+"""Frontiers are looked at from no farther, metres, so that what is behind them comes into the sensor's range."""
+LOOK_COST = 3.0
+"""Actions that looking down and up again counts; two, and one for what is not seen meanwhile."""
+_PASSABLE = 2
+"""A frontier is within so many cells of where the robot's centre can be; others are too narrow to lead anywhere."""
+_EDGE = 3.0
+"""Cells beside the nearest floor in a picture that are not counted on: away from its middle the nearest is farther."""
+_HERE = 0.4
+"""Places that cost fewer actions are where the robot stands."""
+_PER_GROUP = 12
+"""Unknown cells of a group from which places are looked for."""
+_SOURCE_REACH = 0.25
+"""The way begins at free cells this near to the robot, metres, which may stand closer to things than plans allow."""
+
+
+class Frontier(NamedTuple):
+    """One frontier and how it is best seen."""
+
+    cells_rc: NDArray[np.int64]
+    """(K, 2) its unknown cells on the ground's grid."""
+    middle_xz: tuple[float, float]
+    """Of its cells, metres."""
+    cost: float
+    """Actions until it is seen; inf where no known way leads to a place to look from."""
+    place_xz: tuple[float, float]
+    """Where to stand."""
+    target_xz: tuple[float, float]
+    """The unknown cell to look at."""
+    looks_down: bool
+    """Whether it is too near for a level camera."""
+
+
+def reach_of(camera: Camera, cell: float) -> tuple[float, float, float]:
+    """(nearest with the camera one look down, nearest with it level, farthest) cells from which floor is seen."""
+    half = math.atan(camera.height / 2 / camera.focal)
+    nearest = [camera.mount_height / math.tan(half + tilt) for tilt in (TURN_STEP, 0.0)]
+    return nearest[0] / cell + _EDGE, nearest[1] / cell + _EDGE, max(VIEW_RANGE, nearest[1] + 0.5) / cell
+
+
+def costs_from(ground: Ground, xz: tuple[float, float]) -> NDArray[np.float64]:
+    """(rows, cols) actions to walk to each cell of the ground, turns not counted; inf where no known way leads."""
+    u, v = ground.grid.uv_from_xz(np.array(xz))
+    rows, cols = ground.cells.shape
+    reach = math.ceil(_SOURCE_REACH / ground.grid.cell)
+    r0, c0 = max(int(v) - reach, 0), max(int(u) - reach, 0)
+    near = np.ones((min(int(v) + reach + 1, rows) - r0, min(int(u) + reach + 1, cols) - c0))
+    rc = np.argwhere(near) + np.array([r0, c0])
+    away = np.hypot(rc[:, 0] + 0.5 - v, rc[:, 1] + 0.5 - u) * ground.grid.cell / FORWARD_STEP
+    return spread_costs(ground.weights, rc, away)
+
+
+def find_frontiers(
+    ground: Ground,
+    costs: NDArray[np.float64],
+    *,
+    banned: NDArray[np.bool_],
+    robot: tuple[float, float, float],
+    is_tilted: bool,
+    camera: Camera,
+    min_cells: int = MIN_CELLS,
+) -> list[Frontier]:
+    """All frontiers, cheapest first; those that cannot be looked at come last, with cost inf.
+
+    Args:
+        ground: What is known.
+        costs: From `costs_from`.
+        banned: (rows, cols) unknown cells that are left out.
+        robot: Its x, z and yaw.
+        is_tilted: Whether its camera looks down.
+        camera: Of the robot.
+        min_cells: Smaller groups are dropped.
+    """
+    is_free = ground.cells == FREE
+    beside = ndimage.binary_dilation(is_free)  # 4-neighbours: nothing is beside free floor across a corner of a wall
+    mask = beside & (ground.cells == UNKNOWN) & ~banned
+    mask &= ndimage.binary_dilation(np.isfinite(costs), iterations=_PASSABLE)
+    labels, count = ndimage.label(mask, structure=np.ones((3, 3)))  # type: ignore[misc]
+    if not count:
+        return []
+    rc = np.argwhere(mask)
+    group = labels[mask] - 1
+    sizes = np.bincount(group, minlength=count)
+    order = np.argsort(group, kind="stable")
+    members = np.split(rc[order], np.cumsum(sizes)[:-1])
+    members = [cells for cells in members if len(cells) >= min_cells]
+    if not members:
+        return []
+    sampled = [cells[np.linspace(0, len(cells) - 1, min(len(cells), _PER_GROUP)).astype(int)] for cells in members]
+    u, v = ground.grid.uv_from_xz(np.array(robot[:2]))
+    found = best_views(
+        np.concatenate(sampled),
+        np.repeat(np.arange(len(members)), [len(cells) for cells in sampled]),
+        len(members),
+        ground.assumed,
+        costs,
+        (float(u), float(v), robot[2]),
+        reach_of(camera, ground.grid.cell),
+        TURN_STEP,
+        LOOK_COST,
+        _HERE,
+        is_tilted,
+    )
+    frontiers = [
+        Frontier(
+            cells, _xz(ground, cells.mean(axis=0)), float(cost), _xz(ground, place), _xz(ground, target), bool(down)
+        )
+        for cells, cost, place, target, down in zip(members, *found, strict=True)
+    ]
+    return sorted(frontiers, key=lambda frontier: frontier.cost)
+
+
+def _xz(ground: Ground, rc: NDArray) -> tuple[float, float]:
+    x, z = ground.grid.xz_from_uv(np.asarray(rc, float)[::-1] + 0.5)
+    return float(x), float(z)

@@ -1,0 +1,181 @@
+"""Compiled loops over the cells of a robot's own map: path costs, places to look from, and the next heading.
+
+Cells are (row, col); u = column axis and v = row axis in cells with fractions; costs are counted in actions.
+"""
+
+import math
+
+import numpy as np
+
+from sim.compiled import njit
+from sim.world.heap import pop, push
+
+_DIAGONAL = math.sqrt(2.0)
+FREE, OCCUPIED = 1, 2
+"""Of sim.tasks.observers; compiled loops cannot import values that may change."""
+_AWAY_COST = 20.0
+"""Actions that a straight way counts more which does not lead nearer: the last resort in a tight place."""
+_UNKNOWN_DEPTH = 3
+"""A ray from an unknown cell may cross so many cells before it must be on known free floor."""
+
+
+@njit(cache=True, nogil=True)
+def spread_costs(weights, source_rc, source_cost):
+    """(rows, cols) cost of the cheapest way from the sources, inf where there is none: Dijkstra over 8 neighbours.
+
+    Args:
+        weights: (rows, cols) cost of crossing a cell from side to side, inf where it is blocked.
+        source_rc: (S, 2) cells to begin with; a blocked one is left out.
+        source_cost: (S,) what they cost.
+    """
+    rows, cols = weights.shape
+    costs = np.full((rows, cols), math.inf)
+    keys = np.empty(8 * rows * cols + len(source_rc) + 1)
+    values = np.empty(len(keys), np.int32)
+    size = 0
+    for k in range(len(source_rc)):
+        r, c = source_rc[k]
+        if math.isfinite(weights[r, c]) and source_cost[k] < costs[r, c]:
+            costs[r, c] = source_cost[k]
+            size = push(keys, values, size, source_cost[k], r * cols + c)
+    closed = np.zeros((rows, cols), np.bool_)
+    while size:
+        at, size = pop(keys, values, size)
+        r, c = at // cols, at % cols
+        if closed[r, c]:
+            continue
+        closed[r, c] = True
+        for dr in range(-1, 2):
+            for dc in range(-1, 2):
+                to_r, to_c = r + dr, c + dc
+                if to_r < 0 or to_c < 0 or to_r >= rows or to_c >= cols or closed[to_r, to_c]:
+                    continue
+                if not math.isfinite(weights[to_r, to_c]):
+                    continue
+                is_diagonal = dr != 0 and dc != 0
+                if is_diagonal and not (math.isfinite(weights[r, to_c]) and math.isfinite(weights[to_r, c])):
+                    continue  # no corner is cut
+                length = _DIAGONAL if is_diagonal else 1.0
+                total = costs[r, c] + length * 0.5 * (weights[r, c] + weights[to_r, to_c])
+                if total < costs[to_r, to_c]:
+                    costs[to_r, to_c] = total
+                    size = push(keys, values, size, total, to_r * cols + to_c)
+    return costs
+
+
+@njit(cache=True, nogil=True)
+def best_views(targets, groups, num_groups, cells, costs, robot, reach, turn_step, look_cost, here, is_tilted):
+    """For each group of unknown cells the cheapest place from which one of them can be seen.
+
+    Args:
+        targets: (T, 2) unknown cells beside known free ones.
+        groups: (T,) group of each.
+        num_groups: G.
+        cells: (rows, cols) UNKNOWN, FREE or OCCUPIED.
+        costs: (rows, cols) actions to get there, inf where the robot cannot.
+        robot: Its column and row with fractions, and its yaw.
+        reach: (nearest with the camera down, nearest with it level, farthest) in cells.
+        turn_step: Radians of one turn.
+        look_cost: Actions of looking down and up again.
+        here: Cells that cost less count as where the robot stands.
+        is_tilted: Whether the camera looks down now; then it may go on while the robot only turns.
+
+    Returns:
+        cost (G,), inf where there is no such place; place (G, 2); target (G, 2); whether to look down (G,).
+    """
+    rows, cols = cells.shape
+    best = np.full(num_groups, math.inf)
+    place = np.zeros((num_groups, 2), np.int64)
+    target = np.zeros((num_groups, 2), np.int64)
+    down = np.zeros(num_groups, np.bool_)
+    num_rays = 48
+    for t in range(len(targets)):
+        g = groups[t]
+        for ray in range(num_rays):
+            angle = 2 * math.pi * ray / num_rays
+            dr, dc = math.sin(angle), math.cos(angle)
+            # the robot stands along the ray and looks back: forward of yaw a is (-sin a, -cos a) in (u, v)
+            facing = math.atan2(dc, dr)
+            turns_here = _turns(facing - robot[2], turn_step)
+            for k in range(1, int(reach[2]) + 1):
+                r, c = round(targets[t, 0] + k * dr), round(targets[t, 1] + k * dc)
+                if r < 0 or c < 0 or r >= rows or c >= cols or cells[r, c] == OCCUPIED:
+                    break
+                if cells[r, c] != FREE and k > _UNKNOWN_DEPTH:
+                    break
+                if k < reach[0] or not costs[r, c] < best[g]:
+                    continue
+                needs_down = k < reach[1]
+                is_here = costs[r, c] < here
+                look = 0.0 if is_here and is_tilted else look_cost if needs_down else 0.0
+                if is_here:
+                    total = turns_here + look
+                else:
+                    along = math.atan2(robot[0] - c - 0.5, robot[1] - r - 0.5)
+                    turns = _turns(along - robot[2], turn_step) + _turns(facing - along, turn_step)
+                    total = costs[r, c] + turns + look + (1.0 if is_tilted else 0.0)
+                if total < best[g]:
+                    best[g], down[g] = total, needs_down
+                    place[g, 0], place[g, 1] = r, c
+                    target[g, 0], target[g, 1] = targets[t, 0], targets[t, 1]
+    return best, place, target, down
+
+
+@njit(cache=True, nogil=True)
+def _turns(angle, turn_step):
+    """Turns until a robot faces an angle away, about; what is within half a turn is in the middle of the view."""
+    away = abs((angle + math.pi) % (2 * math.pi) - math.pi)
+    return max(0.0, away - 0.5 * turn_step) / turn_step
+
+
+@njit(cache=True, nogil=True)
+def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, closed_cost, blocked):
+    """(turns, cost): how far to turn first (positive = left) for the straight way that leads best to the goal.
+
+    Args:
+        weights: (rows, cols) as for `spread_costs`; nan where nothing may be crossed even to get out of a tight place.
+        to_go: (rows, cols) actions from each cell to the goal.
+        u: Robot's column, with fraction.
+        v: Its row.
+        yaw: Where it looks.
+        step: Cells of one forward.
+        turn_step: Radians of one turn.
+        most_forwards: Longest straight way that is tried.
+        closed_cost: Actions to cross a blocked cell, which a robot that stands in one may do for one forward.
+        blocked: (num_turns,) headings, counted in turns to the left of the present one, that led nowhere from here.
+
+    Returns:
+        Cost is inf where every heading is blocked; a way that leads away is taken where none leads nearer.
+    """
+    rows, cols = weights.shape
+    here_r, here_c = int(v), int(u)
+    here = to_go[here_r, here_c]
+    is_open = math.isfinite(here)  # else the robot stands closer to things than plans go
+    best, best_turns = math.inf, 0
+    num_turns = round(2 * math.pi / turn_step)
+    for order in range(num_turns):
+        turns = (order + 1) // 2 * (1 if order % 2 else -1)
+        if blocked[turns % num_turns]:
+            continue
+        angle = yaw + turns * turn_step
+        du, dv = -math.sin(angle), -math.cos(angle)
+        entered, walked = is_open, 0.0
+        for k in range(1, int(most_forwards * step) + 1):
+            r, c = math.floor(v + k * dv), math.floor(u + k * du)
+            if r < 0 or c < 0 or r >= rows or c >= cols or math.isnan(weights[r, c]):
+                break
+            if math.isfinite(to_go[r, c]):
+                entered = True
+                walked += weights[r, c]
+            elif entered or k > step:
+                break
+            else:
+                walked += closed_cost
+            if not entered or k % int(step) != 0 or not math.isfinite(to_go[r, c]):
+                continue
+            total = abs(turns) + walked + to_go[r, c]
+            if not to_go[r, c] < here - 0.1:
+                total += _AWAY_COST
+            if total < best - 1e-9:
+                best, best_turns = total, turns
+    return best_turns, best

@@ -1,0 +1,257 @@
+"""Going to see a frontier: what every exploring agent does once it has chosen one.
+
+`Seeker` keeps the map, the frontiers that failed, and the way; agents choose which frontier it pursues.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.frames import wrap_angle, yaw_towards
+from sim.tasks.observers import UNKNOWN, Insight
+from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation
+
+from .floor_memory import FloorMemory, Ground
+from .frontiers import Frontier, costs_from, find_frontiers, reach_of
+from .plan_kernels import best_heading, spread_costs
+
+_ARRIVED = 0.8
+"""Actions from the place to look from that count as there: a forward would pass it."""
+_STRAIGHT = 6
+"""Forwards in a row that a heading is judged by."""
+_CLOSED_COST = 2.0
+"""Actions that a cell counts which is too near to things for plans, where the robot stands in one."""
+_SAME_PLACE = 0.08
+"""A heading that led into a wall is not tried again within this many metres."""
+_BAN_RADIUS = 0.5
+"""What was looked for in vain is left alone this far around, metres."""
+_NEWS = 100
+"""Cells of new floor that make another round worth while: a quarter of a square metre."""
+_PROGRESS = 0.5
+"""Actions that the way must become shorter to count as coming nearer."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeekSettings:
+    """How frontiers are pursued and given up."""
+
+    min_cells: int = 5
+    """Smaller frontiers are dropped: too narrow."""
+    ban_steps: int = 150
+    """For so many steps a frontier is left alone that stayed unknown when it was looked at."""
+    tries: int = 2
+    """A frontier that stayed unknown so often is given up."""
+    detour_steps: int = 40
+    """For so many steps a frontier is left alone that could not be reached."""
+    rounds: int = 12
+    """So often all that is left alone comes back at once, in a row without new floor, before the robot is done."""
+    bump_steps: int = 300
+    """For so many steps a collision blocks its place."""
+    most_bumps: int = 8
+    """Collisions on the way to one goal after which it counts as out of reach."""
+    dull_steps: int = 150
+    """After so many steps without new floor the present goal has failed, and each next one after a third of them."""
+    patience: int = 15
+    """Steps without coming nearer after which a goal counts as out of reach."""
+
+
+class _Way(NamedTuple):
+    """How to get to the goal, as planned once."""
+
+    ground: Ground
+    to_go: NDArray[np.float64]
+    """(rows, cols) actions from each cell to the place to look from."""
+
+
+class Seeker:
+    """The part of an explorer that remembers, plans and walks. Frame: start."""
+
+    def __init__(self, camera: Camera, settings: SeekSettings) -> None:
+        """Knows nothing yet."""
+        self.memory = FloorMemory(bump_steps=settings.bump_steps)
+        self.goal: Frontier | None = None
+        """What it goes to see."""
+        self._camera, self._settings = camera, settings
+        self._step = 0
+        self._banned_until = np.zeros(self.memory.grid.shape, np.int32)
+        self._failures = np.zeros(self.memory.grid.shape, np.uint8)
+        self._way: _Way | None = None
+        self._best_to_go, self._nearer_at = math.inf, 0
+        self._bumps = 0
+        self._known_before, self._rounds = 0, 0
+        self._known, self._news_at = 0, 0
+
+    def see(self, observation: Observation) -> None:
+        """Adds what is sensed.
+
+        Raises:
+            AgentError: The observation has no depth.
+        """
+        self.memory.see(observation)
+        self._step = observation.step
+        known = self.memory.num_known
+        if known > self._known + _NEWS:
+            self._known, self._news_at = known, self._step
+        if observation.collided:
+            self._way = None
+            self._bumps += 1
+            self._best_to_go, self._nearer_at = math.inf, self._step  # the way round may be longer
+
+    def frontiers(self) -> list[Frontier]:
+        """Those that are not left alone now, cheapest to see first; cost inf where no known way leads."""
+        ground = self.memory.ground()
+        banned = self._cut(self._banned_until > self._step, ground)
+        costs = costs_from(ground, self.memory.xz)
+        return find_frontiers(
+            ground,
+            costs,
+            banned=banned,
+            robot=(*self.memory.xz, self.memory.yaw),
+            is_tilted=self.memory.is_tilted,
+            camera=self._camera,
+            min_cells=self._settings.min_cells,
+        )
+
+    def choose(self, goal: Frontier | None) -> None:
+        """Goes to see `goal` from now on."""
+        self.goal, self._way = goal, None
+        self._best_to_go, self._nearer_at, self._bumps = math.inf, self._step, 0
+
+    def replan(self) -> None:
+        """Plans the way anew before the next action."""
+        self._way = None
+
+    @property
+    def cost_left(self) -> float:
+        """Actions until the goal is seen, turns at its place included; inf without a goal or a way."""
+        if self.goal is None:
+            return math.inf
+        turn = abs(wrap_angle(yaw_towards(self.goal.place_xz, self.goal.target_xz) - self.memory.yaw))
+        return self._to_go() + max(0.0, turn / TURN_STEP - 0.5)
+
+    def forgive(self) -> bool:
+        """Forgets collisions, and what was left alone but not given up; False where that helped too often not."""
+        known = self.memory.num_known
+        is_news = known > self._known_before + _NEWS
+        self._known_before, self._rounds = known, 0 if is_news else self._rounds + 1
+        waiting = (self._banned_until > self._step) & (self._failures < self._settings.tries)
+        if self._rounds >= self._settings.rounds:
+            return False
+        self._banned_until[waiting] = 0
+        return bool(waiting.any()) | self.memory.forget_bumps()
+
+    def pursue(self) -> Action | None:
+        """The next action towards seeing the goal; None when it is seen or has failed, or there is none."""
+        goal = self.goal
+        if goal is None:
+            return None
+        if self.memory.cell_at(goal.target_xz) != UNKNOWN:
+            self.choose(None)
+            return None
+        if self._step - self._news_at > self._settings.dull_steps:
+            self._news_at += self._settings.dull_steps // 3
+            self._leave(goal, for_steps=self._settings.ban_steps, has_looked=True)
+            return None
+        to_go = self._to_go()
+        if to_go < self._best_to_go - _PROGRESS:
+            self._best_to_go, self._nearer_at = to_go, self._step
+        if to_go < _ARRIVED:
+            return self._look(goal)
+        action = self._walk() if math.isfinite(to_go) else None
+        if (
+            action is None
+            or self._bumps >= self._settings.most_bumps
+            or self._step - self._nearer_at > self._settings.patience
+        ):
+            self._leave(goal, for_steps=self._settings.detour_steps)
+            return None
+        return action
+
+    def insight(self, frontiers: Sequence[Frontier], *, note: str) -> Insight:
+        """The map so far, the goal, and what the agent says of it."""
+        memory, goal = self.memory, self.goal
+        return Insight(
+            grid=memory.grid,
+            occupancy=memory.cells,
+            frontiers=np.array([frontier.middle_xz for frontier in frontiers], float).reshape(-1, 2),
+            goal=None if goal is None else (goal.place_xz[0], memory.floor_y, goal.place_xz[1]),
+            note=note,
+        )
+
+    def _look(self, goal: Frontier) -> Action | None:
+        """Faces the target, then looks down where it is near; if it stays unknown, the goal has failed."""
+        away = wrap_angle(yaw_towards(self.memory.xz, goal.target_xz) - self.memory.yaw)
+        if abs(away) > TURN_STEP / 2 + 1e-3:
+            return Action.LEFT if away > 0 else Action.RIGHT
+        distance = math.dist(self.memory.xz, goal.target_xz) / self.memory.grid.cell
+        if distance < reach_of(self._camera, self.memory.grid.cell)[1] and not self.memory.is_tilted:
+            return Action.LOOK_DOWN
+        self._leave(goal, for_steps=self._settings.ban_steps, has_looked=True)
+        return None
+
+    def _walk(self) -> Action | None:
+        """The next turn or forward along the way; None where every heading is blocked."""
+        assert self._way is not None
+        ground = self._way.ground
+        u, v = ground.grid.uv_from_xz(np.array(self.memory.xz))
+        step = FORWARD_STEP / ground.grid.cell
+        turns, cost = best_heading(
+            ground.weights,
+            self._way.to_go,
+            float(u),
+            float(v),
+            self.memory.yaw,
+            step,
+            TURN_STEP,
+            _STRAIGHT,
+            _CLOSED_COST,
+            self._blocked(),
+        )
+        if not math.isfinite(cost):
+            return None
+        if turns:
+            return Action.LEFT if turns > 0 else Action.RIGHT
+        return Action.LOOK_UP if self.memory.is_tilted else Action.FORWARD
+
+    def _blocked(self) -> NDArray[np.bool_]:
+        """(12,) headings, in turns to the left, in which the robot collided about here."""
+        found = np.zeros(round(2 * math.pi / TURN_STEP), bool)
+        for bump in self.memory.bumps:
+            if bump.until > self._step and math.dist(bump.xz, self.memory.xz) < _SAME_PLACE:
+                found[round(wrap_angle(bump.yaw - self.memory.yaw) / TURN_STEP) % len(found)] = True
+        return found
+
+    def _to_go(self) -> float:
+        """Actions to the goal's place, turns not counted."""
+        assert self.goal is not None
+        if self._way is None:
+            ground = self.memory.ground()
+            place = ground.grid.rc_from_xz(np.array([self.goal.place_xz]))
+            self._way = _Way(ground, spread_costs(ground.weights, place, np.zeros(1)))
+        grid, to_go = self._way.ground.grid, self._way.to_go
+        (row, col) = grid.rc_from_xz(np.array(self.memory.xz))
+        here = to_go[max(row - 2, 0) : row + 3, max(col - 2, 0) : col + 3]  # the robot may stand closer than plans go
+        return float(here.min())
+
+    def _leave(self, goal: Frontier, *, for_steps: int, has_looked: bool = False) -> None:
+        """Leaves alone what the goal's group has near its target; it counts as a failure if it was looked at."""
+        grid = self.memory.grid
+        (row, col) = grid.rc_from_xz(np.array(goal.target_xz))
+        reach = round(_BAN_RADIUS / grid.cell)
+        area = (slice(max(row - reach, 0), row + reach + 1), slice(max(col - reach, 0), col + reach + 1))
+        self._failures[area] += has_looked
+        self._banned_until[area] = self._step + for_steps * np.maximum(self._failures[area].astype(np.int32), 1)
+        given_up = self._failures[area] >= self._settings.tries
+        self._banned_until[area][given_up] = np.iinfo(np.int32).max
+        self.choose(None)
+
+    def _cut(self, image: NDArray[np.bool_], ground: Ground) -> NDArray[np.bool_]:
+        """The part of an image of the whole grid that the ground covers."""
+        rows, cols = ground.cells.shape
+        corner = np.array([ground.grid.origin_xz]) + ground.grid.cell / 2
+        ((row, col),) = self.memory.grid.rc_from_xz(corner)
+        return image[row : row + rows, col : col + cols]

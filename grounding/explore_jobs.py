@@ -1,0 +1,95 @@
+"""Explorations of many homes: one job per storey, each kept in a file of its own, so that a second call goes on.
+
+Dataset or seeds -> `ExploreJob`s -> `run_job` in worker processes -> files -> `Exploration`s.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import RunFileError, SceneError
+from sim.scenes.invent import invent_plan
+from sim.scenes.kind import plan_of
+from sim.scenes.plan import HomePlan
+from sim.scenes.scene import Scene
+from sim.types import Camera
+
+from .exploration_files import load_exploration, save_exploration
+from .explore import Exploration, explore, start_on_storey
+
+Storeys = Literal["start", "all"]
+"""`start`: the storey with the most floor; `all`: each of them, from a start of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExploreJob:
+    """All that a worker process needs to explore one home."""
+
+    scene: str
+    seed: int
+    """Of the start and of the agent."""
+    max_steps: int
+    camera: Camera
+    storeys: Storeys
+    out: Path
+    """Folder of the explorations' files."""
+    dataset_root: Path | None = None
+    """Whose home it is; None = an invented home."""
+    scenes_dir: Path | None = None
+    home_seed: int = 0
+    """Of the invented home."""
+
+
+def run_job(job: ExploreJob) -> tuple[Exploration, ...]:
+    """Explores the job's storeys, lowest first; what lies in its folder already is read instead.
+
+    Raises:
+        DatasetError: The dataset has no such scene.
+        SceneError: The home cannot be opened, or a storey has no place to start.
+        RunFileError: A file in the folder is damaged, or of an exploration with other settings.
+    """
+    scene, plan = _opened(job)
+    found = []
+    heights = scene.navigation.storey_heights
+    if job.storeys == "start":
+        heights = (max(heights, key=lambda y: int(scene.navigation.top_down(y).free.sum())),)
+    for storey_y in heights:
+        path = job.out / f"{scene.name}-{storey_y:.2f}m.json"
+        if path.is_file():
+            found.append(_checked(load_exploration(path), job, scene, path))
+            continue
+        start = start_on_storey(scene, storey_y, job.seed)
+        made = explore(scene, start, seed=job.seed, max_steps=job.max_steps, camera=job.camera, plan=plan)
+        save_exploration(path, made)
+        found.append(made)
+    return tuple(found)
+
+
+def _opened(job: ExploreJob) -> tuple[Scene, HomePlan | None]:
+    """The home and its plan; scans have none."""
+    from sim.scenes.recover import recover_plan
+    from sim.scenes.sources import open_scene, scene_from_plan
+
+    if job.dataset_root is None:
+        plan = invent_plan(job.scene, seed=job.home_seed)
+        return scene_from_plan(plan), plan
+    dataset = PersonalDataset(job.dataset_root)
+    scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir)
+    plan = plan_of(dataset, job.scene)
+    return scene, recover_plan(dataset, job.scene) if plan is None and scene.kind == "schematic" else plan
+
+
+def _checked(found: Exploration, job: ExploreJob, scene: Scene, path: Path) -> Exploration:
+    """The stored exploration, if the job would make it so."""
+    expected = (job.seed, job.camera, scene.digest)
+    if (found.seed, found.camera, found.scene_digest) != expected or len(found.steps) > job.max_steps:
+        raise RunFileError(
+            f"{path}: made with seed {found.seed}, a camera of {found.camera.width} x {found.camera.height} and "
+            f"{len(found.steps)} steps in home {found.scene_digest[:12]}; expected seed {job.seed}, "
+            f"{job.camera.width} x {job.camera.height}, at most {job.max_steps} steps, home {scene.digest[:12]}. "
+            "Give another --out, or remove the file."
+        )
+    if found.scene != scene.name:
+        raise SceneError(f"{path}: of home {found.scene!r}; expected {scene.name!r}. Remove the file.")
+    return found

@@ -1,0 +1,156 @@
+"""Maps of homes that were walked: each scene's map is explored, built and saved once, and read from then on.
+
+Exploration (explore.py, an agent's observations only) -> views of its way -> map builder with an encoder -> a file per
+scene. The views are rendered again with instance ids where perception is an oracle; the encoder's name says so.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import RunFileError
+from sim.scenes.scene import Scene
+
+from .encoder_oracle import OraclePerception, PerceptionOptions
+from .encoders import ORACLE_SUFFIX, TEXT_ENCODERS, TextEncoder, make_encoder, make_image_encoder, parse_encoder_name
+from .map_files import MapSource, load_memory, read_map_header, save_memory
+from .memory import HomeMemory, Memory, merged_storeys
+from .settings import CELLS, GroundSettings
+
+if TYPE_CHECKING:
+    from .encoders import DenseEncoder
+    from .mapping import MapBuilder
+
+VIEWS_EVERY = 2
+"""Of an exploration's views each second one is mapped: neighbours turn by 30 degrees of 79 or walk 25 cm."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapFolders:
+    """Where files of maps are."""
+
+    maps: Path
+    """Holds `<scene>.npz`; with `--map explore` they are written here."""
+    explorations: Path
+    """Holds the explorations, which maps of all encoders share."""
+    scenes_dir: Path | None = None
+    """Folder of scans; None = the dataset's plans, or schematic homes."""
+
+    def map_file(self, scene: str) -> Path:
+        """The map of one scene."""
+        return self.maps / f"{scene}.npz"
+
+
+class HomeMaps:
+    """Gives each episode of a scene the map of the storey that it starts on."""
+
+    def __init__(self, dataset: PersonalDataset, scene: str, settings: GroundSettings, folders: MapFolders) -> None:
+        """Loads nothing but the encoder of queries.
+
+        Raises:
+            AgentError: The encoder is unknown or cannot be loaded.
+        """
+        self._dataset, self._scene = dataset, scene
+        self._settings, self._folders = settings, folders
+        self.query_encoder: TextEncoder = make_encoder(encoder_of_map(settings))
+        """Of queries and phrases; the map's own space."""
+        self._home: HomeMemory | None = None
+        self._merged: Memory | None = None
+
+    def memory(self, episode: Episode) -> Memory:
+        """The map of the storey of the episode's start, or of all storeys where the settings say so.
+
+        Raises:
+            SceneError: The home cannot be opened.
+            RunFileError: A map is missing or damaged, or cannot be written.
+            AgentError: The map is of another encoder or holds no storey.
+        """
+        if self._home is None:
+            self._home = self._load_or_make()
+        if not self._settings.all_storeys:
+            return self._home.storey_near(episode.start.position[1]).memory
+        if self._merged is None:
+            self._merged = merged_storeys(self._home)
+        return self._merged
+
+    def _load_or_make(self) -> HomeMemory:
+        path = self._folders.map_file(self._scene)
+        if self._settings.map == "explore" and not path.exists():
+            make_home_map(self._dataset, self._scene, self._settings, self._folders)
+        header = read_map_header(path)
+        if header.source.scene != self._scene:
+            raise RunFileError(
+                f"{path}: is a map of {header.source.scene!r}; expected one of {self._scene!r}. Rename the file."
+            )
+        return load_memory(path, encoder=self.query_encoder)
+
+
+def encoder_of_map(settings: GroundSettings) -> str:
+    """The name of the space that a walked home's map is in: texts see as oracle perception, and its name says so."""
+    space, _ = parse_encoder_name(settings.encoder)
+    is_text = space in TEXT_ENCODERS and not settings.encoder.endswith(ORACLE_SUFFIX)
+    return settings.encoder + ORACLE_SUFFIX if is_text else settings.encoder
+
+
+def make_home_map(dataset: PersonalDataset, scene_name: str, settings: GroundSettings, folders: MapFolders) -> None:
+    """Explores every storey of the home that episodes start on, unless that was done before, and saves its map.
+
+    Raises:
+        SceneError: The home cannot be opened.
+        RunFileError: A file is damaged or cannot be written.
+        AgentError: The encoder cannot be loaded.
+    """
+    from sim.scenes.sources import open_scene
+
+    from .explore import frames_of
+    from .storey_explorations import storey_explorations
+
+    scene = open_scene(dataset, scene_name, scenes_dir=folders.scenes_dir, clutter=settings.home_clutter)
+    explorations = storey_explorations(dataset, scene, folder=folders.explorations, seed=settings.seed)
+    builder = _builder(dataset, scene, settings)
+    for exploration in explorations:
+        for frame in frames_of(scene, exploration, every=VIEWS_EVERY):
+            builder.add(frame)
+    source = MapSource(
+        scene=scene.name, kind=scene.kind, digest=scene.digest, builder=f"{builder.name} by {encoder_of_map(settings)}"
+    )
+    save_memory(folders.map_file(scene_name), builder.finish(), source)
+
+
+def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings) -> "MapBuilder":
+    from .mapping import GridMapBuilder
+    from .oracle_map import oracle_home
+
+    encoder = _image_encoder(dataset, scene, settings)
+    centre_xz = oracle_home(dataset, scene.name).centre_xz  # the cells of the home's oracle map
+    if settings.layout == "objects":
+        from .object_mapping import ObjectMapBuilder
+        from .segments import InstanceIds
+
+        # captions as they are perceived: confusions show; a real encoder names nothing
+        captions = encoder.perceived if isinstance(encoder, OraclePerception) else None
+        return ObjectMapBuilder(encoder, InstanceIds(captions), centre_xz=centre_xz)
+    return GridMapBuilder(encoder, cell=CELLS[settings.layout], features=settings.features, centre_xz=centre_xz)
+
+
+def _image_encoder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings) -> "DenseEncoder":
+    space, _ = parse_encoder_name(settings.encoder)
+    if space not in TEXT_ENCODERS:
+        return make_image_encoder(settings.encoder)
+    from .object_texts import object_texts
+
+    options = PerceptionOptions(
+        view_noise=settings.view_noise,
+        object_noise=settings.object_noise,
+        confusion=settings.confusion,
+        background="clutter" if settings.background else "empty",
+        seed=settings.seed,
+    )
+    return OraclePerception(
+        make_encoder(settings.encoder.removesuffix(ORACLE_SUFFIX)),
+        object_texts(dataset, scene, level=settings.paraphrase, seed=settings.seed),
+        options=options,
+        home=scene.name,
+    )

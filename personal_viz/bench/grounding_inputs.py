@@ -1,0 +1,107 @@
+"""What the grounding benchmark runs on: the released episodes where they are, else random ones of the same shape."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from grounding.batch import MapBatch, make_batch
+from grounding.encoders import TextEncoder
+from grounding.oracle_map import GRID_CELLS, oracle_home
+from grounding.oracle_noise import OracleVariant, variant_map
+from grounding.phrases import DatasetPhrases, without_owner
+from grounding.types import FeatureMap, map_from_cells
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.types import GridSpec, Task
+
+InputKind = Literal["released", "synthetic"]
+RELEASE = Path(__file__).parents[3] / "shared/personal-dataset/split"
+"""Beside the repository."""
+_SEEN = OracleVariant(blur=1.0)
+"""Fills all observed cells: about 7 % of the grid."""
+_NUM_SCENES = 31
+_PEOPLE = ("Ada", "Bo", "Cy", "Dee", "Eva", "Finn")
+_PHRASES_PER_SCENE = 95
+_MEAN_PHRASES = 8
+CELLS = 175
+"""Filled cells of a map: 7 % of 50 x 50."""
+_WORDS_PER_TEXT = 8
+
+
+@dataclass(frozen=True, slots=True)
+class SceneInputs:
+    """One map and its episodes."""
+
+    memory: FeatureMap
+    tasks: tuple[Task, ...]
+    phrases: tuple[tuple[str, ...], ...]
+    """Of each task, with the owners' names."""
+
+    def batch(self, encoder: TextEncoder, *, with_names: bool) -> MapBatch:
+        """The episodes made ready; without names, phrases that differ in nothing else are one."""
+        texts = [
+            phrases if with_names else tuple(dict.fromkeys(map(without_owner, phrases))) for phrases in self.phrases
+        ]
+        return make_batch(self.memory, self.tasks, texts, encoder)
+
+
+def scene_inputs(encoder: TextEncoder, *, limit: int | None = None) -> tuple[InputKind, list[SceneInputs]]:
+    """The maps (all storeys of a scene merged, blurred over the observed cells) and episodes to measure.
+
+    Args:
+        encoder: Of the maps.
+        limit: The first so many scenes; None = all.
+    """
+    if not RELEASE.is_dir():
+        rng = np.random.default_rng(0)
+        return "synthetic", [_synthetic(encoder, rng) for _ in range(limit or _NUM_SCENES)]
+    dataset = PersonalDataset(RELEASE)
+    return "released", [_released(dataset, scene, encoder) for scene in dataset.scenes[:limit]]
+
+
+def random_map(
+    rng: np.random.Generator, *, dim: int, size: int = GRID_CELLS, cells: int = CELLS, encoder: str = "random"
+) -> FeatureMap:
+    """A map of `size` x `size` cells, `cells` of them filled with random unit vectors."""
+    index = rng.choice(size * size, cells, replace=False)
+    return map_from_cells(
+        rng.normal(size=(cells, dim)),
+        np.column_stack([index // size, index % size]),
+        grid=GridSpec((0.0, 0.0), 1.0, (size, size)),
+        floor_y=0.0,
+        encoder=encoder,
+    )
+
+
+def _released(dataset: PersonalDataset, scene: str, encoder: TextEncoder) -> SceneInputs:
+    episodes: Sequence[Episode] = tuple(dataset.episodes(scenes=(scene,)))
+    source = DatasetPhrases(episodes)
+    tasks = tuple(episode.task("pog") for episode in episodes)
+    memory = variant_map(oracle_home(dataset, scene), encoder, floor_id=None, variant=_SEEN)
+    return SceneInputs(memory, tasks, tuple(map(source.phrases, tasks)))
+
+
+def _synthetic(encoder: TextEncoder, rng: np.random.Generator) -> SceneInputs:
+    """As many cells, phrases and episodes as a scene of the release has on average; words without meaning."""
+    words = [f"word{number}" for number in range(300)]
+    things = [" ".join(rng.choice(words, _WORDS_PER_TEXT)) for _ in range(_PHRASES_PER_SCENE)]
+    index = rng.choice(GRID_CELLS**2, CELLS, replace=False)
+    memory = map_from_cells(
+        encoder.encode_texts([things[k] for k in rng.integers(0, len(things), CELLS)]),
+        np.column_stack([index // GRID_CELLS, index % GRID_CELLS]),
+        grid=GridSpec((0.0, 0.0), 1.0, (GRID_CELLS, GRID_CELLS)),
+        floor_y=0.0,
+        encoder=encoder.name,
+    )
+    tasks, phrases = [], []
+    for number in range(65):
+        count = 1 + int(rng.poisson(_MEAN_PHRASES - 1))
+        told = tuple(
+            dict.fromkeys(f"{rng.choice(_PEOPLE)} owns {things[k]}" for k in rng.integers(0, len(things), count))
+        )
+        tasks.append(Task("pog", f"{number}. " + ". ".join(told), (f"Find Ada's {rng.choice(words)}",)))
+        phrases.append(told)
+    return SceneInputs(memory, tuple(tasks), tuple(phrases))

@@ -1,0 +1,206 @@
+"""Verb `explore`: explorations of homes into a folder, their figures, and how coverage grows over steps."""
+
+import io
+import json as json_module
+import multiprocessing
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from grounding.explore import Exploration
+from grounding.explore_jobs import ExploreJob, Storeys, run_job
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import PersonalVizError
+from sim.files import write_whole
+from sim.scenes.kind import common_kind
+from sim.types import Camera, SceneKind
+
+from .options import check_options
+
+_PLOT, _SUMMARY = "coverage.png", "explore.json"
+
+
+def explore(
+    *,
+    dataset: Path | None,
+    homes: int | None,
+    scene: tuple[str, ...],
+    scenes_dir: Path | None,
+    storeys: Storeys,
+    seed: int,
+    max_steps: int,
+    width: int,
+    height: int,
+    jobs: int,
+    out: Path,
+    json: bool,
+) -> int:
+    """Explores the homes of a dataset, or invented ones, into `out`; a second call goes on where the first stopped.
+
+    Raises:
+        PersonalVizError: Bad options, dataset or folder; or a home cannot be explored.
+    """
+    check_options(run_id=None, limit=homes, jobs=jobs, seed=seed)
+    if (dataset is None) == (homes is None):
+        raise PersonalVizError("explore: found both or none of --dataset and --homes; expected one. Give one of them.")
+    if min(width, height, max_steps) < 1:
+        raise PersonalVizError(
+            f"explore: --width {width}, --height {height}, --max-steps {max_steps}; expected whole numbers from 1. "
+            "Leave them out for the defaults."
+        )
+    work, kind = _work(dataset, homes, scene, scenes_dir)
+    camera = Camera(width, height)
+    todo = [
+        ExploreJob(
+            name,
+            seed=seed,
+            max_steps=max_steps,
+            camera=camera,
+            storeys=storeys,
+            out=out,
+            dataset_root=dataset,
+            scenes_dir=scenes_dir,
+            home_seed=home_seed,
+        )
+        for name, home_seed in work
+    ]
+    found: list[Exploration] = []
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
+        bar = progress.add_task("explore", total=len(todo))
+        for made in _explored(todo, processes=jobs):
+            found += made
+            progress.update(bar, advance=1)
+    found.sort(key=lambda item: (item.scene, item.storey_y))
+    document = document_of(found, kind=kind, out=out)
+    write_whole(out / _PLOT, coverage_png(found, title=f"{len(found)} storeys of {len(todo)} {kind} homes"))
+    write_whole(out / _SUMMARY, json_module.dumps(document, indent=2) + "\n")
+    if json:
+        print(json_module.dumps(document, indent=2))
+    else:
+        _print_table(found, document)
+        print(f"Written to {out}; coverage over steps: {out / _PLOT}")
+    return 0
+
+
+def _work(
+    dataset: Path | None, homes: int | None, scenes: tuple[str, ...], scenes_dir: Path | None
+) -> tuple[list[tuple[str, int]], SceneKind]:
+    """Names and seeds of the homes, and their kind."""
+    if dataset is None:
+        assert homes is not None
+        if scenes or scenes_dir is not None:
+            raise PersonalVizError(
+                "explore: found --scene or --scenes-dir beside --homes; expected neither: invented homes are numbered "
+                "from 0. Leave them out, or give --dataset."
+            )
+        return [(f"Invented{number}", number) for number in range(homes)], "invented"
+    episodes = PersonalDataset(dataset)
+    names = sorted(set(scenes) or {name for _, name in episodes.files})
+    for name in names:
+        episodes.require_scene(name)
+    return [(name, 0) for name in names], common_kind(episodes, names, scenes_dir)
+
+
+def _explored(jobs: Sequence[ExploreJob], *, processes: int) -> Iterator[tuple[Exploration, ...]]:
+    """The explorations of each job, in the order in which they end."""
+    if processes <= 1:
+        yield from map(run_job, jobs)
+        return
+    context = multiprocessing.get_context("spawn")  # as sim/tasks/workers.py: forked thread pools can deadlock
+    pool = ProcessPoolExecutor(min(processes, len(jobs)), mp_context=context)
+    try:
+        for future in as_completed([pool.submit(run_job, job) for job in jobs]):
+            yield future.result()
+    except BrokenProcessPool:
+        raise PersonalVizError(
+            f"--jobs {processes}: a worker process was ended from outside; expected all to finish. Memory may have run "
+            "out: run again with fewer --jobs, finished explorations are kept."
+        ) from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def document_of(found: Sequence[Exploration], *, kind: SceneKind, out: Path) -> dict:
+    """What `--json` prints: a row per exploration, and their means and extremes."""
+    rows = [
+        {
+            "scene": item.scene,
+            "storey_y": round(item.storey_y, 2),
+            "area_m2": item.area_m2,
+            "steps": len(item.steps),
+            "coverage": item.coverage[-1],
+            "doors_passed": item.doors_passed,
+            "num_doors": item.num_doors,
+            "rooms_missed": item.rooms_missed,
+            "stop_reason": item.stop_reason,
+            "collisions": sum(step.collided for step in item.steps),
+        }
+        for item in found
+    ]
+    steps, coverage = [len(item.steps) for item in found], [item.coverage[-1] for item in found]
+    missed = [item.rooms_missed for item in found if item.rooms_missed is not None]
+    camera = found[0].camera
+    return {
+        "scene_kind": kind,
+        "camera": {"width": camera.width, "height": camera.height, "hfov_deg": camera.hfov_deg},
+        "seed": found[0].seed,
+        "n": len(found),
+        "homes": rows,
+        "coverage": {"mean": round(sum(coverage) / len(coverage), 4), "min": min(coverage)},
+        "steps": {"mean": round(sum(steps) / len(steps), 1), "max": max(steps)},
+        "rooms_missed": sum(len(rooms) for rooms in missed) if missed else None,
+        "out": str(out),
+    }
+
+
+def coverage_png(found: Sequence[Exploration], *, title: str) -> bytes:
+    """A PNG picture of coverage over steps: a thin line per exploration, a thick one for their mean."""
+    import numpy as np
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4.8), dpi=120, layout="constrained")
+    axes = figure.subplots()
+    longest = max(len(item.coverage) for item in found)
+    curves = np.array([np.pad(item.coverage, (0, longest - len(item.coverage)), mode="edge") for item in found]) * 100
+    for item in found:
+        axes.plot(np.array(item.coverage) * 100, color="#8fb3d9", linewidth=0.8)
+    axes.plot(curves.mean(axis=0), color="#1f5fa8", linewidth=2.2, label="mean")
+    axes.axhline(95, color="#b5472f", linewidth=0.8, linestyle="--", label="95 %")
+    axes.set_xlabel("steps")
+    axes.set_ylabel("floor seen, % of what a 5 m sensor could see")
+    axes.set_ylim(0, 101)
+    axes.set_xlim(0, longest)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", frameon=False)
+    axes.set_title(title, fontsize=11)
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()
+
+
+def _print_table(found: Sequence[Exploration], document: dict) -> None:
+    camera = document["camera"]
+    table = Table(
+        title=f"Explorations, {document['scene_kind']} homes, camera {camera['width']} x {camera['height']}",
+        box=SIMPLE_HEAD,
+    )
+    for head in ("Home", "storey m", "m2", "steps", "coverage %", "doors", "rooms missed", "stopped"):
+        table.add_column(head, justify="left" if head in ("Home", "rooms missed", "stopped") else "right")
+    for item in found:
+        doors = "-" if item.doors_passed is None else f"{item.doors_passed}/{item.num_doors}"
+        missed = "-" if item.rooms_missed is None else ", ".join(item.rooms_missed) or "none"
+        cells = (f"{item.storey_y:.2f}", f"{item.area_m2:.0f}", str(len(item.steps)), f"{100 * item.coverage[-1]:.1f}")
+        table.add_row(item.scene, *cells, doors, missed, item.stop_reason)
+    Console(file=sys.stdout).print(table)
+    coverage, steps = document["coverage"], document["steps"]
+    print(
+        f"Mean coverage {100 * coverage['mean']:.1f} %, least {100 * coverage['min']:.1f} %; mean {steps['mean']:.0f} "
+        f"steps, most {steps['max']}"
+    )

@@ -1,0 +1,82 @@
+"""What the verb `ground` prints: one JSON document per run, or the paper's POG table."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from grounding.settings import GroundSettings
+from sim.tasks.metrics import MetricRow
+from sim.tasks.run_files import RunInfo
+from sim.types import SPLITS
+
+_TOTAL_IS = "plain mean of the splits"
+"""As in the paper's Total column and in `personal-viz metrics`; `pooled` weighs every episode alike."""
+
+
+def ground_document(settings: GroundSettings, info: RunInfo, rows: Mapping[str, MetricRow], folder: Path) -> dict:
+    """The figures of a run, rounded percent; splits without episodes are None."""
+    names = (*SPLITS, "total")
+    splits = [rows[split] for split in SPLITS if split in rows]
+    return {
+        "method": settings.method,
+        "encoder": settings.encoder,
+        "phrases": info.config["phrases"],
+        "map": settings.map,
+        "scene_kind": info.scene_kind,
+        "condition": info.condition,
+        "storey_given": not settings.all_storeys,
+        "frame": info.config["frame"],
+        "seed": settings.seed,
+        "config": dict(info.config),
+        "n": rows["total"].n,
+        "n_per_split": {split: rows[split].n if split in rows else 0 for split in SPLITS},
+        "sr": {name: _rounded(rows[name].sr) if name in rows else None for name in names},
+        "top3": {name: _rounded(rows[name].top3) if name in rows else None for name in names},
+        "total_is": _TOTAL_IS,
+        "pooled": {
+            "sr": _pooled([(row.sr, row.n) for row in splits]),
+            "top3": _pooled([(row.top3, row.n) for row in splits]),
+        },
+        "run": str(folder),
+    }
+
+
+def print_ground_table(settings: GroundSettings, info: RunInfo, rows: Mapping[str, MetricRow], folder: Path) -> None:
+    """The paper's POG table with one method."""
+    storey = "all storeys merged" if settings.all_storeys else "storey given"
+    table = Table(
+        title=f"POG, {settings.condition} ({_homes(info)}, {storey}), phrases {info.config['phrases']}",
+        caption=f"Percent within 1 m of the target. {settings.method} chooses among: {info.config['frame']}. "
+        f"Total = {_TOTAL_IS}.",
+    )
+    table.add_column("Method")
+    table.add_column("")
+    names = [name for name in (*SPLITS, "total") if name in rows]
+    for name in names:
+        table.add_column(name.capitalize(), justify="right")
+    table.add_row(settings.method, "SR", *(_cell(rows[name].sr) for name in names))
+    table.add_row("", "k/n", *(f"{rows[name].k}/{rows[name].n}" for name in names))
+    table.add_row("", "top-3", *(_cell(rows[name].top3) for name in names))
+    Console(file=sys.stdout).print(table)
+    print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
+
+
+def _homes(info: RunInfo) -> str:
+    return "no home" if info.scene_kind == "oracle-map" else f"{info.scene_kind} homes"
+
+
+def _pooled(figures: Sequence[tuple[float | None, int]]) -> float | None:
+    """Percent over all episodes together, of each split's percent and number of episodes."""
+    known = [(percent, n) for percent, n in figures if percent is not None]
+    return _rounded(sum(percent * n for percent, n in known) / sum(n for _, n in known)) if known else None
+
+
+def _rounded(percent: float | None) -> float | None:
+    return None if percent is None else round(percent, 2)
+
+
+def _cell(percent: float | None) -> str:
+    return "-" if percent is None else f"{percent:.1f}"

@@ -1,0 +1,201 @@
+"""A POG report as headings, texts, tables and pictures, in the order in which they are read."""
+
+from collections.abc import Sequence
+
+from grounding.pog_failures import KINDS, NEAR_MISS, FailureKind
+from grounding.pog_statistics import FEWEST_HOMES, NUM_RESAMPLES, Range
+from grounding.pog_table import PAPER_IS, TOTAL, KnobCurve, PogCell, PogReport, PogRow, PogTable
+from human_study.reporting.blocks import Block, Heading, Picture, Table, Text
+
+from .gallery import DrawnFailure, Gallery
+
+_WHAT = (
+    "An answer is right within 1 m (planar, on its storey) of a right object's middle. SR is the share of right first "
+    "answers, top-3 of right ones among three; Total is the plain mean of the splits. The first interval is by episode "
+    "(Wilson; in Total put together from the splits), the second, in braces, by home: whole homes drawn again "
+    f"{NUM_RESAMPLES:,} times, none with fewer than {FEWEST_HOMES} homes. Only the second speaks of other homes."
+)
+_NOT_MIXED = (
+    "Oracle maps, schematic homes, invented homes and scans have tables of their own, and so has each kind of map. "
+    f"The column “{PAPER_IS}” repeats what the paper prints (easy / medium / hard / total): its maps were made from "
+    "renders of HM3D, so no figure of ours is better or worse than those."
+)
+_ORACLE = "Oracle maps rank methods; they do not predict success on maps that a camera saw."
+
+
+def report_blocks(report: PogReport, gallery: Gallery | None) -> list[Block]:
+    """All of the report; pictures have the names of `picture_names`."""
+    blocks: list[Block] = [Heading("POG: grounding on maps", 1), Text(_WHAT), Text(_NOT_MIXED)]
+    blocks += [Heading("Runs"), _runs_table(report)]
+    for number, table in enumerate(report.tables, start=1):
+        blocks += _table_blocks(table, number)
+        if gallery is not None:
+            blocks += _failure_blocks(table, gallery)
+    groups = knob_groups(report)
+    if groups:
+        blocks.append(Heading("Success over noise and wording"))
+        blocks.append(Text("Runs that differ in one option alone. Bands are intervals by home."))
+        for number, curves in enumerate(groups, start=1):
+            blocks += _knob_blocks(curves, number)
+    return blocks
+
+
+def knob_groups(report: PogReport) -> list[list[KnobCurve]]:
+    """The curves that share a figure: one option, one map variant."""
+    groups: dict[tuple[str, str], list[KnobCurve]] = {}
+    for curve in report.curves:
+        groups.setdefault((curve.knob, curve.title), []).append(curve)
+    return list(groups.values())
+
+
+def distance_name(number: int) -> str:
+    """File of the distance curves of the table with this number, without its ending."""
+    return f"distance-{number}"
+
+
+def methods_name(number: int) -> str:
+    """File of the methods' dots of the table with this number."""
+    return f"methods-{number}"
+
+
+def knob_name(number: int, knob: str) -> str:
+    """File of the curves with this number over an option."""
+    return f"over-{knob.replace('_', '-')}-{number}"
+
+
+def with_range(value: float, interval: Range | None, *, brackets: str = "[]") -> str:
+    """`value [low, high]`, without brackets where there is none."""
+    return f"{value:.1f}" + ("" if interval is None else " " + range_text(interval, brackets))
+
+
+def range_text(interval: Range, brackets: str = "[]") -> str:
+    """`[low, high]`."""
+    low, high = (f"{round(value, 1) + 0.0:.1f}" for value in interval)
+    return f"{brackets[0]}{low}, {high}{brackets[1]}"
+
+
+def paper_text(row: PogRow) -> str:
+    """The paper's figures of a method."""
+    return "" if row.paper is None else " / ".join(f"{value:.1f}" for value in row.paper)
+
+
+def count_text(cell: PogCell) -> str:
+    """`k/n`."""
+    return f"{cell.k:g}/{cell.n}"
+
+
+def _runs_table(report: PogReport) -> Table:
+    lines = []
+    for number, table in enumerate(report.tables, start=1):
+        for row in table.rows:
+            seeds = ", ".join(map(str, row.seeds)) or "-"
+            commits = ", ".join(commit[:12] for commit in row.commits)
+            lines.append((row.name, str(number), ", ".join(row.run_ids), seeds, commits, str(row.num_trials)))
+    heads = ("method", "table", "runs", "seeds", "code at commit", "answers")
+    return Table(heads, tuple(lines), "The commit is the one that the program stood at when the run was made.")
+
+
+def _table_blocks(table: PogTable, number: int) -> list[Block]:
+    splits = list(dict.fromkeys(cell.split for row in table.rows for cell in row.cells))
+    splits = [split for split in splits if split != TOTAL] + [TOTAL]
+    lines = []
+    for row in table.rows:
+        cells = {cell.split: cell for cell in row.cells}
+        shown = [_cell_text(cells[split]) if split in cells else "-" for split in splits]
+        top3 = cells[TOTAL].top3
+        best = "-" if top3 is None else with_range(top3, cells[TOTAL].top3_by_home, brackets="{}")
+        lines.append((row.name, *shown, best, paper_text(row)))
+    heads = ("SR (%)", *splits, "top-3, total", PAPER_IS)
+    note = f"{table.num_homes} homes; dataset digest {table.dataset_digest[:12]}."
+    if table.scene_kind == "oracle-map":
+        note += f" {_ORACLE}"
+    blocks: list[Block] = [Heading(f"Table {number}. {table.title}"), Table(heads, tuple(lines), note)]
+    blocks.append(Picture(f"{methods_name(number)}.svg", "Total per method; lines are intervals by home."))
+    caption = "First answers within a distance; bands are intervals by home, the dotted line is the 1 m of success."
+    blocks.append(Picture(f"{distance_name(number)}.svg", caption))
+    if table.differences:
+        blocks += [Heading("Differences on the same episodes", 3), _difference_table(table)]
+    return blocks
+
+
+def _cell_text(cell: PogCell) -> str:
+    by_home = "" if cell.by_home is None else f" {range_text(cell.by_home, '{}')}"
+    return f"{with_range(cell.sr, cell.by_episode)}{by_home} {count_text(cell)}"
+
+
+def _difference_table(table: PogTable) -> Table:
+    lines = [
+        (
+            f"{item.first} - {item.second}",
+            f"{item.first_minus_second:+.1f}" + (f" {range_text(item.by_home, '{}')}" if item.by_home else ""),
+            f"{item.only_first:g}",
+            f"{item.only_second:g}",
+            str(item.n),
+        )
+        for item in table.differences
+    ]
+    heads = ("methods", "difference in SR, total (points)", "only the first right", "only the second right", "episodes")
+    return Table(
+        heads, tuple(lines), "Intervals by home, the same draws of homes for every pair; not corrected for many."
+    )
+
+
+def _failure_blocks(table: PogTable, gallery: Gallery) -> list[Block]:
+    counts = [count for count in gallery.counts if count.table == table.title]
+    if not counts:
+        return []
+    kinds: list[FailureKind] = [kind for kind in KINDS if any(count.kind == kind for count in counts)]
+    lines = []
+    methods = [row.name for row in table.rows if any(count.method == row.name for count in counts)]
+    for method in methods:
+        of_kind = {count.kind: count for count in counts if count.method == method}
+        total = next(iter(of_kind.values())).of
+        found = [of_kind[kind].n if kind in of_kind else 0 for kind in kinds]
+        lines.append((method, *(f"{n} ({100 * n / total:.0f} %)" for n in found), str(total)))
+    note = "; ".join(f"{kind}: {KINDS[kind]}" for kind in kinds) + ". In this order: the first that fits counts."
+    blocks: list[Block] = [Heading("What wrong answers are", 3), Table(("method", *kinds, "all"), tuple(lines), note)]
+    drawn = [item for item in gallery.drawn if item.table == table.title]
+    if drawn:
+        text = (
+            "A sample of each method's failures, drawn with a seed. Colours of cells: their final score, yellow most; "
+            "light grey: closed to the method. Numbers: answers by rank. Red cross and ring of 1 m: right objects. Red "
+            "dots: other objects of the category."
+        )
+        blocks += [Heading("Failures", 3), Text(text)]
+        for method in methods:
+            found = [Picture(item.file_name, failure_caption(item)) for item in drawn if item.method == method]
+            blocks += [Heading(method, 4), *found] if found else []
+    return blocks
+
+
+def failure_caption(item: DrawnFailure) -> str:
+    """Which answer it is and why it is wrong."""
+    far = "" if item.failure.distance == float("inf") else f" {item.failure.distance:.1f} m away"
+    names = ", ".join(target.object_name for target in item.episode.targets)
+    at = f", at {item.failure.object_name}" if item.failure.object_name else ""
+    why = " ".join(item.reasons)
+    query, caption = item.episode.record.query[0], " ".join(item.episode.record.captions_per_object[0]).strip()
+    return (
+        f"{item.method}, {item.episode.key}: “{query}”, right: {names}{f' ({caption})' if caption else ''}. "
+        f"{item.failure.kind.capitalize()}{at}{far}. {why}".strip()
+    )
+
+
+def _knob_blocks(curves: Sequence[KnobCurve], number: int) -> list[Block]:
+    values = sorted({point.value for curve in curves for point in curve.points})
+    lines = []
+    for curve in curves:
+        points = {point.value: point for point in curve.points}
+        cells = [points.get(value) for value in values]
+        shown = ["-" if cell is None else with_range(cell.sr, cell.by_home, brackets="{}") for cell in cells]
+        lines.append((curve.name, *shown))
+    knob = curves[0].knob
+    heads = (f"SR, total (%); {knob.replace('_', ' ')}", *(f"{value:g}" for value in values))
+    return [
+        Heading(f"{knob.replace('_', ' ').capitalize()}: {curves[0].title}", 3),
+        Table(heads, tuple(lines)),
+        Picture(f"{knob_name(number, knob)}.svg", f"Success over {knob.replace('_', ' ')}."),
+    ]
+
+
+assert NEAR_MISS == 2.0, "KINDS says 1 to 2 m"

@@ -1,0 +1,220 @@
+"""Log what explorations left behind (`HomeMemory`): free space, features as colours, evidence, coverage, objects.
+
+All of it lies on the storeys' maps in the maps' pixels; features and objects in the home too. A map is shown at all
+times: it was made before any question was asked, and holds nothing of a goal.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from grounding.memory import HomeMemory, ObjectInstance, OccupancyGrid, StoreyMemory
+from grounding.types import FeatureMap
+from sim.tasks.observers import FREE, UNKNOWN
+from sim.types import STOREY_GAP
+
+from . import paths
+from .carpets import carpet, on_map
+from .log_maps import StoreyMap, cropped_map
+from .map_colours import vector_rgb
+from .map_pictures import occupancy_png, rgb_png, seen_png, similarity_png
+
+MapLayer = Literal["occupancy", "coverage", "features", "evidence", "objects"]
+FLAT_LAYERS: tuple[MapLayer, ...] = ("coverage", "occupancy", "features", "evidence", "objects")
+"""Those on a storey's map, from below."""
+HOME_LAYERS: tuple[MapLayer, ...] = ("features", "objects")
+"""Those in the home."""
+LAYER_NAMES: dict[MapLayer, str] = {
+    "coverage": "Free floor known (bright)",
+    "occupancy": "Free (green), occupied (brown)",
+    "features": "Features: like colours, like vectors",
+    "evidence": "Evidence, logarithmic",
+    "objects": "Objects",
+}
+"""Titles of views."""
+_LABEL = 40
+"""Most letters of a caption beside a box."""
+_POINT = 0.02
+"""Radius of an object's points, metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class NamedMemory:
+    """A map that is shown beside what was answered on it."""
+
+    name: str
+    """Names its entities."""
+    memory: HomeMemory
+
+
+def named_memories(files: Sequence[Path]) -> list[NamedMemory]:
+    """The maps of these files, each once; named after the folder of maps that they lie in.
+
+    Raises:
+        RunFileError: A file is damaged.
+    """
+    from grounding.map_files import load_memory
+
+    found = []
+    for path in dict.fromkeys(files):
+        folder = path.parent.parent if path.parent.name == "maps" else path.parent
+        found.append(NamedMemory(folder.name or path.stem, load_memory(path)))
+    return found
+
+
+def storeys_of_memory(memory: HomeMemory) -> list[StoreyMap]:
+    """Each storey as a map of its own, cropped to what is known: for maps of homes that are not at hand."""
+    return [
+        cropped_map(
+            index,
+            storey.floor_y,
+            storey.occupancy.cells == FREE,
+            storey.occupancy.grid,
+            around=storey.occupancy.cells != UNKNOWN,
+        )
+        for index, storey in enumerate(memory.storeys)
+    ]
+
+
+def log_memory(stream: rr.RecordingStream, name: str, memory: HomeMemory, maps: Sequence[StoreyMap]) -> None:
+    """Logs every layer on each storey of `maps` that the memory knows.
+
+    Args:
+        stream: The recording.
+        name: Names the entities: `/memory/<name>/map/<storey>/<layer>` and `/memory/<name>/home/<storey>/<layer>`.
+        memory: In the frame of `maps`.
+        maps: The storeys shown.
+    """
+    colours = vector_rgb([_vectors(storey) for storey in memory.storeys])
+    for shown in maps:
+        known = storey_at(memory, shown)
+        if known is not None:
+            index = memory.storeys.index(known)
+            _Sheet(stream, name, known, colours[index], shown).log()
+
+
+def storey_at(memory: HomeMemory, shown: StoreyMap) -> StoreyMemory | None:
+    """The storey of the memory that lies on a storey shown; None where it knows nothing of it."""
+    near = [storey for storey in memory.storeys if abs(storey.floor_y - shown.floor_y) < STOREY_GAP]
+    return min(near, key=lambda storey: abs(storey.floor_y - shown.floor_y), default=None)
+
+
+def layers_of(storey: StoreyMemory) -> tuple[MapLayer, ...]:
+    """What is logged of a storey: a map of objects has no cells, a map of cells no objects."""
+    left_out = {"objects"} if isinstance(storey.memory, FeatureMap) else {"features", "evidence"}
+    return tuple(layer for layer in FLAT_LAYERS if layer not in left_out)
+
+
+def map_entity(name: str, layer: MapLayer, shown: StoreyMap) -> str:
+    """Entity of a layer on a storey's map."""
+    return paths.memory_path(name, "map", shown.part, layer)
+
+
+def home_entity(name: str, layer: MapLayer, shown: StoreyMap) -> str:
+    """Entity of a layer in the home."""
+    return paths.memory_path(name, "home", shown.part, layer)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sheet:
+    """One storey of a memory on one storey shown."""
+
+    stream: rr.RecordingStream
+    name: str
+    known: StoreyMemory
+    colours: NDArray[np.uint8]
+    """(N, 3) of its cells or objects."""
+    shown: StoreyMap
+
+    def log(self) -> None:
+        """Logs all layers, at all times."""
+        cells = _at_pixels(self.known.occupancy, self.shown)
+        self._picture("coverage", seen_png(self.shown.free, cells != UNKNOWN), order=1.0)
+        self._picture("occupancy", occupancy_png(cells), order=2.0)
+        memory = self.known.memory
+        if isinstance(memory, FeatureMap):
+            self._log_features(memory)
+            evidence = np.full(memory.grid.shape, np.nan, np.float32)
+            evidence[memory.rc[:, 0], memory.rc[:, 1]] = np.log1p(memory.weights)
+            self._picture("evidence", similarity_png(on_map(evidence, memory.grid, self.shown)), order=4.0)
+        else:
+            self._log_objects(memory.objects)
+
+    def _log_features(self, memory: FeatureMap) -> None:
+        rgb = np.zeros((*memory.grid.shape, 3), np.uint8)
+        rows, cols = memory.rc[:, 0], memory.rc[:, 1]
+        rgb[rows, cols] = self.colours
+        index = np.full(memory.grid.shape, np.nan, np.float32)
+        index[rows, cols] = np.arange(len(memory.rc))
+        at = on_map(index, memory.grid, self.shown)
+        is_known = np.isfinite(at)
+        pixels = np.zeros((*at.shape, 4), np.uint8)
+        pixels[is_known, :3] = self.colours[at[is_known].astype(int)]
+        pixels[is_known, 3] = 255
+        self._picture("features", rgb_png(pixels), order=3.0)
+        squares = carpet(rgb, np.isfinite(index), memory.grid, self.shown)
+        self.stream.log(home_entity(self.name, "features", self.shown), squares, static=True)
+
+    def _log_objects(self, objects: Sequence[ObjectInstance]) -> None:
+        labels = [short_caption(item) for item in objects]
+        low, high = (np.array([item.box[end] for item in objects], float).reshape(-1, 3) for end in (0, 1))
+        boxes = rr.Boxes3D(mins=low, sizes=high - low, colors=self.colours, labels=labels, show_labels=len(labels) <= 1)
+        home = home_entity(self.name, "objects", self.shown)
+        self.stream.log(home, boxes, static=True)
+        if objects:
+            counts = [len(item.points) for item in objects]
+            points = np.concatenate([item.points for item in objects])
+            cloud = rr.Points3D(points, colors=np.repeat(self.colours, counts, axis=0), radii=_POINT)
+            self.stream.log(f"{home}/points", cloud, static=True)
+        corners = np.stack([self.shown.pixels(low), self.shown.pixels(high)], axis=1)  # (N, 2, 2)
+        flat = rr.Boxes2D(
+            mins=corners.min(axis=1),
+            sizes=np.ptp(corners, axis=1),
+            colors=self.colours,
+            labels=labels,
+            show_labels=False,
+            draw_order=20.0,
+        )
+        self.stream.log(map_entity(self.name, "objects", self.shown), flat, static=True)
+
+    def _picture(self, layer: MapLayer, png: bytes, *, order: float) -> None:
+        picture = rr.EncodedImage(contents=png, media_type="image/png", draw_order=order)
+        self.stream.log(map_entity(self.name, layer, self.shown), picture, static=True)
+
+
+def short_caption(item: ObjectInstance) -> str:
+    """What is written beside an object's box."""
+    text = item.caption or "(no caption)"
+    return text if len(text) <= _LABEL else text[: _LABEL - 3] + "..."
+
+
+def memory_markdown(name: str, memory: HomeMemory) -> str:
+    """A table of what the memory holds, storey by storey."""
+    rows = ["| storey at | free, m² | occupied, m² | holds | encoder |", "|---|---|---|---|---|"]
+    for storey in memory.storeys:
+        area = storey.occupancy.grid.cell**2
+        cells, held = storey.occupancy.cells, storey.memory
+        free, occupied = ((cells == value).sum() * area for value in (FREE, FREE + 1))
+        holds = (
+            f"{len(held.rows)} cells of {held.grid.cell:g} m"
+            if isinstance(held, FeatureMap)
+            else f"{len(held.objects)} objects"
+        )
+        rows.append(f"| {storey.floor_y:.2f} m | {free:.1f} | {occupied:.1f} | {holds} | {held.encoder} |")
+    return "\n".join([f"**Map {name}** of {memory.num_frames} views, frame {memory.frame}.", "", *rows])
+
+
+def _vectors(storey: StoreyMemory) -> NDArray[np.float32]:
+    if isinstance(storey.memory, FeatureMap):
+        return storey.memory.rows
+    return np.array([item.feature for item in storey.memory.objects], np.float32).reshape(-1, storey.memory.dim)
+
+
+def _at_pixels(occupancy: OccupancyGrid, shown: StoreyMap) -> NDArray[np.uint8]:
+    values = on_map(occupancy.cells.astype(np.float32), occupancy.grid, shown)
+    return np.where(np.isfinite(values), values, UNKNOWN).astype(np.uint8)

@@ -1,0 +1,138 @@
+"""Explorations in recordings: watched while `explore` runs, or done again from their file.
+
+`explore` sees depth alone; who watches sees colours too, from a robot of their own that takes the same steps. Files
+hold poses and actions: done again, the explorer is asked on the same views and must choose the same actions; from where
+it does not, its frontiers and its own map are left out and the way is shown alone.
+"""
+
+from collections.abc import Sequence
+
+from grounding.agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
+from grounding.explore import TASK, Exploration
+from sim.errors import RecordingError
+from sim.scenes.scene import Scene
+from sim.tasks.agents import Agent
+from sim.tasks.observers import Explains, Insight
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import Step
+from sim.types import Camera, Pose
+from sim.world.renderer import Frame, Renderer
+
+from .observer_explore import ExplorationObserver
+
+
+class WatchedExploration:
+    """What `explore` of grounding takes as `on_step`: shows each step; a failure ends the showing, not the walk."""
+
+    def __init__(
+        self, observer: ExplorationObserver, scene: Scene, start: Pose, *, camera: Camera, renderer: Renderer | None
+    ) -> None:
+        """Shows nothing yet.
+
+        Args:
+            observer: Where it is shown.
+            scene: The home.
+            start: Where the exploration starts.
+            camera: The robot's.
+            renderer: Draws what the robot sees, in colours; None = no pictures.
+        """
+        self._observer: ExplorationObserver | None = observer
+        self._env = PanEnv(start, scene.navigation, renderer=renderer, camera=camera, max_steps=MAX_STEPS + 1)
+        self._start = start
+        self.problem: RecordingError | None = None
+        """What kept the observer from showing it."""
+
+    def __call__(self, step: Step | None, frame: Frame, insight: Insight | None) -> None:
+        """Shows the first view (step None) or a step."""
+        if self._observer is None:
+            return
+        try:
+            if step is None:
+                self._observer.on_reset(self._start, self._env.reset())
+            else:
+                self._observer.on_step(step, self._env.step(step.action), insight)
+        except RecordingError as error:
+            self._observer, self.problem = None, error
+
+    def end(self, exploration: Exploration) -> None:
+        """Shows what came of it, and completes the recording."""
+        if self._observer is None:
+            return
+        try:
+            self._observer.on_end(exploration_figures(exploration))
+        except RecordingError as error:
+            self._observer, self.problem = None, error
+
+
+def explorer_of(exploration: Exploration) -> FrontierExplorer:
+    """The explorer as `explore` made it, to be asked again."""
+    steps = len(exploration.steps) if exploration.stop_reason == "steps" else MAX_STEPS
+    return FrontierExplorer(FrontierSettings(max_steps=steps))
+
+
+def replay_exploration(
+    exploration: Exploration,
+    observer: ExplorationObserver,
+    *,
+    scene: Scene,
+    renderer: Renderer | None,
+    agent: Agent | None,
+) -> int:
+    """Walks an exploration again for an observer.
+
+    Args:
+        exploration: From its file.
+        observer: Where it is shown; of the exploration's camera.
+        scene: The home in which it was made.
+        renderer: Draws what the robot saw; None = no pictures, and no explorer is asked.
+        agent: The explorer (`explorer_of`); None = only the way is shown.
+
+    Returns:
+        Number of steps on which the explorer chose the same action; all of them when nothing has changed since.
+
+    Raises:
+        RecordingError: The home is another, or the recording cannot be written.
+        AgentError: What the explorer shows does not fit together.
+    """
+    if (scene.name, scene.digest) != (exploration.scene, exploration.scene_digest):
+        raise RecordingError(
+            f"exploration: made in {exploration.scene} ({exploration.scene_digest[:12]}), found {scene.name} "
+            f"({scene.digest[:12]}); expected the same home. Explore again, or open the home it was made in."
+        )
+    steps, camera = exploration.steps, exploration.camera
+    env = PanEnv(exploration.start, scene.navigation, renderer=renderer, camera=camera, max_steps=len(steps) + 1)
+    observation = env.reset()
+    asked = agent if renderer is not None else None
+    has_asked, num_same = asked is not None, 0
+    if asked is not None:
+        asked.reset(TASK, camera, seed=exploration.seed)
+    observer.on_reset(exploration.start, observation)
+    for step in steps:
+        asked = asked if asked is not None and asked.act(observation) is step.action else None
+        num_same += asked is not None
+        observation = env.step(step.action)
+        observer.on_step(step, observation, asked.insight() if isinstance(asked, Explains) else None)
+    figures = exploration_figures(exploration)
+    if has_asked and num_same < len(steps):
+        text = f"chooses another action at step {num_same + 1}: nothing of it is shown from there"
+        figures.append(("explorer asked again", text))
+    observer.on_end(figures)
+    return num_same
+
+
+def exploration_figures(exploration: Exploration) -> list[tuple[str, str]]:
+    """What is said of an exploration at its end."""
+    figures = [
+        ("stop reason", exploration.stop_reason),
+        ("steps", str(len(exploration.steps))),
+        ("floor seen", f"{100 * exploration.coverage[-1]:.1f} % of {exploration.area_m2:.1f} m²"),
+    ]
+    if exploration.num_doors is not None:
+        figures.append(("doors passed", f"{exploration.doors_passed} of {exploration.num_doors}"))
+    if exploration.rooms_missed is not None:
+        figures.append(("rooms neither entered nor seen", _listed(exploration.rooms_missed)))
+    return figures
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) or "none"

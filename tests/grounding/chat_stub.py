@@ -1,0 +1,68 @@
+"""A chat endpoint on this machine that answers as OpenAI-compatible servers do, right and wrong."""
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+
+class ChatStub:
+    """What the server answers, and what it was asked; change `content`, `status`, `body` or `is_stuck` at any time."""
+
+    def __init__(self) -> None:
+        self.content: str | None = ""
+        """The assistant's message."""
+        self.status = 200
+        self.body: bytes | None = None
+        """The whole answer instead."""
+        self.is_stuck = False
+        """Answers nothing until `released`."""
+        self.released = threading.Event()
+        self.requests: list[dict] = []
+        self.keys: list[str | None] = []
+        self.url = ""
+
+    def answer(self) -> bytes:
+        if self.body is not None:
+            return self.body
+        message = {"role": "assistant", "content": self.content}
+        choice = {"index": 0, "message": message, "finish_reason": "stop"}
+        return json.dumps(
+            {"id": "1", "object": "chat.completion", "created": 0, "model": "stub", "choices": [choice]}
+        ).encode()
+
+
+@contextmanager
+def chat_stub() -> Iterator[ChatStub]:
+    """A running server; stopped at the end."""
+    stub = ChatStub()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            stub.requests.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            stub.keys.append(self.headers["Authorization"])
+            if stub.is_stuck:
+                stub.released.wait(30)
+                return
+            answer = stub.answer()
+            self.send_response(stub.status)
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(answer)))
+            self.end_headers()
+            self.wfile.write(answer)
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Quiet."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    stub.url = f"http://127.0.0.1:{server.server_port}/v1"
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+    thread.start()
+    try:
+        yield stub
+    finally:
+        stub.released.set()
+        server.shutdown()
+        thread.join()
+        server.server_close()

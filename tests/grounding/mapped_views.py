@@ -1,0 +1,101 @@
+"""Encoders with known answers, and folders of recordings in several layouts, for tests of maps."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from grounding.posed_frames import PosedFrame
+from sim.frames import T_world_glb_zup
+
+PATCH = 10
+"""Pixels a side of the encoders' patches."""
+
+
+class IdEncoder:
+    """Says exactly which instance fills most of each patch: one number per id, nothing for id 0 and mixed patches."""
+
+    name = "ids+oracle-perception"
+
+    def __init__(self, num_ids: int) -> None:
+        self.dim = num_ids + 1
+
+    def encode_texts(self, texts: Sequence[str]) -> np.ndarray:
+        """Texts are ids in digits."""
+        return np.eye(self.dim, dtype=np.float32)[[int(text) for text in texts]]
+
+    def encode_patches(self, frames: Sequence[PosedFrame]) -> np.ndarray:
+        ids = np.array([self._ids(frame.instance_ids) for frame in frames])
+        return np.where(ids[..., None] > 0, np.eye(self.dim, dtype=np.float32)[ids], 0)
+
+    def _ids(self, ids: np.ndarray) -> np.ndarray:
+        middle = ids[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH]
+        tiles = ids.reshape(middle.shape[0], PATCH, middle.shape[1], PATCH)
+        return np.where((tiles == middle[:, None, :, None]).mean(axis=(1, 3)) > 0.6, middle, 0)
+
+    def encode_images(self, frames: Sequence[PosedFrame]) -> np.ndarray:
+        sums = self.encode_patches(frames).sum(axis=(1, 2))
+        return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)
+
+
+class ColourEncoder:
+    """Says the colour of each patch; reads the picture only, as real models do."""
+
+    name, dim = "colours", 4
+
+    def encode_texts(self, texts: Sequence[str]) -> np.ndarray:
+        """Texts are `r g b` in digits."""
+        return self._unit(np.array([[int(word) for word in text.split()] for text in texts], float))
+
+    def encode_patches(self, frames: Sequence[PosedFrame]) -> np.ndarray:
+        return self._unit(np.array([frame.rgb[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] for frame in frames], float))
+
+    def encode_images(self, frames: Sequence[PosedFrame]) -> np.ndarray:
+        return self._unit(np.array([frame.rgb.mean(axis=(0, 1)) for frame in frames]))
+
+    def _unit(self, rgb: np.ndarray) -> np.ndarray:
+        vectors = np.concatenate([rgb - 128, np.full((*rgb.shape[:-1], 1), 20.0)], axis=-1)
+        return (vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def colours() -> ColourEncoder:
+    """As a plug-in's factory."""
+    return ColourEncoder()
+
+
+def poses_of(frames: Sequence[PosedFrame], *, up: str) -> list[np.ndarray]:
+    """(4, 4) of each camera in a frame whose z or y is up."""
+    T_recording_map = np.linalg.inv(T_world_glb_zup) if up == "z" else np.eye(4)
+    return [T_recording_map @ frame.T_map_camera for frame in frames]
+
+
+def write_recording(folder: Path, frames: Sequence[PosedFrame], *, up: str, colour: str = "png") -> None:
+    """Our own layout: color/, depth/ in mm, poses/ of one matrix each, intrinsics.json."""
+    for name in ("color", "depth", "poses"):
+        (folder / name).mkdir(parents=True)
+    for index, (frame, pose) in enumerate(zip(frames, poses_of(frames, up=up), strict=True)):
+        write_pictures(frame, folder / f"color/{index:04}.{colour}", folder / f"depth/{index:04}.png")
+        np.savetxt(folder / f"poses/{index:04}.txt", pose)
+    write_intrinsics(folder / "intrinsics.json", frames[0])
+
+
+def write_pictures(frame: PosedFrame, colour: Path, depth: Path, *, per_metre: float = 1000.0) -> None:
+    """One picture and its 16-bit depth."""
+    Image.fromarray(frame.rgb).save(colour, **({"quality": 95} if colour.suffix == ".jpg" else {}))
+    Image.fromarray((frame.depth_m * per_metre).round().astype(np.uint16)).save(depth)
+
+
+def write_intrinsics(path: Path, frame: PosedFrame) -> None:
+    """As OpenCV counts pixels: the middle of the first one is 0."""
+    seen = frame.intrinsics
+    content = {"fx": seen.fx, "fy": seen.fy, "cx": seen.cx - 0.5, "cy": seen.cy - 0.5}
+    path.write_text(json.dumps({**content, "width": seen.width, "height": seen.height}))
+
+
+def matrix_of_intrinsics(frame: PosedFrame, *, size: int) -> np.ndarray:
+    """3 x 3 or 4 x 4, as OpenCV counts pixels."""
+    seen, K = frame.intrinsics, np.eye(size)
+    K[0, 0], K[1, 1], K[0, 2], K[1, 2] = seen.fx, seen.fy, seen.cx - 0.5, seen.cy - 0.5
+    return K

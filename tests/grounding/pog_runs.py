@@ -1,0 +1,51 @@
+"""Small runs of POG made by hand: who was right where, and how far off."""
+
+from collections.abc import Sequence
+
+from sim.tasks.run_files import Answer, AnswerMeasures, Run, RunInfo
+from sim.types import EpisodeKey
+
+CONFIG = {"map": "oracle", "encoder": "hashed", "all_storeys": False, "phrases": "none"}
+
+
+def answer_to(
+    key: EpisodeKey, distance: float | None, *, top3: bool | None = None, participant: str | None = None
+) -> Answer:
+    """An answer so many metres off; None = on another storey."""
+    is_right = distance is not None and distance <= 1
+    measures = AnswerMeasures(
+        success=is_right,
+        top3_success=is_right if top3 is None else top3,
+        planar_distance=distance,
+        distance_3d=5.0,
+    )
+    return Answer(
+        split=key.split,
+        scene=key.scene,
+        episode_id=key.episode_id,
+        candidates=((0.0, 0.0, 0.0),),
+        scores=() if participant else (0.5,),
+        participant=participant,
+        measures=measures,
+    )
+
+
+def run_of(who: str, answers: Sequence[Answer], *, config: dict | None = None, **changes: object) -> Run:
+    """A run of `personal-viz ground`."""
+    values = {
+        "run_id": "-".join([who, str(changes.get("seed", 0)), *map(str, (config or {}).values())]),
+        "who": who,
+        "who_kind": "agent",
+        "scene_kind": "oracle-map",
+        "dataset_digest": "d",
+        "seed": 0,
+        "config": CONFIG | (config or {}),
+        "git_commit": "abc",
+        "created_utc": "2026-01-01T00:00:00+00:00",
+    }
+    return Run(info=RunInfo.model_validate(values | changes), answers=tuple(answers))
+
+
+def keys(split: str, homes: int, each: int) -> list[EpisodeKey]:
+    """`each` episodes in each of so many homes."""
+    return [EpisodeKey(split, f"Home{home}", str(number)) for home in range(homes) for number in range(each)]  # type: ignore[arg-type]

@@ -1,0 +1,51 @@
+"""Encoders by name: what is known, what is refused, what names files can carry."""
+
+import pytest
+
+from grounding.encoders import encoder_slug, make_encoder, make_image_encoder, parse_encoder_name
+from sim.errors import AgentError
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("hashed", ("hashed", "")),
+        ("minilm+oracle-perception", ("minilm", "")),
+        ("clip:openai/clip-vit-large-patch14", ("clip", "openai/clip-vit-large-patch14")),
+        ("blip2-hidden768:/data/blip2", ("blip2-hidden768", "/data/blip2")),
+        ("siglip:C:/models/siglip", ("siglip", "C:/models/siglip")),
+    ],
+)
+def test_names_are_a_space_and_a_source(name: str, expected: tuple[str, str]) -> None:
+    assert parse_encoder_name(name) == expected
+
+
+@pytest.mark.parametrize("name", ["", "hash", "hashed:x", "clip", "clip:", "blip2:Salesforce/x", "+oracle-perception"])
+def test_other_names_are_refused_with_all_that_is_known(name: str) -> None:
+    with pytest.raises(AgentError, match=r"is not known; expected hashed, minilm, or one of clip:, siglip:, blip2-itc"):
+        make_encoder(name)
+
+
+@pytest.mark.parametrize("name", ["hashed", "minilm", "hashed+oracle-perception"])
+def test_text_encoders_cannot_see(name: str) -> None:
+    with pytest.raises(AgentError, match="cannot see; expected one of clip:"):
+        make_image_encoder(name)
+
+
+def test_the_suffix_encodes_queries_to_maps_of_oracle_perception() -> None:
+    encoder = make_encoder("hashed+oracle-perception")
+    assert encoder.name == "hashed-words-768+oracle-perception"
+    assert (encoder.encode_texts(["oak table"]) == make_encoder("hashed").encode_texts(["oak table"])).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("hashed", "hashed"),
+        ("clip:openai/clip-vit-large-patch14", "clip-clip-vit-large-patch14"),
+        ("siglip:/my models/siglip 2/", "siglip-siglip-2"),
+        ("minilm+oracle-perception", "minilm-oracle-perception"),
+    ],
+)
+def test_slugs_are_file_names(name: str, expected: str) -> None:
+    assert encoder_slug(name) == expected

@@ -1,0 +1,90 @@
+"""The check of image encoders names each breach of the contract."""
+
+import numpy as np
+import pytest
+
+from grounding.check_images import check_image_encoder
+from grounding.encoder_hashed import HashedWords
+from grounding.encoder_oracle import OraclePerception
+from sim.errors import AgentError
+
+
+class Seeing(OraclePerception):
+    """Oracle perception of the check's own pictures; the cases below break it."""
+
+    def __init__(self) -> None:
+        super().__init__(HashedWords(), {1: "red wooden chair", 2: "large white sofa"})
+
+
+class Long(Seeing):
+    def encode_images(self, frames):
+        return 2 * super().encode_images(frames)
+
+
+class Doubles(Seeing):
+    def encode_images(self, frames):
+        return super().encode_images(frames).astype(float)
+
+
+class Forgetful(Seeing):
+    calls = 0
+
+    def encode_images(self, frames):
+        self.calls += 1
+        return np.roll(super().encode_images(frames), self.calls, axis=1)
+
+
+class MeanOfBatch(Seeing):
+    def encode_patches(self, frames):
+        rows = super().encode_patches(frames)
+        if len(frames) > 1:
+            rows = rows + rows[::-1]
+            rows /= np.linalg.norm(rows, axis=-1, keepdims=True)
+        return rows
+
+
+class Turned(Seeing):
+    def encode_patches(self, frames):
+        return super().encode_patches(frames).swapaxes(1, 2)
+
+
+class Flat(Seeing):
+    def encode_patches(self, frames):
+        return super().encode_patches(frames).reshape(len(frames), -1, self.dim)
+
+
+class Same(Seeing):
+    """Says of every patch what it says of the picture."""
+
+    def encode_patches(self, frames):
+        patches = super().encode_patches(frames)
+        return np.broadcast_to(super().encode_images(frames)[:, None, None], patches.shape).copy()
+
+
+class Painter(Seeing):
+    def encode_images(self, frames):
+        for frame in frames:
+            frame.rgb[0, 0] += 1
+        return super().encode_images(frames)
+
+
+def test_the_unbroken_encoder_passes() -> None:
+    check_image_encoder(Seeing())
+
+
+@pytest.mark.parametrize(
+    ("encoder", "message"),
+    [
+        (Long(), "encode_images gives a vector of length 2; expected 1, or 0 where there is nothing"),
+        (Doubles(), "encode_images gives dtype float64; expected float32"),
+        (Forgetful(), "encode_images gives another second answer; expected the same every time"),
+        (MeanOfBatch(), "encode_patches gives a change of .* for frames alone"),
+        (Turned(), "encode_patches gives left and right halves alike or turned"),
+        (Flat(), "encode_patches gives 3 dimensions; expected"),
+        (Same(), "encode_patches gives left and right halves alike or turned"),
+        (Painter(), "gives changed pictures; expected pictures as they were given"),
+    ],
+)
+def test_a_broken_image_encoder_is_named(encoder: Seeing, message: str) -> None:
+    with pytest.raises(AgentError, match=message):
+        check_image_encoder(encoder)

@@ -1,0 +1,142 @@
+"""The check for map builders: ours pass, and each breach of the contract is named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from grounding.check_room import BOXES, check_views
+from grounding.checks import check_map_builder
+from grounding.mapping import GridMapBuilder
+from grounding.memory import HomeMemory, OccupancyGrid
+from grounding.object_mapping import ObjectMapBuilder
+from grounding.posed_frames import PosedFrame
+from grounding.segment_depth import DepthRegions
+from grounding.segments import InstanceIds
+from sim.errors import AgentError
+from sim.types import GridSpec
+
+from .mapped_views import ColourEncoder, IdEncoder
+
+IDS = IdEncoder(2)
+
+
+@pytest.mark.parametrize(
+    "builder",
+    [
+        GridMapBuilder(IDS),
+        GridMapBuilder(IDS, cell=0.25),
+        GridMapBuilder(IDS, features="images"),
+        ObjectMapBuilder(IDS, InstanceIds()),
+    ],
+    ids=lambda builder: builder.name,
+)
+def test_our_builders_keep_the_contract(builder) -> None:
+    check_map_builder(builder, IDS)
+
+
+def test_builders_that_read_colours_only_keep_it_too() -> None:
+    check_map_builder(GridMapBuilder(ColourEncoder(), cell=0.5), ColourEncoder())
+    check_map_builder(ObjectMapBuilder(ColourEncoder(), DepthRegions(floors=(0.0,))), ColourEncoder())
+
+
+def test_the_rooms_boxes_are_where_its_file_says() -> None:
+    views = check_views()
+    for number, (low, high) in BOXES.items():
+        points = np.concatenate([view.points[view.frame.instance_ids == number] for view in views])
+        assert len(points) > 500
+        assert (points >= np.array(low) - 1e-6).all()
+        assert (points <= np.array(high) + 1e-6).all()
+
+
+class Changed:
+    """Our grid builder with something wrong."""
+
+    name = "changed"
+
+    def __init__(self, **options) -> None:
+        self._inner = GridMapBuilder(IDS, **options)
+
+    def reset(self) -> None:
+        self._inner.reset()
+
+    def add(self, frame: PosedFrame) -> None:
+        self._inner.add(frame)
+
+    def finish(self) -> HomeMemory:
+        return self._inner.finish()
+
+
+class OpenGl(Changed):
+    def add(self, frame: PosedFrame) -> None:
+        super().add(replace(frame, T_map_camera=frame.T_map_camera @ np.diag([1.0, -1, -1, 1])))
+
+
+class LeftIsRight(Changed):
+    def add(self, frame: PosedFrame) -> None:
+        T = frame.T_map_camera.copy()
+        flip = np.diag([-1.0, 1, 1])
+        T[:3, :3] = flip @ T[:3, :3] @ flip
+        super().add(replace(frame, T_map_camera=T))
+
+
+class Swapped(Changed):
+    """Rows for columns in the features, while the occupancy is right."""
+
+    def finish(self) -> HomeMemory:
+        memory = super().finish()
+        swapped = []
+        for storey in memory.storeys:
+            found = storey.memory
+            order = np.lexsort((found.rc[:, 0], found.rc[:, 1]))
+            changed = replace(found, rc=found.rc[order][:, ::-1].copy(), rows=found.rows[order])
+            swapped.append(replace(storey, memory=changed))
+        return replace(memory, storeys=tuple(swapped))
+
+
+class Mirrored(Changed):
+    """The occupancy alone, from left to right."""
+
+    def finish(self) -> HomeMemory:
+        memory = super().finish()
+        storeys = []
+        for storey in memory.storeys:
+            (x, z), cells = storey.occupancy.grid.origin_xz, storey.occupancy.cells
+            grid = GridSpec((-x - cells.shape[1] * 0.05, z), 0.05, cells.shape)
+            storeys.append(replace(storey, occupancy=OccupancyGrid(cells[:, ::-1].copy(), grid)))
+        return replace(memory, storeys=tuple(storeys))
+
+
+class KeepsAll(Changed):
+    def reset(self) -> None:
+        pass
+
+
+class Scribbler(Changed):
+    def add(self, frame: PosedFrame) -> None:
+        super().add(frame)
+        frame.depth_m[frame.depth_m > 3] = 0
+
+
+class Blind(Changed):
+    def add(self, frame: PosedFrame) -> None:
+        super().add(replace(frame, instance_ids=np.zeros_like(frame.instance_ids)))
+
+
+@pytest.mark.parametrize(
+    ("builder", "message"),
+    [
+        (OpenGl(), "number of free cells is"),
+        (LeftIsRight(), "check yaw and axes"),
+        (Swapped(), "what is stored around .* is 'the same'; expected another one"),
+        (Mirrored(), "share of free cells that are free is"),
+        (KeepsAll(), "frames is 48; expected 24"),
+        (Scribbler(), "a view's arrays after add is 'changed'"),
+        (Blind(), "number of cells is 0"),
+        (Changed(mount_height=1.5), "height of the floor is -0.62"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Changed) else "",
+)
+def test_a_broken_builder_is_named(builder: Changed, message: str) -> None:
+    with pytest.raises(AgentError, match=message):
+        check_map_builder(builder, IDS)

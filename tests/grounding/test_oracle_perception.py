@@ -1,0 +1,214 @@
+"""Oracle perception: what it sees, and that its errors are as large, as lasting and as repeatable as they are said."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grounding.check_images import check_image_encoder
+from grounding.encoder_hashed import HashedWords
+from grounding.encoder_oracle import CLUTTER_TEXTS, OraclePerception, PerceptionOptions, winning_ids
+from grounding.object_texts import object_texts
+from grounding.posed_frames import Intrinsics, PosedFrame
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import AgentError
+from sim.scenes.scene import SceneObject
+
+WORDS = HashedWords()
+CAPTIONS = {1: "red wooden chair", 2: "large white sofa", 3: "oval mirror", 7: "copper lamp"}
+
+
+def frame(ids: list[list[int]], *, x: float = 0.0, scale: int = 8, depth: float = 2.0) -> PosedFrame:
+    """A picture of square blocks of these ids, `scale` pixels wide, seen from x."""
+    blocks = np.kron(np.array(ids), np.ones((scale, scale), int)).astype(np.int32)
+    height, width = blocks.shape
+    pose = np.eye(4)
+    pose[0, 3] = x
+    lens = Intrinsics(width, height, 50.0, 50.0, width / 2, height / 2)
+    rgb = np.zeros((height, width, 3), np.uint8)
+    return PosedFrame(rgb, np.full((height, width), depth, np.float32), pose, lens, blocks)
+
+
+def perception(captions: dict[int, str] = CAPTIONS, *, home: str = "", **options) -> OraclePerception:
+    return OraclePerception(WORDS, captions, options=PerceptionOptions(patch=8, **options), home=home)
+
+
+def text(words: str) -> np.ndarray:
+    return WORDS.encode_texts([words])[0]
+
+
+def test_patches_are_the_captions_of_the_instances_in_them() -> None:
+    patches = perception().encode_patches([frame([[1, 2, 0], [9, 7, 1]])])[0]
+    assert patches.shape == (2, 3, 768)
+    assert np.array_equal(patches[0, 0], text("red wooden chair"))
+    assert np.array_equal(patches[0, 1], text("large white sofa"))
+    assert np.array_equal(patches[1, 1], text("copper lamp"))
+    assert np.array_equal(patches[1, 2], patches[0, 0])
+    assert not patches[0, 2].any()  # no instance
+    assert not patches[1, 0].any()  # an instance without a caption
+
+
+def test_the_picture_is_the_mean_weighted_by_pixels() -> None:
+    seen = perception().encode_images([frame([[1, 1, 1], [2, 0, 9]]), frame([[0, 9, 0]])])
+    expected = 3 * text("red wooden chair") + text("large white sofa")
+    assert np.allclose(seen[0], expected / np.linalg.norm(expected), atol=1e-6)
+    assert not seen[1].any()
+
+
+def test_the_id_with_most_pixels_wins_a_patch_and_ties_go_to_the_lowest() -> None:
+    ids = np.array([[1, 1, 5, 5], [1, 5, 2, 2], [0, 0, 3, 3], [0, 4, 3, 9]])
+    assert winning_ids(ids, patch=2).tolist() == [[1, 2], [0, 3]]
+    # 5 columns in patches of about 2: columns 0-2 and 3-4
+    assert winning_ids(np.array([[1, 1, 2, 2, 2]]), patch=2).tolist() == [[1, 2]]
+    assert winning_ids(np.array([[6, 6, 6]]), patch=16).tolist() == [[6]]
+
+
+def test_the_name_says_space_and_oracle_and_queries_are_the_text_encoders() -> None:
+    encoder = perception()
+    assert (encoder.name, encoder.dim) == ("hashed-words-768+oracle-perception", 768)
+    assert np.array_equal(encoder.encode_texts(["copper lamp"])[0], text("copper lamp"))
+    assert encoder.text_encoder is WORDS
+
+
+NOISY = {"view_noise": 0.1, "object_noise": 0.1, "confusion": 0.4, "background": "clutter", "seed": 3}
+
+
+@pytest.mark.parametrize("options", [{}, NOISY])
+def test_oracle_perception_keeps_the_contract(options: dict) -> None:
+    check_image_encoder(perception(**options))
+    check_image_encoder(OraclePerception(WORDS, {}))
+
+
+def test_the_same_frames_give_the_same_vectors_in_any_batch_and_order() -> None:
+    frames = [frame([[1, 2], [0, 9]]), frame([[1, 2], [0, 9]], x=0.5), frame([[3, 7], [2, 2]])]
+    together = perception(**NOISY).encode_patches(frames)
+    backwards = perception(**NOISY)
+    alone = [backwards.encode_patches([item])[0] for item in reversed(frames)][::-1]
+    assert np.array_equal(together, np.array(alone))
+    assert np.array_equal(
+        perception(**NOISY).encode_images(frames)[1], perception(**NOISY).encode_images(frames[1:2])[0]
+    )
+
+
+def test_view_noise_is_the_deviation_of_the_cosine_and_new_in_each_view_and_patch() -> None:
+    encoder, rng = perception(view_noise=0.05), np.random.default_rng(0)
+    probe = rng.standard_normal((2000, 768))
+    probe /= np.linalg.norm(probe, axis=1, keepdims=True)
+    first, second = encoder.encode_patches([frame([[1, 1]]), frame([[1, 1]], x=1.0)])[:, 0]
+    vectors = [first[0], first[1], second[0], second[1]]
+    exact = text("red wooden chair")
+    length = np.sqrt(1 + 768 * 0.05**2)  # of the vector with noise, before it is made a unit vector
+    for vector in vectors:
+        assert float(np.std(probe @ (vector * length - exact))) == pytest.approx(0.05, rel=0.1)
+    errors = np.array(vectors) * length - exact
+    errors /= np.linalg.norm(errors, axis=1, keepdims=True)
+    assert np.abs((errors @ errors.T)[~np.eye(4, dtype=bool)]).max() < 0.2
+
+
+def test_view_noise_averages_out_and_object_noise_stays() -> None:
+    views = [frame([[1]], x=float(x)) for x in range(100)]
+    of_views = perception(view_noise=0.1).encode_patches(views)[:, 0, 0].mean(axis=0)
+    of_objects = perception(object_noise=0.1).encode_patches(views)[:, 0, 0]
+    assert float(of_views @ text("red wooden chair") / np.linalg.norm(of_views)) > 0.95
+    assert np.array_equal(of_objects[0], of_objects[99])
+    assert float(of_objects[0] @ text("red wooden chair")) < 0.5
+
+
+def test_confused_instances_take_another_text_of_the_home_and_keep_it() -> None:
+    captions = {i: f"thing number{i}" for i in range(1, 401)} | {401: "thing number1"}
+    some = perception(captions, confusion=0.2).perceived
+    more = perception(captions, confusion=0.5).perceived
+    wrong_some = {i for i, words in some.items() if words != captions[i]}
+    wrong_more = {i for i, words in more.items() if words != captions[i]}
+    assert 55 <= len(wrong_some) <= 105  # 80 expected, standard deviation 8
+    assert wrong_some < wrong_more
+    assert {some[i] for i in wrong_some} <= set(captions.values())
+    assert all(some[i] == more[i] for i in wrong_some)
+    everything = perception(captions, confusion=1.0).perceived
+    assert all(words != captions[i] for i, words in everything.items())
+
+
+def test_a_home_with_one_text_cannot_confuse() -> None:
+    assert perception({1: "bed", 2: "bed"}, confusion=1.0).perceived == {1: "bed", 2: "bed"}
+
+
+def test_seeds_and_homes_draw_apart_and_options_do_not_disturb_each_other() -> None:
+    one = perception(object_noise=0.1).encode_patches([frame([[1]])])
+    assert not np.array_equal(one, perception(object_noise=0.1, seed=1).encode_patches([frame([[1]])]))
+    assert not np.array_equal(one, perception(object_noise=0.1, home="HomeTwo").encode_patches([frame([[1]])]))
+    assert np.array_equal(one, perception(object_noise=0.1, background="clutter").encode_patches([frame([[1]])]))
+
+
+def test_clutter_is_lasting_per_instance_and_per_place() -> None:
+    encoder = perception(background="clutter")
+    clutter = WORDS.encode_texts(CLUTTER_TEXTS)
+    here, there = encoder.encode_patches([frame([[9, 0, 1]]), frame([[9, 0, 1]], x=40.0)])[:, 0]
+    assert np.array_equal(here[2], text("red wooden chair"))
+    assert np.array_equal(here[0], there[0])  # the same instance, seen from elsewhere
+    for vector in (here[0], here[1], there[1]):
+        assert (clutter == vector).all(axis=1).any()
+    turned = perception(background="clutter").encode_patches([frame([[0, 0, 0]], x=40.0), frame([[9, 0, 1]])])
+    assert np.array_equal(turned[1, 0, 1], here[1])
+    far = encoder.encode_patches([frame([[0]], x=float(x)) for x in range(0, 60, 2)])[:, 0, 0]
+    assert len(np.unique(far, axis=0)) > 10
+
+
+def test_background_without_depth_says_nothing() -> None:
+    assert not perception(background="clutter").encode_patches([frame([[0]], depth=0.0)]).any()
+
+
+def test_clutter_without_texts_is_refused() -> None:
+    with pytest.raises(AgentError, match="found no clutter texts; expected at least one"):
+        OraclePerception(WORDS, CAPTIONS, options=PerceptionOptions(background="clutter"), clutter=())
+
+
+def test_frames_of_a_robot_are_refused() -> None:
+    with pytest.raises(AgentError, match="a frame has no instance ids; expected those of the simulator"):
+        perception().encode_patches([replace(frame([[1]]), instance_ids=None)])
+
+
+def test_frames_of_several_sizes_are_refused() -> None:
+    with pytest.raises(AgentError, match=r"frames are of sizes \[\(8, 8\), \(8, 16\)\]; expected one"):
+        perception().encode_patches([frame([[1]]), frame([[1, 1]])])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"view_noise": -0.1}, "view_noise is -0.1; expected 0 or more"),
+        ({"object_noise": float("nan")}, "object_noise is nan; expected 0 or more"),
+        ({"confusion": 1.5}, "confusion is 1.5; expected 0 to 1"),
+        ({"patch": 0}, "patch is 0; expected at least 1 pixel"),
+    ],
+)
+def test_impossible_options_are_refused(options: dict, message: str) -> None:
+    with pytest.raises(AgentError, match=message):
+        PerceptionOptions(**options)
+
+
+class OneScene:
+    """As much of a Scene as texts need."""
+
+    name = "HomeOne"
+
+    def __init__(self, names: list[str]) -> None:
+        self.objects = tuple(
+            SceneObject(number, name, name.rsplit("_", 1)[0], (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+            for number, name in enumerate(names, start=1)
+        )
+
+
+def test_texts_are_captions_where_an_episode_has_one_and_categories_elsewhere(small_root: Path) -> None:
+    scene = OneScene(["sofa_3", "lamp_4", "toy box_77"])
+    texts = object_texts(PersonalDataset(small_root), scene)  # type: ignore[arg-type]
+    assert texts == {1: "small yellow leather sofa", 2: "lamp", 3: "toy box"}
+
+
+def test_texts_can_be_paraphrased(small_root: Path) -> None:
+    scene = OneScene(["sofa_3", "lamp_4"])
+    dataset = PersonalDataset(small_root)
+    assert object_texts(dataset, scene, level=3) == {1: "sofa", 2: "lamp"}  # type: ignore[arg-type]
+    half = object_texts(dataset, scene, level=2)[1].split()  # type: ignore[arg-type]
+    assert half[-1] == "sofa"
+    assert len(half) == 2

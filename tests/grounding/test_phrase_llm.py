@@ -1,0 +1,166 @@
+"""Phrases from a chat endpoint: what is sent, what is kept, and what happens when it answers wrongly or not at all."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from grounding.phrase_llm import ChatPhrases, LlmOptions
+from grounding.phrase_rules import RulePhrases
+from grounding.phrases import make_phrases
+from sim.errors import AgentError
+from sim.types import Task
+
+from .chat_stub import ChatStub, chat_stub
+
+pytest.importorskip("openai", reason="extra llm is not installed")
+
+TEXT = "In the hall, Ada owns a red lamp near the door. The blue sofa in the den belongs to Bo."
+TASK = Task("pog", TEXT, ("Find Ada's lamp",))
+ENTRIES = [
+    {"owner": "Ada", "object": "a red lamp near the door", "room": "the hall"},
+    {"owner": "Bo", "object": "the blue sofa", "room": "den"},
+]
+PHRASES = ("Ada owns a red lamp near the door in the hall", "Bo owns the blue sofa in the den")
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def stub() -> Iterator[ChatStub]:
+    with chat_stub() as server:
+        server.content = json.dumps({"ownership": ENTRIES})
+        yield server
+
+
+class Source:
+    """A source on the stub, with the warnings that it gave."""
+
+    def __init__(self, stub: ChatStub, **options: object) -> None:
+        self.warnings: list[str] = []
+        settings = LlmOptions.model_validate({"base_url": stub.url, "model": "small", **options})
+        self.source = ChatPhrases(settings, warn=self.warnings.append)
+
+    def ask(self, task: Task = TASK) -> tuple[str, ...]:
+        return self.source.phrases(task)
+
+
+def test_the_model_is_asked_once_and_gets_the_description_alone(stub: ChatStub) -> None:
+    first = Source(stub)
+    assert first.ask() == first.ask() == PHRASES
+    assert Source(stub).ask() == PHRASES
+    (request,) = stub.requests
+    assert request["temperature"] == 0
+    assert request["model"] == "small"
+    assert request["response_format"] == {"type": "json_object"}
+    assert [message["role"] for message in request["messages"]] == ["system", "user"]
+    assert request["messages"][1]["content"] == TEXT
+    assert first.warnings == []
+
+
+def test_another_model_or_another_text_is_another_question(stub: ChatStub) -> None:
+    Source(stub).ask()
+    Source(stub, model="large").ask()
+    Source(stub).ask(Task("pog", TEXT + " That is all.", ("Find Ada's lamp",)))
+    assert len(stub.requests) == 3
+
+
+def test_the_key_comes_from_the_environment_and_is_sent(stub: ChatStub, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MY_KEY", "secret-1")
+    source = Source(stub, api_key_env="MY_KEY")
+    source.ask()
+    assert stub.keys == ["Bearer secret-1"]
+    assert "secret-1" not in LlmOptions.model_validate({"base_url": stub.url, "model": "m"}).model_dump_json()
+    monkeypatch.delenv("MY_KEY")
+    with pytest.raises(AgentError, match="MY_KEY is not set"):
+        Source(stub, api_key_env="MY_KEY")
+
+
+def test_an_address_with_a_password_is_refused() -> None:
+    with pytest.raises(ValidationError, match="without name and password"):
+        LlmOptions.model_validate({"base_url": "http://me:pw@127.0.0.1/v1", "model": "m"})
+
+
+def test_fences_and_thoughts_around_the_json_are_read_over(stub: ChatStub) -> None:
+    stub.content = f"<think>Who is {{Bo}}?</think>Here:\n```json\n{stub.content}\n```"
+    assert Source(stub).ask() == PHRASES
+
+
+@pytest.mark.parametrize(
+    "content", ["I cannot say.", '{"ownership": "Ada"}', '{"owners": []}', '{"ownership": [', None]
+)
+def test_an_answer_that_is_not_the_json_asked_for_is_not_kept_and_the_rules_read(
+    stub: ChatStub, content: str | None
+) -> None:
+    right = stub.content
+    stub.content = content
+    broken = Source(stub)
+    assert broken.ask() == RulePhrases().phrases(TASK)
+    assert broken.source.num_fallbacks == 1
+    assert "read by rules instead (1 so far)" in broken.warnings[0]
+    stub.content = right
+    assert broken.ask() == PHRASES
+
+
+@pytest.mark.parametrize("body", [b"<html>busy</html>", b"{}", b'{"choices": []}', b"null"])
+def test_a_body_that_is_no_chat_answer_is_read_by_rules(stub: ChatStub, body: bytes) -> None:
+    stub.body = body
+    broken = Source(stub)
+    assert broken.ask() == RulePhrases().phrases(TASK)
+    assert broken.source.num_fallbacks == 1
+
+
+def test_owners_whom_the_text_does_not_name_are_left_out(stub: ChatStub) -> None:
+    strangers = [{"owner": "Zoe", "object": "the sofa"}, {"owner": "Ad", "object": "the sofa"}]
+    stub.content = json.dumps({"ownership": [*strangers, *ENTRIES]})
+    source = Source(stub)
+    assert source.ask() == PHRASES
+    assert source.source.num_dropped == 2
+    assert "Ad, Zoe" in source.warnings[0]
+    stub.content = json.dumps({"ownership": strangers})
+    other = Task("pog", TEXT + " Good night.", ("Find Ada's lamp",))
+    assert source.ask(other) == RulePhrases().phrases(other)
+    assert source.source.num_fallbacks == 1
+
+
+def test_a_failing_server_is_read_by_rules_and_no_longer_asked_after_five_failures(
+    stub: ChatStub, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stub.status = 500
+    source = Source(stub)
+    monkeypatch.setattr(source.source, "_client", source.source._client.with_options(max_retries=0))
+    tasks = [Task("pog", f"{TEXT} There are {number} rooms.", TASK.queries) for number in range(8)]
+    assert [source.ask(task) for task in tasks] == [RulePhrases().phrases(task) for task in tasks]
+    assert source.source.num_fallbacks == 8
+    assert len(stub.requests) == 5
+    assert "HTTP 500" in source.warnings[0]
+    assert "no longer asked after 5 failures" in source.warnings[-1]
+
+
+def test_a_server_that_does_not_answer_in_time_is_read_by_rules(stub: ChatStub) -> None:
+    stub.is_stuck = True
+    source = Source(stub, timeout_s=0.1)
+    assert source.ask() == RulePhrases().phrases(TASK)
+    assert "timed out" in source.warnings[0]
+
+
+@pytest.mark.parametrize("status", [401, 404])
+def test_a_refused_key_or_model_stops_the_run(stub: ChatStub, status: int) -> None:
+    stub.status = status
+    with pytest.raises(AgentError, match=f"HTTP {status}"):
+        Source(stub).ask()
+
+
+def test_sources_are_made_by_name(stub: ChatStub) -> None:
+    options = LlmOptions.model_validate({"base_url": stub.url, "model": "small"})
+    assert make_phrases("llm", llm=options).name == "llm:small"
+    assert make_phrases("rules").name == "rules"
+    assert make_phrases("dataset").name == "dataset"
+    with pytest.raises(AgentError, match="--llm-url"):
+        make_phrases("llm")

@@ -1,0 +1,301 @@
+"""CLIP, SigLIP and BLIP-2 through the real loading code, with tiny models of random weights; offline."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from grounding.check_images import check_image_encoder
+from grounding.encoder_siglip import Siglip
+from grounding.encoders import DenseEncoder, ModelOptions, make_encoder, make_image_encoder
+from grounding.posed_frames import PosedFrame
+from sim.errors import AgentError, MissingDependencyError
+
+from .tiny_models import picture, save_blip2, save_clip, save_siglip, save_siglip_naflex
+
+
+@dataclass(frozen=True)
+class Kind:
+    family: str
+    save: Callable[..., Path]
+    dim: int
+    grid: tuple[int, int]
+    """Patches of a picture of 64 x 96 pixels."""
+
+
+KINDS = {
+    "clip": Kind("clip", save_clip, 24, (4, 4)),
+    "siglip": Kind("siglip", save_siglip, 32, (4, 4)),
+    "naflex": Kind("siglip", save_siglip_naflex, 32, (3, 5)),
+    "itc256": Kind("blip2-itc256", save_blip2, 16, (2, 2)),
+    "hidden768": Kind("blip2-hidden768", save_blip2, 32, (2, 2)),
+}
+ALL = pytest.mark.parametrize("kind", list(KINDS))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """Tiny products are slower on several threads, and much slower beside other processes."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The saved model of a kind, made once."""
+    root, saved = tmp_path_factory.mktemp("models"), {}
+
+    def of(kind: str) -> Path:
+        if kind not in saved:
+            saved[kind] = KINDS[kind].save(root / kind)
+        return saved[kind]
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def load(folder: Callable[[str], Path]) -> Callable[..., DenseEncoder]:
+    made: dict[tuple[str, str], DenseEncoder] = {}
+
+    def of(kind: str, *, autocast: str = "off") -> DenseEncoder:
+        if (kind, autocast) not in made:
+            options = ModelOptions(batch_size=2, autocast=autocast)  # type: ignore[arg-type]
+            made[(kind, autocast)] = make_image_encoder(f"{KINDS[kind].family}:{folder(kind)}", options=options)
+        return made[(kind, autocast)]
+
+    return of
+
+
+@ALL
+def test_our_adapters_keep_the_contract(kind: str, load) -> None:
+    check_image_encoder(load(kind))
+
+
+@ALL
+def test_shapes_are_those_of_the_model(kind: str, load) -> None:
+    encoder, frames = load(kind), [picture(30, 30), picture(30, 220), picture(90, 160)]
+    assert encoder.dim == KINDS[kind].dim
+    assert encoder.encode_texts(["red chair", "sofa", "lamp"]).shape == (3, encoder.dim)
+    assert encoder.encode_images(frames).shape == (3, encoder.dim)
+    assert encoder.encode_patches(frames).shape == (3, *KINDS[kind].grid, encoder.dim)
+
+
+@ALL
+def test_patches_lie_where_the_picture_shows_it(kind: str, load) -> None:
+    patches = load(kind).encode_patches([picture(30, 220)])[0]
+    left, right = patches[:, 0], patches[:, -1]
+    within = (left @ left.T).mean() + (right @ right.T).mean()
+    assert within > 2 * (left @ right.T).mean() + 0.2
+
+
+@ALL
+def test_bfloat16_changes_little(kind: str, load) -> None:
+    exact, fast, frames = load(kind), load(kind, autocast="bfloat16"), [picture(30, 220)]
+    pairs = [
+        (exact.encode_texts(["red chair"]), fast.encode_texts(["red chair"])),
+        (exact.encode_images(frames), fast.encode_images(frames)),
+        (exact.encode_patches(frames), fast.encode_patches(frames)),
+    ]
+    for first, second in pairs:
+        assert second.dtype == np.float32
+        assert not np.array_equal(first, second)
+        assert (first * second).sum(axis=-1).min() > 0.99
+    assert exact.name == fast.name
+
+
+@ALL
+def test_the_same_weights_have_the_same_name_wherever_they_lie(kind: str, folder, load, tmp_path: Path) -> None:
+    made = KINDS[kind]
+    again = make_image_encoder(f"{made.family}:{made.save(tmp_path / 'copy')}")
+    other = make_image_encoder(f"{made.family}:{made.save(tmp_path / 'other', seed=1)}")
+    assert again.name == load(kind).name
+    assert other.name != again.name
+    assert other.name.split("@")[0] == again.name.split("@")[0]
+
+
+def _torch_pixels(encoder, frames: list[PosedFrame]) -> torch.Tensor:
+    return encoder._parts.squashed(frames, encoder._size)
+
+
+def test_clip_gives_the_models_own_embeddings(load) -> None:
+    encoder, frames = load("clip"), [picture(30, 220)]
+    parts = encoder._parts
+    with torch.inference_mode():
+        tokens = parts.tokenizer(["red chair"], return_tensors="pt")
+        said = parts.model(
+            input_ids=tokens["input_ids"],
+            attention_mask=tokens["attention_mask"],
+            pixel_values=_torch_pixels(encoder, frames),
+        )
+    assert np.allclose(encoder.encode_texts(["red chair"]), said.text_embeds.numpy(), atol=1e-5)
+    assert np.allclose(encoder.encode_images(frames), said.image_embeds.numpy(), atol=1e-5)
+
+
+def test_clips_patches_are_the_last_block_without_looking_around(folder, tmp_path: Path) -> None:
+    encoder, frames = make_image_encoder(f"clip:{folder('clip')}"), [picture(30, 220)]
+    model = encoder._parts.model  # type: ignore[attr-defined]
+    attention = model.vision_model.encoder.layers[-1].self_attn
+    with torch.inference_mode():
+        attention.out_proj.weight.zero_()  # now looking around brings nothing, and the usual way is the value path
+        hidden = model.vision_model(_torch_pixels(encoder, frames)).last_hidden_state[:, 1:]
+        usual = model.visual_projection(model.vision_model.post_layernorm(hidden))
+    expected = torch.nn.functional.normalize(usual, dim=-1).reshape(1, 4, 4, 24).numpy()
+    assert np.allclose(encoder.encode_patches(frames), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["siglip", "naflex"])
+def test_siglip_gives_the_models_own_embeddings_of_padded_texts(kind: str, load) -> None:
+    encoder, frames = load(kind), [picture(30, 220)]
+    parts = encoder._parts
+    tokens = parts.tokenizer(["red"], padding="max_length", max_length=12, padding_side="right", return_tensors="pt")
+    assert tokens["input_ids"].tolist()[0][-7:] == [0] * 7
+    assert tokens["input_ids"][0, 0] != 0
+    with torch.inference_mode():
+        said = parts.model(input_ids=tokens["input_ids"], **encoder._pixels(frames))
+    assert np.allclose(encoder.encode_texts(["RED"]), said.text_embeds.numpy(), atol=1e-5)
+    assert np.allclose(encoder.encode_images(frames), said.image_embeds.numpy(), atol=1e-5)
+
+
+def test_siglips_patches_alone_make_the_picture_of_one_patch(load) -> None:
+    # the pooling head over equal states is the head on one of them
+    encoder = load("siglip")
+    head = encoder._parts.model.vision_model.head
+    state = torch.randn(1, 1, 32, generator=torch.Generator().manual_seed(0))
+    with torch.inference_mode():
+        assert torch.allclose(head(state), head(state.expand(1, 16, 32)), atol=1e-5)
+
+
+def test_naflex_refuses_pictures_of_several_sizes(load) -> None:
+    with pytest.raises(AgentError, match="frames of several sizes; expected one"):
+        load("naflex").encode_patches([picture(30, 220), picture(30, 220, width=64)])
+
+
+def test_blip2s_contrastive_space_is_the_models_own(load) -> None:
+    encoder, frames = load("itc256"), [picture(30, 220)]
+    parts = encoder._parts
+    tokens = parts.tokenizer(["red chair"], return_tensors="pt")
+    with torch.inference_mode():
+        said = parts.model(
+            pixel_values=_torch_pixels(encoder, frames),
+            input_ids=tokens["input_ids"],
+            attention_mask=tokens["attention_mask"],
+        )
+    assert np.allclose(encoder.encode_texts(["red chair"]), said.text_embeds.numpy(), atol=1e-5)
+    mean = said.image_embeds[0].mean(dim=0).numpy()  # of the unit vectors of the query tokens
+    assert np.allclose(encoder.encode_images(frames)[0], mean / np.linalg.norm(mean), atol=1e-5)
+
+
+def test_blip2s_hidden_space_is_the_first_state_before_the_projection(load) -> None:
+    encoder, frames = load("hidden768"), [picture(30, 220)]
+    projection = encoder._parts.model.text_projection
+    itc = load("itc256").encode_texts(["red chair"])
+    with torch.inference_mode():
+        tokens = encoder._parts.tokens(["red chair"], max_length=20)
+        hidden = encoder._texts(["red chair"])
+        projected = torch.nn.functional.normalize(projection(hidden), dim=-1)
+    assert tokens["input_ids"].shape == (1, 4)
+    assert np.allclose(projected.numpy(), itc, atol=1e-5)
+    assert encoder.encode_images(frames).shape == (1, 32)
+
+
+def test_a_text_encoder_by_name_is_the_model_behind_a_cache(folder, load) -> None:
+    encoder = make_encoder(f"clip:{folder('clip')}")
+    assert encoder.name == load("clip").name
+    assert np.allclose(encoder.encode_texts(["lamp"]), load("clip").encode_texts(["lamp"]), atol=1e-6)
+
+
+def test_progress_is_told_after_each_batch(folder) -> None:
+    told: list[int] = []
+    encoder = Siglip(str(folder("siglip")), options=ModelOptions(batch_size=2, on_batch=told.append))
+    encoder.encode_images([picture(30, 220)] * 5)
+    assert told == [2, 2, 1]
+
+
+def test_long_texts_are_cut_at_the_models_length(load) -> None:
+    first, second = load("clip").encode_texts(["lamp " * 30 + "sofa", "lamp " * 30 + "chair"])
+    assert np.allclose(first, second, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["clip:./nothing/here", "siglip:/nothing/here", "blip2-itc256:~/no such folder"])
+def test_a_wrong_folder_is_named(name: str) -> None:
+    with pytest.raises(AgentError, match=r"found no such folder; expected one with config\.json"):
+        make_image_encoder(name)
+
+
+def test_an_unknown_id_without_a_download_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(AgentError, match=r"in the local cache \(downloads are off\)\. Check the id"):
+        make_image_encoder("clip:nobody/no-such-model", options=ModelOptions(download=False))
+
+
+def test_an_empty_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(AgentError, match=r"cannot be loaded \(.*expected config\.json, weights, tokenizer"):
+        make_image_encoder(f"clip:{tmp_path}")
+
+
+def test_a_model_of_another_family_is_refused(folder) -> None:
+    with pytest.raises(AgentError, match=r"config\.json says model_type 'siglip'; expected clip"):
+        make_image_encoder(f"clip:{folder('siglip')}")
+
+
+def test_weights_with_gaps_are_refused_instead_of_filled_at_random(tmp_path: Path) -> None:
+    from safetensors.torch import load_file, save_file
+
+    path = save_clip(tmp_path / "gaps") / "model.safetensors"
+    weights = load_file(path)
+    del weights["text_projection.weight"]
+    save_file(weights, path, metadata={"format": "pt"})
+    with pytest.raises(AgentError, match=r"1 weights are missing or of another shape, first text_projection\.weight"):
+        make_image_encoder(f"clip:{path.parent}")
+
+
+def test_weights_of_another_shape_are_refused(tmp_path: Path) -> None:
+    path = save_clip(tmp_path / "shape") / "config.json"
+    config = json.loads(path.read_text())
+    config["projection_dim"] = 20
+    path.write_text(json.dumps(config))
+    with pytest.raises(AgentError, match=r"\d weights are missing or of another shape, first t"):
+        make_image_encoder(f"clip:{path.parent}")
+
+
+def test_damaged_weights_are_named(tmp_path: Path) -> None:
+    folder = save_clip(tmp_path / "damaged")
+    (folder / "model.safetensors").write_bytes(b"no weights" * 10)
+    with pytest.raises(AgentError, match=r"cannot be loaded \(Error while deserializing header"):
+        make_image_encoder(f"clip:{folder}")
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a GPU")
+def test_a_missing_gpu_is_named(folder) -> None:
+    with pytest.raises(AgentError, match="torch sees no such device"):
+        make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(device="cuda"))
+
+
+def test_float16_on_the_cpu_is_refused(folder) -> None:
+    with pytest.raises(AgentError, match="expected off or bfloat16"):
+        make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(autocast="float16"))
+
+
+def test_without_transformers_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, folder) -> None:
+    source = f"clip:{folder('clip')}"
+    monkeypatch.setitem(sys.modules, "transformers", None)
+    with pytest.raises(MissingDependencyError, match=r"extra 'models'. Run: pip install 'personal-viz\[models\]'"):
+        make_image_encoder(source)
+
+
+@pytest.mark.gpu
+@ALL
+def test_a_gpu_says_the_same_as_the_cpu(kind: str, folder, load) -> None:
+    name, frames = f"{KINDS[kind].family}:{folder(kind)}", [picture(30, 220)]
+    there = make_image_encoder(name, options=ModelOptions(device="cuda"))
+    assert there.name == load(kind).name
+    assert np.allclose(there.encode_images(frames), load(kind).encode_images(frames), atol=1e-3)
+    assert np.allclose(there.encode_patches(frames), load(kind).encode_patches(frames), atol=1e-3)
+    half = make_image_encoder(name, options=ModelOptions(device="cuda", autocast="float16"))
+    assert (half.encode_images(frames) * load(kind).encode_images(frames)).sum() > 0.99

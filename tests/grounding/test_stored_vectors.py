@@ -1,0 +1,101 @@
+"""Vectors kept on disk: encoded once per machine, shared, and never trusted when damaged."""
+
+import sqlite3
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from grounding.checks import check_encoder
+from grounding.encoder_hashed import HashedWords
+from grounding.stored_vectors import StoredTextEncoder
+
+WORDS = HashedWords()
+
+
+class Counting(HashedWords):
+    asked: list[list[str]]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked = []
+
+    def encode_texts(self, texts):
+        self.asked.append(list(texts))
+        return super().encode_texts(texts)
+
+
+def stored(folder: Path, encoder: HashedWords, *, key: str = "k") -> StoredTextEncoder:
+    return StoredTextEncoder(lambda: encoder, name=WORDS.name, dim=WORDS.dim, key=key, folder=folder)
+
+
+def test_a_text_is_encoded_once_for_all_processes(tmp_path: Path) -> None:
+    first, second = Counting(), Counting()
+    stored(tmp_path, first).encode_texts(["red chair", "oak table", "red chair"])
+    texts = ["oak table", "grey sofa", "red chair"]
+    assert np.array_equal(stored(tmp_path, second).encode_texts(texts), WORDS.encode_texts(texts))
+    assert first.asked == [["red chair", "oak table"]]
+    assert second.asked == [["grey sofa"]]
+
+
+def test_the_encoder_is_not_even_made_when_all_is_known(tmp_path: Path) -> None:
+    stored(tmp_path, Counting()).encode_texts(["red chair"])
+
+    def never() -> HashedWords:
+        raise AssertionError("the encoder was loaded")
+
+    again = StoredTextEncoder(never, name=WORDS.name, dim=WORDS.dim, key="k", folder=tmp_path)
+    assert np.array_equal(again.encode_texts(["red chair"]), WORDS.encode_texts(["red chair"]))
+    assert again.encode_texts([]).shape == (0, 768)
+
+
+def test_other_weights_have_a_file_of_their_own(tmp_path: Path) -> None:
+    other = Counting()
+    stored(tmp_path, Counting()).encode_texts(["red chair"])
+    stored(tmp_path, other, key="other").encode_texts(["red chair"])
+    assert other.asked == [["red chair"]]
+
+
+def test_many_texts_and_odd_ones_come_back(tmp_path: Path) -> None:
+    texts = [f"thing number{i}" for i in range(1200)] + ["", 'it\'s "odd"; -- ümlaut 桌子']
+    stored(tmp_path, Counting()).encode_texts(texts)
+    counting = Counting()
+    assert np.array_equal(stored(tmp_path, counting).encode_texts(texts), WORDS.encode_texts(texts))
+    assert counting.asked == []
+
+
+def test_a_damaged_file_costs_time_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / f"{WORDS.name}-k.sqlite"
+    path.write_bytes(b"not a database at all" * 100)
+    assert np.array_equal(stored(tmp_path, Counting()).encode_texts(["lamp"]), WORDS.encode_texts(["lamp"]))
+
+
+def test_a_cut_vector_is_encoded_again(tmp_path: Path) -> None:
+    stored(tmp_path, Counting()).encode_texts(["lamp"])
+    store = sqlite3.connect(tmp_path / f"{WORDS.name}-k.sqlite")
+    with store:
+        store.execute("UPDATE vectors SET vector = x'00'")
+    store.close()
+    assert np.array_equal(stored(tmp_path, Counting()).encode_texts(["lamp"]), WORDS.encode_texts(["lamp"]))
+
+
+def test_a_folder_that_cannot_be_made_is_no_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    found = stored(tmp_path / "file" / "below", Counting()).encode_texts(["lamp"])
+    assert np.array_equal(found, WORDS.encode_texts(["lamp"]))
+
+
+def test_many_writers_do_not_hinder_each_other(tmp_path: Path) -> None:
+    def write(worker: int) -> bool:
+        texts = [f"thing number{i}" for i in range(worker * 10, worker * 10 + 40)]
+        return bool(np.array_equal(stored(tmp_path, Counting()).encode_texts(texts), WORDS.encode_texts(texts)))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(write, range(8)))
+    late = Counting()
+    stored(tmp_path, late).encode_texts([f"thing number{i}" for i in range(110)])
+    assert late.asked == []
+
+
+def test_stored_vectors_keep_the_encoders_contract(tmp_path: Path) -> None:
+    check_encoder(stored(tmp_path, HashedWords()))

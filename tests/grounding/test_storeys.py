@@ -1,0 +1,115 @@
+"""Storeys of a growing map: floors met on the way, frames held on stairs, points sorted by the floor below them."""
+
+import numpy as np
+import pytest
+
+from grounding.posed_frames import Intrinsics, PosedFrame
+from grounding.storeys import Storeys, points_at
+from grounding.view_quality import bearing_weight, distance_weight, patches_of
+from sim.frames import T_world_camera
+from sim.tasks.observers import FREE
+from sim.types import Camera, Pose
+
+CAMERA = Camera(width=80, height=60)
+
+
+def frame(x: float, feet: float, z: float = 0.0, *, depth: float = 2.0) -> PosedFrame:
+    """A view along -z on a wall."""
+    T = T_world_camera(Pose((x, feet, z), 0.0), CAMERA)
+    seen = Intrinsics.of(CAMERA)
+    return PosedFrame(np.zeros((60, 80, 3), np.uint8), np.full((60, 80), depth, np.float32), T, seen)
+
+
+def feet_of(frames: list[PosedFrame]) -> list[float]:
+    return [round(float(one.T_map_camera[1, 3]) - 0.88, 3) for one in frames]
+
+
+def test_a_robot_that_climbs_opens_a_storey_only_where_it_walks_on_level_ground() -> None:
+    storeys = Storeys(batch=1)
+    stairs = [(0.25 * step, 0.15 * step) for step in range(1, 20)]  # to 2.85 m
+    assert feet_of(storeys.take(frame(0.0, 0.0))) == [0.0]
+    out = [feet_of(storeys.take(frame(x, feet))) for x, feet in stairs]
+    assert out[:9] == [[round(0.15 * step, 3)] for step in range(1, 10)]
+    assert out[9:] == [[]] * 10  # 1.5 m and more above the floor: which storey is not known yet
+    assert storeys.take(frame(5.0, 2.85)) == []
+    assert storeys.take(frame(5.25, 2.85)) == []
+    assert len(storeys.take(frame(5.5, 2.85))) == 13
+    assert storeys.floors == pytest.approx([0.0, 2.85], abs=0.02)
+    assert feet_of(storeys.take(frame(4.0, 1.4))) == [1.4]
+    assert storeys.num_frames == 1 + 19 + 3 + 1
+
+
+def test_turning_on_a_stair_opens_no_storey_and_frames_left_there_go_to_the_floor_below() -> None:
+    storeys = Storeys(batch=1)
+    storeys.take(frame(0.0, 0.0))
+    assert all(storeys.take(frame(3.0, 1.8)) == [] for _ in range(12))
+    assert len(storeys.rest()) == 12
+    assert storeys.floors == [0.0]
+    assert storeys.num_frames == 13
+
+
+def test_a_robot_that_goes_down_opens_a_storey_below() -> None:
+    storeys = Storeys(batch=100)
+    for x in range(4):
+        storeys.take(frame(float(x), 0.0))
+    for x in range(4):
+        storeys.take(frame(float(x), -2.7))
+    assert len(storeys.rest()) == 8
+    assert storeys.floors == pytest.approx([0.0, -2.7])
+    assert storeys.index_of(np.array([-1.0, -2.9, 0.1, -4.3])).tolist() == [1, 1, 0, -1]
+
+
+def test_points_belong_to_the_nearest_floor_below_with_some_slack() -> None:
+    storeys = Storeys(floors=(2.8, 0.0))
+    heights = np.array([-1.6, -1.4, 0.0, 2.4, 2.49, 2.51, 2.8, 9.0])
+    assert storeys.index_of(heights).tolist() == [-1, 0, 0, 0, 0, 1, 1, 1]
+
+
+def test_each_view_grows_the_occupancy_of_its_own_storey() -> None:
+    storeys = Storeys(floors=(0.0, 3.0))
+    storeys.take(frame(0.0, 3.0, depth=4.0))
+    storeys.rest()
+    assert (storeys.occupancy(0).cells == FREE).sum() == 0
+    assert (storeys.occupancy(1).cells == FREE).sum() > 30
+
+
+def test_a_missing_return_of_a_real_sensor_blocks_nothing() -> None:
+    storeys = Storeys(floors=(0.0,))
+    storeys.take(frame(0.0, 0.0, depth=0.0))
+    storeys.rest()
+    assert not storeys.occupancy(0).cells.any()
+
+
+def test_pixels_become_points_where_the_camera_looks() -> None:
+    points = points_at(frame(1.0, 0.5, 3.0), np.array([[29, 39], [30, 40], [0, 0]]))
+    middle = points[:2].mean(axis=0)
+    assert middle == pytest.approx([1.0, 0.5 + 0.88, 1.0])
+    assert points[2, 0] < 0  # left
+    assert points[2, 1] > 1.38  # above
+    assert points[2, 2] == pytest.approx(1.0)
+
+
+def test_a_patch_lies_on_the_surface_that_has_its_median_depth() -> None:
+    view = frame(0.0, 0.0)
+    depth = view.depth_m.copy()
+    depth[:, :4] = 1.0  # two fifths of the first patch are nearer
+    depth[:, 70:] = 0.0
+    depth[:, 60:70] = 6.0
+    changed = PosedFrame(view.rgb, depth, view.T_map_camera, view.intrinsics)
+    patches = patches_of(changed, (6, 8), max_depth=5.0)
+    points, weights = patches.points.reshape(6, 8, 3), patches.weights.reshape(6, 8)
+    assert points[:, :6, 2] == pytest.approx(np.full((6, 6), -2.0))
+    assert (weights[:, 6:] == 0).all()
+    assert np.isnan(points[:, 6:]).all()
+    assert weights[0, 1] == pytest.approx(0.862, abs=0.001)
+    assert weights[0, 0] == pytest.approx(0.862 * 0.6, abs=0.08)
+
+
+def test_weights_are_those_of_onemap_and_vlfm() -> None:
+    assert distance_weight(np.array([0.5, 1, 2, 3, 4, 5])) == pytest.approx(
+        [0.964, 1, 0.862, 0.553, 0.264, 0.093], abs=6e-4
+    )
+    seen = Intrinsics.of(CAMERA)
+    half = np.arctan(40 / seen.fx)
+    columns = 40 + seen.fx * np.tan(np.array([0, 0.25, 0.5, 1]) * half)
+    assert bearing_weight(columns, seen) == pytest.approx([1, 0.8902, 0.625, 0.25], abs=1e-4)

@@ -1,0 +1,106 @@
+"""Tiny vision-language models with random weights, saved as the real ones are, and pictures for them."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+import transformers
+from tokenizers import Tokenizer, models, normalizers, pre_tokenizers, processors
+
+from grounding.posed_frames import Intrinsics, PosedFrame
+
+WORDS = (
+    *("a", "red", "wooden", "chair", "beside", "the", "window", "large", "white", "sofa", "oval", "mirror", "with"),
+    *("golden", "frame", "find", "mira", "tom", "s", "owns", "in", "kitchen", "lounge", "table", "lamp"),
+)
+SPECIALS = ("<pad>", "<unk>", "<bos>", "<eos>")
+SIZE, PATCH = 32, 8
+"""Pixels of the models' square pictures and of their patches: 4 x 4 patches."""
+VISION = {
+    "hidden_size": 32,
+    "intermediate_size": 48,
+    "num_hidden_layers": 2,
+    "num_attention_heads": 4,
+    "patch_size": PATCH,
+}
+ENDS = {"pad_token_id": 0, "bos_token_id": 2, "eos_token_id": 3}
+TEXT = {"hidden_size": 32, "intermediate_size": 48, "num_hidden_layers": 2, "num_attention_heads": 4}
+
+
+def save_clip(folder: Path, *, seed: int = 0) -> Path:
+    text = {**TEXT, "vocab_size": 40, "max_position_embeddings": 16, **ENDS}
+    config = transformers.CLIPConfig(text_config=text, vision_config={**VISION, "image_size": SIZE}, projection_dim=24)
+    processor = transformers.CLIPImageProcessorPil(size={"shortest_edge": SIZE}, crop_size=SIZE)
+    return _save(folder, transformers.CLIPModel, config, processor, seed=seed)
+
+
+def save_siglip(folder: Path, *, seed: int = 0) -> Path:
+    text = {**TEXT, "vocab_size": 40, "max_position_embeddings": 12, "projection_size": 32, **ENDS}
+    config = transformers.SiglipConfig(text_config=text, vision_config={**VISION, "image_size": SIZE})
+    processor = transformers.SiglipImageProcessorPil(size={"height": SIZE, "width": SIZE})
+    return _save(folder, transformers.SiglipModel, config, processor, seed=seed)
+
+
+def save_siglip_naflex(folder: Path, *, seed: int = 0) -> Path:
+    text = {**TEXT, "vocab_size": 40, "max_position_embeddings": 12, "projection_size": 32, **ENDS}
+    config = transformers.Siglip2Config(text_config=text, vision_config={**VISION, "num_patches": 16})
+    processor = transformers.Siglip2ImageProcessorPil(patch_size=PATCH, max_num_patches=16)
+    letters = {mark: index for index, mark in enumerate((*SPECIALS, "<mask>", "▁", *"abcdefghijklmnopqrstuvwxyz"))}
+    _save(folder, transformers.Siglip2Model, config, processor, seed=seed)
+    transformers.Siglip2Tokenizer(vocab=letters, merges=[]).save_pretrained(folder)
+    return folder
+
+
+def save_blip2(folder: Path, *, seed: int = 0) -> Path:
+    qformer = {
+        **TEXT,
+        "vocab_size": 40,
+        "max_position_embeddings": 20,
+        "encoder_hidden_size": 32,
+        "use_qformer_text_input": True,
+    }
+    opt = {"vocab_size": 40, "hidden_size": 8, "ffn_dim": 8, "num_hidden_layers": 1, "num_attention_heads": 1}
+    config = transformers.Blip2Config(
+        vision_config={**VISION, "image_size": 64, "qkv_bias": True},
+        qformer_config=qformer,
+        text_config={"model_type": "opt", **opt, "word_embed_proj_dim": 8, "max_position_embeddings": 8},
+        num_query_tokens=6,
+        image_text_hidden_size=16,
+    )
+    processor = transformers.BlipImageProcessorPil(size={"height": 64, "width": 64})
+    return _save(folder, transformers.Blip2ForImageTextRetrieval, config, processor, seed=seed)
+
+
+def picture(left: int, right: int, *, width: int = 96, height: int = 64, seed: int = 0) -> PosedFrame:
+    """A picture whose halves are noise around two grey levels."""
+    rng = np.random.default_rng(seed)
+    level = np.where(np.arange(width) < width // 2, left, right)
+    rgb = np.clip(level[None, :, None] + rng.integers(-20, 20, (height, width, 3)), 0, 255).astype(np.uint8)
+    intrinsics = Intrinsics(width, height, 80.0, 80.0, width / 2, height / 2)
+    return PosedFrame(rgb, np.ones((height, width), np.float32), np.eye(4), intrinsics)
+
+
+def _save(folder: Path, model_class, config, processor, *, seed: int) -> Path:
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        model = model_class(config)
+        for values in model.parameters():
+            if values.dim() > 1:  # some start at zero, or so small that all answers are alike
+                torch.nn.init.normal_(values, std=0.4)
+    model.save_pretrained(folder)
+    _tokenizer().save_pretrained(folder)
+    processor.save_pretrained(folder)
+    return folder
+
+
+def _tokenizer() -> transformers.PreTrainedTokenizerFast:
+    vocabulary = {word: index for index, word in enumerate((*SPECIALS, *WORDS))}
+    made = Tokenizer(models.WordLevel(vocabulary, unk_token="<unk>"))
+    made.normalizer = normalizers.Lowercase()
+    made.pre_tokenizer = pre_tokenizers.Whitespace()
+    made.post_processor = processors.TemplateProcessing(
+        single="<bos> $A <eos>", special_tokens=[("<bos>", 2), ("<eos>", 3)]
+    )
+    return transformers.PreTrainedTokenizerFast(
+        tokenizer_object=made, pad_token="<pad>", unk_token="<unk>", bos_token="<bos>", eos_token="<eos>"
+    )

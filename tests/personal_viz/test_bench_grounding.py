@@ -1,0 +1,102 @@
+"""The grounding benchmark: its reference gives the literal answers, figures have their shape, targets are kept."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from grounding.batch import solve_batch
+from grounding.encoders import make_encoder
+from grounding.rpg import RpgOptions, rpg_dense
+from personal_viz.bench import grounding as bench
+from personal_viz.bench import grounding_inputs as inputs
+from personal_viz.bench.grounding import CaseFigures, GroundingFigures, GroundingSettings
+from personal_viz.bench.grounding_inputs import random_map, scene_inputs
+from personal_viz.bench.grounding_table import figure_rows, markdown, missed
+from personal_viz.bench.literal_rpg import literal_rpg
+from personal_viz.commands import bench as command
+
+TINY = GroundingSettings(
+    size=8, dim=16, cells=10, phrases=2, batch=3, calls=2, repeats=1, scenes=1, encoders=("hashed",), cold=False
+)
+KEYS = {"literal_ms", "batch_ms", "packed_ms", "bound_ms", "literal_over_packed"}
+
+
+@pytest.fixture
+def synthetic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the released dataset is missing."""
+    monkeypatch.setattr(inputs, "RELEASE", tmp_path / "none")
+    monkeypatch.setattr(bench, "RELEASE", tmp_path / "none")
+    monkeypatch.setattr(inputs, "_PHRASES_PER_SCENE", 12)
+
+
+@pytest.mark.parametrize("options", [RpgOptions(), RpgOptions(top_k=4, nhood=0, nms_r=0)])
+def test_the_reference_answers_as_the_literal_form(options: RpgOptions) -> None:
+    rng = np.random.default_rng(0)
+    maps = [random_map(rng, size=9, dim=12, cells=20) for _ in range(6)]
+    features = torch.from_numpy(np.stack([memory.dense() for memory in maps]))
+    phrases = torch.from_numpy(rng.normal(size=(6, 3, 12)).astype(np.float32))
+    queries = torch.from_numpy(rng.normal(size=(6, 12)).astype(np.float32))
+    literal = RpgOptions(options.top_k, options.nhood, options.nms_r, literal=True)
+    expected = rpg_dense(features, phrases, queries, options=literal).index
+    assert literal_rpg(features, phrases, queries, options=options).tolist() == expected.tolist()
+
+
+def test_without_the_release_inputs_have_its_shape_and_are_called_synthetic(synthetic: None) -> None:
+    encoder = make_encoder("hashed")
+    kind, scenes = scene_inputs(encoder, limit=2)
+    assert kind == "synthetic"
+    assert [len(scene.tasks) for scene in scenes] == [65, 65]
+    assert 100 < len(scenes[0].memory.rows) <= 175
+    assert scenes[0].memory.grid.shape == (50, 50)
+    batch = scenes[0].batch(encoder, with_names=False)
+    assert len(batch.phrases) <= 12 < len(scenes[0].batch(encoder, with_names=True).phrases)
+    assert bool((solve_batch(batch).index >= 0).all())
+
+
+def test_figures_have_the_shape_that_the_command_prints(
+    synthetic: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bench, "QUICK", TINY)
+    assert command.bench_grounding(out=tmp_path, quick=True, json=True) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "bench-grounding.json").read_text())
+    figures = GroundingFigures.model_validate(printed)
+    assert figures.inputs == "synthetic"
+    assert (figures.b1.episodes, figures.b64.episodes, figures.all_episodes.episodes) == (1, 3, 65)
+    for case in ("b1", "b64", "all_episodes"):
+        assert set(printed[case]) >= KEYS
+        assert all(printed[case][key] > 0 for key in KEYS)
+        ratio = printed[case]["literal_ms"] / printed[case]["packed_ms"]
+        assert printed[case]["literal_over_packed"] == pytest.approx(ratio)
+    assert set(figures.query_ms) == {"hashed"}
+    assert figures.cold_s == {}
+    assert (tmp_path / "bench-grounding.md").read_text() == markdown(figures)
+    assert "65 synthetic episodes on 1 maps" in markdown(figures)
+
+
+def test_a_missed_target_is_said() -> None:
+    values = dict.fromkeys(("literal_ms", "batch_ms", "packed_ms", "bound_ms", "packed_bound_ms"), 1.0)
+    case = CaseFigures(episodes=1, maps=1, cells=1, phrases=1, literal_over_packed=150.0, **values)
+    figures = GroundingFigures(
+        settings=TINY,
+        inputs="released",
+        b1=case,
+        b64=case,
+        all_episodes=case,
+        cold_s={"hashed": 60.5},
+        cold_episodes=1,
+        query_ms={"hashed": 99.0},
+    )
+    rows = {row[0]: row[1:] for row in figure_rows(figures)}
+    assert rows["b64.literal_over_packed"] == ("150.00", ">= 100", "yes")
+    assert rows["all_episodes.literal_over_packed"] == ("150.00", ">= 500", "no")
+    assert rows["b1.bound_ms"] == ("1.00", "", "")
+    assert missed(figures) == ["all_episodes.literal_over_packed", "cold_s.hashed"]
+
+
+@pytest.mark.bench
+def test_grounding_keeps_its_targets() -> None:
+    assert missed(bench.measure_grounding(bench.FULL, progress=print)) == []

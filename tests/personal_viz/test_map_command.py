@@ -1,0 +1,90 @@
+"""Verb `map`: a recording becomes a map file; counts are printed; bad options and plug-ins are named in one line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grounding.check_room import check_views
+from grounding.map_files import load_memory, read_map_header
+from grounding.memory import ObjectMap
+from personal_viz.__main__ import main
+from personal_viz.cli import parse
+from sim.errors import AgentError, PersonalVizError
+from tests.grounding.mapped_views import ColourEncoder, write_recording
+
+FRAMES = [view.frame for view in check_views()][::2]
+COLOURS = "tests.grounding.mapped_views:colours"
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    write_recording(tmp_path / "kitchen", FRAMES, up="z")
+    (tmp_path / "kitchen/poses/0003.txt").unlink()
+    np.savetxt(tmp_path / "kitchen/poses/0004.txt", np.full((4, 4), np.nan))
+    return tmp_path / "kitchen"
+
+
+def run(recording: Path, *more: str) -> int:
+    arguments = ["map", "--frames", str(recording), "--up", "z", "--encoder", COLOURS, *more]
+    return parse(arguments).work()
+
+
+def test_a_recording_becomes_a_map_file_with_counts(recording: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "maps/kitchen.npz"
+    assert run(recording, "--out", str(out), "--cell", "0.5", "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["frames"] == {"found": 12, "used": 10, "skipped": {"no pose": 1, "pose not finite": 1}}
+    assert (document["encoder"], document["dim"], document["cell"]) == ("colours", 4, 0.5)
+    assert document["written"] == str(out)
+    (storey,) = document["storeys"]
+    assert storey["floor_y"] == pytest.approx(0.0, abs=0.05)
+    memory = load_memory(out, encoder=ColourEncoder())
+    assert len(memory.storeys[0].memory.rows) == storey["cells"] > 50
+    assert 20 < storey["free_m2"] < 31  # the room has 30 m2
+    header = read_map_header(out)
+    assert (header.source.scene, header.source.kind) == ("kitchen", "robot")
+    assert header.source.builder == "0.5 m cells of patches"
+    assert "z up in its poses" in header.frame
+
+
+def test_things_are_found_without_a_model(recording: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "things.npz"
+    assert run(recording, "--out", str(out), "--layout", "objects") == 0
+    printed = capsys.readouterr().out
+    assert "10 of 12 frames used, objects of depth regions, encoder colours (4-d)" in printed
+    assert "skipped, no pose: 1" in printed
+    assert f"Written to {out}" in printed
+    found = load_memory(out).storeys[0].memory
+    assert isinstance(found, ObjectMap)
+    red = ColourEncoder().encode_texts(["200 30 30"])[0]
+    best = max(found.objects, key=lambda item: float(item.feature @ red))
+    assert (best.centre[0], best.centre[2]) == pytest.approx((7.0, -8.0), abs=0.4)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--out", "map.zip"], "--out is 'map.zip'; expected a file that ends in .npz"),
+        (["--out", "map.npz", "--cell", "0.3"], "cell is 0.3; expected 1 m divided by a whole number"),
+        (["--out", "map.npz", "--batch", "0"], "--batch is 0; expected more than 0"),
+        (["--out", "map.npz", "--encoder", "no.such.module:eye"], "no.such.module:eye: ModuleNotFoundError"),
+        (["--out", "map.npz", "--encoder", "hashed"], "'hashed': cannot see"),
+        (["--out", "map.npz", "--layout", "objects", "--segmenter", COLOURS], r"found no method segment\(\)"),
+        (["--out", "map.npz", "--layout", "objects", "--segmenter", "sam"], "--segmenter is 'sam'; expected your own"),
+    ],
+)
+def test_bad_options_are_named_before_anything_is_written(options, message, recording: Path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises((AgentError, PersonalVizError), match=message):
+        run(recording, *options)
+    assert not list(tmp_path.glob("map.*"))
+
+
+def test_a_folder_without_pictures_is_one_line_and_exit_code_1(tmp_path: Path, capsys, monkeypatch) -> None:
+    arguments = ["map", "--frames", str(tmp_path), "--up", "y", "--encoder", COLOURS, "--out", str(tmp_path / "a.npz")]
+    monkeypatch.setattr("sys.argv", ["personal-viz", *arguments])
+    with pytest.raises(SystemExit, match="1"):
+        main()
+    assert "found no colour picture; expected color/*.jpg" in capsys.readouterr().err

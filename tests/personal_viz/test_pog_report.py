@@ -1,0 +1,128 @@
+"""`personal-viz pog-report` on runs over a small data set: files, what they say, the same bytes, refusals."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from grounding.evaluate import evaluate, select_jobs
+from grounding.grounders import GrounderName
+from grounding.settings import GroundSettings
+from personal_viz.cli import parse
+from personal_viz.commands.pog_report import pog_report
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import PersonalVizError, RunFileError
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_writer import RunWriter
+
+from ..grounding.small_homes import write_small_dataset
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A data set, and a folder of runs of three methods on it."""
+    root, runs = tmp_path_factory.mktemp("small"), tmp_path_factory.mktemp("runs")
+    write_small_dataset(root)
+    dataset = PersonalDataset(root)
+    methods: tuple[GrounderName, ...] = ("center", "qs", "rpg")
+    for method in methods:
+        work = select_jobs(dataset, settings := GroundSettings(method))
+        info = make_run_info(
+            f"run-{method}",
+            who=method,
+            who_kind="agent",
+            scene_kind="oracle-map",
+            dataset_digest=dataset.digest(),
+            seed=0,
+            config={**settings.config, "phrases": "dataset" if method == "rpg" else "none"},
+        )
+        evaluate(work, RunWriter(runs / f"run-{method}", info), processes=1)
+    return root, runs
+
+
+@pytest.fixture(scope="module")
+def written(made: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("report")
+    assert pog_report(runs=[made[1]], out=out, dataset=[made[0]]) == 0
+    return out
+
+
+def test_every_file_is_written(written: Path) -> None:
+    names = {path.name for path in written.iterdir()}
+    assert {"index.md", "index.html", "report.json", "table.tex", "table.csv", "differences.csv"} <= names
+    assert {"distance.csv", "options.csv", "failures.csv", "distance-1.svg", "distance-1.png"} <= names
+    failures = {name for name in names if name.startswith("failure-")}
+    assert any(name.startswith("failure-run-qs-hard-HomeTwo-1") for name in failures)
+
+
+def test_the_page_needs_no_other_file_and_names_commit_methods_and_the_papers_column(written: Path) -> None:
+    page = (written / "index.html").read_text()
+    assert page.count("<svg") == len(list(written.glob("*.svg")))
+    assert "<img" not in page
+    assert "src=" not in page
+    assert "<th>paper&#x27;s HM3D maps</th>" in page
+    assert "15.4 / 12.7 / 8.6 / 11.9" in page
+    assert "beats" not in page
+    info = json.loads((written / "report.json").read_text())
+    assert [row["name"] for row in info["tables"][0]["rows"]] == ["center", "qs", "rpg (phrases dataset)"]
+    assert info["tables"][0]["rows"][0]["commits"][0][:12] in page
+
+
+def test_failures_say_what_they_are_and_why(written: Path) -> None:
+    info = json.loads((written / "report.json").read_text())
+    found = {(item["run"], item["split"], item["scene"], item["episode_id"]): item for item in info["failures"]}
+    # both chairs are "chair" once; the shorter caption is the closer one, and it is Carl's, not Dee's
+    chair = found["run-qs", "hard", "HomeTwo", "1"]
+    assert (chair["kind"], chair["object"], chair["distance"]) == ("another instance", "chair_1", 5.0)
+    assert chair["why"].startswith("The right place is 2. of 3")
+    text = (written / "index.md").read_text()
+    assert "Find Dee's chair" in text
+    picture = (written / chair["picture"]).read_text()
+    assert picture.count('font-weight="bold"') == 3, "three candidates"
+    counts = [item for item in info["failure_counts"] if item["method"] == "qs"]
+    assert sum(item["n"] for item in counts) == counts[0]["of"]
+
+
+def test_latex_has_the_papers_columns(written: Path) -> None:
+    lines = (written / "table.tex").read_text().splitlines()
+    assert "Method & Easy & Hard & Total & Top-3 & paper's HM3D maps" in lines[3]
+    assert any(line.startswith("rpg (phrases dataset) & $") for line in lines)
+
+
+def test_the_same_runs_give_the_same_bytes(made: tuple[Path, Path], written: Path, tmp_path: Path) -> None:
+    pog_report(runs=[made[1]], out=tmp_path, dataset=[made[0]])
+    first, second = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in (written, tmp_path))
+    assert first == second
+
+
+def test_without_a_dataset_there_are_no_failures_and_old_ones_go(
+    made: tuple[Path, Path], written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "report"
+    shutil.copytree(written, out)
+    pog_report(runs=[made[1] / "run-qs"], out=out)
+    assert not list(out.glob("failure-*"))
+    assert "--dataset DIR shows those" in capsys.readouterr().out
+
+
+def test_json_is_one_document(made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pog_report(runs=[made[1]], out=tmp_path, json=True)
+    assert json.loads(capsys.readouterr().out)["tables"][0]["scene_kind"] == "oracle-map"
+
+
+def test_another_dataset_and_bad_options_are_refused(made: tuple[Path, Path], tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(made[0] / "hard", other / "hard")
+    with pytest.raises(RunFileError, match="expected the episode files of a run"):
+        pog_report(runs=[made[1]], out=tmp_path / "out", dataset=[other])
+    with pytest.raises(PersonalVizError, match="--failures is -1"):
+        pog_report(runs=[made[1]], out=tmp_path / "out", failures=-1)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(PersonalVizError, match="cannot be written"):
+        pog_report(runs=[made[1]], out=tmp_path / "file")
+
+
+def test_the_verb_takes_runs_and_datasets() -> None:
+    verb = parse(["pog-report", "a", "b", "--out", "c", "--dataset", "d", "e", "--failures", "2"])
+    assert (verb.runs, verb.dataset, verb.failures) == ((Path("a"), Path("b")), (Path("d"), Path("e")), 2)

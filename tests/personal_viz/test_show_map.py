@@ -1,0 +1,76 @@
+"""`personal-viz show-map`: a robot's map alone, a map in its home, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grounding.map_files import MapSource, save_memory
+from grounding.memory import HomeMemory, OccupancyGrid, StoreyMemory
+from grounding.types import map_from_cells
+from personal_viz.cli import parse
+from personal_viz.commands.show_map import show_map
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import RecordingError
+from sim.scenes.sources import open_scene
+from sim.tasks.observers import FREE
+from sim.types import GridSpec
+
+from ..grounding.small_homes import write_small_dataset
+from ..recordings.reading import tables
+
+
+def memory(frame: str) -> HomeMemory:
+    cells = np.full((40, 60), FREE, np.uint8)
+    features = map_from_cells(
+        np.eye(2, 3), np.array([[0, 0], [1, 2]]), grid=GridSpec((0, 0), 1.0, (2, 3)), floor_y=0.0, encoder="e"
+    )
+    return HomeMemory((StoreyMemory(OccupancyGrid(cells, GridSpec((0, 0), 0.05, (40, 60))), features),), frame, 3)
+
+
+def saved(path: Path, *, frame: str = "world", **source: str) -> Path:
+    values = {"scene": "HomeOne", "kind": "schematic", "builder": "grid"} | source
+    save_memory(path, memory(frame), MapSource.model_validate(values))
+    return path
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("small")
+    write_small_dataset(folder)
+    return folder
+
+
+def test_a_robots_map_is_written_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = saved(tmp_path / "lab.npz", frame="robot, y up", kind="robot", scene="lab")
+    assert show_map(file=file, out=tmp_path / "lab.rrd") == 0
+    assert ("/memory/lab/map/storey_0/features", True) in tables(tmp_path / "lab.rrd")
+    assert "map of lab without its home" in capsys.readouterr().out
+    with pytest.raises(RecordingError, match="is a robot's map; expected no --dataset"):
+        show_map(file=file, out=tmp_path / "x.rrd", dataset=tmp_path)
+
+
+def test_a_map_is_shown_in_the_home_that_it_was_made_in(tmp_path: Path, root: Path) -> None:
+    digest = open_scene(PersonalDataset(root), "HomeOne").digest
+    file = saved(tmp_path / "HomeOne.npz", digest=digest)
+    show_map(file=file, out=tmp_path / "a.rrd", dataset=root)
+    read = tables(tmp_path / "a.rrd")
+    assert ("/scene/mesh/storey_0", True) in read
+    assert ("/memory/HomeOne/home/storey_0/features", True) in read
+    other = saved(tmp_path / "other.npz", digest="f" * 64)
+    with pytest.raises(RecordingError, match="expected the same version of the home"):
+        show_map(file=other, out=tmp_path / "b.rrd", dataset=root)
+
+
+def test_maps_of_scans_need_leave_and_files_their_ending(tmp_path: Path) -> None:
+    file = saved(tmp_path / "scan.npz", kind="scan")
+    with pytest.raises(RecordingError, match="licensed scan HomeOne"):
+        show_map(file=file, out=tmp_path / "a.rrd")
+    assert show_map(file=file, out=tmp_path / "a.rrd", with_pixels=True) == 0
+    with pytest.raises(RecordingError, match=r"ends in \.rrd"):
+        show_map(file=file, out=tmp_path / "a.png")
+
+
+def test_the_verb_takes_a_file() -> None:
+    verb = parse(["show-map", "a.npz", "--out", "b.rrd"])
+    assert (verb.file, verb.out, verb.dataset) == (Path("a.npz"), Path("b.rrd"), None)

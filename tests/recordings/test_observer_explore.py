@@ -1,0 +1,192 @@
+"""Explorations in recordings: live and done again, read back with Rerun's own reader."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rerun.chunk import RrdReader
+
+from grounding.explore import Exploration, explore
+from recordings.live import LiveSink, live_sink
+from recordings.observer_explore import ExplorationObserver
+from recordings.paths import ExplorationKey
+from recordings.read_rrd import read_rrd
+from recordings.replay_exploration import (
+    WatchedExploration,
+    exploration_figures,
+    explorer_of,
+    replay_exploration,
+)
+from sim.errors import RecordingError
+from sim.scenes.scene import Scene
+from sim.types import Camera, Pose
+from sim.world.raycast import Raycaster
+
+from .reading import Tables, tables
+
+CAMERA = Camera(width=160, height=120)
+START = Pose((-3.0, 0.0, 1.1), 0.0)
+SEED = 5
+RUN = "/runs/frontier"
+pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
+
+
+def observer(home: Scene, out: Path, **options) -> ExplorationObserver:
+    return ExplorationObserver(home, LiveSink("file", str(out)), who="frontier", seed=SEED, camera=CAMERA, **options)
+
+
+def column(found: Tables, entity: str, name: str) -> list:
+    """Rows in the order of their steps."""
+    columns = found[(entity, False)]
+    return [value for _, value in sorted(zip(columns["step"], columns[name], strict=True), key=lambda row: row[0])]
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory: pytest.TempPathFactory, home: Scene, renderer: Raycaster) -> tuple[Path, Exploration]:
+    """The house of two rooms explored, and its recording."""
+    out = tmp_path_factory.mktemp("explore") / "live.rrd"
+    watched = WatchedExploration(observer(home, out), home, START, camera=CAMERA, renderer=renderer)
+    exploration = explore(home, START, seed=SEED, max_steps=60, camera=CAMERA, on_step=watched)
+    watched.end(exploration)
+    assert watched.problem is None
+    return out, exploration
+
+
+@pytest.fixture(scope="module")
+def found(live: tuple[Path, Exploration]) -> Tables:
+    return tables(live[0])
+
+
+def test_view_depth_way_frontiers_and_both_maps_are_there(live: tuple[Path, Exploration], found: Tables) -> None:
+    steps = len(live[1].steps)
+    assert steps > 15
+    rows = {entity: len(columns["step"]) for (entity, static), columns in found.items() if not static}
+    assert rows[f"{RUN}/camera"] == rows[f"{RUN}/depth"] == rows[f"{RUN}/map/storey_0/robot"] == steps + 1
+    assert rows[f"{RUN}/trail"] == rows[f"{RUN}/actions"] == steps
+    assert rows[f"{RUN}/map/storey_0/occupancy"] == (steps - 1) // 5 + 1
+    assert rows[f"{RUN}/map/storey_0/seen"] == rows[f"{RUN}/seen_m2"]
+    assert rows[f"{RUN}/frontiers"] == rows[f"{RUN}/map/storey_0/frontiers"] > 3
+    assert rows[f"{RUN}/chosen"] > 3
+
+
+def test_pictures_have_colours_though_the_explorer_sees_depth_alone(found: Tables) -> None:
+    sizes = {len(blob[0]) for blob in column(found, f"{RUN}/camera", "EncodedImage:blob")}
+    assert len(sizes) > 10, "black pictures are all alike"
+
+
+def test_the_seen_floor_grows_to_most_of_the_house(found: Tables) -> None:
+    seen = [value for (value,) in column(found, f"{RUN}/seen_m2", "Scalars:scalars")]
+    assert seen == sorted(seen)
+    assert seen[0] < 12 < seen[-1] < 40, "two rooms of 20 square metres"
+
+
+def test_nothing_of_a_goal_or_an_episode_is_in_it(live: tuple[Path, Exploration], found: Tables) -> None:
+    entities = {entity for entity, _ in found}
+    assert not [entity for entity in entities if "goal" in entity.lower() or "/record" in entity]
+    assert f"{RUN}/centre_distance" not in entities
+    text = found[("/task", True)]["TextDocument:text"][-1][0]
+    assert "Nothing is looked for" in text
+    assert f"| stop reason | {live[1].stop_reason} |" in text
+    with pytest.raises(RecordingError, match="found no run"):
+        read_rrd(live[0])
+
+
+def test_the_blueprint_plots_seen_floor_and_shows_the_agents_map(live: tuple[Path, Exploration]) -> None:
+    reader, names, name = RrdReader(str(live[0])), set(), "ViewBlueprint:display_name"
+    for chunk in (chunk for layout in reader.blueprints() for chunk in reader.stream(store=layout)):
+        batch = chunk.to_record_batch()
+        names |= {row[0] for row in batch.column(name).to_pylist()} if name in batch.schema.names else set()
+    assert {"Free floor seen, square metres", "What it thinks", "Seen so far", "Depth", "frontier sees"} <= names
+
+
+def test_done_again_it_is_the_same_recording(
+    live: tuple[Path, Exploration], found: Tables, tmp_path: Path, home: Scene, renderer: Raycaster
+) -> None:
+    out, exploration = tmp_path / "again.rrd", live[1]
+    same = replay_exploration(
+        exploration, observer(home, out), scene=home, renderer=renderer, agent=explorer_of(exploration)
+    )
+    assert same == len(exploration.steps)
+    again = tables(out)
+    assert set(again) == set(found)
+    for entity, name in (
+        (f"{RUN}/map/storey_0/occupancy", "EncodedImage:blob"),
+        (f"{RUN}/frontiers", "Points3D:positions"),
+        (f"{RUN}/camera", "EncodedImage:blob"),
+    ):
+        assert column(again, entity, name) == column(found, entity, name)
+
+
+def test_an_explorer_that_chooses_otherwise_is_left_out_from_there(
+    live: tuple[Path, Exploration], tmp_path: Path, home: Scene, renderer: Raycaster
+) -> None:
+    out, exploration = tmp_path / "other.rrd", live[1]
+
+    class Lefty:
+        """Turns left ten times, whatever it sees."""
+
+        def reset(self, task, camera, *, seed, keep_memory=False) -> None:
+            self.left = 10
+
+        def act(self, observation):
+            self.left -= 1
+            return exploration.steps[9 - self.left].action if self.left > 5 else None
+
+    short = replace(exploration, steps=exploration.steps[:8], coverage=exploration.coverage[:9])
+    same = replay_exploration(short, observer(home, out), scene=home, renderer=renderer, agent=Lefty())  # type: ignore[arg-type]
+    assert same == 4
+    read = tables(out)
+    assert len(read[(f"{RUN}/trail", False)]["step"]) == 8
+    assert "chooses another action at step 5" in read[("/task", True)]["TextDocument:text"][-1][0]
+    assert (f"{RUN}/frontiers", False) not in read
+
+
+def test_of_a_scan_without_leave_the_way_alone_is_shown(
+    live: tuple[Path, Exploration], tmp_path: Path, home: Scene
+) -> None:
+    out = tmp_path / "way.rrd"
+    scan = replace(home, kind="scan")
+    replay_exploration(live[1], observer(scan, out), scene=scan, renderer=None, agent=explorer_of(live[1]))
+    entities = {entity for entity, _ in tables(out)}
+    assert f"{RUN}/trail" in entities
+    assert not [name for name in entities if "occupancy" in name or "/depth" in name or name.startswith("/scene")]
+
+
+def test_another_home_is_refused(live: tuple[Path, Exploration], tmp_path: Path, home: Scene) -> None:
+    other = replace(home, digest="e" * 64)
+    with pytest.raises(RecordingError, match="expected the same home"):
+        replay_exploration(live[1], observer(other, tmp_path / "x.rrd"), scene=other, renderer=None, agent=None)
+
+
+def test_a_recording_that_fails_ends_the_showing_and_not_the_walk(tmp_path: Path, home: Scene) -> None:
+    (tmp_path / "file").write_text("")
+    watched = WatchedExploration(observer(home, tmp_path / "file" / "x.rrd"), home, START, camera=CAMERA, renderer=None)
+    exploration = explore(home, START, seed=SEED, max_steps=5, camera=CAMERA, on_step=watched)
+    watched.end(exploration)
+    assert len(exploration.steps) == 5
+    assert isinstance(watched.problem, RecordingError)
+
+
+def test_figures_name_doors_and_rooms_where_the_home_has_a_plan(live: tuple[Path, Exploration]) -> None:
+    planned = replace(live[1], doors_passed=1, num_doors=2, rooms_missed=("attic",))
+    figures = dict(exploration_figures(planned))
+    assert figures["doors passed"] == "1 of 2"
+    assert figures["rooms neither entered nor seen"] == "attic"
+    assert "doors passed" not in dict(exploration_figures(live[1]))
+
+
+def test_several_explorations_need_a_folder_and_each_gets_its_file(tmp_path: Path) -> None:
+    keys = [ExplorationKey("HomeA", 0, 3), ExplorationKey("HomeA", 1, 3)]
+    with (
+        pytest.raises(RecordingError, match="found 2 explorations for one file"),
+        live_sink(str(tmp_path / "a.rrd"), keys),
+    ):
+        pass
+    with live_sink(str(tmp_path / "folder"), keys) as sink:
+        names = [str(sink.file_of(key)) for key in keys]
+    assert [Path(name).name for name in names] == ["explore-HomeA-storey0-seed3.rrd", "explore-HomeA-storey1-seed3.rrd"]
+
+
+def test_the_recording_says_which_home_and_seed(live: tuple[Path, Exploration]) -> None:
+    (store,) = RrdReader(str(live[0])).recordings()
+    assert store.recording_id == f"personal/explore/BoxHouse/storey0/seed{SEED}"

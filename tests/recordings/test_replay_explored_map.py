@@ -1,0 +1,162 @@
+"""Answers on the map of a walked home, replayed: the map, the layers, the click, and the goal at the end only."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grounding.encoders import make_encoder
+from grounding.evaluate import SceneGrounder
+from grounding.grounders import GrounderName
+from grounding.home_maps import MapFolders, encoder_of_map
+from grounding.map_files import MapSource, save_memory
+from grounding.memory import HomeMemory, OccupancyGrid, StoreyMemory
+from grounding.oracle_map import objects_map, oracle_home
+from grounding.settings import GroundSettings
+from recordings.log_grounding import reground
+from recordings.traces import select_traces
+from sim.episodes.dataset import PersonalDataset
+from sim.scenes.scene import Scene
+from sim.tasks.observers import FREE, UNKNOWN
+from sim.tasks.run_files import Answer, ClickRay, Run
+from sim.types import EpisodeKey, GridSpec
+from sim.world.floor_grid import FloorGrid
+
+from ..grounding.small_homes import write_small_dataset
+from .conftest import info
+from .reading import Tables, record
+
+KEY = EpisodeKey("easy", "HomeOne", "0")
+MAPS = "map-hashed-invented/maps"
+MAP = "/memory/map-hashed-invented/map/storey_0"
+pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
+    root = tmp_path_factory.mktemp("small")
+    write_small_dataset(root)
+    return PersonalDataset(root)
+
+
+@pytest.fixture(scope="module")
+def scene(home: Scene) -> Scene:
+    """HomeOne's ground floor: 12 m x 10 m of free floor, with the mesh of the box house to look at."""
+    rc = np.argwhere(np.ones((200, 240), bool)).astype(np.int64)
+    grid = FloorGrid.from_cells(rc, np.zeros(len(rc)), grid=GridSpec((0.0, 0.0), 0.05, (200, 240)))
+    return Scene("HomeOne", "invented", home.mesh, (), grid, "d" * 64)
+
+
+@pytest.fixture(scope="module")
+def runs_folder(tmp_path_factory: pytest.TempPathFactory, dataset: PersonalDataset) -> Path:
+    """A folder of runs with the map of HomeOne: texts in cells, the right half of the floor known to be free."""
+    out = tmp_path_factory.mktemp("runs")
+    encoder = make_encoder(encoder_of_map(settings("rpg")))
+    features = objects_map(oracle_home(dataset, "HomeOne"), encoder, floor_id="0")
+    cells = np.full((200, 240), UNKNOWN, np.uint8)
+    cells[:, 120:] = FREE
+    occupancy = OccupancyGrid(cells, GridSpec((0.0, 0.0), 0.05, (200, 240)))
+    memory = HomeMemory((StoreyMemory(occupancy, features),), "world", 40)
+    save_memory(out / MAPS / "HomeOne.npz", memory, MapSource(scene="HomeOne", kind="invented", digest="d" * 64))
+    return out
+
+
+def settings(method: GrounderName) -> GroundSettings:
+    return GroundSettings(method, map="explore")
+
+
+def answered(dataset: PersonalDataset, folder: Path, method: GrounderName) -> Run:
+    """The run that `personal-viz ground --map explore` makes of the episode."""
+    chosen = settings(method)
+    grounder = SceneGrounder(dataset, KEY.scene, chosen, folders=MapFolders(folder / MAPS, folder))
+    config = chosen.config | {"maps": MAPS, "frame": "non-empty cells"}
+    config["phrases"] = "dataset" if method == "rpg" else "none"
+    changes = {"who": method, "scene_kind": "invented", "seed": 0, "config": config}
+    return Run(info=info(f"ground-{method}", **changes), answers=(grounder.answer(dataset.episode(KEY)),))
+
+
+def click() -> Run:
+    """A person who marks the sofa."""
+    ray = ClickRay(
+        origin=(5.5, 3.0, 5.0),
+        direction=(0.0, -0.7, 0.7),
+        camera_position=(5.5, 6.0, 4.0),
+        camera_wxyz=(1.0, 0.0, 0.0, 0.0),
+        storey_y=0.0,
+    )
+    answer = Answer(
+        split=KEY.split,
+        scene=KEY.scene,
+        episode_id=KEY.episode_id,
+        candidates=((5.5, 0.4, 7.5),),
+        participant="P01",
+        ray=ray,
+        t_s=8.5,
+    )
+    return Run(info=info("study", who="human", who_kind="human"), answers=(answer,))
+
+
+@pytest.fixture(scope="module")
+def found(
+    tmp_path_factory: pytest.TempPathFactory, dataset: PersonalDataset, scene: Scene, runs_folder: Path
+) -> Tables:
+    runs = [answered(dataset, runs_folder, "rpg"), answered(dataset, runs_folder, "qs"), click()]
+    out = tmp_path_factory.mktemp("rrd") / "pog.rrd"
+    return record(out, runs, dataset.episode(KEY), scene, dataset=dataset, beside=[runs_folder])
+
+
+def test_the_map_that_was_asked_is_there_once_at_all_times(found: Tables) -> None:
+    ours = {(entity, is_static) for entity, is_static in found if entity.startswith("/memory/")}
+    layers = ("coverage", "occupancy", "features", "evidence")
+    assert ours == {(f"{MAP}/{layer}", True) for layer in layers} | {
+        ("/memory/map-hashed-invented/home/storey_0/features", True)
+    }
+    assert len(found[(f"{MAP}/features", True)]["EncodedImage:blob"]) == 1
+    text = found[("/task", True)]["TextDocument:text"][-1][0]
+    assert "**Map map-hashed-invented** of 40 views, frame world." in text
+
+
+def test_similarity_gate_and_answers_lie_on_the_same_map_when_the_answers_appear(found: Tables) -> None:
+    rpg = {entity.rsplit("/", 1)[1] for entity, _ in found if "/ground-rpg/map/storey_0/layers/" in entity}
+    assert {"similarity_0", "similarity_4", "peaks_0", "gate", "final"} <= rpg
+    for entity in ("/runs/ground-rpg/map/storey_0/layers/gate", "/runs/ground-rpg/map/storey_0/candidates"):
+        assert found[(entity, False)]["step"] == [1]
+    assert found[("/runs/study-P01/map/storey_0/click_ray", False)]["step"] == [1]
+    best = found[("/runs/ground-rpg/candidates", False)]["Points3D:positions"][0][0]
+    assert best == pytest.approx([2.5, 0.0, 7.5])
+
+
+def test_nothing_of_the_goal_comes_before_all_answers(found: Tables) -> None:
+    goal = {entity: columns for (entity, _), columns in found.items() if entity.startswith("/goal")}
+    assert len(goal) >= 4
+    assert not [entity for entity, is_static in found if is_static and entity.startswith("/goal")]
+    assert {step for columns in goal.values() for step in columns["step"]} == {2}
+    others = [c["step"] for (e, is_static), c in found.items() if not is_static and e.startswith("/runs")]
+    assert max(step for steps in others for step in steps) == 1
+
+
+def test_a_map_that_is_gone_is_said_and_never_made_again(
+    tmp_path: Path, dataset: PersonalDataset, scene: Scene, runs_folder: Path
+) -> None:
+    run = answered(dataset, runs_folder, "rpg")
+    read = record(tmp_path / "a.rrd", [run], dataset.episode(KEY), scene, dataset=dataset, beside=[tmp_path])
+    assert not [entity for entity, _ in read if entity.startswith("/memory")]
+    text = read[("/task", True)]["TextDocument:text"][-1][0]
+    assert "No layers of rpg: it cannot be asked again: its map of HomeOne is no longer beside its run folder." in text
+    assert {path.name for path in tmp_path.iterdir()} == {"a.rrd"}
+
+
+def test_maps_of_scans_are_left_out_without_leave(
+    tmp_path: Path, dataset: PersonalDataset, scene: Scene, runs_folder: Path
+) -> None:
+    run = answered(dataset, runs_folder, "rpg")
+    on_scan = run.model_copy(update={"info": run.info.model_copy(update={"scene_kind": "scan"})})
+    scan = Scene(scene.name, "scan", scene.mesh, (), scene.navigation, scene.digest)
+    out = tmp_path / "a.rrd"
+    read = record(out, [on_scan], dataset.episode(KEY), scan, dataset=dataset, beside=[runs_folder])
+    assert not [entity for entity, _ in read if entity.startswith(("/memory", "/scene")) or "/layers/" in entity]
+    assert ("/runs/ground-rpg/candidates", False) in read
+
+
+def test_people_are_not_asked_again(dataset: PersonalDataset) -> None:
+    assert reground(select_traces([click()], KEY), dataset.episode(KEY), dataset) == []
