@@ -17,7 +17,7 @@ from .grounders import make_grounder
 from .home_maps import HomeMaps, MapFolders
 from .memory import Memory
 from .oracle_source import OracleMaps
-from .phrases import DatasetPhrases
+from .phrases import make_phrases
 from .settings import GroundSettings as GroundSettings
 from .types import Grounding
 
@@ -68,7 +68,7 @@ class SceneGrounder:
             self._encoder = self._maps.query_encoder
         self._settings = settings
         self._grounder = make_grounder(settings.method, self._encoder, seed=settings.seed)
-        self._phrases = DatasetPhrases(dataset.episodes(scenes=(scene,)))
+        self._phrases = make_phrases(settings.phrases, episodes=dataset.episodes(scenes=(scene,)), llm=settings.llm)
         self._storeys = scene_storeys(dataset.goals(scene).values())
 
     def memory(self, episode: Episode) -> Memory:

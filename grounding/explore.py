@@ -5,9 +5,9 @@ Scene + start -> `FrontierExplorer` in a `PanEnv` without colours -> `Exploratio
 """
 
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,8 +155,6 @@ def explore(
         if env.is_over:
             break
         observation = env.step(agent.act(observation))
-    path = np.array([pose.position for pose in env.poses])
-    rooms = None if plan is None else RoomMap(plan, floor)
     return Exploration(
         scene=scene.name,
         scene_kind=scene.kind,
@@ -169,10 +167,29 @@ def explore(
         stop_reason=agent.stop_reason or "steps",
         coverage=tuple(coverage),
         area_m2=round(float(floor.visible.sum()) * floor.grid.cell**2, 2),
-        doors_passed=rooms.doors_passed(path) if rooms else None,
-        num_doors=rooms.num_doors if rooms else None,
-        rooms_missed=rooms.missed(tracker.seen, path) if rooms else None,
+        **_room_figures(plan, floor, tracker, env.poses),
     )
+
+
+class _RoomFigures(TypedDict, total=False):
+    """What a plan adds to an exploration; empty without one."""
+
+    doors_passed: int
+    num_doors: int
+    rooms_missed: tuple[str, ...]
+
+
+def _room_figures(
+    plan: HomePlan | None, floor: VisibleFloor, tracker: CoverageTracker, poses: Sequence[Pose]
+) -> _RoomFigures:
+    if plan is None:
+        return {}
+    rooms, path = RoomMap(plan, floor), np.array([pose.position for pose in poses])
+    return {
+        "doors_passed": rooms.doors_passed(path),
+        "num_doors": rooms.num_doors,
+        "rooms_missed": rooms.missed(tracker.seen, path),
+    }
 
 
 def frames_of(

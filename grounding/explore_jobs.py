@@ -5,7 +5,7 @@ Dataset or seeds -> `ExploreJob`s -> `run_job` in worker processes -> files -> `
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RunFileError, SceneError
@@ -13,13 +13,40 @@ from sim.scenes.invent import invent_plan
 from sim.scenes.kind import plan_of
 from sim.scenes.plan import HomePlan
 from sim.scenes.scene import Scene
-from sim.types import Camera
+from sim.tasks.observers import Insight
+from sim.tasks.run_files import Step
+from sim.types import Camera, Pose
+from sim.world.renderer import Frame
 
 from .exploration_files import load_exploration, save_exploration
 from .explore import Exploration, explore, start_on_storey
 
 Storeys = Literal["start", "all"]
 """`start`: the storey with the most floor; `all`: each of them, from a start of its own."""
+
+
+class Watching(Protocol):
+    """What is told of one exploration as it happens, on the researcher's side."""
+
+    def __call__(self, step: Step | None, frame: Frame, insight: Insight | None) -> None:
+        """The first view (step None), or a step (`explore`'s on_step)."""
+        ...
+
+    def end(self, exploration: Exploration) -> None:
+        """It is over and in its file."""
+        ...
+
+
+class Watch(Protocol):
+    """Makes what is told of explorations; worker processes are sent it."""
+
+    def live(self, scene: Scene, start: Pose, *, seed: int, camera: Camera) -> Watching:
+        """Of an exploration that begins."""
+        ...
+
+    def again(self, scene: Scene, exploration: Exploration) -> None:
+        """Shows one that was read from its file."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +66,7 @@ class ExploreJob:
     scenes_dir: Path | None = None
     home_seed: int = 0
     """Of the invented home."""
+    watch: Watch | None = None
 
 
 def run_job(job: ExploreJob) -> tuple[Exploration, ...]:
@@ -48,6 +76,7 @@ def run_job(job: ExploreJob) -> tuple[Exploration, ...]:
         DatasetError: The dataset has no such scene.
         SceneError: The home cannot be opened, or a storey has no place to start.
         RunFileError: A file in the folder is damaged, or of an exploration with other settings.
+        RecordingError: Who watches cannot show it; the exploration is in its file.
     """
     scene, plan = _opened(job)
     found = []
@@ -58,10 +87,15 @@ def run_job(job: ExploreJob) -> tuple[Exploration, ...]:
         path = job.out / f"{scene.name}-{storey_y:.2f}m.json"
         if path.is_file():
             found.append(_checked(load_exploration(path), job, scene, path))
+            if job.watch is not None:
+                job.watch.again(scene, found[-1])
             continue
         start = start_on_storey(scene, storey_y, job.seed)
-        made = explore(scene, start, seed=job.seed, max_steps=job.max_steps, camera=job.camera, plan=plan)
+        told = None if job.watch is None else job.watch.live(scene, start, seed=job.seed, camera=job.camera)
+        made = explore(scene, start, seed=job.seed, max_steps=job.max_steps, camera=job.camera, plan=plan, on_step=told)
         save_exploration(path, made)
+        if told is not None:
+            told.end(made)
         found.append(made)
     return tuple(found)
 

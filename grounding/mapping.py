@@ -43,7 +43,7 @@ class MapBuilder(Protocol):
         ...
 
     def add(self, frame: PosedFrame) -> None:
-        """Adds a view; the builder keeps no array of it beyond the next calls and changes none."""
+        """Adds a view; changes none of its arrays, and may read them until `finish`: leave them as they are."""
         ...
 
     def finish(self) -> HomeMemory:

@@ -21,7 +21,7 @@ from .ownership_text import parse_phrase, parse_query, wanted_phrase
 from .types import Candidate, FeatureMap, Grounding, Layers
 
 DUAL_TEMPERATURE = 10.0
-"""Scale of cosines in both softmaxes (GROUNDING.md, section 3: 10-20); of 10, 15, 20 the best on noisy invented homes."""
+"""Scale of cosines in both softmaxes (GROUNDING.md, section 3: 10-20); of 10, 15, 20 best on noisy invented homes."""
 SMOOTH_SIGMA = 0.7
 """Cells (GROUNDING.md, section 3)."""
 POINT_BETA = 20.0

@@ -116,7 +116,7 @@ class OccupancyMapper:
         cell = self.grid.cell
         reach = int(np.ceil(radius / cell)) + 1
         (row, col) = self.grid.rc_from_xz(np.array(xz))
-        rc = np.stack(np.mgrid[row - reach : row + reach + 1, col - reach : col + reach + 1], axis=-1).reshape(-1, 2)
+        rc = np.argwhere(np.ones((2 * reach + 1, 2 * reach + 1))) + np.array([row - reach, col - reach])
         is_under = np.hypot(*(self.grid.xz_from_rc(rc) - np.asarray(xz)).T) <= radius
         rc = rc[is_under & self.grid.contains(rc)]
         self._votes[rc[:, 0], rc[:, 1]] = _STANDING_VOTES

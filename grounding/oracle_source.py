@@ -1,10 +1,13 @@
 """Oracle maps of a home's episodes, as good or as noisy as the settings say (oracle_map.py, oracle_noise.py)."""
 
+from functools import lru_cache
+from pathlib import Path
+
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 
 from .encoders import TextEncoder
-from .oracle_map import oracle_home
+from .oracle_map import OracleHome, oracle_home
 from .oracle_noise import OracleVariant, other_texts, variant_map
 from .settings import GroundSettings
 from .types import FeatureMap
@@ -30,7 +33,7 @@ class OracleMaps:
             clutter=settings.clutter_texts,
             seed=settings.seed,
         )
-        homes = (oracle_home(dataset, name) for name in dataset.scenes) if settings.clutter_texts else ()
+        homes = _all_homes(dataset.root) if settings.clutter_texts else ()
         self._clutter_texts = other_texts(homes, scene)
         self._maps: dict[str | None, FeatureMap] = {}
 
@@ -50,3 +53,10 @@ class OracleMaps:
                 clutter_texts=self._clutter_texts,
             )
         return self._maps[floor_id]
+
+
+@lru_cache(maxsize=1)
+def _all_homes(root: Path) -> tuple[OracleHome, ...]:
+    """Of a whole dataset; read once per process, since every scene draws its clutter from all the others."""
+    dataset = PersonalDataset(root)
+    return tuple(oracle_home(dataset, name) for name in dataset.scenes)

@@ -1,7 +1,7 @@
 """How well phrases read from the text agree with reference phrases: F1 of (owner, object) pairs and of owners."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from .encoder_hashed import STOP_WORDS
@@ -9,6 +9,7 @@ from .phrases import owner_of, without_owner
 
 SAME = 0.5
 """Two object texts at least this alike are the same object (GROUNDING.md, section 6)."""
+_Alike = Callable[[frozenset[str], frozenset[str]], float]
 _PLACING = frozenset(("located", "situated", "positioned", "placed", "owns", "found", "set"))
 
 
@@ -53,7 +54,7 @@ def _owners(phrases: Sequence[str]) -> set[str]:
     return {owner for phrase in phrases if (owner := owner_of(phrase))}
 
 
-def _num_matches(ours: Sequence[str], theirs: Sequence[str], alike) -> int:
+def _num_matches(ours: Sequence[str], theirs: Sequence[str], alike: _Alike) -> int:
     ranked = sorted(
         (
             (-score, i, j)

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from sim.tasks.run_files import Run
 
 from .pog_rows import RADII, MapVariant, MethodTrials, method_trials, ordered_splits
-from .pog_statistics import HomeDraws, Range, mean_of_shares, wilson
+from .pog_statistics import FEWEST_HOMES, HomeDraws, Range, mean_of_shares, wilson
 
 TOTAL = "total"
 """Plain mean of the splits, as the paper's column."""
@@ -107,6 +107,11 @@ class PogTable(BaseModel):
     num_homes: int
     rows: tuple[PogRow, ...]
     differences: tuple[PogDifference, ...]
+
+    @property
+    def has_home_intervals(self) -> bool:
+        """Whether there are homes enough for intervals by home."""
+        return self.num_homes >= FEWEST_HOMES
 
 
 class KnobPoint(BaseModel):

@@ -1,4 +1,4 @@
-"""RPG, region-gated personalized grounding (the paper's Algorithm 1), in torch: one implementation, two layouts.
+"""RPG, region-gated personalized grounding (the paper's Algorithm 1): products in torch, loops compiled, two layouts.
 
 `rpg_packed` runs many episodes on one sparse map (what evaluations use), `rpg_dense` the paper's batch of full grids.
 Steps: cosine of every phrase with every cell; each phrase's `top_k` peaks with non-maximum suppression; peaks grown by
@@ -96,23 +96,26 @@ def rpg_packed(
     if options.literal:
         raise ValueError("rpg_packed has no empty cells, which the literal form needs; call rpg_dense")
     product = _cosines(torch.cat([phrases, queries]), rows)
-    similarity, scores = product[: len(phrases)], product[len(phrases) :]
-    peaks = nms_peaks(similarity, rc, top_k=options.top_k, nms_r=options.nms_r)
-    opened = grown(peaks, rc, nhood=options.nhood)
-    used = np.ones((len(queries), len(phrases)), bool) if uses is None else uses.numpy()
+    num, values, cells_rc = len(phrases), product.numpy(), rc.long().numpy()
+    peaks = np.full((num, options.top_k), -1)
+    find_peaks(values[:num], cells_rc, options.top_k, options.nms_r, np.float32(TIE), peaks)
+    opened = np.zeros((num, len(cells_rc)), bool)
+    open_cells(peaks, cells_rc, options.nhood, opened)
+    used = np.ones((len(queries), num), bool) if uses is None else uses.numpy()
+    scores = values[num:]
     gate, final = np.zeros(scores.shape, bool), np.full(scores.shape, -np.inf, np.float32)
-    cells, value = np.full(len(queries), -1), np.full(len(queries), -np.inf, np.float32)
-    join_gates(opened.numpy(), used, gate)
-    best_inside(scores.numpy(), gate, np.float32(TIE), final, cells, value)
-    places = rc.numpy()[cells] if len(rc) else np.zeros((len(cells), 2), np.int64)
+    cells, value = np.full(len(scores), -1), np.full(len(scores), -np.inf, np.float32)
+    join_gates(opened, used, gate)
+    best_inside(scores, gate, np.float32(TIE), final, cells, value)
+    places = cells_rc[cells] if len(cells_rc) else np.zeros((len(cells), 2), np.int64)
     index = np.where(cells < 0, -1, places[:, 0] * width + places[:, 1])
     return RpgResult(
         torch.from_numpy(index),
         torch.from_numpy(value),
         torch.from_numpy(final),
         torch.from_numpy(gate),
-        peaks,
-        similarity,
+        torch.from_numpy(peaks),
+        product[:num],
     )
 
 

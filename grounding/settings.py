@@ -2,13 +2,16 @@
 
 import math
 from dataclasses import asdict, dataclass, fields
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from sim.errors import AgentError
 from sim.types import ClutterLevel
 
 from .grounders import GrounderName
 from .paraphrase import ParaphraseLevel
+
+if TYPE_CHECKING:
+    from .phrase_llm import LlmOptions
 
 MapName = Literal["oracle", "explore", "files"]
 """`oracle` = texts of the episode files; `explore` = our explorer walks each home first; `files` = maps made before."""
@@ -17,6 +20,9 @@ MapLayout = Literal["grid", "fine", "objects"]
 PhraseSourceName = Literal["dataset", "rules", "llm"]
 CELLS: dict[MapLayout, float] = {"grid": 1.0, "fine": 0.25}
 """Metres."""
+_SAID_ELSEWHERE = (
+    "method", "map", "encoder", "seed", "all_storeys", "phrases", "features", "llm_url", "llm_model", "llm_key_env",
+)  # fmt: skip
 _ORACLE_ONLY = ("blur", "cell_noise", "clutter_texts")
 _EXPLORED_ONLY = ("view_noise", "confusion", "background", "paraphrase", "home_clutter")
 
@@ -32,6 +38,11 @@ class GroundSettings:
     all_storeys: bool = False
     """Merge the storeys into one map instead of telling the target's storey."""
     phrases: PhraseSourceName = "dataset"
+    llm_url: str = ""
+    """With phrases `llm`: the endpoint, without secrets."""
+    llm_model: str = ""
+    llm_key_env: str = ""
+    """Name of the environment variable that holds the key, never the key; "" where the server wants none."""
     layout: MapLayout = "grid"
     features: Literal["patches", "images"] = "patches"
     """A vector for each patch, or one for the whole picture in each cell that it shows (as the authors' code)."""
@@ -63,6 +74,12 @@ class GroundSettings:
             raise AgentError(f"--confusion is {self.confusion!r}; expected a share of 0 to 1. Give another one.")
         if self.paraphrase not in range(4):
             raise AgentError(f"--paraphrase is {self.paraphrase!r}; expected 0 to 3. Give another one.")
+        if (self.phrases == "llm") != bool(self.llm_url and self.llm_model):
+            raise AgentError(
+                f"--phrases is {self.phrases!r} with --llm-url {self.llm_url!r} and --llm-model {self.llm_model!r}; "
+                "expected both for llm, and none for the others. Add or leave them out."
+            )
+        _ = self.llm  # an address that is none is refused before anything is written
         self._require_options_of(self.map == "oracle", _EXPLORED_ONLY, "--map explore")
         self._require_options_of(self.map != "oracle", _ORACLE_ONLY, "--map oracle")
         if self.map == "oracle" and self.layout != "grid":
@@ -85,6 +102,30 @@ class GroundSettings:
                 )
 
     @property
+    def llm(self) -> "LlmOptions | None":
+        """Where the language model of the phrases is; None for other phrases.
+
+        Raises:
+            AgentError: The address or a name is none.
+        """
+        if self.phrases != "llm":
+            return None
+        from pydantic import ValidationError
+
+        from .phrase_llm import LlmOptions
+
+        try:
+            return LlmOptions.model_validate(
+                {"base_url": self.llm_url, "model": self.llm_model, "api_key_env": self.llm_key_env or None}
+            )
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise AgentError(
+                f"--llm-url, --llm-model or --llm-key-env: {first['loc'][0]} is {first['input']!r} ({first['msg']}); "
+                "expected an address such as http://127.0.0.1:11434/v1. Correct the option."
+            ) from None
+
+    @property
     def config(self) -> dict[str, str | int | float | bool | None]:
         """What run.json's `config` says: every field but method and seed, which have places of their own."""
         return {name: value for name, value in asdict(self).items() if name not in ("method", "seed")}
@@ -95,8 +136,7 @@ class GroundSettings:
         changed = [
             f"{field.name.replace('_', ' ')} {getattr(self, field.name)}"
             for field in fields(self)
-            if field.name not in ("method", "map", "encoder", "seed", "all_storeys", "phrases", "features")
-            and getattr(self, field.name) != field.default
+            if field.name not in _SAID_ELSEWHERE and getattr(self, field.name) != field.default
         ]
         features = ["whole pictures"] if self.features == "images" else []
         return ", ".join([f"{self.map} map", f"{self.encoder} encoder", *features, *changed])

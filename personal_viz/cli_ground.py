@@ -35,6 +35,9 @@ class Ground:
         Literal["dataset", "rules", "llm"],
         arg(help="Who owns what: the dataset's own (ground truth), parsed from the text by rules, or asked of an LLM."),
     ] = "dataset"
+    llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
+    llm_model: Annotated[str, arg(help="Its model.")] = ""
+    llm_key_env: Annotated[str, arg(help="Environment variable that holds its key; it is not written anywhere.")] = ""
     all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
     layout: Annotated[MapLayout, arg(help=_EXPLORED + "cells of 1 m or of 0.25 m (fine), or objects.")] = "grid"
     features: Annotated[Literal["patches", "images"], arg(help=_EXPLORED + "what is encoded of each view.")] = "patches"
@@ -73,6 +76,9 @@ class Ground:
             seed=self.seed,
             all_storeys=self.all_storeys,
             phrases=self.phrases,
+            llm_url=self.llm_url,
+            llm_model=self.llm_model,
+            llm_key_env=self.llm_key_env,
             layout=self.layout,
             features=self.features,
             blur=self.blur,

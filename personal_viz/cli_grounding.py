@@ -31,6 +31,14 @@ class Explore:
     jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
     out: Annotated[Path, arg(help="Folder of the explorations.")] = Path("runs/explore")
     json: Json = False
+    rerun: Annotated[
+        str | None,
+        arg(
+            help="Show explorations live, stored ones again: FILE.rrd, a folder (one file per exploration), "
+            "rerun+http://HOST:PORT/proxy, or spawn."
+        ),
+    ] = None
+    with_pixels: WithPixels = False
 
     def work(self) -> int:
         from .commands.explore import explore

@@ -19,7 +19,9 @@ class Run:
     """Run an agent over PAN episodes."""
 
     dataset: Dataset
-    agent: Annotated[str, arg(help="random, shortest-path (knows the goal), or your own as package.module:factory.")]
+    agent: Annotated[
+        str, arg(help="random, random-frontier, shortest-path (knows the goal), or your own as package.module:factory.")
+    ]
     out: Path = Path("runs")
     scenes_dir: ScenesDir = None
     scene: Scenes = ()

@@ -7,10 +7,9 @@ from rerun.blueprint.api import VisualizerLike
 from rerun.encodings import EntityPathLike
 
 from grounding.memory import StoreyMemory
-from grounding.types import FeatureMap
 
 from . import paths
-from .log_grounding import FINAL, GATE, PEAKS, SIMILARITY, Regrounded, home_entity, map_entity
+from .log_grounding import FINAL, GATE, PEAKS, SIMILARITY, Regrounded, home_entity, map_entity, places_of
 from .log_maps import StoreyMap
 from .log_memory import LAYER_NAMES, NamedMemory, layers_of, storey_at
 from .log_memory import map_entity as map_layer
@@ -48,9 +47,9 @@ def hidden_layers(
 
 def phrase_pages(item: Regrounded, maps: Sequence[StoreyMap]) -> list[rrb.Container]:
     """Pages with a small map per phrase of one grounder, with the phrase's similarity, peaks and the answers."""
-    if item.layers is None or not isinstance(item.memory, FeatureMap):
+    if item.layers is None or item.memory is None:
         return []
-    heights = item.memory.cell_y
+    heights = places_of(item.memory, item.layers)[:, 1]
     storey = min(maps, key=lambda storey: float(abs(heights - storey.floor_y).mean()))
     views = [_phrase_view(item, number, phrase, storey) for number, phrase in enumerate(item.layers.phrases)]
     pages: list[rrb.Container] = []

@@ -24,12 +24,13 @@ from sim.world.navigation_map import NavigationMap
 from . import paths
 from .carpets import carpet, heat_rgb, on_map
 from .log_maps import StoreyMap, storeys_of
+from .log_object_layers import ObjectSheet
 from .log_run import LIFT, Rgb, Trace, set_answered
 from .log_text import plain_text
 from .map_pictures import similarity_png
 
-LAYERS, SIMILARITY, PEAKS, GATE, FINAL = "layers", "similarity", "peaks", "gate", "final"
-"""Entities below a run: `layers/<layer>/<storey>`; below its map of a storey: `layers/<layer>`."""
+SIMILARITY, PEAKS, GATE, FINAL = "similarity", "peaks", "gate", "final"
+"""Names of layers; the first two have a phrase's number behind them."""
 GATE_RGB: Rgb = (255, 0, 160)
 PEAK_RGB: Rgb = (255, 140, 0)
 _PEAK, _OUTLINE = -3.5, -1.5
@@ -94,18 +95,36 @@ def log_layers(
 ) -> None:
     """Logs every layer on each storey that it has cells on, when the answer appears."""
     for item in regrounded:
-        if item.layers is None or not isinstance(item.memory, FeatureMap):
+        if item.layers is None or item.memory is None:
             continue
         assert isinstance(item.trace.run, Answer)
         set_answered(stream, item.trace.run)
-        points = item.memory.points_from_rc(item.layers.rc)  # (N, 3)
+        points = places_of(item.memory, item.layers)
         floors = storeys_of(points[:, 1], navigation)
         for storey in maps:
             here = floors == storey.index
-            if here.any():
-                sheet = _Sheet(item.trace, storey, item.memory.grid, item.layers, points, here)
-                sheet.log(stream)
+            if not here.any():
+                continue
+            if isinstance(item.memory, FeatureMap):
+                _Sheet(item.trace, storey, item.memory.grid, item.layers, points, here).log(stream)
+            else:
+                things = ObjectSheet(item.trace, storey, item.memory, item.layers, here, PEAK_RGB, _PEAK)
+                _log_things(stream, things)
         stream.reset_time()
+
+
+def places_of(memory: Memory, layers: Layers) -> NDArray[np.float64]:
+    """(N, 3) world middles of the cells, on their floors, or of the things that the layers' columns are of."""
+    if isinstance(memory, FeatureMap):
+        return memory.points_from_rc(layers.rc)
+    return np.array([item.centre for item in memory.objects], float).reshape(-1, 3)
+
+
+def _log_things(stream: rr.RecordingStream, things: ObjectSheet) -> None:
+    for number, (row, peaks) in enumerate(zip(things.layers.similarity, things.layers.peaks, strict=True)):
+        things.log_values(stream, f"{SIMILARITY}_{number}", row)
+        things.log_peaks(stream, f"{PEAKS}_{number}", peaks)
+    things.log_values(stream, FINAL, things.layers.final)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,12 +182,12 @@ class _Sheet:
 
 def map_entity(trace: Trace, layer: str, storey: StoreyMap) -> str:
     """Entity of a layer on a storey's map."""
-    return paths.run_path(trace.label, "map", storey.part, LAYERS, layer)
+    return paths.layer_on_map(trace.label, layer, storey.part)
 
 
 def home_entity(trace: Trace, layer: str, storey: StoreyMap) -> str:
     """Entity of a layer above a storey's floor."""
-    return paths.run_path(trace.label, LAYERS, layer, storey.part)
+    return paths.layer_in_home(trace.label, layer, storey.part)
 
 
 def outline(inside: NDArray[np.bool_], grid: GridSpec) -> NDArray[np.float64]:

@@ -6,10 +6,12 @@ it does not, its frontiers and its own map are left out and the way is shown alo
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from grounding.agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
 from grounding.explore import TASK, Exploration
 from sim.errors import RecordingError
+from sim.scenes.labels import renderer_of
 from sim.scenes.scene import Scene
 from sim.tasks.agents import Agent
 from sim.tasks.observers import Explains, Insight
@@ -18,7 +20,11 @@ from sim.tasks.run_files import Step
 from sim.types import Camera, Pose
 from sim.world.renderer import Frame, Renderer
 
+from .live import LiveSink
 from .observer_explore import ExplorationObserver
+
+EXPLORER = "frontier"
+"""Names the explorer's entities."""
 
 
 class WatchedExploration:
@@ -55,13 +61,46 @@ class WatchedExploration:
             self._observer, self.problem = None, error
 
     def end(self, exploration: Exploration) -> None:
-        """Shows what came of it, and completes the recording."""
-        if self._observer is None:
-            return
-        try:
+        """Shows what came of it, and completes the recording.
+
+        Raises:
+            RecordingError: It could not be shown, or not from some step on.
+        """
+        if self.problem is not None:
+            raise self.problem
+        if self._observer is not None:
             self._observer.on_end(exploration_figures(exploration))
-        except RecordingError as error:
-            self._observer, self.problem = None, error
+
+
+@dataclass(frozen=True, slots=True)
+class ObserveExplorations:
+    """Shows explorations where `personal-viz explore --rerun` says (a `Watch` of grounding.explore_jobs)."""
+
+    sink: LiveSink
+    with_pixels: bool = False
+
+    def live(self, scene: Scene, start: Pose, *, seed: int, camera: Camera) -> WatchedExploration:
+        """Of an exploration that begins."""
+        observer = self._observer(scene, seed, camera)
+        return WatchedExploration(observer, scene, start, camera=camera, renderer=self._renderer(scene))
+
+    def again(self, scene: Scene, exploration: Exploration) -> None:
+        """Does a stored exploration again.
+
+        Raises:
+            RecordingError: It cannot be shown.
+        """
+        observer = self._observer(scene, exploration.seed, exploration.camera)
+        agent, renderer = explorer_of(exploration), self._renderer(scene)
+        replay_exploration(exploration, observer, scene=scene, renderer=renderer, agent=agent)
+
+    def _observer(self, scene: Scene, seed: int, camera: Camera) -> ExplorationObserver:
+        return ExplorationObserver(
+            scene, self.sink, who=EXPLORER, seed=seed, with_pixels=self.with_pixels, camera=camera
+        )
+
+    def _renderer(self, scene: Scene) -> Renderer | None:
+        return renderer_of(scene) if scene.kind != "scan" or self.with_pixels else None
 
 
 def explorer_of(exploration: Exploration) -> FrontierExplorer:

@@ -49,7 +49,7 @@ class FrontierExplorer:
         """Begins with an empty map, whatever `keep_memory` says: each episode has a start frame of its own."""
         rng = np.random.default_rng(seed)
         self._turn = Action.LEFT if rng.integers(2) else Action.RIGHT
-        self._seeker = Seeker(camera, self.settings.seek)
+        self._seeker = Seeker(camera, self.settings.seek, can_look=Action.LOOK_DOWN in task.actions)
         self._frontiers: list[Frontier] = []
         self._turns_left, self._has_looked_around = FULL_TURN, False
         self._planned_at = 0

@@ -51,10 +51,10 @@ class Frontier(NamedTuple):
     """Whether it is too near for a level camera."""
 
 
-def reach_of(camera: Camera, cell: float) -> tuple[float, float, float]:
-    """(nearest with the camera one look down, nearest with it level, farthest) cells from which floor is seen."""
+def reach_of(camera: Camera, cell: float, *, can_look: bool) -> tuple[float, float, float]:
+    """(nearest, nearest with a level camera, farthest) cells from which floor is seen; `can_look`: it tilts."""
     half = math.atan(camera.height / 2 / camera.focal)
-    nearest = [camera.mount_height / math.tan(half + tilt) for tilt in (TURN_STEP, 0.0)]
+    nearest = [camera.mount_height / math.tan(half + tilt) for tilt in (TURN_STEP if can_look else 0.0, 0.0)]
     return nearest[0] / cell + _EDGE, nearest[1] / cell + _EDGE, max(VIEW_RANGE, nearest[1] + 0.5) / cell
 
 
@@ -77,6 +77,7 @@ def find_frontiers(
     banned: NDArray[np.bool_],
     robot: tuple[float, float, float],
     is_tilted: bool,
+    can_look: bool,
     camera: Camera,
     min_cells: int = MIN_CELLS,
 ) -> list[Frontier]:
@@ -88,22 +89,11 @@ def find_frontiers(
         banned: (rows, cols) unknown cells that are left out.
         robot: Its x, z and yaw.
         is_tilted: Whether its camera looks down.
+        can_look: Whether it may be tilted.
         camera: Of the robot.
         min_cells: Smaller groups are dropped.
     """
-    is_free = ground.cells == FREE
-    beside = ndimage.binary_dilation(is_free)  # 4-neighbours: nothing is beside free floor across a corner of a wall
-    mask = beside & (ground.cells == UNKNOWN) & ~banned
-    mask &= ndimage.binary_dilation(np.isfinite(costs), iterations=_PASSABLE)
-    labels, count = ndimage.label(mask, structure=np.ones((3, 3)))  # type: ignore[misc]
-    if not count:
-        return []
-    rc = np.argwhere(mask)
-    group = labels[mask] - 1
-    sizes = np.bincount(group, minlength=count)
-    order = np.argsort(group, kind="stable")
-    members = np.split(rc[order], np.cumsum(sizes)[:-1])
-    members = [cells for cells in members if len(cells) >= min_cells]
+    members = _groups(ground, costs, banned=banned, min_cells=min_cells)
     if not members:
         return []
     sampled = [cells[np.linspace(0, len(cells) - 1, min(len(cells), _PER_GROUP)).astype(int)] for cells in members]
@@ -115,7 +105,7 @@ def find_frontiers(
         ground.assumed,
         costs,
         (float(u), float(v), robot[2]),
-        reach_of(camera, ground.grid.cell),
+        reach_of(camera, ground.grid.cell, can_look=can_look),
         TURN_STEP,
         LOOK_COST,
         _HERE,
@@ -128,6 +118,20 @@ def find_frontiers(
         for cells, cost, place, target, down in zip(members, *found, strict=True)
     ]
     return sorted(frontiers, key=lambda frontier: frontier.cost)
+
+
+def _groups(
+    ground: Ground, costs: NDArray[np.float64], *, banned: NDArray[np.bool_], min_cells: int
+) -> list[NDArray[np.int64]]:
+    """Unknown cells (K, 2) beside free ones that the robot can come to, by connected group."""
+    beside = ndimage.binary_dilation(ground.cells == FREE)  # 4-neighbours: not across a corner of a wall
+    mask = beside & (ground.cells == UNKNOWN) & ~banned
+    mask &= ndimage.binary_dilation(np.isfinite(costs), iterations=_PASSABLE)
+    labels, count = ndimage.label(mask, structure=np.ones((3, 3)))  # type: ignore[misc]
+    group = labels[mask] - 1
+    order = np.argsort(group, kind="stable")
+    members = np.split(np.argwhere(mask)[order], np.cumsum(np.bincount(group, minlength=count))[:-1])
+    return [cells for cells in members if len(cells) >= min_cells]
 
 
 def _xz(ground: Ground, rc: NDArray) -> tuple[float, float]:

@@ -28,7 +28,7 @@ class RandomFrontierAgent:
         """Begins with an empty map and seeds the draw."""
         self._rng = np.random.default_rng(seed)
         self._max_steps = task.max_steps
-        self._seeker = Seeker(camera, self._settings)
+        self._seeker = Seeker(camera, self._settings, can_look=Action.LOOK_DOWN in task.actions)
         self._frontiers: list[Frontier] = []
         self._turn = Action.LEFT if self._rng.integers(2) else Action.RIGHT
         self._note = ""

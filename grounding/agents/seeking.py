@@ -70,12 +70,12 @@ class _Way(NamedTuple):
 class Seeker:
     """The part of an explorer that remembers, plans and walks. Frame: start."""
 
-    def __init__(self, camera: Camera, settings: SeekSettings) -> None:
-        """Knows nothing yet."""
+    def __init__(self, camera: Camera, settings: SeekSettings, *, can_look: bool = True) -> None:
+        """Knows nothing yet; `can_look` says whether the camera may be tilted."""
         self.memory = FloorMemory(bump_steps=settings.bump_steps)
         self.goal: Frontier | None = None
         """What it goes to see."""
-        self._camera, self._settings = camera, settings
+        self._camera, self._settings, self._can_look = camera, settings, can_look
         self._step = 0
         self._banned_until = np.zeros(self.memory.grid.shape, np.int32)
         self._failures = np.zeros(self.memory.grid.shape, np.uint8)
@@ -112,6 +112,7 @@ class Seeker:
             banned=banned,
             robot=(*self.memory.xz, self.memory.yaw),
             is_tilted=self.memory.is_tilted,
+            can_look=self._can_look,
             camera=self._camera,
             min_cells=self._settings.min_cells,
         )
@@ -188,7 +189,8 @@ class Seeker:
         if abs(away) > TURN_STEP / 2 + 1e-3:
             return Action.LEFT if away > 0 else Action.RIGHT
         distance = math.dist(self.memory.xz, goal.target_xz) / self.memory.grid.cell
-        if distance < reach_of(self._camera, self.memory.grid.cell)[1] and not self.memory.is_tilted:
+        level = reach_of(self._camera, self.memory.grid.cell, can_look=self._can_look)[1]
+        if self._can_look and distance < level and not self.memory.is_tilted:
             return Action.LOOK_DOWN
         self._leave(goal, for_steps=self._settings.ban_steps, has_looked=True)
         return None

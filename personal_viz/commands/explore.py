@@ -7,6 +7,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -41,6 +43,8 @@ def explore(
     jobs: int,
     out: Path,
     json: bool,
+    rerun: str | None = None,
+    with_pixels: bool = False,
 ) -> int:
     """Explores the homes of a dataset, or invented ones, into `out`; a second call goes on where the first stopped.
 
@@ -71,12 +75,8 @@ def explore(
         )
         for name, home_seed in work
     ]
-    found: list[Exploration] = []
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
-        bar = progress.add_task("explore", total=len(todo))
-        for made in _explored(todo, processes=jobs):
-            found += made
-            progress.update(bar, advance=1)
+    with watching(rerun, todo, with_pixels=with_pixels) as watched:
+        found = _with_progress(watched, processes=jobs)
     found.sort(key=lambda item: (item.scene, item.storey_y))
     document = document_of(found, kind=kind, out=out)
     write_whole(out / _PLOT, coverage_png(found, title=f"{len(found)} storeys of {len(todo)} {kind} homes"))
@@ -87,6 +87,38 @@ def explore(
         _print_table(found, document)
         print(f"Written to {out}; coverage over steps: {out / _PLOT}")
     return 0
+
+
+@contextmanager
+def watching(rerun: str | None, jobs: list[ExploreJob], *, with_pixels: bool) -> Iterator[list[ExploreJob]]:
+    """The jobs, shown where the option `--rerun` says: live, or done again where their files are there already.
+
+    Raises:
+        RecordingError: The option is no place for so many explorations, or no viewer answers.
+    """
+    if rerun is None:
+        yield jobs
+        return
+    from recordings.live import live_sink
+    from recordings.paths import ExplorationKey
+    from recordings.replay_exploration import ObserveExplorations
+
+    per_home = 2 if jobs[0].storeys == "all" else 1  # how many storeys a home has is not known yet
+    keys = [ExplorationKey(job.scene, storey, job.seed) for job in jobs for storey in range(per_home)]
+    with live_sink(rerun, keys) as sink:
+        yield [replace(job, watch=ObserveExplorations(sink, with_pixels=with_pixels)) for job in jobs]
+        if sink.kind != "address":
+            print(f"Recorded to {sink.where}; see it with: rerun {sink.where}", file=sys.stderr)
+
+
+def _with_progress(jobs: Sequence[ExploreJob], *, processes: int) -> list[Exploration]:
+    found: list[Exploration] = []
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
+        bar = progress.add_task("explore", total=len(jobs))
+        for made in _explored(jobs, processes=processes):
+            found += made
+            progress.update(bar, advance=1)
+    return found
 
 
 def _work(

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import sys
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -29,7 +30,7 @@ from .options import check_options
 
 EXPLORATIONS = "explorations"
 """Folder below --out that all maps of explored homes share."""
-_NOT_OF_THE_MAP = ("method", "phrases", "all_storeys")
+_NOT_OF_THE_MAP = ("method", "phrases", "all_storeys", "llm_url", "llm_model", "llm_key_env")
 """Settings that the same map serves."""
 
 
@@ -154,7 +155,7 @@ def run_name(settings: GroundSettings) -> str:
     storey = "all-storeys" if settings.all_storeys else "storey-given"
     parts = [settings.method, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
     if settings.phrases != "dataset":
-        parts.append(settings.phrases)
+        parts.append(settings.phrases + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
     return f"ground-{'-'.join(parts)}-seed{settings.seed}"
 
 
@@ -168,7 +169,7 @@ def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
 
 def _unusual(settings: GroundSettings) -> list[str]:
     """Words for the settings of the map that are not their defaults."""
-    skipped = {"method", "map", "encoder", "seed", "all_storeys", "phrases"}
+    skipped = {"map", "encoder", "seed", *_NOT_OF_THE_MAP}
     changed = [field for field in fields(settings) if field.name not in skipped]
     return [
         f"{field.name.replace('_', '')}{'' if value is True else value}"

@@ -138,7 +138,7 @@ def _built(builder: MapBuilder, recording: RobotFrames, counts: FrameCounts) -> 
     ):
         builder.add(frame)
     if counts.warning:
-        console.print(f"Warning: {counts.warning}.", style="yellow")
+        console.print(f"Warning: {counts.warning}.", style="yellow", soft_wrap=True)
     return builder.finish()
 
 
@@ -166,7 +166,7 @@ def _storey(storey: StoreyMemory) -> dict[str, float | int]:
     memory = storey.memory
     stored = {"objects": len(memory.objects)} if isinstance(memory, ObjectMap) else {"cells": len(memory.rows)}
     return {
-        "floor_y": round(storey.floor_y, 3),
+        "floor_y": round(storey.floor_y, 3) + 0.0,  # no -0.0
         **stored,
         "free_m2": round(float((known == FREE).sum() * area), 1),
         "blocked_m2": round(float((known == OCCUPIED).sum() * area), 1),

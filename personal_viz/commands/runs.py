@@ -28,6 +28,8 @@ from .options import check_options, key_from_text, require_no_scan
 
 MIN_TABLE_WIDTH = 150
 """Columns that the paper's table needs; narrower terminals wrap it, files and pipes do not."""
+SHORT_NAMES = {"random-frontier": "grounding.agents.random_frontier:random_frontier"}
+"""Agents of ours that the simulator loads as plug-ins; run files hold the short name."""
 
 
 def run(
@@ -78,7 +80,7 @@ def run(
                 name,
                 tuple(keys),
                 scenes_dir=scenes_dir,
-                agent=agent,
+                agent=SHORT_NAMES.get(agent, agent),
                 seed=seed,
                 clutter=clutter,
                 make_observer=make_observer,
@@ -93,9 +95,10 @@ def run(
 
 
 def _require_agent(agent: str) -> None:
-    if agent not in ("random", "shortest-path") and ":" not in agent:
+    if agent not in ("random", "shortest-path", *SHORT_NAMES) and ":" not in agent:
         raise AgentError(
-            f"--agent is {agent!r}; expected random, shortest-path, or your own as package.module:factory."
+            f"--agent is {agent!r}; expected random, random-frontier, shortest-path, or your own as "
+            "package.module:factory."
         )
 
 

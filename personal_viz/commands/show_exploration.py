@@ -5,7 +5,7 @@ from pathlib import Path
 from grounding.exploration_files import load_exploration
 from recordings.live import LiveSink
 from recordings.observer_explore import ExplorationObserver
-from recordings.replay_exploration import explorer_of, replay_exploration
+from recordings.replay_exploration import EXPLORER, explorer_of, replay_exploration
 from recordings.viewer import open_file
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
@@ -46,7 +46,7 @@ def show_exploration(
     observer = ExplorationObserver(
         scene,
         LiveSink("file", str(out)),
-        who="frontier",
+        who=EXPLORER,
         seed=found.seed,
         with_pixels=with_pixels,
         camera=found.camera,

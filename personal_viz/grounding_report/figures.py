@@ -19,7 +19,7 @@ Drawn = dict[str, str | bytes]
 
 def distance_figure(table: PogTable) -> Drawn:
     """Share of first answers within so many metres, a line per method; bands are 95 % intervals by home."""
-    figure = Figure(figsize=(7, 4), layout="constrained")
+    figure = Figure(figsize=(8.5, 4), layout="constrained")
     axes = figure.subplots()
     for number, row in enumerate(table.rows):
         metres = [point.metres for point in row.curve]
@@ -32,7 +32,7 @@ def distance_figure(table: PogTable) -> Drawn:
     axes.set_ylim(0, 101)
     axes.set_xlabel("metres from the right object's middle")
     axes.set_ylabel("first answers within, mean of splits (%)")
-    axes.legend(fontsize=8, loc="upper left")
+    figure.legend(fontsize=8, loc="outside right upper")
     return _drawn(figure)
 
 
@@ -45,7 +45,7 @@ def methods_figure(table: PogTable) -> Drawn:
         cell = next(cell for cell in row.cells if cell.split == TOTAL)
         colour = COLOURS[place % len(COLOURS)]
         for value, interval, is_filled, shift in (
-            (cell.sr, cell.by_home or cell.by_episode, True, -0.1),
+            (cell.sr, cell.by_home if table.has_home_intervals else cell.by_episode, True, -0.1),
             (cell.top3, cell.top3_by_home, False, 0.1),
         ):
             if value is None:
@@ -64,7 +64,7 @@ def methods_figure(table: PogTable) -> Drawn:
 
 def knob_figure(curves: Sequence[KnobCurve]) -> Drawn:
     """Total success over the values of one option, a line per method, all on one map variant but for the option."""
-    figure = Figure(figsize=(7, 4), layout="constrained")
+    figure = Figure(figsize=(8.5, 4), layout="constrained")
     axes = figure.subplots()
     for number, curve in enumerate(curves):
         colour = COLOURS[number % len(COLOURS)]
@@ -76,7 +76,7 @@ def knob_figure(curves: Sequence[KnobCurve]) -> Drawn:
     axes.set_xticks(sorted({point.value for curve in curves for point in curve.points}))
     axes.set_xlabel(curves[0].knob.replace("_", " "))
     axes.set_ylabel("success within 1 m, mean of splits (%)")
-    axes.legend(fontsize=8)
+    figure.legend(fontsize=8, loc="outside right upper")
     return _drawn(figure)
 
 

@@ -106,12 +106,16 @@ def _table_blocks(table: PogTable, number: int) -> list[Block]:
         best = "-" if top3 is None else with_range(top3, cells[TOTAL].top3_by_home, brackets="{}")
         lines.append((row.name, *shown, best, paper_text(row)))
     heads = ("SR (%)", *splits, "top-3, total", PAPER_IS)
-    note = f"{table.num_homes} homes; dataset digest {table.dataset_digest[:12]}."
+    homes = "1 home" if table.num_homes == 1 else f"{table.num_homes} homes"
+    note = f"{homes}; dataset digest {table.dataset_digest[:12]}."
     if table.scene_kind == "oracle-map":
         note += f" {_ORACLE}"
     blocks: list[Block] = [Heading(f"Table {number}. {table.title}"), Table(heads, tuple(lines), note)]
-    blocks.append(Picture(f"{methods_name(number)}.svg", "Total per method; lines are intervals by home."))
-    caption = "First answers within a distance; bands are intervals by home, the dotted line is the 1 m of success."
+    is_by_home = table.has_home_intervals
+    lines_are = "by home" if is_by_home else f"by episode: fewer than {FEWEST_HOMES} homes"
+    blocks.append(Picture(f"{methods_name(number)}.svg", f"Total per method; lines are intervals {lines_are}."))
+    bands = "bands are intervals by home, " if is_by_home else ""
+    caption = f"First answers within a distance; {bands}the dotted line is the 1 m of success."
     blocks.append(Picture(f"{distance_name(number)}.svg", caption))
     if table.differences:
         blocks += [Heading("Differences on the same episodes", 3), _difference_table(table)]

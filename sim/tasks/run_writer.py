@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -79,6 +80,8 @@ class RunWriter:
     def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
         for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config"):
             was, now = getattr(found, field), getattr(wanted, field)
+            if isinstance(was, dict):
+                was, now = _differing(was, now)
             if was != now:
                 raise RunFileError(
                     f"{self.folder / 'run.json'}: {field} is {was!r}, this run has {now!r}; "
@@ -96,6 +99,14 @@ class RunWriter:
                 f"{self.folder / 'steps.jsonl'}: scene_digest of {scene} is {was[:12]!r}, {run.key} has {now[:12]!r}; "
                 "expected one version of the home per run. Give another --out or --run-id."
             )
+
+
+def _differing(was: dict[str, Any], now: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The entries of each that the other lacks or has otherwise."""
+    return (
+        {key: value for key, value in was.items() if key not in now or now[key] != value},
+        {key: value for key, value in now.items() if key not in was or was[key] != value},
+    )
 
 
 def _cut_incomplete_tail(path: Path) -> None:

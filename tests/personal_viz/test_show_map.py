@@ -50,6 +50,7 @@ def test_a_robots_map_is_written_alone(tmp_path: Path, capsys: pytest.CaptureFix
         show_map(file=file, out=tmp_path / "x.rrd", dataset=tmp_path)
 
 
+@pytest.mark.slow
 def test_a_map_is_shown_in_the_home_that_it_was_made_in(tmp_path: Path, root: Path) -> None:
     digest = open_scene(PersonalDataset(root), "HomeOne").digest
     file = saved(tmp_path / "HomeOne.npz", digest=digest)

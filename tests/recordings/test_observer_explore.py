@@ -1,17 +1,22 @@
 """Explorations in recordings: live and done again, read back with Rerun's own reader."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
 
+from grounding import explore_jobs
 from grounding.explore import Exploration, explore
+from grounding.explore_jobs import ExploreJob, run_job
+from personal_viz.commands.explore import watching
 from recordings.live import LiveSink, live_sink
 from recordings.observer_explore import ExplorationObserver
 from recordings.paths import ExplorationKey
 from recordings.read_rrd import read_rrd
 from recordings.replay_exploration import (
+    ObserveExplorations,
     WatchedExploration,
     exploration_figures,
     explorer_of,
@@ -162,9 +167,9 @@ def test_a_recording_that_fails_ends_the_showing_and_not_the_walk(tmp_path: Path
     (tmp_path / "file").write_text("")
     watched = WatchedExploration(observer(home, tmp_path / "file" / "x.rrd"), home, START, camera=CAMERA, renderer=None)
     exploration = explore(home, START, seed=SEED, max_steps=5, camera=CAMERA, on_step=watched)
-    watched.end(exploration)
     assert len(exploration.steps) == 5
-    assert isinstance(watched.problem, RecordingError)
+    with pytest.raises(RecordingError, match="cannot be written"):
+        watched.end(exploration)
 
 
 def test_figures_name_doors_and_rooms_where_the_home_has_a_plan(live: tuple[Path, Exploration]) -> None:
@@ -190,3 +195,46 @@ def test_several_explorations_need_a_folder_and_each_gets_its_file(tmp_path: Pat
 def test_the_recording_says_which_home_and_seed(live: tuple[Path, Exploration]) -> None:
     (store,) = RrdReader(str(live[0])).recordings()
     assert store.recording_id == f"personal/explore/BoxHouse/storey0/seed{SEED}"
+
+
+def test_a_job_is_shown_live_and_its_stored_exploration_again(
+    tmp_path: Path, home: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(explore_jobs, "_opened", lambda job: (home, None))
+    shown = []
+    for name in ("live", "again"):
+        watch = ObserveExplorations(LiveSink("folder", str(tmp_path / name)))
+        job = ExploreJob(
+            home.name, seed=2, max_steps=8, camera=CAMERA, storeys="start", out=tmp_path / "out", watch=watch
+        )
+        assert pickle.loads(pickle.dumps(job)) == job
+        (exploration,) = run_job(job)
+        shown.append(tables(tmp_path / name / "explore-BoxHouse-storey0-seed2.rrd"))
+    assert len(exploration.steps) == 8
+    assert set(shown[0]) == set(shown[1])
+    first, second = (column(one, f"{RUN}/map/storey_0/occupancy", "EncodedImage:blob") for one in shown)
+    assert first == second
+    assert len(first) == 2
+
+
+def test_a_recording_that_cannot_be_written_is_said_after_the_exploration_is_kept(
+    tmp_path: Path, home: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(explore_jobs, "_opened", lambda job: (home, None))
+    (tmp_path / "file").write_text("")
+    watch = ObserveExplorations(LiveSink("file", str(tmp_path / "file" / "x.rrd")))
+    job = ExploreJob(home.name, seed=2, max_steps=4, camera=CAMERA, storeys="start", out=tmp_path / "out", watch=watch)
+    with pytest.raises(RecordingError, match="cannot be written"):
+        run_job(job)
+    assert len(list((tmp_path / "out").glob("*.json"))) == 1
+
+
+def test_several_storeys_need_a_folder(tmp_path: Path) -> None:
+    job = ExploreJob("Home", seed=0, max_steps=4, camera=CAMERA, storeys="all", out=tmp_path)
+    with pytest.raises(RecordingError, match="found 2 explorations for one file"):  # noqa: SIM117 - the error is inside
+        with watching(str(tmp_path / "a.rrd"), [job], with_pixels=False):
+            pass
+    with watching(str(tmp_path / "folder"), [job], with_pixels=True) as (watched,):
+        assert watched.watch == ObserveExplorations(LiveSink("folder", str(tmp_path / "folder")), with_pixels=True)
+    with watching(None, [job], with_pixels=False) as jobs:
+        assert jobs == [job]

@@ -10,7 +10,7 @@ from grounding.evaluate import SceneGrounder
 from grounding.grounders import GrounderName
 from grounding.home_maps import MapFolders, encoder_of_map
 from grounding.map_files import MapSource, save_memory
-from grounding.memory import HomeMemory, OccupancyGrid, StoreyMemory
+from grounding.memory import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.oracle_map import objects_map, oracle_home
 from grounding.settings import GroundSettings
 from recordings.log_grounding import reground
@@ -156,6 +156,38 @@ def test_maps_of_scans_are_left_out_without_leave(
     read = record(out, [on_scan], dataset.episode(KEY), scan, dataset=dataset, beside=[runs_folder])
     assert not [entity for entity, _ in read if entity.startswith(("/memory", "/scene")) or "/layers/" in entity]
     assert ("/runs/ground-rpg/candidates", False) in read
+
+
+def test_a_map_of_objects_has_a_coloured_box_per_thing_and_phrase(
+    tmp_path: Path, dataset: PersonalDataset, scene: Scene
+) -> None:
+    chosen = GroundSettings("object-phrase", map="explore", layout="objects")
+    encoder = make_encoder(encoder_of_map(chosen))
+    known = [item for item in oracle_home(dataset, "HomeOne").objects if item.floor_id == "0"]
+    features = encoder.encode_texts([item.text for item in known])
+    corners = np.array([[-0.5, -0.25, -0.5], [0.5, 0.25, 0.5]], np.float32)
+    things = tuple(
+        ObjectInstance(np.array(item.position, np.float32) + corners, row, item.text, 3.0)
+        for item, row in zip(known, features, strict=True)
+    )
+    objects = ObjectMap(things, 0.0, encoder.name, encoder.dim, (5.0, 5.0), 0.1)
+    occupancy = OccupancyGrid(np.full((200, 240), FREE, np.uint8), GridSpec((0.0, 0.0), 0.05, (200, 240)))
+    source = MapSource(scene="HomeOne", kind="invented", digest="d" * 64)
+    save_memory(tmp_path / MAPS / "HomeOne.npz", HomeMemory((StoreyMemory(occupancy, objects),), "world", 9), source)
+    grounder = SceneGrounder(dataset, KEY.scene, chosen, folders=MapFolders(tmp_path / MAPS, tmp_path))
+    config = chosen.config | {"maps": MAPS}
+    changes = {"who": "object-phrase", "scene_kind": "invented", "seed": 0, "config": config}
+    run = Run(info=info("ground-objects", **changes), answers=(grounder.answer(dataset.episode(KEY)),))
+    out = tmp_path / "a.rrd"
+    read = record(out, [run], dataset.episode(KEY), scene, dataset=dataset, beside=[tmp_path])
+    layers = read[("/runs/ground-objects/layers/final/storey_0", False)]
+    assert layers["step"] == [1]
+    assert len(layers["Boxes3D:half_sizes"][0]) == len(things) == 4
+    yellow = [index for index, colour in enumerate(layers["Boxes3D:colors"][0]) if colour == 0xFDE725FF]
+    assert [known[index].name for index in yellow] == ["table_1"], "the one that Ada's phrase tells of"
+    flat = read[("/runs/ground-objects/map/storey_0/layers/similarity_0", False)]
+    assert np.array(flat["Boxes2D:half_sizes"][0]) == pytest.approx(np.full((4, 2), 10.0), abs=1e-3)
+    assert ("/memory/map-hashed-invented/home/storey_0/objects", True) in read
 
 
 def test_people_are_not_asked_again(dataset: PersonalDataset) -> None:

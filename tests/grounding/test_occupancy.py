@@ -1,0 +1,88 @@
+"""Occupancy from depth: floor, walls, holes, what is gone again; pictures made by hand with known answers."""
+
+import numpy as np
+import pytest
+
+from grounding.occupancy import OccupancyMapper
+from grounding.posed_frames import Intrinsics
+from sim.frames import T_world_camera
+from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
+from sim.types import Camera, Pose
+
+CAMERA = Camera(160, 120)
+INTRINSICS = Intrinsics.of(CAMERA)
+T = T_world_camera(Pose((0.0, 0.0, 0.0), yaw=0.0), CAMERA)  # looks along -z from 0.88 m
+
+
+def room(wall_z: float, *, floor_y: float = 0.0, hole: tuple[float, float] | None = None) -> np.ndarray:
+    """Depth of a floor and a wall at z = -wall_z; the floor is 1 m lower where `hole` is (z from, to, both ahead)."""
+    down = (np.arange(CAMERA.height) + 0.5 - CAMERA.height / 2) / CAMERA.focal
+    depth = np.full(CAMERA.height, wall_z)
+    for r, slope in enumerate(down):
+        if slope <= 0:
+            continue
+        at = (CAMERA.mount_height - floor_y) / slope
+        if hole is not None and hole[0] < at < hole[1]:
+            at = (CAMERA.mount_height - floor_y + 1.0) / slope
+        depth[r] = min(at, wall_z)
+    return np.repeat(depth[:, None], CAMERA.width, axis=1).astype(np.float32)
+
+
+def test_floor_is_free_a_wall_is_blocked_and_behind_it_nothing_is_known() -> None:
+    mapper = OccupancyMapper()
+    mapper.add(room(3.0), T, INTRINSICS)
+    assert mapper.cell_at((0.02, -2.0)) == FREE
+    assert mapper.cell_at((0.02, -2.98)) in (FREE, OCCUPIED)
+    assert OCCUPIED in {mapper.cell_at((0.02, -3.01)), mapper.cell_at((0.02, -2.99))}
+    assert mapper.cell_at((0.02, -3.3)) == UNKNOWN
+    assert mapper.cell_at((0.02, -0.5)) == UNKNOWN, "below the picture"
+
+
+def test_far_floor_has_no_gaps_between_rows_of_pixels() -> None:
+    mapper = OccupancyMapper()
+    mapper.add(room(20.0), T, INTRINSICS)
+    cells = [mapper.cell_at((0.02, -z)) for z in np.arange(1.5, 4.4, 0.05)]
+    assert set(cells) == {FREE}
+    assert mapper.cell_at((0.02, -5.5)) == UNKNOWN, "beyond the sensor"
+
+
+def test_a_hole_in_the_floor_is_not_free() -> None:
+    mapper = OccupancyMapper()
+    mapper.add(room(5.0, hole=(2.0, 3.5)), T, INTRINSICS)
+    cells = [mapper.cell_at((0.02, -z)) for z in np.arange(2.1, 2.9, 0.05)]
+    assert FREE not in cells
+    assert OCCUPIED in cells
+    assert mapper.cell_at((0.02, -1.7)) == FREE
+
+
+def test_what_went_away_is_free_after_some_clear_views_and_what_comes_is_blocked_at_once() -> None:
+    mapper = OccupancyMapper()
+    mapper.add(room(2.0), T, INTRINSICS)
+    (gone,) = {z for z in (-1.99, -2.01) if mapper.cell_at((0.02, z)) == OCCUPIED}
+    states = []
+    for _ in range(6):
+        mapper.add(room(4.0), T, INTRINSICS)
+        states.append(mapper.cell_at((0.02, gone)))
+    assert states[0] == OCCUPIED, "one view may err"
+    assert states[-1] == FREE
+    mapper.add(room(2.0), T, INTRINSICS)
+    assert mapper.cell_at((0.02, gone)) == OCCUPIED
+
+
+@pytest.mark.parametrize(("rise", "state"), [(0.1, FREE), (0.5, OCCUPIED)])
+def test_steps_that_the_robot_climbs_are_floor_and_higher_ones_are_not(rise: float, state: int) -> None:
+    mapper = OccupancyMapper()
+    mapper.add(room(4.0, floor_y=rise), T, INTRINSICS)
+    assert mapper.cell_at((0.02, -2.0)) == state
+
+
+def test_the_robot_s_own_footprint_is_free_and_what_is_known_stays_known() -> None:
+    mapper = OccupancyMapper(centre_xz=(10.0, -3.0))
+    mapper.stand((10.0, -3.0))
+    assert mapper.cell_at((10.1, -3.1)) == FREE
+    assert mapper.cell_at((10.3, -3.0)) == UNKNOWN
+    assert mapper.cell_at((100.0, 0.0)) == UNKNOWN, "off the map"
+    known = mapper.num_known
+    mapper.add(room(3.0), T, INTRINSICS)
+    assert mapper.num_known >= known
+    assert mapper.cells.shape == mapper.grid.shape == (1000, 1000)

@@ -1,0 +1,77 @@
+"""`personal-viz show-exploration`: a stored walk done again in its home, and what is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from grounding.exploration_files import save_exploration
+from grounding.explore import Exploration, explore, start_on_storey
+from personal_viz.cli import parse
+from personal_viz.commands import same_home
+from personal_viz.commands.show_exploration import show_exploration
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import RecordingError
+from sim.scenes.scene import Scene
+from sim.scenes.sources import open_scene
+from sim.types import Camera
+
+from ..grounding.small_homes import write_small_dataset
+from ..recordings.reading import tables
+
+NAME = "HomeTwo"
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("small")
+    write_small_dataset(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scene(root: Path) -> Scene:
+    return open_scene(PersonalDataset(root), NAME)
+
+
+@pytest.fixture(scope="module")
+def exploration(scene: Scene) -> Exploration:
+    """Five steps with a small picture."""
+    start = start_on_storey(scene, scene.navigation.storey_heights[0], 1)
+    return explore(scene, start, seed=1, max_steps=5, camera=Camera(width=96, height=72))
+
+
+def test_the_walk_is_shown_with_its_figures(
+    exploration: Exploration,
+    scene: Scene,
+    root: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
+    save_exploration(tmp_path / "a.json", exploration)
+    assert show_exploration(file=tmp_path / "a.json", dataset=root, out=tmp_path / "a.rrd") == 0
+    read = tables(tmp_path / "a.rrd")
+    assert len(read[("/runs/frontier/camera", False)]["EncodedImage:blob"]) == 6
+    assert ("/runs/frontier/map/storey_0/occupancy", False) in read
+    text = read[("/task", True)]["TextDocument:text"][-1][0]
+    assert "| stop reason | steps |" in text
+    assert "another action" not in text
+    assert "5 steps in HomeTwo" in capsys.readouterr().out
+
+
+def test_another_version_of_the_home_and_other_files_are_refused(
+    exploration: Exploration, scene: Scene, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
+    save_exploration(tmp_path / "b.json", replace(exploration, scene_digest="f" * 64))
+    with pytest.raises(RecordingError, match="expected the same version of the home"):
+        show_exploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.rrd")
+    with pytest.raises(RecordingError, match=r"ends in \.rrd"):
+        show_exploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.json")
+
+
+def test_the_verb_takes_a_file() -> None:
+    verb = parse(["show-exploration", "a.json", "--dataset", "d", "--out", "b.rrd"])
+    assert (verb.file, verb.dataset, verb.out) == (Path("a.json"), Path("d"), Path("b.rrd"))
