@@ -9,6 +9,7 @@ from sim.types import ClutterLevel
 
 from .grounders import GrounderName
 from .paraphrase import ParaphraseLevel
+from .phrases import PhraseSourceName
 
 if TYPE_CHECKING:
     from .phrase_llm import LlmOptions
@@ -17,7 +18,6 @@ MapName = Literal["oracle", "explore", "files"]
 """`oracle` = texts of the episode files; `explore` = our explorer walks each home first; `files` = maps made before."""
 MapLayout = Literal["grid", "fine", "objects"]
 """The paper's 1 m cells, 0.25 m cells, or an object map."""
-PhraseSourceName = Literal["dataset", "rules", "llm"]
 CELLS: dict[MapLayout, float] = {"grid": 1.0, "fine": 0.25}
 """Metres."""
 _SAID_ELSEWHERE = (
