@@ -143,7 +143,7 @@ def merged_storeys(home: HomeMemory) -> Memory:
     cells, inverse = np.unique(flat, return_inverse=True)
     vectors = np.zeros((len(cells), lowest.dim))
     np.add.at(vectors, inverse, np.concatenate([item.rows for item in maps]) * weights[:, None])
-    total = np.bincount(inverse, weights, len(cells))
+    total = np.bincount(inverse, weights, len(cells)).astype(np.float64)
     best = np.lexsort((-weights, inverse))[np.unique(np.sort(inverse), return_index=True)[1]]
     return map_from_cells(
         vectors,

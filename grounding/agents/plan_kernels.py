@@ -171,7 +171,11 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
                 break
             else:
                 walked += closed_cost
-            if not entered or k % int(step) != 0 or not math.isfinite(to_go[r, c]):
+            if k % int(step) != 0:
+                continue
+            if not entered or not math.isfinite(to_go[r, c]):
+                if k == int(step) and abs(turns) + walked + 3 * _AWAY_COST < best:  # out of a place where all is closed
+                    best, best_turns = abs(turns) + walked + 3 * _AWAY_COST, turns
                 continue
             total = abs(turns) + walked + to_go[r, c]
             if not to_go[r, c] < here - 0.1:

@@ -223,9 +223,9 @@ class Seeker:
         """(12,) headings, in turns to the left, in which the robot collided about here."""
         found = np.zeros(round(2 * math.pi / TURN_STEP), bool)
         for bump in self.memory.bumps:
-            if bump.until > self._step and math.dist(bump.xz, self.memory.xz) < _SAME_PLACE:
+            if math.dist(bump.xz, self.memory.xz) < _SAME_PLACE:
                 found[round(wrap_angle(bump.yaw - self.memory.yaw) / TURN_STEP) % len(found)] = True
-        return found
+        return found if not found.all() else np.zeros_like(found)
 
     def _to_go(self) -> float:
         """Actions to the goal's place, turns not counted."""
