@@ -23,6 +23,7 @@ check: $(VENV)/.dev
 bench: $(VENV)/.test
 	$(BIN)/personal-viz bench sim
 	$(BIN)/personal-viz bench recordings
+	$(BIN)/personal-viz bench grounding
 	$(BIN)/personal-viz bench study --parts store load browser
 	$(BIN)/python -m pytest -m bench
 

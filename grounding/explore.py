@@ -210,14 +210,14 @@ def frames_of(
     Raises:
         SceneError: The exploration was made in another home.
     """
-    from sim.world.raycast import Raycaster
+    from sim.scenes.labels import raycaster_of
 
     if (scene.name, scene.digest) != (exploration.scene, exploration.scene_digest):
         raise SceneError(
             f"exploration: made in {exploration.scene} ({exploration.scene_digest[:12]}), found {scene.name} "
             f"({scene.digest[:12]}); expected the same home. Explore again, or open the home it was made in."
         )
-    raycaster = Raycaster(scene.mesh)
+    raycaster = raycaster_of(scene)
     is_stopped = bool(exploration.steps) and exploration.steps[-1].action is Action.STOP
     poses = exploration.poses[:-1] if is_stopped else exploration.poses
     for pose in poses[::every]:
