@@ -11,6 +11,7 @@ from sim.tasks.run_files import read_run
 
 from .browser import open_chromium
 from .screenshots_browse import picture_browser
+from .screenshots_grounding import picture_grounding
 from .screenshots_homes import picture_homes
 from .screenshots_recordings import KEYS, first_walk, picture_recordings, run_agent
 from .screenshots_sim import picture_simulator
@@ -23,7 +24,7 @@ SHOWN_STEP = 5
 
 
 def main() -> None:
-    """Writes pictures of the study, the simulator, recordings, homes and `browse` into `personal_viz/pictures`."""
+    """Writes pictures of studies, simulator, recordings, grounding, homes and `browse` into `personal_viz/pictures`."""
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="personal-pictures-") as folder:
         dataset = Path(folder) / "demo" / "dataset"
@@ -34,6 +35,7 @@ def main() -> None:
             picture_study_pages(browser, Path(folder) / "planned", PICTURES)
         _picture_simulator(dataset)
         picture_recordings(PICTURES, study.folder, dataset=dataset, folder=Path(folder))
+        picture_grounding(PICTURES, Path(folder) / "grounding")
     picture_homes(PICTURES)
     picture_browser(PICTURES)
     print(f"Written to {PICTURES}")
