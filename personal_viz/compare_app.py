@@ -7,7 +7,7 @@ Run folders -> trials in figures (comparison/gathered.py) -> folders of episodes
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sim.episodes.dataset import PersonalDataset
@@ -96,10 +96,13 @@ def write_comparison(
         homes = _homes(gathered.trials, episodes, scenes_dir)
         page = _page(gathered, homes, known, has_scan_pixels=with_pixels)  # refuses before hours of work
         inputs = {"dataset": digest, "with_pixels": with_pixels, "picture_width": picture_width, "code": code_digest()}
-        work = [
+        given = [folder.resolve() for folder in folders]
+        beside = tuple(dict.fromkeys([*given, *(folder.parent for folder in given)]))
+        jobs_of_homes = [
             _job(home, dataset, Path(aside), out, inputs, with_pixels=with_pixels, picture_width=picture_width)
             for home in homes
         ]
+        work = [replace(job, beside=beside) for job in jobs_of_homes]
         on_plan(sum(len(job.keys) for job in work))
         num_made = 0
         most = max((len(job.keys) for job in work), default=0)

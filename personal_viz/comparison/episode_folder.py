@@ -41,6 +41,8 @@ class FoldersJob(SceneJob):
     with_pixels: bool
     picture_width: int
     """Of the robots' pictures in recordings; 0 = none."""
+    beside: tuple[Path, ...] = ()
+    """Folders that may hold the run folders; maps of explored homes lie there too."""
 
 
 def open_home(job: FoldersJob) -> Callable[[EpisodeKey], EpisodeKey]:
@@ -78,6 +80,7 @@ def open_home(job: FoldersJob) -> Callable[[EpisodeKey], EpisodeKey]:
                 with_pixels=job.with_pixels,
                 camera=camera,
                 dataset=dataset,
+                beside=job.beside,
             )
             write_whole(folder / SHEET, sheet_png(scene, episodes[key], traces, renderer=renderer))
             write_whole(folder / THUMBNAIL, thumbnail_jpeg(scene, episodes[key], traces, has_map=has_map))
