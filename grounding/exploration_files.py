@@ -59,6 +59,7 @@ class ExplorationFile(BaseModel):
     doors_passed: int | None = None
     num_doors: int | None = None
     rooms_missed: tuple[str, ...] | None = None
+    policy: str = ""
 
     @model_validator(mode="after")
     def _coverage_of_every_step(self) -> "ExplorationFile":
@@ -92,6 +93,7 @@ def save_exploration(path: Path, exploration: Exploration) -> None:
         doors_passed=exploration.doors_passed,
         num_doors=exploration.num_doors,
         rooms_missed=exploration.rooms_missed,
+        policy=exploration.policy,
     )
     try:
         write_whole(path, found.model_dump_json() + "\n")

@@ -23,6 +23,7 @@ from sim.types import PAPER6, Action, Camera, Pose, SceneKind, Task
 from sim.world.renderer import Frame, Hits
 
 from .agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSettings, StopReason
+from .code_digest import policy_digest
 from .coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
 from .posed_frames import Intrinsics, PosedFrame
 from .rooms import RoomMap
@@ -62,6 +63,8 @@ class Exploration:
     num_doors: int | None = None
     rooms_missed: tuple[str, ...] | None = None
     """Rooms neither entered nor seen; these three are None for homes without a plan."""
+    policy: str = ""
+    """Digest of the code that chose the way (`policy_digest`)."""
 
     @property
     def poses(self) -> tuple[Pose, ...]:
@@ -165,6 +168,7 @@ def explore(
         storey_y=floor.storey_y,
         steps=env.steps,
         stop_reason=agent.stop_reason or "steps",
+        policy=policy_digest(),
         coverage=tuple(coverage),
         area_m2=round(float(floor.visible.sum()) * floor.grid.cell**2, 2),
         **_room_figures(plan, floor, tracker, env.poses),

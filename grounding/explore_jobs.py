@@ -18,6 +18,7 @@ from sim.tasks.run_files import Step
 from sim.types import Camera, Pose
 from sim.world.renderer import Frame
 
+from .code_digest import policy_digest
 from .exploration_files import load_exploration, save_exploration
 from .explore import Exploration, explore, start_on_storey
 
@@ -116,12 +117,13 @@ def _opened(job: ExploreJob) -> tuple[Scene, HomePlan | None]:
 
 def _checked(found: Exploration, job: ExploreJob, scene: Scene, path: Path) -> Exploration:
     """The stored exploration, if the job would make it so."""
-    expected = (job.seed, job.camera, scene.digest)
-    if (found.seed, found.camera, found.scene_digest) != expected or len(found.steps) > job.max_steps:
+    expected = (job.seed, job.camera, scene.digest, policy_digest())
+    if (found.seed, found.camera, found.scene_digest, found.policy) != expected or len(found.steps) > job.max_steps:
         raise RunFileError(
             f"{path}: made with seed {found.seed}, a camera of {found.camera.width} x {found.camera.height} and "
-            f"{len(found.steps)} steps in home {found.scene_digest[:12]}; expected seed {job.seed}, "
-            f"{job.camera.width} x {job.camera.height}, at most {job.max_steps} steps, home {scene.digest[:12]}. "
+            f"{len(found.steps)} steps in home {found.scene_digest[:12]} by policy {found.policy!r}; expected seed "
+            f"{job.seed}, {job.camera.width} x {job.camera.height}, at most {job.max_steps} steps, home "
+            f"{scene.digest[:12]}, policy {policy_digest()!r}. "
             "Give another --out, or remove the file."
         )
     if found.scene != scene.name:

@@ -13,6 +13,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.scenes.scene import Scene
 from sim.types import Camera
 
+from .code_digest import policy_digest
 from .exploration_files import load_exploration, save_exploration
 from .explore import Exploration, explore, start_on_storey
 
@@ -53,7 +54,9 @@ def storey_explorations(
 
 
 def exploration_name(scene: Scene, *, storey: int, seed: int, camera: Camera) -> str:
-    """File name of an exploration; another version of the home, or another camera, has another."""
-    made_of = json.dumps([scene.digest, camera.width, camera.height, camera.hfov_deg, camera.mount_height])
+    """File name of an exploration; another version of the home or of the explorer, or another camera, has another."""
+    made_of = json.dumps(
+        [scene.digest, policy_digest(), camera.width, camera.height, camera.hfov_deg, camera.mount_height]
+    )
     short = hashlib.sha256(made_of.encode()).hexdigest()[:8]
     return f"{scene.name}-storey{storey}-seed{seed}-{short}.json"

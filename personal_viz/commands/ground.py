@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
+from grounding.code_digest import room_digest
 from grounding.encoders import encoder_slug, make_encoder
 from grounding.evaluate import GroundJob, evaluate, select_jobs
 from grounding.grounders import make_grounder
@@ -162,7 +163,7 @@ def run_name(settings: GroundSettings) -> str:
 def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
     """Folder name of the maps of explored homes that runs with these settings share; changed code makes new ones."""
     made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
-    text = json.dumps([made_of, dataset_digest, kind, code_digest()], sort_keys=True)
+    text = json.dumps([made_of, dataset_digest, kind, code_digest(), room_digest()], sort_keys=True)
     parts = [encoder_slug(settings.encoder), *_unusual(settings), kind]
     return f"map-{'-'.join(parts)}-seed{settings.seed}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
