@@ -58,16 +58,32 @@ class OccupancyMapper:
         self._max_depth = max_depth
         self._votes = np.zeros(self.grid.shape, np.int8)  # < 0 free, > 0 blocked, 0 unknown
         self._hits = np.zeros(self.grid.shape, np.uint8)
+        self._box = (self.grid.shape[0], -1, self.grid.shape[1], -1)
 
     @property
     def cells(self) -> NDArray[np.uint8]:
         """(rows, cols) UNKNOWN, FREE or OCCUPIED of sim.tasks.observers; a copy."""
         return _CELL_OF_VOTES[self._votes.view(np.uint8)]
 
+    def cells_of(self, part: tuple[slice, slice]) -> NDArray[np.uint8]:
+        """`cells` in a part of the grid's rows and columns; a copy."""
+        return _CELL_OF_VOTES[self._votes[part].view(np.uint8)]
+
+    @property
+    def known_box(self) -> tuple[int, int, int, int]:
+        """First row, last row, first column, last column of a box that holds all that is known; last < first: none."""
+        return self._box
+
     @property
     def num_known(self) -> int:
         """Cells that are free or occupied."""
-        return int(np.count_nonzero(self._votes))
+        r0, r1, c0, c1 = self._box
+        return int(np.count_nonzero(self._votes[r0 : r1 + 1, c0 : c1 + 1]))
+
+    def _grow(self, r0: int, r1: int, c0: int, c1: int) -> None:
+        """Lets the box of what is known hold these rows and columns too."""
+        box = self._box
+        self._box = (min(box[0], r0), max(box[1], r1), min(box[2], c0), max(box[3], c1))
 
     def cell_at(self, xz: tuple[float, float]) -> int:
         """UNKNOWN, FREE or OCCUPIED at a place; UNKNOWN outside of the square."""
@@ -105,6 +121,7 @@ class OccupancyMapper:
             self._hits,
         )
         vote(self._hits, box, self._votes)
+        self._grow(*box.tolist())
 
     def stand(self, xz: tuple[float, float], *, radius: float = AGENT_RADIUS) -> None:
         """Marks the robot's own footprint free: it stands there, whatever was seen.
@@ -119,4 +136,7 @@ class OccupancyMapper:
         rc = np.argwhere(np.ones((2 * reach + 1, 2 * reach + 1))) + np.array([row - reach, col - reach])
         is_under = np.hypot(*(self.grid.xz_from_rc(rc) - np.asarray(xz)).T) <= radius
         rc = rc[is_under & self.grid.contains(rc)]
-        self._votes[rc[:, 0], rc[:, 1]] = _STANDING_VOTES
+        if len(rc):
+            self._votes[rc[:, 0], rc[:, 1]] = _STANDING_VOTES
+            (r0, c0), (r1, c1) = rc.min(axis=0).tolist(), rc.max(axis=0).tolist()
+            self._grow(r0, r1, c0, c1)

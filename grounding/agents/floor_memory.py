@@ -15,8 +15,10 @@ from grounding.occupancy import OccupancyMapper
 from grounding.posed_frames import Intrinsics
 from sim.errors import AgentError
 from sim.frames import forward_from_yaw
-from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
+from sim.tasks.observers import FREE, UNKNOWN
 from sim.types import FORWARD_STEP, GridSpec, Observation
+
+from .plan_kernels import weigh
 
 CLEARANCE = 0.17
 """Middles of cells nearer to a blocked cell's middle are blocked for the robot's centre, metres: its radius of 0.18,
@@ -28,13 +30,17 @@ _FLOOR_AROUND, _FLOOR_BIN = 0.3, 0.02
 """The floor is looked for so far below and above the feet, in bins of this height, metres."""
 _FLOOR_FRAMES = 14
 """Views after which the floor's height is not changed any more: a look around and a bit."""
-_BUMP_AHEAD, _BUMP_ASIDE = (0.05, 0.1), (-0.05, 0.0, 0.05)
+_BUMP_AHEAD, _BUMP_ASIDE = (0.03, 0.07), (-0.04, 0.0, 0.04)
 """A collision blocks the robot's centre so far ahead and aside, metres, but never where it has been."""
-_BUMP_REACH, _BUMP_COST = 0.4, 0.4
-"""Each collision adds so many actions to crossing each cell this near, metres: where a wall cannot be seen, a way round
-becomes the better one before every place of it was tried."""
-_STOOD_TIMES = 2.0
-"""A way over cells where the robot has been counts so many times its length, however close things seem."""
+_BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.22, 7.0, 40.0
+"""Each collision makes ways near its place so many times longer, less with distance (a bell of this width, metres), and
+all together at most so much: where a wall cannot be seen, a way round becomes the better one before every place of it
+was tried."""
+_TRAIL_TIMES, _BESIDE_TIMES = 1.0, 2.5
+"""Ways over cells that the robot came through, and over those beside them, count at most so many times their length,
+however close things seem."""
+_TRAIL_STEP = 0.01
+"""The robot's way is followed in steps of this length, metres."""
 _BLIND, _BLIND_TIMES = 1.5, 3.0
 """Unknown floor this near to the robot lies below its camera's view; a way over it counts so many times its length."""
 _MARGIN = 8
@@ -80,6 +86,9 @@ class FloorMemory:
         self._mapper = OccupancyMapper()
         self._ground: Ground | None = None
         self._stood: list[tuple[float, float]] = []
+        shape = self._mapper.grid.shape
+        self._trail = np.zeros(shape, bool)
+        self._touched = np.zeros(shape, np.float32)  # added to what ways near collisions count
         self._bumps: tuple[Bump, ...] = ()
         self._step = 0
         self.xz = (0.0, 0.0)
@@ -105,6 +114,7 @@ class FloorMemory:
         self.yaw = observation.compass
         T = observation.T_start_camera
         self.is_tilted = abs(float(T[1, 2])) > 0.01
+        self._follow(self._stood[-1] if self._stood else self.xz, self.xz)
         self._stood.append(self.xz)
         view = (observation.depth_m, T, Intrinsics.of(observation.camera))
         if len(self._frames) < _FLOOR_FRAMES:
@@ -114,6 +124,7 @@ class FloorMemory:
         self._mapper.stand(self.xz)
         if observation.collided:
             self._bumps = (*self._bumps, Bump(self.xz, self.yaw, observation.step + self._bump_steps))
+            self.avoid(self.xz)
         self._step = observation.step
 
     @property
@@ -156,18 +167,33 @@ class FloorMemory:
         """What plans are made on now."""
         if self._ground is not None:
             return self._ground
-        cells = self._mapper.cells
-        rows, cols = (np.flatnonzero((cells != UNKNOWN).any(axis=axis)) for axis in (1, 0))
-        r0, c0 = max(rows[0] - _MARGIN, 0), max(cols[0] - _MARGIN, 0)
-        cells = cells[r0 : rows[-1] + _MARGIN + 1, c0 : cols[-1] + _MARGIN + 1]
         whole = self._mapper.grid
-        origin = (whole.origin_xz[0] + c0 * whole.cell, whole.origin_xz[1] + r0 * whole.cell)
+        r0, r1, c0, c1 = self._mapper.known_box
+        part = np.s_[max(r0 - _MARGIN, 0) : r1 + _MARGIN + 1, max(c0 - _MARGIN, 0) : c1 + _MARGIN + 1]
+        cells = self._mapper.cells_of(part)
+        origin = (whole.origin_xz[0] + part[1].start * whole.cell, whole.origin_xz[1] + part[0].start * whole.cell)
         grid = GridSpec(origin, whole.cell, (cells.shape[0], cells.shape[1]))
         assumed = _with_blind_spot(cells, grid, self.xz)
-        self._ground = Ground(
-            cells, assumed, _weights(cells, assumed, grid, bumps=self._bumps, step=self._step, stood=self._stood), grid
-        )
+        blocking = [bump for bump in self._bumps if bump.until > self._step]
+        weights = _weights(cells, assumed, grid, touched=self._touched[part], trail=self._trail[part], bumps=blocking)
+        self._ground = Ground(cells, assumed, weights, grid)
         return self._ground
+
+    def _follow(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Keeps that the robot's middle came from one place to another: nothing is in between."""
+        count = math.ceil(math.dist(start, end) / _TRAIL_STEP) + 1
+        _set(self._trail, self._mapper.grid, np.linspace(start, end, count), True)
+
+    def avoid(self, xz: tuple[float, float]) -> None:
+        """Makes ways near a place dearer: where the robot collided, or came no further."""
+        grid = self._mapper.grid
+        ((row, col),) = grid.rc_from_xz(np.array([xz]))
+        reach = math.ceil(2 * _BUMP_REACH / grid.cell)
+        part = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
+        rows, cols = np.ogrid[part]
+        away = ((rows - row) ** 2 + (cols - col) ** 2) * (grid.cell / _BUMP_REACH) ** 2
+        if self._touched[part].shape == away.shape:
+            self._touched[part] = np.minimum(self._touched[part] + _BUMP_TIMES * np.exp(-away), _BUMP_MOST)
 
     def _find_floor(self, view: tuple[NDArray[np.float32], NDArray[np.float64], Intrinsics], *, feet_y: float) -> None:
         """Counts the heights that a view shows near the feet; starts the map anew where the floor is elsewhere."""
@@ -210,33 +236,24 @@ def _weights(
     assumed: NDArray[np.uint8],
     grid: GridSpec,
     *,
+    touched: NDArray[np.float32],
+    trail: NDArray[np.bool_],
     bumps: Sequence[Bump],
-    step: int,
-    stood: Sequence[tuple[float, float]],
 ) -> NDArray[np.float64]:
     """(rows, cols) actions to cross each cell, more near things; inf or nan where the robot's centre cannot be."""
-    is_occupied = cells == OCCUPIED
-    away = np.asarray(ndimage.distance_transform_edt(~is_occupied)) if is_occupied.any() else np.full(cells.shape, 99.0)
-    away = away * grid.cell
-    factor = 1 + _NEAR_TIMES * np.exp(-away / _NEAR_FADES)
-    factor[cells == UNKNOWN] *= _BLIND_TIMES
-    factor[(away < CLEARANCE) | (assumed != FREE)] = np.inf
-    factor[is_occupied] = np.nan
-    extra = np.zeros(cells.shape)
-    reach = round(_BUMP_REACH / grid.cell)
+    factor = weigh(cells, assumed, grid.cell, CLEARANCE, (_NEAR_TIMES, _NEAR_FADES, _BLIND_TIMES))
+    factor += touched
+    beside = ndimage.binary_dilation(trail, structure=np.ones((3, 3)))
+    factor[beside & (factor > _BESIDE_TIMES) & (factor < np.inf)] = _BESIDE_TIMES
     for bump in bumps:
-        ((r, c),) = grid.rc_from_xz(np.array([bump.xz]))
-        extra[max(r - reach, 0) : r + reach + 1, max(c - reach, 0) : c + reach + 1] += _BUMP_COST
-    factor += extra * (FORWARD_STEP / grid.cell)
-    for bump in (bump for bump in bumps if bump.until > step):
         ahead, aside = forward_from_yaw(bump.yaw)[[0, 2]], forward_from_yaw(bump.yaw - math.pi / 2)[[0, 2]]
         places = [np.array(bump.xz) + a * ahead + b * aside for a in _BUMP_AHEAD for b in _BUMP_ASIDE]
         _set(factor, grid, np.array(places), np.nan)
-    _set(factor, grid, np.array(stood), _STOOD_TIMES)
+    factor[trail] = _TRAIL_TIMES
     return factor * (grid.cell / FORWARD_STEP)
 
 
-def _set(image: NDArray[np.float64], grid: GridSpec, xz: NDArray[np.float64], value: float) -> None:
+def _set(image: NDArray, grid: GridSpec, xz: NDArray[np.float64], value: float) -> None:
     """Writes a value where the places (N, 2) are on the image."""
     rc = grid.rc_from_xz(xz)
     rc = rc[grid.contains(rc)]

@@ -82,6 +82,8 @@ class FrontierExplorer:
             if action is not None:
                 return action
             self._frontiers = self._seeker.frontiers()
+            if self._seeker.is_dull():
+                return self._stop("no-frontier", f"{len(self._frontiers)} frontiers are left, none worth more steps")
             if self._frontiers and math.isfinite(self._frontiers[0].cost):
                 self._take(self._frontiers[0], step)
             elif not self._seeker.forgive():

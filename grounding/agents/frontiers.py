@@ -20,12 +20,16 @@ MIN_CELLS = 5
 """Smaller groups are too narrow to lead anywhere: a quarter of a metre."""
 VIEW_RANGE = 4.0
 """Frontiers are looked at from no farther, metres, so that what is behind them comes into the sensor's range."""
+_NEARER, _LEEWAY = 0.5, 6.0
+"""Each look in vain makes that distance so many times as long; it stays this many cells above the nearest."""
 LOOK_COST = 3.0
 """Actions that looking down and up again counts; two, and one for what is not seen meanwhile."""
 _PASSABLE = 2
 """A frontier is within so many cells of where the robot's centre can be; others are too narrow to lead anywhere."""
 _EDGE = 3.0
 """Cells beside the nearest floor in a picture that are not counted on: away from its middle the nearest is farther."""
+_SMALL = 8.0
+"""Frontiers of so many cells are taken where they cost half as much as a long one: more lies behind those."""
 _HERE = 0.4
 """Places that cost fewer actions are where the robot stands."""
 _PER_GROUP = 12
@@ -51,11 +55,11 @@ class Frontier(NamedTuple):
     """Whether it is too near for a level camera."""
 
 
-def reach_of(camera: Camera, cell: float, *, can_look: bool) -> tuple[float, float, float]:
-    """(nearest, nearest with a level camera, farthest) cells from which floor is seen; `can_look`: it tilts."""
+def reach_of(camera: Camera, cell: float, *, can_look: bool) -> tuple[float, float]:
+    """(nearest, nearest with a level camera) cells from which floor is seen; `can_look`: it tilts."""
     half = math.atan(camera.height / 2 / camera.focal)
     nearest = [camera.mount_height / math.tan(half + tilt) for tilt in (TURN_STEP if can_look else 0.0, 0.0)]
-    return nearest[0] / cell + _EDGE, nearest[1] / cell + _EDGE, max(VIEW_RANGE, nearest[1] + 0.5) / cell
+    return nearest[0] / cell + _EDGE, nearest[1] / cell + _EDGE
 
 
 def costs_from(ground: Ground, xz: tuple[float, float]) -> NDArray[np.float64]:
@@ -75,18 +79,20 @@ def find_frontiers(
     costs: NDArray[np.float64],
     *,
     banned: NDArray[np.bool_],
+    failures: NDArray[np.uint8],
     robot: tuple[float, float, float],
     is_tilted: bool,
     can_look: bool,
     camera: Camera,
     min_cells: int = MIN_CELLS,
 ) -> list[Frontier]:
-    """All frontiers, cheapest first; those that cannot be looked at come last, with cost inf.
+    """All frontiers, those first that cost little for their size; those that cannot be looked at come last, cost inf.
 
     Args:
         ground: What is known.
         costs: From `costs_from`.
         banned: (rows, cols) unknown cells that are left out.
+        failures: (rows, cols) how often each was looked at in vain: the next look is from nearer.
         robot: Its x, z and yaw.
         is_tilted: Whether its camera looks down.
         can_look: Whether it may be tilted.
@@ -98,14 +104,17 @@ def find_frontiers(
         return []
     sampled = [cells[np.linspace(0, len(cells) - 1, min(len(cells), _PER_GROUP)).astype(int)] for cells in members]
     u, v = ground.grid.uv_from_xz(np.array(robot[:2]))
+    targets, reach = np.concatenate(sampled), reach_of(camera, ground.grid.cell, can_look=can_look)
+    farthest = VIEW_RANGE / ground.grid.cell * _NEARER ** failures[targets[:, 0], targets[:, 1]].astype(float)
     found = best_views(
-        np.concatenate(sampled),
+        targets,
+        np.maximum(farthest, reach[0 if can_look else 1] + _LEEWAY),
         np.repeat(np.arange(len(members)), [len(cells) for cells in sampled]),
         len(members),
         ground.assumed,
         costs,
         (float(u), float(v), robot[2]),
-        reach_of(camera, ground.grid.cell, can_look=can_look),
+        reach,
         TURN_STEP,
         LOOK_COST,
         _HERE,
@@ -117,7 +126,7 @@ def find_frontiers(
         )
         for cells, cost, place, target, down in zip(members, *found, strict=True)
     ]
-    return sorted(frontiers, key=lambda frontier: frontier.cost)
+    return sorted(frontiers, key=lambda frontier: frontier.cost * (1 + _SMALL / len(frontier.cells_rc)))
 
 
 def _groups(

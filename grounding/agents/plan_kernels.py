@@ -20,13 +20,58 @@ _UNKNOWN_DEPTH = 3
 
 
 @njit(cache=True, nogil=True)
-def spread_costs(weights, source_rc, source_cost):
+def weigh(cells, assumed, cell, clearance, cost):
+    """(rows, cols) what a way over each cell counts, times its length: more near things, inf too near, nan in things.
+
+    Args:
+        cells: (rows, cols) UNKNOWN, FREE or OCCUPIED.
+        assumed: (rows, cols) the same with unknown floor that is taken as free.
+        cell: Side of a cell, metres.
+        clearance: Metres from a blocked cell's middle within which the robot's centre cannot be.
+        cost: (times, fades, unknown): 1 + times * exp(-d / fades) where the next thing is d metres away, and times
+            `unknown` where the cell is.
+    """
+    rows, cols = cells.shape
+    away = np.full((rows, cols), np.int32(1_000_000))  # fifths of a cell: chamfer distance 5-7-11, 2 % off at most
+    moves = ((-1, 0, 5), (-1, -1, 7), (-1, 1, 7), (0, -1, 5), (-1, -2, 11), (-1, 2, 11), (-2, -1, 11), (-2, 1, 11))
+    for sign in (1, -1):
+        for i in range(rows):
+            r = i if sign == 1 else rows - 1 - i
+            for j in range(cols):
+                c = j if sign == 1 else cols - 1 - j
+                if cells[r, c] == OCCUPIED:
+                    away[r, c] = 0
+                    continue
+                best = away[r, c]
+                for dr, dc, length in moves:
+                    from_r, from_c = r + sign * dr, c + sign * dc
+                    if 0 <= from_r < rows and 0 <= from_c < cols:
+                        best = min(best, away[from_r, from_c] + length)
+                away[r, c] = best
+    factor = np.empty((rows, cols))
+    for r in range(rows):
+        for c in range(cols):
+            d = away[r, c] * 0.2 * cell
+            if cells[r, c] == OCCUPIED:
+                factor[r, c] = math.nan
+            elif d < clearance or assumed[r, c] != FREE:
+                factor[r, c] = math.inf
+            else:
+                factor[r, c] = (1 + cost[0] * math.exp(-d / cost[1])) * (cost[2] if cells[r, c] != FREE else 1.0)
+    return factor
+
+
+@njit(cache=True, nogil=True)
+def spread_costs(weights, source_rc, source_cost, most=math.inf, until_rc=(-1, -1), beyond=0.0):
     """(rows, cols) cost of the cheapest way from the sources, inf where there is none: Dijkstra over 8 neighbours.
 
     Args:
         weights: (rows, cols) cost of crossing a cell from side to side, inf where it is blocked.
         source_rc: (S, 2) cells to begin with; a blocked one is left out.
         source_cost: (S,) what they cost.
+        most: Cells that cost more are left out.
+        until_rc: Once this cell is reached (row, col), only those that cost at most `beyond` more follow.
+        beyond: Actions.
     """
     rows, cols = weights.shape
     costs = np.full((rows, cols), math.inf)
@@ -44,6 +89,10 @@ def spread_costs(weights, source_rc, source_cost):
         r, c = at // cols, at % cols
         if closed[r, c]:
             continue
+        if costs[r, c] > most:
+            break
+        if abs(r - until_rc[0]) <= 2 and abs(c - until_rc[1]) <= 2:
+            most = min(most, costs[r, c] + beyond)
         closed[r, c] = True
         for dr in range(-1, 2):
             for dc in range(-1, 2):
@@ -60,21 +109,28 @@ def spread_costs(weights, source_rc, source_cost):
                 if total < costs[to_r, to_c]:
                     costs[to_r, to_c] = total
                     size = push(keys, values, size, total, to_r * cols + to_c)
+    for r in range(rows):
+        for c in range(cols):
+            if not closed[r, c]:
+                costs[r, c] = math.inf
     return costs
 
 
 @njit(cache=True, nogil=True)
-def best_views(targets, groups, num_groups, cells, costs, robot, reach, turn_step, look_cost, here, is_tilted):
+def best_views(
+    targets, farthest, groups, num_groups, cells, costs, robot, reach, turn_step, look_cost, here, is_tilted
+):
     """For each group of unknown cells the cheapest place from which one of them can be seen.
 
     Args:
         targets: (T, 2) unknown cells beside known free ones.
+        farthest: (T,) cells from which each may be looked at.
         groups: (T,) group of each.
         num_groups: G.
         cells: (rows, cols) UNKNOWN, FREE or OCCUPIED.
         costs: (rows, cols) actions to get there, inf where the robot cannot.
         robot: Its column and row with fractions, and its yaw.
-        reach: (nearest with the camera down, nearest with it level, farthest) in cells.
+        reach: (nearest with the camera down, nearest with it level) in cells.
         turn_step: Radians of one turn.
         look_cost: Actions of looking down and up again.
         here: Cells that cost less count as where the robot stands.
@@ -97,7 +153,7 @@ def best_views(targets, groups, num_groups, cells, costs, robot, reach, turn_ste
             # the robot stands along the ray and looks back: forward of yaw a is (-sin a, -cos a) in (u, v)
             facing = math.atan2(dc, dr)
             turns_here = _turns(facing - robot[2], turn_step)
-            for k in range(1, int(reach[2]) + 1):
+            for k in range(1, int(farthest[t]) + 1):
                 r, c = round(targets[t, 0] + k * dr), round(targets[t, 1] + k * dc)
                 if r < 0 or c < 0 or r >= rows or c >= cols or cells[r, c] == OCCUPIED:
                     break
@@ -129,7 +185,7 @@ def _turns(angle, turn_step):
 
 
 @njit(cache=True, nogil=True)
-def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, closed_cost, blocked):
+def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, closed_cost, extra):
     """(turns, cost): how far to turn first (positive = left) for the straight way that leads best to the goal.
 
     Args:
@@ -142,7 +198,7 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
         turn_step: Radians of one turn.
         most_forwards: Longest straight way that is tried.
         closed_cost: Actions to cross a blocked cell, which a robot that stands in one may do for one forward.
-        blocked: (num_turns,) headings, counted in turns to the left of the present one, that led nowhere from here.
+        extra: (num_turns,) actions that headings count more, by turns to the left of the present one; inf = not at all.
 
     Returns:
         Cost is inf where every heading is blocked; a way that leads away is taken where none leads nearer.
@@ -155,11 +211,12 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
     num_turns = round(2 * math.pi / turn_step)
     for order in range(num_turns):
         turns = (order + 1) // 2 * (1 if order % 2 else -1)
-        if blocked[turns % num_turns]:
+        more = abs(turns) + extra[turns % num_turns]
+        if not more < best:
             continue
         angle = yaw + turns * turn_step
         du, dv = -math.sin(angle), -math.cos(angle)
-        entered, walked = is_open, 0.0
+        entered, walked = is_open, more
         for k in range(1, int(most_forwards * step) + 1):
             r, c = math.floor(v + k * dv), math.floor(u + k * du)
             if r < 0 or c < 0 or r >= rows or c >= cols or math.isnan(weights[r, c]):
@@ -174,10 +231,10 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
             if k % int(step) != 0:
                 continue
             if not entered or not math.isfinite(to_go[r, c]):
-                if k == int(step) and abs(turns) + walked + 3 * _AWAY_COST < best:  # out of a place where all is closed
-                    best, best_turns = abs(turns) + walked + 3 * _AWAY_COST, turns
+                if k == int(step) and walked + 3 * _AWAY_COST < best:  # out of a place where all is closed
+                    best, best_turns = walked + 3 * _AWAY_COST, turns
                 continue
-            total = abs(turns) + walked + to_go[r, c]
+            total = walked + to_go[r, c]
             if not to_go[r, c] < here - 0.1:
                 total += _AWAY_COST
             if total < best - 1e-9:

@@ -4,9 +4,10 @@
 """
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +26,23 @@ _STRAIGHT = 6
 """Forwards in a row that a heading is judged by."""
 _CLOSED_COST = 2.0
 """Actions that a cell counts which is too near to things for plans, where the robot stands in one."""
-_SAME_PLACE = 0.08
-"""A heading that led into a wall is not tried again within this many metres."""
-_BAN_RADIUS = 0.5
-"""What was looked for in vain is left alone this far around, metres."""
+_SAME_PLACE, _NEAR_PLACE, _AGAIN_COST = 0.025, 0.12, 8.0
+"""A heading that led into a wall is not tried again within the first distance, metres, and counts so many actions more
+at the same place, fewer with distance, up to the second."""
+_TRIED_CELL, _TRIED_COST = 0.1, 1.5
+"""Each forward since there was new floor counts so many actions more when it is taken again from the same cell of this
+side, metres, in the same direction: no going to and fro."""
+_BAN_RADIUS, _LOOKED_RADIUS = 0.5, 0.3
+"""What could not be reached is left alone this far around, metres, and what stayed unknown this far."""
+FOR_EVER = int(np.iinfo(np.int32).max)
 _NEWS = 100
 """Cells of new floor that make another round worth while: a quarter of a square metre."""
+_BEYOND = 12.0
+"""Ways are planned to places that are so many actions farther from the goal than the robot."""
+_STEPS_PER_CELL, _LONGEST = 12, 60
+"""So many steps more are spent without new floor for each cell of the longest frontier, up to so many cells."""
+_MOST_MISSES = 5
+"""Each time that a frontier could not be reached it is left alone twice as long as before, so often at most."""
 _PROGRESS = 0.5
 """Actions that the way must become shorter to count as coming nearer."""
 
@@ -43,12 +55,14 @@ class SeekSettings:
     """Smaller frontiers are dropped: too narrow."""
     ban_steps: int = 150
     """For so many steps a frontier is left alone that stayed unknown when it was looked at."""
-    tries: int = 2
+    tries: int = 3
     """A frontier that stayed unknown so often is given up."""
     detour_steps: int = 40
     """For so many steps a frontier is left alone that could not be reached."""
     rounds: int = 12
-    """So often all that is left alone comes back at once, in a row without new floor, before the robot is done."""
+    """So often all that is left alone comes back at once, in a row without new floor, before the robot is done..."""
+    last_steps: int = 200
+    """...and so many steps after the last new floor at the earliest."""
     bump_steps: int = 300
     """For so many steps a collision blocks its place."""
     most_bumps: int = 8
@@ -79,11 +93,13 @@ class Seeker:
         self._step = 0
         self._banned_until = np.zeros(self.memory.grid.shape, np.int32)
         self._failures = np.zeros(self.memory.grid.shape, np.uint8)
+        self._misses = np.zeros(self.memory.grid.shape, np.uint8)
         self._way: _Way | None = None
         self._best_to_go, self._nearer_at = math.inf, 0
         self._bumps = 0
         self._known_before, self._rounds = 0, 0
-        self._known, self._news_at = 0, 0
+        self._known, self._news_at, self._dull_at = 0, 0, 0
+        self._tried: Counter[tuple[int, int, int]] = Counter()
 
     def see(self, observation: Observation) -> None:
         """Adds what is sensed.
@@ -96,20 +112,23 @@ class Seeker:
         known = self.memory.num_known
         if known > self._known + _NEWS:
             self._known, self._news_at = known, self._step
+            self._tried.clear()
         if observation.collided:
             self._way = None
             self._bumps += 1
             self._best_to_go, self._nearer_at = math.inf, self._step  # the way round may be longer
 
-    def frontiers(self) -> list[Frontier]:
-        """Those that are not left alone now, cheapest to see first; cost inf where no known way leads."""
+    def frontiers(self, *, even_banned: bool = False) -> list[Frontier]:
+        """Those that are not left alone now, or all, best first; cost inf where no known way leads."""
         ground = self.memory.ground()
-        banned = self._cut(self._banned_until > self._step, ground)
+        failures = self._cut(self._failures, ground)
+        banned = self._cut(self._banned_until, ground) > (FOR_EVER if even_banned else self._step)
         costs = costs_from(ground, self.memory.xz)
         return find_frontiers(
             ground,
             costs,
             banned=banned,
+            failures=failures,
             robot=(*self.memory.xz, self.memory.yaw),
             is_tilted=self.memory.is_tilted,
             can_look=self._can_look,
@@ -140,10 +159,18 @@ class Seeker:
         is_news = known > self._known_before + _NEWS
         self._known_before, self._rounds = known, 0 if is_news else self._rounds + 1
         waiting = (self._banned_until > self._step) & (self._failures < self._settings.tries)
-        if self._rounds >= self._settings.rounds:
+        if self._rounds >= self._settings.rounds and self.is_dull():
             return False
         self._banned_until[waiting] = 0
         return bool(waiting.any()) | self.memory.forget_bumps()
+
+    def is_dull(self) -> bool:
+        """Whether there was no new floor for so long that what is left is not worth while: longer where it is more."""
+        dull = self._step - self._news_at
+        if dull <= self._settings.last_steps:
+            return False
+        most = max((len(frontier.cells_rc) for frontier in self.frontiers(even_banned=True)), default=0)
+        return dull > self._settings.last_steps + _STEPS_PER_CELL * min(most, _LONGEST)
 
     def pursue(self) -> Action | None:
         """The next action towards seeing the goal; None when it is seen or has failed, or there is none."""
@@ -153,9 +180,9 @@ class Seeker:
         if self.memory.cell_at(goal.target_xz) != UNKNOWN:
             self.choose(None)
             return None
-        if self._step - self._news_at > self._settings.dull_steps:
-            self._news_at += self._settings.dull_steps // 3
-            self._leave(goal, for_steps=self._settings.ban_steps, has_looked=True)
+        if self._step - max(self._news_at, self._dull_at) > self._settings.dull_steps:
+            self._dull_at = self._step - self._settings.dull_steps * 2 // 3
+            self._leave(goal, for_steps=self._settings.ban_steps)
             return None
         to_go = self._to_go()
         if to_go < self._best_to_go - _PROGRESS:
@@ -211,21 +238,39 @@ class Seeker:
             TURN_STEP,
             _STRAIGHT,
             _CLOSED_COST,
-            self._blocked(),
+            self._extra(),
         )
         if not math.isfinite(cost):
             return None
         if turns:
             return Action.LEFT if turns > 0 else Action.RIGHT
-        return Action.LOOK_UP if self.memory.is_tilted else Action.FORWARD
+        if self.memory.is_tilted:
+            return Action.LOOK_UP
+        self._tried[self._tried_key(0)] += 1
+        return Action.FORWARD
 
-    def _blocked(self) -> NDArray[np.bool_]:
-        """(12,) headings, in turns to the left, in which the robot collided about here."""
-        found = np.zeros(round(2 * math.pi / TURN_STEP), bool)
+    def _tried_key(self, turns: int) -> tuple[int, int, int]:
+        """Cell and direction of a forward after some turns to the left."""
+        x, z = self.memory.xz
+        count = round(2 * math.pi / TURN_STEP)
+        heading = (round(self.memory.yaw / TURN_STEP) + turns) % count
+        return math.floor(x / _TRIED_CELL), math.floor(z / _TRIED_CELL), heading
+
+    def _extra(self) -> NDArray[np.float64]:
+        """(12,) actions that headings, in turns to the left, count more for what happened about here before."""
+        count = round(2 * math.pi / TURN_STEP)
+        found = np.array([_TRIED_COST * self._tried[self._tried_key(turns)] for turns in range(count)])
+        walls = np.zeros(count, bool)
         for bump in self.memory.bumps:
-            if math.dist(bump.xz, self.memory.xz) < _SAME_PLACE:
-                found[round(wrap_angle(bump.yaw - self.memory.yaw) / TURN_STEP) % len(found)] = True
-        return found if not found.all() else np.zeros_like(found)
+            away = math.dist(bump.xz, self.memory.xz)
+            if away >= _NEAR_PLACE:
+                continue
+            turns = round(wrap_angle(bump.yaw - self.memory.yaw) / TURN_STEP) % count
+            found[turns] += _AGAIN_COST * (1 - away / _NEAR_PLACE)
+            walls[turns] |= away < _SAME_PLACE
+        if not walls.all():
+            found[walls] = np.inf
+        return found
 
     def _to_go(self) -> float:
         """Actions to the goal's place, turns not counted."""
@@ -233,7 +278,9 @@ class Seeker:
         if self._way is None:
             ground = self.memory.ground()
             place = ground.grid.rc_from_xz(np.array([self.goal.place_xz]))
-            self._way = _Way(ground, spread_costs(ground.weights, place, np.zeros(1)))
+            row, col = ground.grid.rc_from_xz(np.array(self.memory.xz)).tolist()
+            to_go = spread_costs(ground.weights, place, np.zeros(1), math.inf, (row, col), _BEYOND)
+            self._way = _Way(ground, to_go)
         grid, to_go = self._way.ground.grid, self._way.to_go
         (row, col) = grid.rc_from_xz(np.array(self.memory.xz))
         here = to_go[max(row - 2, 0) : row + 3, max(col - 2, 0) : col + 3]  # the robot may stand closer than plans go
@@ -243,15 +290,21 @@ class Seeker:
         """Leaves alone what the goal's group has near its target; it counts as a failure if it was looked at."""
         grid = self.memory.grid
         (row, col) = grid.rc_from_xz(np.array(goal.target_xz))
-        reach = round(_BAN_RADIUS / grid.cell)
+        reach = round((_LOOKED_RADIUS if has_looked else _BAN_RADIUS) / grid.cell)
         area = (slice(max(row - reach, 0), row + reach + 1), slice(max(col - reach, 0), col + reach + 1))
-        self._failures[area] += has_looked
-        self._banned_until[area] = self._step + for_steps * np.maximum(self._failures[area].astype(np.int32), 1)
+        if has_looked:
+            self._failures[area] += 1
+            times = np.maximum(self._failures[area].astype(np.int32), 1)
+        else:
+            times = 1 << self._misses[area].astype(np.int32)
+            self._misses[area] = np.minimum(self._misses[area] + 1, _MOST_MISSES)
+            self.memory.avoid(self.memory.xz)
+        self._banned_until[area] = self._step + for_steps * times
         given_up = self._failures[area] >= self._settings.tries
-        self._banned_until[area][given_up] = np.iinfo(np.int32).max
+        self._banned_until[area][given_up] = FOR_EVER
         self.choose(None)
 
-    def _cut(self, image: NDArray[np.bool_], ground: Ground) -> NDArray[np.bool_]:
+    def _cut(self, image: NDArray[Any], ground: Ground) -> NDArray[Any]:
         """The part of an image of the whole grid that the ground covers."""
         rows, cols = ground.cells.shape
         corner = np.array([ground.grid.origin_xz]) + ground.grid.cell / 2

@@ -145,7 +145,7 @@ def test_frontiers_that_are_left_alone_come_back_and_collisions_block_for_a_whil
     seeker.see(observation(here, depth=20.0, step=1, collided=True))
     before = seeker.frontiers()
     assert len(before) >= 1
-    ahead = (0.0, -0.1)
+    ahead = (0.0, -0.06)
     assert np.isnan(weight_at(seeker, ahead))
     for frontier in before:
         seeker.choose(frontier)

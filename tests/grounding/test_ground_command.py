@@ -14,6 +14,8 @@ from sim.tasks.metrics import metric_rows
 from sim.tasks.rules import scene_storeys, score_answer
 from sim.tasks.run_files import read_run
 
+from .chat_stub import chat_stub
+
 DEFAULTS = {"json": True}
 
 
@@ -159,6 +161,32 @@ def test_options_that_do_not_fit_are_refused(small_root: Path, tmp_path: Path, o
     with pytest.raises(AgentError, match=message):
         ground(dataset=small_root, method="qs", out=tmp_path / "runs", **options)
     assert not (tmp_path / "runs").exists()
+
+
+def test_phrases_of_a_language_model_say_which_one_and_keep_no_key(
+    small_root: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("openai", reason="extra llm is not installed")
+    monkeypatch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("OUR_KEY", "very-secret")
+    with chat_stub() as stub:
+        stub.content = json.dumps({"ownership": []})
+        options = {"phrases": "llm", "llm_url": stub.url, "llm_model": "small", "llm_key_env": "OUR_KEY"}
+        found = document(capsys, dataset=small_root, method="phrase", out=tmp_path, **options)
+    assert stub.requests
+    assert set(stub.keys) == {"Bearer very-secret"}
+    assert found["phrases"] == "llm"
+    run = Path(found["run"])
+    assert run.name == "ground-phrase-oracle-hashed-storey-given-llmsmall-seed0"
+    info = read_run(run).info
+    assert (info.config["llm_url"], info.config["llm_model"]) == (stub.url, "small")
+    assert all(b"very-secret" not in path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
+
+
+def test_rules_need_no_ground_truth(small_root: Path, tmp_path: Path, capsys) -> None:
+    found = document(capsys, dataset=small_root, method="phrase", out=tmp_path, phrases="rules")
+    assert found["phrases"] == "rules"
+    assert read_run(Path(found["run"])).info.condition == "oracle map, hashed encoder, phrases rules, storey given"
 
 
 @pytest.mark.slow
