@@ -220,7 +220,7 @@ def _heights(depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], in
     down = (np.arange(intrinsics.height)[2::4] + 0.5 - intrinsics.cy) / intrinsics.fy
     R = T_map_camera[:3, :3]
     heights = T_map_camera[1, 3] + depth * (R[1, 0] * right[None] + R[1, 1] * down[:, None] + R[1, 2])
-    return heights[(depth > 0) & (depth < 4.0)]
+    return heights[np.logical_and(depth > 0, depth < 4.0)]
 
 
 def _with_blind_spot(cells: NDArray[np.uint8], grid: GridSpec, xz: tuple[float, float]) -> NDArray[np.uint8]:
@@ -241,9 +241,9 @@ def _weights(
     bumps: Sequence[Bump],
 ) -> NDArray[np.float64]:
     """(rows, cols) actions to cross each cell, more near things; inf or nan where the robot's centre cannot be."""
-    factor = weigh(cells, assumed, grid.cell, CLEARANCE, (_NEAR_TIMES, _NEAR_FADES, _BLIND_TIMES))
-    factor += touched
-    beside = ndimage.binary_dilation(trail, structure=np.ones((3, 3)))
+    factor: NDArray[np.float64] = weigh(cells, assumed, grid.cell, CLEARANCE, (_NEAR_TIMES, _NEAR_FADES, _BLIND_TIMES))
+    factor = factor + touched
+    beside = np.asarray(ndimage.binary_dilation(trail, structure=np.ones((3, 3))), bool)
     factor[beside & (factor > _BESIDE_TIMES) & (factor < np.inf)] = _BESIDE_TIMES
     for bump in bumps:
         ahead, aside = forward_from_yaw(bump.yaw)[[0, 2]], forward_from_yaw(bump.yaw - math.pi / 2)[[0, 2]]

@@ -96,7 +96,7 @@ class FrontierExplorer:
 
     def _look_for_nearer(self, step: int) -> None:
         """Every few steps: plans the way anew, and goes to another frontier where that saves actions."""
-        if self._seeker.goal is None or step - self._planned_at < self.settings.replan_steps:
+        if self._seeker.goal is None or self._seeker.is_turning or step - self._planned_at < self.settings.replan_steps:
             return
         self._seeker.replan()
         self._frontiers, self._planned_at = self._seeker.frontiers(), step

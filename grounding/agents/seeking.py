@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.frames import wrap_angle, yaw_towards
-from sim.tasks.observers import UNKNOWN, Insight
+from sim.frames import forward_from_yaw, wrap_angle, yaw_towards
+from sim.tasks.observers import OCCUPIED, UNKNOWN, Insight
 from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation
 
 from .floor_memory import FloorMemory, Ground
@@ -98,8 +98,10 @@ class Seeker:
         self._best_to_go, self._nearer_at = math.inf, 0
         self._bumps = 0
         self._known_before, self._rounds = 0, 0
+        self._forgiven_at, self._rounds_now = -1, 0
         self._known, self._news_at, self._dull_at = 0, 0, 0
         self._tried: Counter[tuple[int, int, int]] = Counter()
+        self._begun: list[Action] = []
 
     def see(self, observation: Observation) -> None:
         """Adds what is sensed.
@@ -138,12 +140,17 @@ class Seeker:
 
     def choose(self, goal: Frontier | None) -> None:
         """Goes to see `goal` from now on."""
-        self.goal, self._way = goal, None
+        self.goal, self._way, self._begun = goal, None, []
         self._best_to_go, self._nearer_at, self._bumps = math.inf, self._step, 0
 
     def replan(self) -> None:
         """Plans the way anew before the next action."""
         self._way = None
+
+    @property
+    def is_turning(self) -> bool:
+        """Whether it turns to where it has decided to walk; another goal at every turn would never get it there."""
+        return bool(self._begun)
 
     @property
     def cost_left(self) -> float:
@@ -159,7 +166,10 @@ class Seeker:
         is_news = known > self._known_before + _NEWS
         self._known_before, self._rounds = known, 0 if is_news else self._rounds + 1
         waiting = (self._banned_until > self._step) & (self._failures < self._settings.tries)
-        if self._rounds >= self._settings.rounds and self.is_dull():
+        self._rounds_now = self._rounds_now + 1 if self._step == self._forgiven_at else 0
+        self._forgiven_at = self._step
+        is_idle = self._rounds_now >= self._settings.rounds  # all of it fails again before the robot has moved
+        if is_idle or (self._rounds >= self._settings.rounds and self.is_dull()):
             return False
         self._banned_until[waiting] = 0
         return bool(waiting.any()) | self.memory.forget_bumps()
@@ -184,6 +194,10 @@ class Seeker:
             self._dull_at = self._step - self._settings.dull_steps * 2 // 3
             self._leave(goal, for_steps=self._settings.ban_steps)
             return None
+        if self._begun:
+            action = self._begun.pop()
+            if action is not Action.FORWARD or self._is_open_ahead():
+                return self._counted(action)
         to_go = self._to_go()
         if to_go < self._best_to_go - _PROGRESS:
             self._best_to_go, self._nearer_at = to_go, self._step
@@ -242,12 +256,21 @@ class Seeker:
         )
         if not math.isfinite(cost):
             return None
-        if turns:
-            return Action.LEFT if turns > 0 else Action.RIGHT
-        if self.memory.is_tilted:
-            return Action.LOOK_UP
-        self._tried[self._tried_key(0)] += 1
-        return Action.FORWARD
+        turn = Action.LEFT if turns > 0 else Action.RIGHT
+        self._begun = [Action.FORWARD, *[Action.LOOK_UP] * self.memory.is_tilted, *[turn] * abs(turns)]
+        return self._counted(self._begun.pop())
+
+    def _counted(self, action: Action) -> Action:
+        """The same action, kept in mind if it is a forward."""
+        if action is Action.FORWARD:
+            self._tried[self._tried_key(0)] += 1
+        return action
+
+    def _is_open_ahead(self) -> bool:
+        """Whether nothing was seen where a forward leads."""
+        ahead = forward_from_yaw(self.memory.yaw)[[0, 2]]
+        places = np.array(self.memory.xz) + np.array([[0.4], [0.8], [1.0]]) * FORWARD_STEP * ahead
+        return all(self.memory.cell_at((float(x), float(z))) != OCCUPIED for x, z in places)
 
     def _tried_key(self, turns: int) -> tuple[int, int, int]:
         """Cell and direction of a forward after some turns to the left."""

@@ -1,0 +1,113 @@
+"""The explorer's plans: what ways count near things, how far they are planned, and what collisions teach."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from grounding.agents.floor_memory import FloorMemory
+from grounding.agents.plan_kernels import spread_costs, weigh
+from grounding.agents.seeking import Seeker, SeekSettings
+from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
+from sim.types import FORWARD_STEP, Action, Observation, Pose
+
+from .test_explore import CAMERA, observation
+
+
+def seen(*xz: tuple[float, float], collided: bool = False) -> FloorMemory:
+    """The memory of a robot that stood at some places, facing -z and seeing nothing near, and collided at the last."""
+    memory = FloorMemory(bump_steps=100)
+    for step, (x, z) in enumerate(xz):
+        is_last = step == len(xz) - 1
+        memory.see(observation(Pose((x, 0.0, z), 0.0), depth=20.0, step=step, collided=collided and is_last))
+    return memory
+
+
+def on_floor(yaw: float, step: int) -> Observation:
+    """A view of an endless floor without walls."""
+    down = (np.arange(CAMERA.height) + 0.5 - CAMERA.height / 2) / CAMERA.focal
+    depth = np.where(down > 0.04, CAMERA.mount_height / np.maximum(down, 0.04), 20.0).astype(np.float32)
+    view = observation(Pose((0.0, 0.0, 0.0), yaw), depth=20.0, step=step)
+    return dataclasses.replace(view, depth_m=np.repeat(depth[:, None], CAMERA.width, axis=1))
+
+
+def weight_at(memory: FloorMemory, xz: tuple[float, float]) -> float:
+    ground = memory.ground()
+    row, col = ground.grid.rc_from_xz(np.array(xz))
+    return float(ground.weights[row, col])
+
+
+def test_weights_fall_with_the_distance_to_things_and_are_inf_too_near_and_nan_in_them() -> None:
+    rng = np.random.default_rng(0)
+    cells = np.where(rng.random((60, 70)) < 0.01, np.uint8(OCCUPIED), np.uint8(FREE))
+    cells[0, :] = UNKNOWN
+    away = np.asarray(ndimage.distance_transform_edt(cells != OCCUPIED)) * 0.05
+    factor = weigh(cells, cells, 0.05, 0.17, (5.0, 0.35, 3.0))
+    assert np.isnan(factor[cells == OCCUPIED]).all()
+    assert np.isinf(factor[(cells == UNKNOWN)]).all(), "not assumed to be free"
+    is_free = cells == FREE
+    assert np.isinf(factor[is_free & (away < 0.16)]).all()
+    far = is_free & (away > 0.19)
+    np.testing.assert_allclose(factor[far], 1 + 5 * np.exp(-away[far] / 0.35), rtol=0.05)
+
+
+def test_costs_beyond_a_limit_are_left_out_and_those_within_are_the_same() -> None:
+    weights = np.ones((40, 50))
+    weights[10:30, 25] = np.inf
+    source, zero = np.array([[20, 10]]), np.zeros(1)
+    whole = spread_costs(weights, source, zero)
+    near = spread_costs(weights, source, zero, 15.0)
+    np.testing.assert_array_equal(near[whole <= 15], whole[whole <= 15])
+    assert np.isinf(near[whole > 15]).all()
+    until = spread_costs(weights, source, zero, math.inf, (20, 20), 3.0)
+    assert until[20, 20] == whole[20, 20]
+    assert np.isinf(until[whole > whole[20, 20] + 3]).all()
+
+
+def test_a_collision_makes_ways_around_dearer_the_nearer_the_more() -> None:
+    free, touched = seen((0.0, 0.0)), seen((0.0, 0.0), (0.0, -0.01), collided=True)
+    more = [weight_at(touched, (x, 0.0)) - weight_at(free, (x, 0.0)) for x in (0.12, 0.3, 0.9)]
+    assert more[0] > more[1] > more[2]
+    assert more[2] == pytest.approx(0.0, abs=1e-3)
+    assert np.isnan(weight_at(touched, (0.0, -0.06)))
+
+
+def test_the_way_that_the_robot_came_stays_open_and_cheap_whatever_it_touched() -> None:
+    memory = seen((0.02, 0.6), (0.02, 0.35), (0.02, 0.1), (0.02, 0.0), collided=True)
+    lowest = 0.05 / FORWARD_STEP
+    assert [weight_at(memory, (0.02, z)) for z in (0.58, 0.47, 0.22, 0.03)] == pytest.approx([lowest] * 4)
+    assert weight_at(memory, (0.17, 0.03)) > 3 * lowest
+
+
+def test_a_turn_that_is_begun_is_ended_with_a_forward() -> None:
+    seeker = Seeker(CAMERA, SeekSettings())
+    yaw, actions = 0.0, []
+    for step, looks in enumerate((math.pi, yaw)):
+        seeker.see(on_floor(looks, step))
+    behind = seeker.frontiers()[0]._replace(place_xz=(0.02, 2.0), target_xz=(0.02, 8.0))
+    seeker.choose(behind)
+    for step in range(2, 12):
+        action = seeker.pursue()
+        assert action is not None
+        actions.append(action)
+        if action is Action.FORWARD:
+            break
+        assert seeker.is_turning
+        yaw += {Action.LEFT: 1, Action.RIGHT: -1}[action] * math.radians(30)
+        seeker.see(on_floor(yaw, step))
+    assert actions[-1] is Action.FORWARD
+    assert len(actions) > 4
+    assert len(set(actions[:-1])) == 1, "all to the same side"
+    assert not seeker.is_turning
+
+
+def test_exploring_ends_later_without_news_where_more_is_left() -> None:
+    seeker = Seeker(CAMERA, SeekSettings(last_steps=20))
+    here = Pose((0.0, 0.0, 0.0), 0.0)
+    found = []
+    for step in (0, 15, 30, 1000):
+        seeker.see(observation(here, depth=20.0, step=step))
+        found.append(seeker.is_dull())
+    assert found == [False, False, False, True]
