@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from sim.errors import AgentError, RunFileError, line_from_validation_error
+from sim.errors import RunFileError, line_from_validation_error
 from sim.files import write_whole
 from sim.types import GridSpec
 
@@ -23,6 +23,7 @@ from .map_arrays import MapArrays, arrays_of_storey, storey_of_arrays
 from .map_header import SCHEMA_VERSION, GridHeader, MapHeader, StoreyHeader
 from .map_header import MapSource as MapSource
 from .memory import HomeMemory, ObjectMap, StoreyMemory
+from .types import require_same_encoder
 
 MAX_BYTES = 4 << 30
 """Of all arrays of a file together; a map of 50 x 50 m in cells of 0.25 m with 768 numbers each holds 0.12 GB."""
@@ -89,12 +90,8 @@ def load_memory(path: Path, *, encoder: TextEncoder | None = None) -> HomeMemory
     """
     with _opened(path) as archive:
         header = _header(path, archive)
-        if encoder is not None and (encoder.name, encoder.dim) != (header.encoder, header.dim):
-            raise AgentError(
-                f"{path}: holds {header.dim}-d vectors of encoder {header.encoder!r}, the query is {encoder.dim}-d "
-                f"from {encoder.name!r}; expected one encoder. Encode the query with {header.encoder!r}, or build "
-                f"the map with {encoder.name!r}."
-            )
+        if encoder is not None:
+            require_same_encoder((header.encoder, header.dim), (encoder.name, encoder.dim), where=str(path))
         storeys = []
         for index, storey in enumerate(header.storeys):
             parts = MapArrays(str(path), f"storey{index}", lambda name: _array(path, archive, name))

@@ -12,7 +12,7 @@ from sim.episodes.schema import Vector3
 from sim.errors import AgentError
 from sim.types import GridSpec
 
-from .types import FeatureMap, map_from_cells
+from .types import FeatureMap, map_from_cells, require_same_encoder
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +76,7 @@ class ObjectMap:
         Raises:
             AgentError: Name or dimension differ.
         """
-        if (name, dim) != (self.encoder, self.dim):
-            raise AgentError(
-                f"map: holds {self.dim}-d vectors of encoder {self.encoder!r}, the query is {dim}-d from {name!r}; "
-                f"expected one encoder. Encode the query with {self.encoder!r}, or build the map with {name!r}."
-            )
+        require_same_encoder((self.encoder, self.dim), (name, dim))
 
 
 Memory = FeatureMap | ObjectMap

@@ -63,11 +63,7 @@ class FeatureMap:
         Raises:
             AgentError: Name or dimension differ.
         """
-        if (name, dim) != (self.encoder, self.dim):
-            raise AgentError(
-                f"map: holds {self.dim}-d vectors of encoder {self.encoder!r}, the query is {dim}-d from {name!r}; "
-                f"expected one encoder. Encode the query with {self.encoder!r}, or build the map with {name!r}."
-            )
+        require_same_encoder((self.encoder, self.dim), (name, dim))
 
     def dense(self) -> NDArray[np.float32]:
         """(H, W, E) with zero vectors in the empty cells."""
@@ -128,6 +124,20 @@ class Grounding:
     candidates: tuple[Candidate, ...]
     layers: Layers | None = None
     """None for grounders that score no cells."""
+
+
+def require_same_encoder(of_map: tuple[str, int], of_query: tuple[str, int], *, where: str = "map") -> None:
+    """Refuses a query of another encoder than the map's; both are (name, dimension).
+
+    Raises:
+        AgentError: They differ; the message begins with `where`.
+    """
+    if of_map != of_query:
+        raise AgentError(
+            f"{where}: holds {of_map[1]}-d vectors of encoder {of_map[0]!r}, the query is {of_query[1]}-d from "
+            f"{of_query[0]!r}; expected one encoder. Encode the query with {of_map[0]!r}, or build the map with "
+            f"{of_query[0]!r}."
+        )
 
 
 def map_from_cells(

@@ -59,17 +59,12 @@ def bench_recordings(*, out: Path, quick: bool, json: bool) -> int:
         QUICK if quick else FULL, progress=lambda line: print(line, file=sys.stderr, flush=True)
     )
     document = figures.model_dump_json(indent=2)
-    data, table = (out / name for name in RECORDING_NAMES)
-    try:
-        write_whole(data, document + "\n")
-        write_whole(table, markdown(figures))
-    except OSError as error:
-        raise _unwritable(out, error) from None
+    _write_two(out, RECORDING_NAMES, document, markdown(figures))
     if json:
         print(document)
         return 0
     _print_table("Recordings", figure_rows(figures))
-    print(f"Written to {data}, {table}")
+    print(f"Written to {', '.join(str(out / name) for name in RECORDING_NAMES)}")
     return 0
 
 
@@ -87,17 +82,12 @@ def bench_grounding(*, out: Path, quick: bool, json: bool) -> int:
         QUICK if quick else FULL, progress=lambda line: print(line, file=sys.stderr, flush=True)
     )
     document = figures.model_dump_json(indent=2)
-    data, table = (out / name for name in GROUNDING_NAMES)
-    try:
-        write_whole(data, document + "\n")
-        write_whole(table, markdown(figures))
-    except OSError as error:
-        raise _unwritable(out, error) from None
+    _write_two(out, GROUNDING_NAMES, document, markdown(figures))
     if json:
         print(document)
         return 0
     _print_table("Grounding", figure_rows(figures))
-    print(f"Written to {data}, {table}")
+    print(f"Written to {', '.join(str(out / name) for name in GROUNDING_NAMES)}")
     return 0
 
 
@@ -124,17 +114,12 @@ def bench_study(*, out: Path, quick: bool, json: bool, parts: Sequence[str] = ()
         settings = settings.model_copy(update={"parts": tuple(part for part in PARTS if part in parts)})
     figures = measure_study(settings, progress=lambda line: print(line, file=sys.stderr, flush=True))
     document = figures.model_dump_json(indent=2)
-    data, table = (out / name for name in STUDY_NAMES)
-    try:
-        write_whole(data, document + "\n")
-        write_whole(table, markdown(figures))
-    except OSError as error:
-        raise _unwritable(out, error) from None
+    _write_two(out, STUDY_NAMES, document, markdown(figures))
     if json:
         print(document)
         return 0
     _print_table("Human study", figure_rows(figures))
-    print(f"Written to {data}, {table}")
+    print(f"Written to {', '.join(str(out / name) for name in STUDY_NAMES)}")
     return 0
 
 
@@ -166,6 +151,14 @@ def _write(out: Path, report: SimReport, document: str) -> None:
         write_whole(data, document + "\n")
         write_whole(table, markdown(report))
         write_whole(picture, frame_time_png(report))
+    except OSError as error:
+        raise _unwritable(out, error) from None
+
+
+def _write_two(out: Path, names: tuple[str, str], document: str, table: str) -> None:
+    try:
+        write_whole(out / names[0], document + "\n")
+        write_whole(out / names[1], table)
     except OSError as error:
         raise _unwritable(out, error) from None
 

@@ -1,8 +1,6 @@
 """Verb `map`: a robot's recorded frames into a map file, and what of them was used."""
 
-import importlib
 import json as json_module
-import os
 import sys
 from pathlib import Path
 from typing import Any, Literal
@@ -21,6 +19,7 @@ from grounding.storeys import floors_of_frames
 from sim.errors import AgentError, PersonalVizError
 from sim.frames import CameraAxes
 from sim.scenes.up_axis import Up
+from sim.tasks.agents import build_plugin
 from sim.tasks.observers import FREE, OCCUPIED
 
 _FLOOR_FRAMES = 40
@@ -107,15 +106,9 @@ def load_segmenter(name: str, floors: tuple[float, ...]) -> Segmenter:
 
 
 def _plug_in(option: str, name: str, methods: tuple[str, ...]) -> Any:
-    module, _, factory = name.partition(":")
-    if not factory:
+    if not name.partition(":")[2]:
         raise AgentError(f"{option} is {name!r}; expected your own as package.module:factory. See --help for others.")
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())  # as `python -m` has it; an installed program does not
-    try:
-        made = getattr(importlib.import_module(module), factory)()
-    except Exception as error:  # the plug-in door: whatever the user's code raises is named
-        raise AgentError(f"{name}: {type(error).__name__} while it was built: {error}. Correct the plug-in.") from error
+    made = build_plugin(name)
     for method in methods:
         if not callable(getattr(made, method, None)):
             raise AgentError(

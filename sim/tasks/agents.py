@@ -4,7 +4,7 @@ import importlib
 import os
 import sys
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,23 +138,32 @@ class ShortestPathAgent:
         return self._navigation.distances(positions, self._region)
 
 
+def build_plugin(name: str) -> Any:
+    """What a user's `package.module:factory` makes, from the present folder too; the factory gets no arguments.
+
+    Raises:
+        AgentError: It cannot be imported or built.
+    """
+    module, _, factory = name.partition(":")
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())  # as `python -m` has it; an installed program does not
+    try:
+        return getattr(importlib.import_module(module), factory)()
+    except Exception as error:  # the plug-in door: whatever the user's code raises is named
+        raise AgentError(f"{name}: {type(error).__name__} while it was built: {error}. Correct the plug-in.") from error
+
+
 def load_agent(name: str) -> Agent:
     """A user's agent named `package.module:factory`, from the present folder too; the factory gets no arguments.
 
     Raises:
         AgentError: The name has another form, or the plug-in cannot be imported or built.
     """
-    module, _, factory = name.partition(":")
-    if not factory:
+    if not name.partition(":")[2]:
         raise AgentError(
             f"--agent is {name!r}; expected random, shortest-path, or your own agent as package.module:factory."
         )
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())  # as `python -m` has it; an installed program does not
-    try:
-        agent = getattr(importlib.import_module(module), factory)()
-    except Exception as error:  # the plug-in door: whatever the user's code raises is named
-        raise AgentError(f"{name}: {type(error).__name__} while it was built: {error}. Correct the plug-in.") from error
+    agent = build_plugin(name)
     for method in ("reset", "act"):
         if not callable(getattr(agent, method, None)):
             raise AgentError(f"{name}: found no method {method}(); expected an Agent (sim.tasks.agents).")
