@@ -44,11 +44,11 @@ class RandomCell:
 
 
 class MapCentre:
-    """The middle of the mapped home's bounding box, always."""
+    """The middle of the bounding box of what is mapped, always."""
 
     name = "center"
     uses_phrases = False
-    frame = "middle of the home's bounding box"
+    frame = "middle of the bounding box of what is mapped"
     takes: MemoryKind = "grid"
 
     def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:

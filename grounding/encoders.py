@@ -1,8 +1,9 @@
 """What an encoder must offer, a cache by text, and the encoders known by name."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, Protocol
 
 import numpy as np
@@ -41,7 +42,7 @@ class TextEncoder(Protocol):
 
 
 class TextImageEncoder(TextEncoder, Protocol):
-    """Whole pictures and texts to unit vectors of one space. `check_images.check_image_encoder` tests a plug-in."""
+    """Whole pictures and texts to unit vectors of one space. `grounding.checks.check_image_encoder` tests a plug-in."""
 
     def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
         """(N, E) unit rows, one per picture; zero for one that says nothing. Real models read `rgb` only."""
@@ -56,19 +57,21 @@ class DenseEncoder(TextImageEncoder, Protocol):
         ...
 
 
+Device = Literal["cpu", "cuda"]
+Autocast = Literal["off", "bfloat16", "float16"]
+
+
 @dataclass(frozen=True, slots=True)
 class ModelOptions:
     """How a real model runs; the vectors depend on `autocast` a little (about 1e-2), on nothing else."""
 
-    device: Literal["cpu", "cuda"] = "cpu"
-    batch_size: int = 16
+    device: Device = "cpu"
+    batch_size: int = 8
     """Texts or pictures at a time."""
-    autocast: Literal["off", "bfloat16", "float16"] = "off"
+    autocast: Autocast = "off"
     """Arithmetic of the large products; float16 on cuda only."""
     download: bool = True
     """Whether a model id may be fetched; False = the local cache only."""
-    on_batch: Callable[[int], None] = lambda count: None
-    """Called after each batch with its number of items, for a progress bar."""
 
 
 class CachedTextEncoder:
@@ -114,18 +117,18 @@ def make_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> T
     """
     space, source = parse_encoder_name(name)
     if name.endswith(ORACLE_SUFFIX):
-        from .encoder_oracle import OraclePerception
+        from .encoding.oracle_perception import OraclePerception
 
         return OraclePerception(make_encoder(name.removesuffix(ORACLE_SUFFIX), options=options), {})
     if space == "hashed":
-        from .encoder_hashed import HashedWords
+        from .encoding.hashed import HashedWords
 
         return CachedTextEncoder(HashedWords())
     if space == "minilm":
-        from .encoder_minilm import stored_minilm  # torch, transformers
+        from .encoding.minilm import stored_minilm  # torch, transformers
 
         return CachedTextEncoder(stored_minilm())
-    return CachedTextEncoder(_model(space, source, options))
+    return CachedTextEncoder(_model(space, source, options or ModelOptions()))
 
 
 def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> DenseEncoder:
@@ -139,9 +142,9 @@ def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None
     if space in TEXT_ENCODERS or name.endswith(ORACLE_SUFFIX):
         raise AgentError(
             f"encoder {name!r}: cannot see; expected {_families()}. Name a model, or use "
-            "grounding.encoder_oracle.OraclePerception, which needs the home's captions."
+            "grounding.encoding.oracle_perception.OraclePerception, which needs the home's captions."
         )
-    return _model(space, source, options)
+    return _model(space, source, options or ModelOptions())
 
 
 def parse_encoder_name(name: EncoderName) -> tuple[str, str]:
@@ -157,6 +160,34 @@ def parse_encoder_name(name: EncoderName) -> tuple[str, str]:
         f"encoder {name!r}: is not known; expected {', '.join(TEXT_ENCODERS)}, or {_families()}. "
         "Example: clip:openai/clip-vit-large-patch14."
     )
+
+
+def is_model(name: EncoderName) -> bool:
+    """Whether the name is of a real model, which sees and which `ModelOptions` are for.
+
+    Raises:
+        AgentError: It is no encoder's.
+    """
+    return parse_encoder_name(name)[0] in MODEL_FAMILIES and not name.endswith(ORACLE_SUFFIX)
+
+
+def require_no_model_options(where: str, options: ModelOptions) -> None:
+    """Refuses options of a real model for an encoder without one, which would ignore them.
+
+    Args:
+        where: The option that names the encoder, with its value.
+        options: All must be the defaults.
+
+    Raises:
+        AgentError: One is not.
+    """
+    for option, name in (("--device", "device"), ("--autocast", "autocast"), ("--batch", "batch_size")):
+        value = getattr(options, name)
+        if value != getattr(ModelOptions(), name):
+            raise AgentError(
+                f"{option} is {value!r} with {where}, which runs no model of ours; expected {_families()}. Leave it "
+                "out, or name a model."
+            )
 
 
 def encoder_slug(name: EncoderName) -> str:
@@ -175,17 +206,19 @@ def _families() -> str:
     return f"one of {', '.join(f'{family}:' for family in MODEL_FAMILIES)} and a model id or a folder"
 
 
-def _model(family: str, source: str, options: ModelOptions | None) -> DenseEncoder:
+@lru_cache(maxsize=1)
+def _model(family: str, source: str, options: ModelOptions) -> DenseEncoder:
+    """Keeps the last model: queries, pictures and the next scenes of a process are encoded by the same."""
     match family:  # torch, transformers
         case "clip":
-            from .encoder_clip import Clip
+            from .encoding.clip import Clip
 
             return Clip(source, options=options)
         case "siglip":
-            from .encoder_siglip import Siglip
+            from .encoding.siglip import Siglip
 
             return Siglip(source, options=options)
         case _:
-            from .encoder_blip2 import Blip2
+            from .encoding.blip2 import Blip2
 
             return Blip2(source, space="itc256" if family == "blip2-itc256" else "hidden768", options=options)

@@ -1,7 +1,8 @@
 """Grounders over episodes: maps, answers and their measures, worker processes, as `Answer` lines."""
 
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 from sim.episodes.dataset import PersonalDataset
@@ -12,17 +13,19 @@ from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .encoders import make_encoder
+from .encoders import ModelOptions, make_encoder
 from .grounders import make_grounder
 from .home_maps import HomeMaps, MapFolders
 from .memory import Memory
-from .oracle_source import OracleMaps
+from .oracle.source import OracleMaps
 from .phrases import make_phrases
 from .settings import GroundSettings as GroundSettings
 from .types import Grounding
 
-BATCH = 100
-"""Answers are quick and opening a scene is not: a process does a whole scene of the release (at most 80) at a time."""
+BATCH = 200
+"""A process does a whole scene of the release (at most 106) at a time: else two would explore and map the same home."""
+_WRITE_EVERY_S = 0.5
+"""A write waits for the disk longer than a quick answer takes; slow answers are written one by one."""
 _SCORE_DECIMALS = 6
 
 
@@ -33,6 +36,8 @@ class GroundJob(SceneJob):
     settings: GroundSettings
     folders: MapFolders | None = None
     """Where maps and explorations are; None for oracle maps, which are made from the episode files alone."""
+    model: ModelOptions | None = None
+    """As `SceneGrounder` takes it."""
 
 
 class SceneGrounder:
@@ -45,6 +50,7 @@ class SceneGrounder:
         settings: GroundSettings,
         *,
         folders: MapFolders | None = None,
+        model: ModelOptions | None = None,
     ) -> None:
         """Reads the scene's episode files; a home is explored and mapped when its first episode is asked.
 
@@ -53,18 +59,20 @@ class SceneGrounder:
             scene: One of its scenes.
             settings: What is asked, and on what map.
             folders: Where maps are; needed unless they are oracle maps.
+            model: How a real encoder runs, with the autocast of the settings; None = its defaults.
 
         Raises:
             DatasetError: The scene is unknown or a file is damaged.
             SceneError: The home does not fit a map.
         """
         self._maps: OracleMaps | HomeMaps
+        options = replace(model or ModelOptions(), autocast=settings.autocast)
         if settings.map == "oracle":
-            self._encoder = make_encoder(settings.encoder)
+            self._encoder = make_encoder(settings.encoder, options=options)
             self._maps = OracleMaps(dataset, scene, settings, self._encoder)
         else:
             assert folders is not None, "maps that are no oracle maps lie in a folder"
-            self._maps = HomeMaps(dataset, scene, settings, folders)
+            self._maps = HomeMaps(dataset, scene, settings, folders, model=options)
             self._encoder = self._maps.query_encoder
         self._settings = settings
         self._grounder = make_grounder(settings.method, self._encoder, seed=settings.seed)
@@ -78,10 +86,12 @@ class SceneGrounder:
     def ground(self, episode: Episode) -> Grounding:
         """The grounder's answer and layers; it sees the map, the task and the phrases only."""
         task = episode.task("pog")
-        return self._grounder.ground(self.memory(episode), task, self._phrases.phrases(task))
+        phrases = self._phrases.phrases(task) if self._grounder.uses_phrases else ()
+        return self._grounder.ground(self.memory(episode), task, phrases)
 
     def answer(self, episode: Episode) -> Answer:
         """The scored answer as run files hold it."""
+        fallbacks = self._phrases.num_fallbacks
         candidates = self.ground(episode).candidates
         points = tuple(candidate.position for candidate in candidates)
         return Answer(
@@ -92,6 +102,7 @@ class SceneGrounder:
             scores=tuple(round(candidate.score, _SCORE_DECIMALS) for candidate in candidates),
             storey_given=not self._settings.all_storeys,
             reason="click" if points else "giveup",
+            phrases_fell_back=self._phrases.num_fallbacks > fallbacks,
             measures=score_answer(episode, points, storeys=self._storeys),
         )
 
@@ -104,6 +115,7 @@ def select_jobs(
     scenes: tuple[str, ...] | None = None,
     limit: int | None = None,
     folders: MapFolders | None = None,
+    model: ModelOptions | None = None,
 ) -> list[GroundJob]:
     """One job per scene, in order of scene names.
 
@@ -114,6 +126,7 @@ def select_jobs(
         scenes: Which scenes; None = all.
         limit: The first so many episodes of each split in the dataset's order, after choosing scenes; None = all.
         folders: Where maps are; None for oracle maps.
+        model: As `SceneGrounder` takes it.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
@@ -125,7 +138,7 @@ def select_jobs(
     ]
     names = sorted({key.scene for key in keys})
     return [
-        GroundJob(dataset.root, name, tuple(key for key in keys if key.scene == name), settings, folders)
+        GroundJob(dataset.root, name, tuple(key for key in keys if key.scene == name), settings, folders, model)
         for name in names
     ]
 
@@ -144,9 +157,24 @@ def evaluate(
     Raises:
         PersonalVizError: An episode could not be answered; all before it are on disk.
     """
-    for answer in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
-        writer.add_answers([answer])
-        on_episode()
+    waiting: list[Answer] = []
+    written_s = time.monotonic()
+
+    def write() -> None:
+        writer.add_answers(waiting)
+        for _ in waiting:
+            on_episode()
+        waiting.clear()
+
+    try:
+        for answer in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
+            waiting.append(answer)
+            if time.monotonic() - written_s >= _WRITE_EVERY_S:
+                write()
+                written_s = time.monotonic()
+    finally:
+        if waiting:
+            write()
 
 
 def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
@@ -157,6 +185,6 @@ def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
         SceneError: The home does not fit a map.
     """
     dataset = PersonalDataset(job.dataset_root)
-    grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders)
+    grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders, model=job.model)
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     return lambda key: grounder.answer(episodes[key])

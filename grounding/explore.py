@@ -1,6 +1,6 @@
 """An exploration of one storey of a home: run it, keep it in a file, and make the pictures of its poses again.
 
-Scene + start -> `FrontierExplorer` in a `PanEnv` without colours -> `Exploration` -> file (exploration_files.py), or
+Scene + start -> `FrontierExplorer` in a `PanEnv` without colours -> `Exploration` -> file (exploring/files.py), or
 `PosedFrame`s for maps.
 """
 
@@ -24,9 +24,9 @@ from sim.world.renderer import Frame, Hits
 
 from .agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSettings, StopReason
 from .code_digest import policy_digest
-from .coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
+from .exploring.coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
+from .exploring.rooms import RoomMap
 from .posed_frames import Intrinsics, PosedFrame
-from .rooms import RoomMap
 
 if TYPE_CHECKING:
     from sim.world.raycast import Raycaster

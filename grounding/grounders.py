@@ -7,10 +7,10 @@ from sim.types import Task
 
 from .baselines import MapCentre, QueryScoring, RandomCell
 from .encoders import TextEncoder
-from .matching import MATCHERS, PhraseMatcher
 from .memory import Memory
 from .memory_kinds import MemoryKind
-from .object_matching import OBJECT_MATCHERS, ObjectMatcher
+from .methods.matching import MATCHERS, PhraseMatcher
+from .methods.object_matching import OBJECT_MATCHERS, ObjectMatcher
 from .types import Grounding
 
 GrounderName = Literal[
@@ -87,7 +87,7 @@ def make_grounder(name: GrounderName, encoder: TextEncoder, *, seed: int = 0) ->
         case "phrase" | "dual" | "dual-smooth" | "dual-smooth-point":
             return PhraseMatcher(encoder, name=name, options=MATCHERS[name])
         case "joint":
-            from .joint import JointMatcher  # scipy
+            from .methods.joint import JointMatcher  # scipy
 
             return JointMatcher(encoder)
         case "object-phrase" | "object-dual":

@@ -5,6 +5,7 @@ scene. The views are rendered again with instance ids where perception is an ora
 """
 
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,9 @@ from sim.episodes.schema import Episode
 from sim.errors import RunFileError
 from sim.scenes.scene import Scene
 
-from .encoder_oracle import OraclePerception, PerceptionOptions
-from .encoders import ORACLE_SUFFIX, TEXT_ENCODERS, TextEncoder, make_encoder, make_image_encoder, parse_encoder_name
+from .encoders import ORACLE_SUFFIX, ModelOptions, TextEncoder, is_model, make_encoder, make_image_encoder
+from .encoding.oracle_perception import OraclePerception, PerceptionOptions
+from .exploring.notes import Say, scene_note
 from .map_files import MapSource, load_memory, read_map_header, save_memory
 from .memory import HomeMemory, Memory, merged_storeys
 from .settings import CELLS, GroundSettings
@@ -37,6 +39,8 @@ class MapFolders:
     """Holds the explorations, which maps of all encoders share."""
     scenes_dir: Path | None = None
     """Folder of scans; None = the dataset's plans, or schematic homes."""
+    notes: Path | None = None
+    """Where it is said what is being done in each scene, for a progress bar; None = nobody asks."""
 
     def map_file(self, scene: str) -> Path:
         """The map of one scene."""
@@ -46,15 +50,25 @@ class MapFolders:
 class HomeMaps:
     """Gives each episode of a scene the map of the storey that it starts on."""
 
-    def __init__(self, dataset: PersonalDataset, scene: str, settings: GroundSettings, folders: MapFolders) -> None:
+    def __init__(
+        self,
+        dataset: PersonalDataset,
+        scene: str,
+        settings: GroundSettings,
+        folders: MapFolders,
+        *,
+        model: ModelOptions,
+    ) -> None:
         """Loads nothing but the encoder of queries.
 
         Raises:
             AgentError: The encoder is unknown or cannot be loaded.
         """
         self._dataset, self._scene = dataset, scene
-        self._settings, self._folders = settings, folders
-        self.query_encoder: TextEncoder = make_encoder(encoder_of_map(settings))
+        self._settings, self._folders, self._model = settings, folders, model
+        with scene_note(folders.notes, scene) as say:
+            say("loading the encoder")
+            self.query_encoder: TextEncoder = make_encoder(settings.map_encoder, options=model)
         """Of queries and phrases; the map's own space."""
         self._home: HomeMemory | None = None
         self._merged: Memory | None = None
@@ -78,7 +92,8 @@ class HomeMaps:
     def _load_or_make(self) -> HomeMemory:
         path = self._folders.map_file(self._scene)
         if self._settings.map == "explore" and not path.exists():
-            make_home_map(self._dataset, self._scene, self._settings, self._folders)
+            with scene_note(self._folders.notes, self._scene) as say:
+                make_home_map(self._dataset, self._scene, self._settings, self._folders, model=self._model, say=say)
         header = read_map_header(path)
         if header.source.scene != self._scene:
             raise RunFileError(
@@ -87,15 +102,24 @@ class HomeMaps:
         return load_memory(path, encoder=self.query_encoder)
 
 
-def encoder_of_map(settings: GroundSettings) -> str:
-    """The name of the space that a walked home's map is in: texts see as oracle perception, and its name says so."""
-    space, _ = parse_encoder_name(settings.encoder)
-    is_text = space in TEXT_ENCODERS and not settings.encoder.endswith(ORACLE_SUFFIX)
-    return settings.encoder + ORACLE_SUFFIX if is_text else settings.encoder
-
-
-def make_home_map(dataset: PersonalDataset, scene_name: str, settings: GroundSettings, folders: MapFolders) -> None:
+def make_home_map(
+    dataset: PersonalDataset,
+    scene_name: str,
+    settings: GroundSettings,
+    folders: MapFolders,
+    *,
+    model: ModelOptions,
+    say: Say,
+) -> None:
     """Explores every storey of the home that episodes start on, unless that was done before, and saves its map.
+
+    Args:
+        dataset: Of the episodes.
+        scene_name: One of its scenes.
+        settings: How the map is made.
+        folders: Where exploration and map go.
+        model: How a real encoder runs.
+        say: Told what is being done.
 
     Raises:
         SceneError: The home cannot be opened.
@@ -105,41 +129,48 @@ def make_home_map(dataset: PersonalDataset, scene_name: str, settings: GroundSet
     from sim.scenes.sources import open_scene
 
     from .explore import frames_of
-    from .storey_explorations import storey_explorations
+    from .exploring.storeys import storey_explorations
 
     scene = open_scene(dataset, scene_name, scenes_dir=folders.scenes_dir, clutter=settings.home_clutter)
-    explorations = storey_explorations(dataset, scene, folder=folders.explorations, seed=settings.seed)
-    builder = _builder(dataset, scene, settings)
+    told = say if folders.notes is not None else None  # being told of steps costs the explorer some time
+    explorations = storey_explorations(dataset, scene, folder=folders.explorations, seed=settings.seed, say=told)
+    builder = _builder(dataset, scene, settings, model)
+    total, done = sum(ceil(len(walk.steps) / VIEWS_EVERY) for walk in explorations), 0
     for exploration in explorations:
         for frame in frames_of(scene, exploration, every=VIEWS_EVERY):
             builder.add(frame)
+            done += 1
+            say(f"mapping {done} of {total} views")
     source = MapSource(
-        scene=scene.name, kind=scene.kind, digest=scene.digest, builder=f"{builder.name} by {encoder_of_map(settings)}"
+        scene=scene.name, kind=scene.kind, digest=scene.digest, builder=f"{builder.name} by {settings.map_encoder}"
     )
     save_memory(folders.map_file(scene_name), builder.finish(), source)
 
 
-def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings) -> "MapBuilder":
+def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions) -> "MapBuilder":
     from .mapping import GridMapBuilder
-    from .oracle_map import oracle_home
+    from .oracle.oracle_map import oracle_home
 
-    encoder = _image_encoder(dataset, scene, settings)
+    encoder = _image_encoder(dataset, scene, settings, model)
     centre_xz = oracle_home(dataset, scene.name).centre_xz  # the cells of the home's oracle map
     if settings.layout == "objects":
+        from .maps.segments import InstanceIds
         from .object_mapping import ObjectMapBuilder
-        from .segments import InstanceIds
 
         # captions as they are perceived: confusions show; a real encoder names nothing
         captions = encoder.perceived if isinstance(encoder, OraclePerception) else None
-        return ObjectMapBuilder(encoder, InstanceIds(captions), centre_xz=centre_xz)
-    return GridMapBuilder(encoder, cell=CELLS[settings.layout], features=settings.features, centre_xz=centre_xz)
+        return ObjectMapBuilder(encoder, InstanceIds(captions), centre_xz=centre_xz, batch=model.batch_size)
+    return GridMapBuilder(
+        encoder, cell=CELLS[settings.layout], features=settings.features, centre_xz=centre_xz, batch=model.batch_size
+    )
 
 
-def _image_encoder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings) -> "DenseEncoder":
-    space, _ = parse_encoder_name(settings.encoder)
-    if space not in TEXT_ENCODERS:
-        return make_image_encoder(settings.encoder)
-    from .object_texts import object_texts
+def _image_encoder(
+    dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions
+) -> "DenseEncoder":
+    if is_model(settings.encoder):
+        return make_image_encoder(settings.encoder, options=model)
+    from .oracle.texts import object_texts
 
     options = PerceptionOptions(
         view_noise=settings.view_noise,

@@ -1,7 +1,7 @@
 """Maps on disk: one `.npz` per home, plain arrays beside a JSON header; nothing pickled is ever written or loaded.
 
-`HomeMemory` -> `save_memory` -> `load_memory` gives the same bits. The header (map_header.py) names encoder, dimension,
-frame and cells, so that a query of another encoder is refused before any cosine is computed.
+`HomeMemory` -> `save_memory` -> `load_memory` gives the same bits. The header (maps/header.py) names encoder,
+dimension, frame and cells, so that a query of another encoder is refused before any cosine is computed.
 """
 
 import io
@@ -19,9 +19,9 @@ from sim.files import write_whole
 from sim.types import GridSpec
 
 from .encoders import TextEncoder
-from .map_arrays import MapArrays, arrays_of_storey, storey_of_arrays
-from .map_header import SCHEMA_VERSION, GridHeader, MapHeader, StoreyHeader
-from .map_header import MapSource as MapSource
+from .maps.arrays import MapArrays, arrays_of_storey, storey_of_arrays
+from .maps.header import SCHEMA_VERSION, GridHeader, MapHeader, StoreyHeader
+from .maps.header import MapSource as MapSource
 from .memory import HomeMemory, ObjectMap, StoreyMemory
 from .types import require_same_encoder
 

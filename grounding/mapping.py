@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from sim.errors import AgentError
 from sim.types import CAMERA_HEIGHT, GridSpec
 
-from .cell_sums import CellSums
 from .encoders import DenseEncoder, TextImageEncoder
+from .maps.cell_sums import CellSums
+from .maps.occupancy import MAX_DEPTH
+from .maps.storeys import Storeys, points_at
+from .maps.view_quality import NEAR, bearing_weight, patches_of
 from .memory import HomeMemory, StoreyMemory
-from .occupancy import MAX_DEPTH
 from .posed_frames import PosedFrame
-from .storeys import Storeys, points_at
 from .types import FeatureMap, map_from_cells
-from .view_quality import NEAR, bearing_weight, patches_of
 
 GRID_SIZE = 50.0
 """Side of the mapped square, metres; 50 cells of 1 m (paper, Sec. IV)."""
@@ -74,9 +74,10 @@ class GridMapBuilder:
             encoder: Of the views; with `features="patches"` it must have `encode_patches`.
             cell: Side of a cell, metres; 1, or 1 divided by a whole number.
             features: What is encoded.
-            centre_xz: Middle of the home, e.g. `OracleHome.centre_xz`, so that the cells are those of its oracle map;
+            centre_xz: Middle of the grid, e.g. `OracleHome.centre_xz`, so that the cells are those of its oracle map;
                 default the middle of all that was seen. The grid's corner is floor(middle) - size / 2
-                (GROUNDING.md, section 0): cells of all maps of a home lie on one lattice.
+                (GROUNDING.md, section 0): cells of all maps of a home lie on one lattice. The map's own `centre_xz`,
+                which grounders see, is always the middle of what was seen.
             size: Side of the grid, an even number of metres.
             floors: Heights of the storeys' floors, metres; None = found on the way (`Storeys`).
             mount_height: Of the camera above the feet, metres; needed where `floors` is None.
@@ -124,8 +125,8 @@ class GridMapBuilder:
             AgentError: The encoder broke its contract, or something seen is outside of the grid.
         """
         self._place(self._storeys.rest())
-        centre = self._centre_xz or _middle(self._low, self._high)
-        corner = np.floor(centre) - self._size / 2
+        centre = _middle(self._low, self._high)
+        corner = np.floor(self._centre_xz or centre) - self._size / 2
         count = round(self._size / self._cell)
         grid = GridSpec((float(corner[0]), float(corner[1])), self._cell, (count, count))
         order = np.argsort(self._storeys.floors).tolist() if self._storeys.num_frames else []
@@ -177,14 +178,14 @@ class GridMapBuilder:
         weights = np.bincount(inverse.reshape(-1), trust) / np.bincount(inverse.reshape(-1))
         return points[first], weights if len(first) else np.empty(0)
 
-    def _feature_map(self, index: int, grid: GridSpec, centre: tuple[float, float]) -> FeatureMap:
+    def _feature_map(self, index: int, grid: GridSpec, centre_xz: tuple[float, float]) -> FeatureMap:
         rc, sums, weights = self._sums.get(index, CellSums(self._encoder.dim)).cells()
         rc = rc - np.round(np.array(grid.origin_xz)[::-1] / grid.cell).astype(np.int64)
         outside = int((~grid.contains(rc)).sum())
         if outside:
             raise AgentError(
                 f"map builder: {outside} of {len(rc)} seen cells are outside of the {self._size:g} x {self._size:g} m "
-                f"around {centre}; expected all inside. Give a larger size, or another centre_xz."
+                f"around {self._centre_xz or centre_xz}; expected all inside. Give a larger size, or another centre_xz."
             )
         return map_from_cells(
             sums,
@@ -192,7 +193,7 @@ class GridMapBuilder:
             grid=grid,
             floor_y=self._storeys.floors[index],
             encoder=self._encoder.name,
-            centre_xz=centre,
+            centre_xz=centre_xz,
             weights=weights,
         )
 

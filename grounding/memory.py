@@ -66,7 +66,7 @@ class ObjectMap:
     dim: int
     """E, known without objects too."""
     centre_xz: tuple[float, float]
-    """Middle of the mapped home."""
+    """Middle of what was seen."""
     merge_m: float
     """Views of one thing are merged when their points are within this many metres."""
 

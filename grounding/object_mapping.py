@@ -9,13 +9,13 @@ from sim.types import CAMERA_HEIGHT
 
 from .encoders import DenseEncoder
 from .mapping import encoded_patches
+from .maps.occupancy import MAX_DEPTH
+from .maps.segments import Segmenter
+from .maps.storeys import Storeys, points_at
+from .maps.tracked_things import MergeRule, Thing, View, add_view, merged, thinned
+from .maps.view_quality import NEAR, distance_weight, patch_pixels
 from .memory import HomeMemory, ObjectInstance, ObjectMap, StoreyMemory
-from .occupancy import MAX_DEPTH
 from .posed_frames import Intrinsics, PosedFrame
-from .segments import Segmenter
-from .storeys import Storeys, points_at
-from .tracked_things import MergeRule, Thing, View, add_view, merged, thinned
-from .view_quality import NEAR, distance_weight, patch_pixels
 
 MERGE_M, MIN_SHARE, MIN_COSINE = 0.1, 0.3, 0.7
 """Defaults of `MergeRule`: metres, share of points, cosine."""
@@ -56,7 +56,8 @@ class ObjectMapBuilder:
             min_points: Things with fewer points (one per 5 cm cube) are left out.
             min_views: Things seen in fewer views are left out.
             labels: Texts of which the nearest becomes the caption of a thing without one.
-            centre_xz: Middle of the home; default the middle of all things' points.
+            centre_xz: Middle of the occupancy grids; default the first camera's place. The map's own `centre_xz`, which
+                grounders see, is the middle of all things' points.
             floors: Heights of the storeys' floors, metres; None = found on the way (`Storeys`).
             mount_height: Of the camera above the feet, metres; needed where `floors` is None.
             max_depth: Farther returns are not mapped, planar metres.
@@ -72,7 +73,7 @@ class ObjectMapBuilder:
         self._rule = MergeRule(merge_m, min_share, min_cosine)
         self._min_points, self._min_views = min_points, min_views
         self._labels = tuple(labels)
-        self._centre_xz, self._frame, self._max_depth = centre_xz, frame, max_depth
+        self._frame, self._max_depth = frame, max_depth
         self._new_storeys = lambda: Storeys(
             floors=floors, mount_height=mount_height, centre_xz=centre_xz, max_depth=max_depth, batch=batch
         )
@@ -103,7 +104,7 @@ class ObjectMapBuilder:
         things = [thing for thing in merged(self._things, self._rule) if self._is_kept(thing)]
         heights = np.array([np.median(thing.points[:, 1]) for thing in things])
         storeys = self._storeys.index_of(heights) if len(things) else np.empty(0, np.int64)
-        centre = self._centre_xz or _middle(things)
+        centre = _middle(things)
         maps = []
         for index in np.argsort(self._storeys.floors).tolist():
             objects = tuple(self._instance(thing) for thing, at in zip(things, storeys, strict=True) if at == index)

@@ -8,7 +8,7 @@ from sim.errors import AgentError
 from sim.types import Task
 
 if TYPE_CHECKING:
-    from .phrase_llm import LlmOptions
+    from .phrasing.llm import LlmOptions
 
 PhraseSourceName = Literal["dataset", "rules", "llm"]
 
@@ -21,6 +21,11 @@ class PhraseSource(Protocol):
         """Printed beside every result."""
         ...
 
+    @property
+    def num_fallbacks(self) -> int:
+        """Calls so far that another source had to answer in its place; answers say so."""
+        ...
+
     def phrases(self, task: Task) -> tuple[str, ...]:
         """The phrases of the task's description, each once, in order; may be empty."""
         ...
@@ -30,6 +35,7 @@ class DatasetPhrases:
     """The dataset's own `extracted_summary`: ground truth, allowed for grounding only (DESIGN.md)."""
 
     name = "dataset"
+    num_fallbacks = 0
 
     def __init__(self, episodes: Iterable[Episode]) -> None:
         """Knows the phrases of these episodes' tasks."""
@@ -72,7 +78,7 @@ def make_phrases(
         case "dataset":
             return DatasetPhrases(episodes)
         case "rules":
-            from .phrase_rules import RulePhrases
+            from .phrasing.rules import RulePhrases
 
             return RulePhrases()
         case "llm":
@@ -80,7 +86,7 @@ def make_phrases(
                 raise AgentError(
                     "phrases: 'llm' has no endpoint; expected its URL and a model. Give --llm-url and --llm-model."
                 )
-            from .phrase_llm import ChatPhrases  # openai
+            from .phrasing.llm import ChatPhrases  # openai
 
             return ChatPhrases(llm)
 

@@ -12,20 +12,25 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from sim.errors import AgentError
 from sim.types import Task
 
 from .baselines import candidates_at, rank_cells
 from .encoders import TextEncoder
 from .memory import Memory
 from .memory_kinds import MemoryKind, require_grid
-from .rpg_kernels import best_inside, find_peaks, join_gates, open_cells
+from .methods.rpg_kernels import few_answers, find_peaks, gated_answers, open_cells
 from .types import TIE, FeatureMap, Grounding, Layers
 
 RpgPreset = Literal["paper", "authors", "literal"]
 _SHORTEST = 1e-12
 """Length below which a text's vector counts as zero."""
+_FEW = 16
+"""Texts up to which loops of our own beat the general product (texts of one episode; 9: 4.9 against 6.6 ms of CPU time
+on 64 maps of 175 x 768)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +49,7 @@ class RpgOptions:
 
     def __post_init__(self) -> None:
         if self.top_k < 1 or self.nhood < 0 or self.nms_r < 0:
-            raise ValueError(f"{self!r}; expected top_k >= 1, nhood >= 0, nms_r >= 0")
+            raise AgentError(f"rpg: {self!r}; expected top_k >= 1, nhood >= 0, nms_r >= 0. Correct the options.")
 
 
 PRESETS: dict[RpgPreset, RpgOptions] = {
@@ -95,28 +100,15 @@ def rpg_packed(
     """
     if options.literal:
         raise ValueError("rpg_packed has no empty cells, which the literal form needs; call rpg_dense")
-    product = _cosines(torch.cat([phrases, queries]), rows)
-    num, values, cells_rc = len(phrases), product.numpy(), rc.long().numpy()
-    peaks = np.full((num, options.top_k), -1)
-    find_peaks(values[:num], cells_rc, options.top_k, options.nms_r, np.float32(TIE), peaks)
-    opened = np.zeros((num, len(cells_rc)), bool)
-    open_cells(peaks, cells_rc, options.nhood, opened)
-    used = np.ones((len(queries), num), bool) if uses is None else uses.numpy()
-    scores = values[num:]
-    gate, final = np.zeros(scores.shape, bool), np.full(scores.shape, -np.inf, np.float32)
-    cells, value = np.full(len(scores), -1), np.full(len(scores), -np.inf, np.float32)
-    join_gates(opened, used, gate)
-    best_inside(scores, gate, np.float32(TIE), final, cells, value)
-    places = cells_rc[cells] if len(cells_rc) else np.zeros((len(cells), 2), np.int64)
-    index = np.where(cells < 0, -1, places[:, 0] * width + places[:, 1])
-    return RpgResult(
-        torch.from_numpy(index),
-        torch.from_numpy(value),
-        torch.from_numpy(final),
-        torch.from_numpy(gate),
-        torch.from_numpy(peaks),
-        product[:num],
-    )
+    used = np.ones((len(queries), len(phrases)), bool) if uses is None else uses.numpy()
+    places = rc.long().numpy(), width, used, options.top_k, options.nms_r, options.nhood, np.float32(TIE)
+    if len(phrases) + len(queries) <= _FEW:
+        inputs = phrases.numpy(), queries.numpy(), rows.numpy()
+        found, cosines = few_answers(*inputs, *places, np.float32(_SHORTEST))
+    else:
+        cosines = _cosines(torch.cat([phrases, queries]), rows)
+        found = gated_answers(cosines, *places)
+    return RpgResult(*map(torch.from_numpy, (*found, cosines[: len(phrases)])))
 
 
 def rpg_dense(
@@ -259,7 +251,7 @@ def _unit(vectors: Tensor) -> Tensor:
     return torch.nn.functional.normalize(vectors, dim=-1, eps=_SHORTEST)
 
 
-def _cosines(texts: Tensor, rows: Tensor) -> Tensor:
+def _cosines(texts: Tensor, rows: Tensor) -> NDArray[np.float32]:
     """(L, N) of texts (L, E) of any length with unit rows (N, E); divides the product, so that nothing is copied."""
     lengths = torch.linalg.vector_norm(texts, dim=1, keepdim=True).clamp(min=_SHORTEST)
-    return (texts @ rows.T).div_(lengths)
+    return (texts @ rows.T).div_(lengths).numpy()

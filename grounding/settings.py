@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Literal
 from sim.errors import AgentError
 from sim.types import ClutterLevel
 
+from .encoders import ORACLE_SUFFIX, Autocast, is_model
+from .encoding.paraphrase import ParaphraseLevel
 from .grounders import GrounderName
-from .paraphrase import ParaphraseLevel
 from .phrases import PhraseSourceName
 
 if TYPE_CHECKING:
-    from .phrase_llm import LlmOptions
+    from .phrasing.llm import LlmOptions
 
 MapName = Literal["oracle", "explore", "files"]
 """`oracle` = texts of the episode files; `explore` = our explorer walks each home first; `files` = maps made before."""
@@ -24,7 +25,9 @@ _SAID_ELSEWHERE = (
     "method", "map", "encoder", "seed", "all_storeys", "phrases", "features", "llm_url", "llm_model", "llm_key_env",
 )  # fmt: skip
 _ORACLE_ONLY = ("blur", "cell_noise", "clutter_texts")
-_EXPLORED_ONLY = ("view_noise", "confusion", "background", "paraphrase", "home_clutter")
+_EXPLORED_ONLY = ("view_noise", "confusion", "background", "paraphrase", "home_clutter", "features")
+_PERCEIVED = ("view_noise", "object_noise", "confusion", "background", "paraphrase")
+"""On explored maps: of oracle perception, which stands in for an encoder that sees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,8 @@ class GroundSettings:
     """Explored maps: 0 captions as they are, 1 reworded, 2 half of the attributes, 3 category only."""
     home_clutter: ClutterLevel = 0
     """Explored maps: how much furniture without a caption stands in homes without a scan."""
+    autocast: Autocast = "off"
+    """Arithmetic of a real model; its vectors depend on it a little."""
 
     def __post_init__(self) -> None:
         for name in ("blur", "object_noise", "cell_noise", "view_noise", "confusion"):
@@ -80,8 +85,7 @@ class GroundSettings:
                 "expected both for llm, and none for the others. Add or leave them out."
             )
         _ = self.llm  # an address that is none is refused before anything is written
-        self._require_options_of(self.map == "oracle", _EXPLORED_ONLY, "--map explore")
-        self._require_options_of(self.map != "oracle", _ORACLE_ONLY, "--map oracle")
+        self._require_meaning()
         if self.map == "oracle" and self.layout != "grid":
             raise AgentError(
                 f"--layout is {self.layout!r} on oracle maps; expected grid: they have 1 m cells (GROUNDING.md, "
@@ -93,13 +97,34 @@ class GroundSettings:
                 "--layout objects, and the other methods with grid or fine. Change one of them."
             )
 
-    def _require_options_of(self, is_other: bool, names: tuple[str, ...], where: str) -> None:
+    def _require_meaning(self) -> None:
+        """Refuses what would be ignored: a run would else say that it made a difference."""
+        map_text = "--map PATH, whose maps are made" if self.map == "files" else f"--map {self.map}"
+        has_model = is_model(self.encoder)
+        encoder_text = f"--encoder {self.encoder}"
+        self._refuse(self.map != "oracle", _ORACLE_ONLY, map_text, "--map oracle")
+        self._refuse(self.map != "explore", _EXPLORED_ONLY, map_text, "--map explore")
+        self._refuse(self.map == "files", ("object_noise",), map_text, "--map oracle or explore")
+        self._refuse(
+            self.map == "explore" and has_model, _PERCEIVED, encoder_text, "oracle perception: --encoder hashed, minilm"
+        )
+        self._refuse(self.layout == "objects", ("features",), "--layout objects", "--layout grid or fine")
+        self._refuse(not has_model, ("autocast",), encoder_text, "a model's encoder")
+
+    def _refuse(self, is_other: bool, names: tuple[str, ...], found: str, where: str) -> None:
+        defaults = {field.name: field.default for field in fields(self)}
         for name in names if is_other else ():
-            if getattr(self, name):
+            if getattr(self, name) != defaults[name]:
                 raise AgentError(
-                    f"--{_option(name)} is {getattr(self, name)!r} with --map {self.map}; it means something with "
-                    f"{where} only. Leave it out."
+                    f"--{_option(name)} is {getattr(self, name)!r} with {found}; expected it with {where} only. "
+                    "Leave it out."
                 )
+
+    @property
+    def map_encoder(self) -> str:
+        """The name of the space of map and queries: on a walk, texts see as oracle perception, and the name says so."""
+        is_seen = self.map == "oracle" or is_model(self.encoder) or self.encoder.endswith(ORACLE_SUFFIX)
+        return self.encoder if is_seen else self.encoder + ORACLE_SUFFIX
 
     @property
     def llm(self) -> "LlmOptions | None":
@@ -112,7 +137,7 @@ class GroundSettings:
             return None
         from pydantic import ValidationError
 
-        from .phrase_llm import LlmOptions
+        from .phrasing.llm import LlmOptions
 
         try:
             return LlmOptions.model_validate(
@@ -139,8 +164,8 @@ class GroundSettings:
             if field.name not in _SAID_ELSEWHERE and getattr(self, field.name) != field.default
         ]
         features = ["whole pictures"] if self.features == "images" else []
-        return ", ".join([f"{self.map} map", f"{self.encoder} encoder", *features, *changed])
+        return ", ".join([f"{self.map} map", f"{self.map_encoder} encoder", *features, *changed])
 
 
 def _option(name: str) -> str:
-    return name.replace("_", "-")
+    return name.removeprefix("home_").replace("_", "-")

@@ -33,7 +33,7 @@ class FeatureMap:
     weights: NDArray[np.float32]
     """(N,) evidence in each cell, e.g. the number of objects."""
     centre_xz: tuple[float, float]
-    """Middle of the mapped home's bounding box, world x and z; the grid is laid around it."""
+    """Middle of the bounding box of what is mapped, world x and z: the home on oracle maps, else what was seen."""
 
     def __post_init__(self) -> None:
         count = len(self.rows)
@@ -159,7 +159,7 @@ def map_from_cells(
         grid: Where the cells are.
         floor_y: The storey's floor, world metres.
         encoder: Name of the encoder of the vectors.
-        centre_xz: Middle of the mapped home; default the grid's middle.
+        centre_xz: Middle of what is mapped; default the grid's middle.
         cell_y: (N,) floor under each cell; default `floor_y`.
         weights: (N,) evidence; default 1.
     """

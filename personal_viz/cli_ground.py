@@ -9,7 +9,19 @@ from tyro.conf import arg
 from grounding.grounders import GrounderName
 from grounding.settings import MapLayout
 
-from .cli_options import Clutter, Dataset, Json, Limit, RunId, Scenes, ScenesDir, Splits
+from .cli_options import (
+    Clutter,
+    Dataset,
+    Json,
+    Limit,
+    ModelAutocast,
+    ModelBatch,
+    ModelDevice,
+    RunId,
+    Scenes,
+    ScenesDir,
+    Splits,
+)
 
 _EXPLORED = "Explored maps: "
 
@@ -39,7 +51,10 @@ class Ground:
     llm_model: Annotated[str, arg(help="Its model.")] = ""
     llm_key_env: Annotated[str, arg(help="Environment variable that holds its key; it is not written anywhere.")] = ""
     all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
-    layout: Annotated[MapLayout, arg(help=_EXPLORED + "cells of 1 m or of 0.25 m (fine), or objects.")] = "grid"
+    layout: Annotated[
+        MapLayout | None,
+        arg(help=_EXPLORED + "cells of 1 m (grid, by default) or 0.25 m (fine), or objects; map files say theirs."),
+    ] = None
     features: Annotated[Literal["patches", "images"], arg(help=_EXPLORED + "what is encoded of each view.")] = "patches"
     blur: Annotated[float, arg(help="Oracle maps: sigma over which objects spread, metres.")] = 0.0
     object_noise: Annotated[float, arg(help="Error of each object's cosines (standard deviation).")] = 0.0
@@ -53,6 +68,9 @@ class Ground:
         arg(help=_EXPLORED + "captions as they are, reworded, with half of the attributes, or the category only."),
     ] = 0
     clutter: Clutter = 0
+    device: ModelDevice = "cpu"
+    autocast: ModelAutocast = "off"
+    batch: ModelBatch = 8
     sweep: Annotated[str | None, arg(help="NAME=V1,V2,...: one run per value, e.g. object-noise=0,0.1,0.2.")] = None
     scenes_dir: ScenesDir = None
     out: Path = Path("runs")
@@ -65,13 +83,21 @@ class Ground:
     json: Json = False
 
     def work(self) -> int:
+        from grounding.encoders import ModelOptions
         from grounding.settings import GroundSettings
+        from sim.episodes.dataset import PersonalDataset
 
         from .commands.ground import GroundCall, ground
+        from .commands.ground_maps import layout_of_maps
 
+        maps = None if self.map in ("oracle", "explore") else Path(self.map)
+        layout = self.layout or "grid"
+        if maps is not None:
+            dataset = PersonalDataset(self.dataset)
+            layout = layout_of_maps(maps, dataset, scenes=self.scene, method=self.method, asked=self.layout)
         settings = GroundSettings(
             self.method,
-            map="oracle" if self.map == "oracle" else "explore" if self.map == "explore" else "files",
+            map="files" if maps else "explore" if self.map == "explore" else "oracle",
             encoder=self.encoder,
             seed=self.seed,
             all_storeys=self.all_storeys,
@@ -79,7 +105,7 @@ class Ground:
             llm_url=self.llm_url,
             llm_model=self.llm_model,
             llm_key_env=self.llm_key_env,
-            layout=self.layout,
+            layout=layout,
             features=self.features,
             blur=self.blur,
             object_noise=self.object_noise,
@@ -90,12 +116,14 @@ class Ground:
             background=self.background,
             paraphrase=self.paraphrase,
             home_clutter=self.clutter,
+            autocast=self.autocast,
         )
         return ground(
             GroundCall(
                 dataset=self.dataset,
                 settings=settings,
-                maps=Path(self.map) if settings.map == "files" else None,
+                maps=maps,
+                model=ModelOptions(self.device, self.batch, self.autocast),
                 scenes_dir=self.scenes_dir,
                 out=self.out,
                 run_id=self.run_id,

@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 
 from sim.frames import CameraAxes
 
-from .cli_options import Dataset, Json, Scenes, ScenesDir, WithPixels
+from .cli_options import Json, ModelAutocast, ModelBatch, ModelDevice, Scenes, ScenesDir, WithPixels
 
 
 @dataclass
@@ -23,11 +23,11 @@ class Explore:
         "start"
     )
     seed: Annotated[int, arg(help="Of the starts.")] = 0
-    max_steps: int = 2500
+    max_steps: Annotated[int, arg(help="Most actions per storey; most homes need fewer.")] = 2500
     width: Annotated[
         int, arg(help="Of the robot's pictures; smaller ones are quicker, with the same field of view.")
     ] = 640
-    height: int = 480
+    height: Annotated[int, arg(help="Of the robot's pictures, pixels, as the width.")] = 480
     jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
     out: Annotated[Path, arg(help="Folder of the explorations.")] = Path("runs/explore")
     json: Json = False
@@ -70,8 +70,10 @@ class ShowExploration:
     """Walk a stored exploration again and write it as a Rerun recording: views, map growing, frontiers, way."""
 
     file: Annotated[Positional[Path], arg(help="An exploration, FILE.json.")]
-    dataset: Dataset
     out: Annotated[Path, arg(help="An .rrd file.")]
+    dataset: Annotated[Path | None, arg(help="Folder of the home's episodes; homes of explore --homes need none.")] = (
+        None
+    )
     scenes_dir: ScenesDir = None
     with_pixels: WithPixels = False
     open: Annotated[bool, arg(help="Open it in a viewer on this machine, until Ctrl-C or until it is closed.")] = False
@@ -136,9 +138,9 @@ class Map:
     ] = None
     max_depth: Annotated[float, arg(help="Farther returns are not mapped, metres.")] = 5.0
     scene: Annotated[str | None, arg(help="Name of the place; the folder's by default.")] = None
-    device: Annotated[Literal["cpu", "cuda"], arg(help="Where the model runs.")] = "cpu"
-    autocast: Annotated[Literal["off", "bfloat16", "float16"], arg(help="The model's arithmetic.")] = "off"
-    batch: Annotated[int, arg(help="Pictures that are encoded together.")] = 8
+    device: ModelDevice = "cpu"
+    autocast: ModelAutocast = "off"
+    batch: ModelBatch = 8
     json: Json = False
 
     def work(self) -> int:

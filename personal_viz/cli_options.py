@@ -5,6 +5,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from grounding.encoders import Autocast, Device
 from sim.types import ClutterLevel, Split
 
 Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
@@ -18,6 +19,9 @@ Limit = Annotated[int | None, arg(help="At most this many episodes per split, in
 Clutter = Annotated[
     ClutterLevel, arg(help="How much furniture and small things without a caption stand in homes without a scan.")
 ]
+ModelDevice = Annotated[Device, arg(help="Where a real model runs.")]
+ModelAutocast = Annotated[Autocast, arg(help="A real model's arithmetic; float16 on cuda only.")]
+ModelBatch = Annotated[int, arg(help="Pictures or texts that a real model encodes together.")]
 RunId = Annotated[str | None, arg(help="Folder name below --out; made from the options by default.")]
 Rerun = Annotated[
     str | None,

@@ -1,6 +1,6 @@
 """A home's storeys as pictures from straight above, to scale: what people remember in PAN, and click on in POG.
 
-What agents get for POG is a grid of 1 m cells per storey (`grounding.oracle_map`): 50 x 50 m around the home, in which
+What agents get for POG is a grid of 1 m cells per storey (`grounding.oracle`): 50 x 50 m around the home, in which
 a cell holds the texts of its objects as one vector and most cells hold nothing. People get the same storeys and the
 same ground as a picture in true colours: all walkable places and all objects with a margin, its corner on whole metres
 as the grid's, so that a whole number of pixels is one cell. It is cropped to the home, because the cells around it are

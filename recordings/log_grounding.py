@@ -12,8 +12,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from grounding.asked_again import AskAgain
 from grounding.memory import Memory
+from grounding.pog.asked_again import AskAgain
 from grounding.types import FeatureMap, Layers
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode

@@ -93,9 +93,9 @@ def log_memory(stream: rr.RecordingStream, name: str, memory: HomeMemory, maps: 
     colours = vector_rgb([_vectors(storey) for storey in memory.storeys])
     for shown in maps:
         known = storey_at(memory, shown)
-        if known is not None:
-            index = memory.storeys.index(known)
-            _Sheet(stream, name, known, colours[index], shown).log()
+        for storey, rgb in zip(memory.storeys, colours, strict=True):
+            if storey is known:  # `==` would compare arrays
+                _Sheet(stream, name, storey, rgb, shown).log()
 
 
 def storey_at(memory: HomeMemory, shown: StoreyMap) -> StoreyMemory | None:

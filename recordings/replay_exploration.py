@@ -74,7 +74,7 @@ class WatchedExploration:
 
 @dataclass(frozen=True, slots=True)
 class ObserveExplorations:
-    """Shows explorations where `personal-viz explore --rerun` says (a `Watch` of grounding.explore_jobs)."""
+    """Shows explorations where `personal-viz explore --rerun` says (a `Watch` of grounding.exploring.jobs)."""
 
     sink: LiveSink
     with_pixels: bool = False

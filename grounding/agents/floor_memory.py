@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from grounding.occupancy import OccupancyMapper
+from grounding.maps.occupancy import OccupancyMapper
 from grounding.posed_frames import Intrinsics
 from sim.errors import AgentError
 from sim.frames import forward_from_yaw
-from sim.tasks.observers import FREE, UNKNOWN
+from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import FORWARD_STEP, GridSpec, Observation
 
 from .plan_kernels import weigh
@@ -23,6 +23,9 @@ from .plan_kernels import weigh
 CLEARANCE = 0.17
 """Middles of cells nearer to a blocked cell's middle are blocked for the robot's centre, metres: its radius of 0.18,
 less what the cells' size may add."""
+_TIGHT_CLEARANCE, _THIN_TIMES = 0.02, 30.0
+"""That of a robot that found no other way; then ways over thin things count so many times their length: what looks like
+a thin wall may be none."""
 _NEAR_TIMES, _NEAR_FADES = 5.0, 0.35
 """Ways count 1 + _NEAR_TIMES * exp(-d / _NEAR_FADES) times their length where the next thing is d metres away: the
 middle of the free floor is where others walked."""
@@ -91,6 +94,7 @@ class FloorMemory:
         self._touched = np.zeros(shape, np.float32)  # added to what ways near collisions count
         self._bumps: tuple[Bump, ...] = ()
         self._step = 0
+        self._clearance = CLEARANCE
         self.xz = (0.0, 0.0)
         """Where the robot's middle is, metres, start frame."""
         self.yaw = 0.0
@@ -139,6 +143,16 @@ class FloorMemory:
         self._ground = None
         return blocked
 
+    def squeeze(self) -> bool:
+        """Lets plans go near to things, and over thin ones, until `relax`; False where they do."""
+        is_wide = self._clearance == CLEARANCE
+        self._clearance, self._ground = _TIGHT_CLEARANCE, None
+        return is_wide
+
+    def relax(self) -> None:
+        """Keeps plans away from things again."""
+        self._clearance, self._ground = CLEARANCE, None
+
     @property
     def floor_y(self) -> float:
         """Height of the floor, metres, start frame: most of what is seen near the feet's height lies there."""
@@ -175,7 +189,15 @@ class FloorMemory:
         grid = GridSpec(origin, whole.cell, (cells.shape[0], cells.shape[1]))
         assumed = _with_blind_spot(cells, grid, self.xz)
         blocking = [bump for bump in self._bumps if bump.until > self._step]
-        weights = _weights(cells, assumed, grid, touched=self._touched[part], trail=self._trail[part], bumps=blocking)
+        weights = _weights(
+            cells,
+            assumed,
+            grid,
+            clearance=self._clearance,
+            touched=self._touched[part],
+            trail=self._trail[part],
+            bumps=blocking,
+        )
         self._ground = Ground(cells, assumed, weights, grid)
         return self._ground
 
@@ -236,12 +258,17 @@ def _weights(
     assumed: NDArray[np.uint8],
     grid: GridSpec,
     *,
+    clearance: float,
     touched: NDArray[np.float32],
     trail: NDArray[np.bool_],
     bumps: Sequence[Bump],
 ) -> NDArray[np.float64]:
     """(rows, cols) actions to cross each cell, more near things; inf or nan where the robot's centre cannot be."""
-    factor: NDArray[np.float64] = weigh(cells, assumed, grid.cell, CLEARANCE, (_NEAR_TIMES, _NEAR_FADES, _BLIND_TIMES))
+    factor: NDArray[np.float64] = weigh(cells, assumed, grid.cell, clearance, (_NEAR_TIMES, _NEAR_FADES, _BLIND_TIMES))
+    if clearance < CLEARANCE:
+        is_thing = cells == OCCUPIED
+        is_thick = np.asarray(ndimage.binary_opening(is_thing, structure=np.ones((3, 3))), bool)
+        factor[is_thing & ~is_thick] = _THIN_TIMES
     factor = factor + touched
     beside = np.asarray(ndimage.binary_dilation(trail, structure=np.ones((3, 3))), bool)
     factor[beside & (factor > _BESIDE_TIMES) & (factor < np.inf)] = _BESIDE_TIMES

@@ -29,9 +29,9 @@ _CLOSED_COST = 2.0
 _SAME_PLACE, _NEAR_PLACE, _AGAIN_COST = 0.025, 0.12, 8.0
 """A heading that led into a wall is not tried again within the first distance, metres, and counts so many actions more
 at the same place, fewer with distance, up to the second."""
-_TRIED_CELL, _TRIED_COST = 0.1, 1.5
+_TRIED_CELL, _TRIED_COSTS = 0.1, (1.5, 5.0)
 """Each forward since there was new floor counts so many actions more when it is taken again from the same cell of this
-side, metres, in the same direction: no going to and fro."""
+side, metres, in the same direction: no going to and fro. The two take turns: each holds until no new floor comes."""
 _BAN_RADIUS, _LOOKED_RADIUS = 0.5, 0.3
 """What could not be reached is left alone this far around, metres, and what stayed unknown this far."""
 FOR_EVER = int(np.iinfo(np.int32).max)
@@ -99,7 +99,7 @@ class Seeker:
         self._bumps = 0
         self._known_before, self._rounds = 0, 0
         self._forgiven_at, self._rounds_now = -1, 0
-        self._known, self._news_at, self._dull_at = 0, 0, 0
+        self._known, self._news_at, self._dull_at, self._dull_goals = 0, 0, 0, 0
         self._tried: Counter[tuple[int, int, int]] = Counter()
         self._begun: list[Action] = []
 
@@ -115,6 +115,7 @@ class Seeker:
         if known > self._known + _NEWS:
             self._known, self._news_at = known, self._step
             self._tried.clear()
+            self.memory.relax()
         if observation.collided:
             self._way = None
             self._bumps += 1
@@ -192,6 +193,7 @@ class Seeker:
             return None
         if self._step - max(self._news_at, self._dull_at) > self._settings.dull_steps:
             self._dull_at = self._step - self._settings.dull_steps * 2 // 3
+            self._dull_goals += 1
             self._leave(goal, for_steps=self._settings.ban_steps)
             return None
         if self._begun:
@@ -282,7 +284,8 @@ class Seeker:
     def _extra(self) -> NDArray[np.float64]:
         """(12,) actions that headings, in turns to the left, count more for what happened about here before."""
         count = round(2 * math.pi / TURN_STEP)
-        found = np.array([_TRIED_COST * self._tried[self._tried_key(turns)] for turns in range(count)])
+        cost = _TRIED_COSTS[self._dull_goals % len(_TRIED_COSTS)]
+        found = np.array([cost * self._tried[self._tried_key(turns)] for turns in range(count)])
         walls = np.zeros(count, bool)
         for bump in self.memory.bumps:
             away = math.dist(bump.xz, self.memory.xz)

@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from grounding.batch import MapBatch, make_batch
 from grounding.encoders import TextEncoder
-from grounding.oracle_map import GRID_CELLS, oracle_home
-from grounding.oracle_noise import OracleVariant, variant_map
+from grounding.methods.batch import MapBatch, make_batch
+from grounding.oracle.noise import OracleVariant, variant_map
+from grounding.oracle.oracle_map import GRID_CELLS, oracle_home
 from grounding.phrases import DatasetPhrases, without_owner
 from grounding.types import FeatureMap, map_from_cells
 from sim.episodes.dataset import PersonalDataset

@@ -37,7 +37,8 @@ def markdown(figures: GroundingFigures) -> str:
         f"{figures.b64.episodes} episodes on as many maps). all_episodes: {every.episodes} {figures.inputs} episodes "
         f"on {every.maps} maps with {every.cells:.0f} filled cells and {every.phrases:.1f} phrases each, owners' names "
         f"left out. Bound: the product of texts and full grids alone. cold_s: a fresh process over "
-        f"{figures.cold_episodes} episodes. query_ms: one description and query to an answer."
+        f"{figures.cold_episodes} episodes with rpg, cold_phrase_s: with phrase. query_ms: one "
+        f"description and query to an answer."
     )
     return "\n".join(["# Grounding", "", text, "", heads, "|---|---|---|---|", *rows, ""])
 
@@ -47,6 +48,6 @@ def _values(figures: GroundingFigures) -> Iterator[tuple[str, float]]:
         for name, value in getattr(figures, case):
             if isinstance(value, float):
                 yield f"{case}.{name}", value
-    for name in ("cold_s", "query_ms"):
+    for name in ("cold_s", "cold_phrase_s", "query_ms"):
         for encoder, value in getattr(figures, name).items():
             yield f"{name}.{encoder}", value

@@ -17,11 +17,13 @@ from rich.progress import Progress
 from rich.table import Table
 
 from grounding.explore import Exploration
-from grounding.explore_jobs import ExploreJob, Storeys, run_job
+from grounding.exploring.jobs import ExploreJob, Storeys, invented_name, run_job
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
 from sim.files import write_whole
 from sim.scenes.kind import common_kind
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import RunInfo
 from sim.types import Camera, SceneKind
 
 from .options import check_options
@@ -51,15 +53,9 @@ def explore(
     Raises:
         PersonalVizError: Bad options, dataset or folder; or a home cannot be explored.
     """
-    check_options(run_id=None, limit=homes, jobs=jobs, seed=seed)
-    if (dataset is None) == (homes is None):
-        raise PersonalVizError("explore: found both or none of --dataset and --homes; expected one. Give one of them.")
-    if min(width, height, max_steps) < 1:
-        raise PersonalVizError(
-            f"explore: --width {width}, --height {height}, --max-steps {max_steps}; expected whole numbers from 1. "
-            "Leave them out for the defaults."
-        )
-    work, kind = _work(dataset, homes, scene, scenes_dir)
+    check_options(run_id=None, jobs=jobs, seed=seed)
+    _check(dataset, homes, width=width, height=height, max_steps=max_steps)
+    names, kind = _homes(dataset, homes, scene, scenes_dir)
     camera = Camera(width, height)
     todo = [
         ExploreJob(
@@ -71,14 +67,22 @@ def explore(
             out=out,
             dataset_root=dataset,
             scenes_dir=scenes_dir,
-            home_seed=home_seed,
         )
-        for name, home_seed in work
+        for name in names
     ]
     with watching(rerun, todo, with_pixels=with_pixels) as watched:
         found = _with_progress(watched, processes=jobs)
     found.sort(key=lambda item: (item.scene, item.storey_y))
-    document = document_of(found, kind=kind, out=out)
+    info = make_run_info(
+        "explore",
+        who="frontier",
+        who_kind="agent",
+        scene_kind=kind,
+        dataset_digest=PersonalDataset(dataset).digest() if dataset else "",
+        seed=seed,
+        config={"max_steps": max_steps, "storeys": storeys, "homes": homes},
+    )
+    document = document_of(found, info=info, out=out)
     write_whole(out / _PLOT, coverage_png(found, title=f"{len(found)} storeys of {len(todo)} {kind} homes"))
     write_whole(out / _SUMMARY, json_module.dumps(document, indent=2) + "\n")
     if json:
@@ -87,6 +91,21 @@ def explore(
         _print_table(found, document)
         print(f"Written to {out}; coverage over steps: {out / _PLOT}")
     return 0
+
+
+def _check(dataset: Path | None, homes: int | None, *, width: int, height: int, max_steps: int) -> None:
+    """Refuses what no exploration can be made with."""
+    if homes is not None and homes < 1:
+        raise PersonalVizError(
+            f"--homes is {homes}; expected a whole number from 1. Give so many homes, or --dataset instead."
+        )
+    if (dataset is None) == (homes is None):
+        raise PersonalVizError("explore: found both or none of --dataset and --homes; expected one. Give one of them.")
+    if min(width, height, max_steps) < 1:
+        raise PersonalVizError(
+            f"explore: --width {width}, --height {height}, --max-steps {max_steps}; expected whole numbers from 1. "
+            "Leave them out for the defaults."
+        )
 
 
 @contextmanager
@@ -121,10 +140,10 @@ def _with_progress(jobs: Sequence[ExploreJob], *, processes: int) -> list[Explor
     return found
 
 
-def _work(
+def _homes(
     dataset: Path | None, homes: int | None, scenes: tuple[str, ...], scenes_dir: Path | None
-) -> tuple[list[tuple[str, int]], SceneKind]:
-    """Names and seeds of the homes, and their kind."""
+) -> tuple[list[str], SceneKind]:
+    """Names of the homes, and their kind."""
     if dataset is None:
         assert homes is not None
         if scenes or scenes_dir is not None:
@@ -132,12 +151,12 @@ def _work(
                 "explore: found --scene or --scenes-dir beside --homes; expected neither: invented homes are numbered "
                 "from 0. Leave them out, or give --dataset."
             )
-        return [(f"Invented{number}", number) for number in range(homes)], "invented"
+        return [invented_name(number) for number in range(homes)], "invented"
     episodes = PersonalDataset(dataset)
     names = sorted(set(scenes) or {name for _, name in episodes.files})
     for name in names:
         episodes.require_scene(name)
-    return [(name, 0) for name in names], common_kind(episodes, names, scenes_dir)
+    return names, common_kind(episodes, names, scenes_dir)
 
 
 def _explored(jobs: Sequence[ExploreJob], *, processes: int) -> Iterator[tuple[Exploration, ...]]:
@@ -159,11 +178,12 @@ def _explored(jobs: Sequence[ExploreJob], *, processes: int) -> Iterator[tuple[E
         pool.shutdown(cancel_futures=True)
 
 
-def document_of(found: Sequence[Exploration], *, kind: SceneKind, out: Path) -> dict:
-    """What `--json` prints: a row per exploration, and their means and extremes."""
+def document_of(found: Sequence[Exploration], *, info: RunInfo, out: Path) -> dict:
+    """What `--json` prints: a row per exploration, their means and extremes, and what `run.json` says of a run."""
     rows = [
         {
             "scene": item.scene,
+            "scene_digest": item.scene_digest,
             "storey_y": round(item.storey_y, 2),
             "area_m2": item.area_m2,
             "steps": len(item.steps),
@@ -180,7 +200,7 @@ def document_of(found: Sequence[Exploration], *, kind: SceneKind, out: Path) -> 
     missed = [item.rooms_missed for item in found if item.rooms_missed is not None]
     camera = found[0].camera
     return {
-        "scene_kind": kind,
+        "scene_kind": info.scene_kind,
         "camera": {"width": camera.width, "height": camera.height, "hfov_deg": camera.hfov_deg},
         "seed": found[0].seed,
         "n": len(found),
@@ -188,6 +208,12 @@ def document_of(found: Sequence[Exploration], *, kind: SceneKind, out: Path) -> 
         "coverage": {"mean": round(sum(coverage) / len(coverage), 4), "min": min(coverage)},
         "steps": {"mean": round(sum(steps) / len(steps), 1), "max": max(steps)},
         "rooms_missed": sum(len(rooms) for rooms in missed) if missed else None,
+        "policy": found[0].policy,
+        "dataset_digest": info.dataset_digest or None,
+        "config": info.config,
+        "versions": info.versions,
+        "git_commit": info.git_commit,
+        "created_utc": info.created_utc,
         "out": str(out),
     }
 

@@ -3,19 +3,15 @@
 import hashlib
 import json
 import re
-import sys
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import Progress
-
-from grounding.code_digest import room_digest
-from grounding.encoders import encoder_slug, make_encoder
+from grounding.code_digest import map_digest
+from grounding.encoders import ModelOptions, encoder_slug, is_model, make_encoder, require_no_model_options
 from grounding.evaluate import GroundJob, evaluate, select_jobs
 from grounding.grounders import make_grounder
 from grounding.home_maps import MapFolders
-from grounding.settings import GroundSettings
+from grounding.settings import CELLS, GroundSettings
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
 from sim.scenes.code_digest import code_digest
@@ -26,6 +22,8 @@ from sim.tasks.run_files import RunInfo, read_run
 from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS, Split
 
+from .ground_maps import cell_of_maps
+from .ground_progress import ground_progress
 from .ground_tables import ground_document, print_ground_table
 from .options import check_options
 
@@ -43,6 +41,8 @@ class GroundCall:
     settings: GroundSettings
     maps: Path | None
     """Folder of map files, for `--map PATH`."""
+    model: ModelOptions
+    """How a real encoder runs."""
     scenes_dir: Path | None
     out: Path
     run_id: str | None
@@ -62,6 +62,10 @@ def ground(call: GroundCall) -> int:
         PersonalVizError: Bad options, dataset or folder.
     """
     check_options(run_id=call.run_id, limit=call.limit, jobs=call.jobs, seed=call.settings.seed)
+    if call.model.batch_size < 1:
+        raise PersonalVizError(f"--batch is {call.model.batch_size}; expected a whole number from 1. Leave it out.")
+    if not is_model(call.settings.encoder):
+        require_no_model_options(f"--encoder {call.settings.encoder}", call.model)
     episodes = PersonalDataset(call.dataset)
     documents = []
     for settings in [call.settings] if call.sweep is None else swept(call.settings, call.sweep):
@@ -70,10 +74,11 @@ def ground(call: GroundCall) -> int:
         chosen = {key for job in _work(call, episodes, settings, info) for key in job.keys}
         answers = tuple(answer for answer in run.answers if answer.key in chosen)
         rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
+        fallbacks = sum(answer.phrases_fell_back for answer in answers)  # of all processes and earlier calls
         if call.json:
-            documents.append(ground_document(settings, info, rows, folder))
+            documents.append(ground_document(settings, info, rows, folder, phrases_by_rules=fallbacks))
         else:
-            print_ground_table(settings, info, rows, folder)
+            print_ground_table(settings, info, rows, folder, phrases_by_rules=fallbacks)
     if call.json:
         print(json.dumps(documents if call.sweep else documents[0], indent=2))
     return 0
@@ -113,9 +118,10 @@ def _ground_once(call: GroundCall, episodes: PersonalDataset, settings: GroundSe
     writer = RunWriter(folder, info)
     total = sum(len(job.keys) for job in work)
     left = sum(key not in writer.done for job in work for key in job.keys)
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
+    with ground_progress() as (progress, notes):
         bar = progress.add_task(info.run_id, total=total, completed=total - left)
-        evaluate(work, writer, processes=call.jobs, on_episode=lambda: progress.update(bar, advance=1))
+        noted = [replace(job, folders=job.folders and replace(job.folders, notes=notes)) for job in work]
+        evaluate(noted, writer, processes=call.jobs, on_episode=lambda: progress.update(bar, advance=1))
     return info, folder
 
 
@@ -125,7 +131,13 @@ def _work(call: GroundCall, episodes: PersonalDataset, settings: GroundSettings,
         maps = call.maps or call.out / str(info.config["maps"])
         folders = MapFolders(maps, call.out / EXPLORATIONS, call.scenes_dir)
     return select_jobs(
-        episodes, settings, splits=call.split or SPLITS, scenes=call.scene, limit=call.limit, folders=folders
+        episodes,
+        settings,
+        splits=call.split or SPLITS,
+        scenes=call.scene,
+        limit=call.limit,
+        folders=folders,
+        model=call.model,
     )
 
 
@@ -134,16 +146,20 @@ def _info(call: GroundCall, episodes: PersonalDataset, settings: GroundSettings)
     phrases = settings.phrases if grounder.uses_phrases else "none"
     storey = "all storeys" if settings.all_storeys else "storey given"
     digest = episodes.digest()
-    kind = "oracle-map"
+    kind, condition = "oracle-map", settings.condition
     config = {**settings.config, "phrases": phrases, "frame": grounder.frame}
     if settings.map != "oracle":
         kind = common_kind(episodes, call.scene or episodes.scenes, call.scenes_dir)
         config["maps"] = str(call.maps) if call.maps else f"{map_name(settings, digest, kind)}/maps"
+    cell = cell_of_maps(call.maps, episodes, scenes=call.scene or ()) if call.maps else None
+    if cell is not None and cell not in CELLS.values():
+        config["cell"] = cell  # no layout has it
+        condition += f", cells of {cell:g} m"
     return make_run_info(
         (call.run_id and _swept_id(call, settings)) or run_name(settings),
         who=settings.method,
         who_kind="agent",
-        condition=f"{settings.condition}, phrases {phrases}, {storey}",
+        condition=f"{condition}, phrases {phrases}, {storey}",
         scene_kind=kind,
         dataset_digest=digest,
         seed=settings.seed,
@@ -163,7 +179,7 @@ def run_name(settings: GroundSettings) -> str:
 def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
     """Folder name of the maps of explored homes that runs with these settings share; changed code makes new ones."""
     made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
-    text = json.dumps([made_of, dataset_digest, kind, code_digest(), room_digest()], sort_keys=True)
+    text = json.dumps([made_of, dataset_digest, kind, code_digest(), map_digest()], sort_keys=True)
     parts = [encoder_slug(settings.encoder), *_unusual(settings), kind]
     return f"map-{'-'.join(parts)}-seed{settings.seed}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 

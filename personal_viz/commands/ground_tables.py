@@ -16,14 +16,17 @@ _TOTAL_IS = "plain mean of the splits"
 """As in the paper's Total column and in `personal-viz metrics`; `pooled` weighs every episode alike."""
 
 
-def ground_document(settings: GroundSettings, info: RunInfo, rows: Mapping[str, MetricRow], folder: Path) -> dict:
+def ground_document(
+    settings: GroundSettings, info: RunInfo, rows: Mapping[str, MetricRow], folder: Path, *, phrases_by_rules: int
+) -> dict:
     """The figures of a run, rounded percent; splits without episodes are None."""
     names = (*SPLITS, "total")
     splits = [rows[split] for split in SPLITS if split in rows]
     return {
         "method": settings.method,
-        "encoder": settings.encoder,
+        "encoder": settings.map_encoder,
         "phrases": info.config["phrases"],
+        "phrases_by_rules": phrases_by_rules if info.config["phrases"] == "llm" else None,
         "map": settings.map,
         "scene_kind": info.scene_kind,
         "condition": info.condition,
@@ -44,11 +47,12 @@ def ground_document(settings: GroundSettings, info: RunInfo, rows: Mapping[str, 
     }
 
 
-def print_ground_table(settings: GroundSettings, info: RunInfo, rows: Mapping[str, MetricRow], folder: Path) -> None:
+def print_ground_table(
+    settings: GroundSettings, info: RunInfo, rows: Mapping[str, MetricRow], folder: Path, *, phrases_by_rules: int
+) -> None:
     """The paper's POG table with one method."""
-    storey = "all storeys merged" if settings.all_storeys else "storey given"
     table = Table(
-        title=f"POG, {settings.condition} ({_homes(info)}, {storey}), phrases {info.config['phrases']}",
+        title=f"POG, {info.condition} ({_homes(info)})",
         caption=f"Percent within 1 m of the target. {settings.method} chooses among: {info.config['frame']}. "
         f"Total = {_TOTAL_IS}.",
     )
@@ -61,6 +65,10 @@ def print_ground_table(settings: GroundSettings, info: RunInfo, rows: Mapping[st
     table.add_row("", "k/n", *(f"{rows[name].k}/{rows[name].n}" for name in names))
     table.add_row("", "top-3", *(_cell(rows[name].top3) for name in names))
     Console(file=sys.stdout).print(table)
+    if phrases_by_rules:
+        print(
+            f"The language model gave no phrases for {phrases_by_rules} of {rows['total'].n} answers: rules read those."
+        )
     print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
 
 

@@ -2,20 +2,29 @@
 
 import json as json_module
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from rich.console import Console
 from rich.progress import track
 
-from grounding.encoders import MODEL_FAMILIES, DenseEncoder, ModelOptions, make_image_encoder
+from grounding.encoders import (
+    MODEL_FAMILIES,
+    Autocast,
+    DenseEncoder,
+    Device,
+    ModelOptions,
+    make_image_encoder,
+    require_no_model_options,
+)
 from grounding.map_files import MapSource, save_memory
 from grounding.mapping import FeatureSource, GridMapBuilder, MapBuilder
+from grounding.maps.segments import Segmenter
+from grounding.maps.storeys import floors_of_frames
 from grounding.memory import HomeMemory, ObjectMap, StoreyMemory
 from grounding.object_mapping import ObjectMapBuilder
-from grounding.robot_frames import FrameCounts, RobotFrames, read_robot_frames
-from grounding.segments import Segmenter
-from grounding.storeys import floors_of_frames
+from grounding.robot.frames import FrameCounts, RobotFrames, read_robot_frames
 from sim.errors import AgentError, PersonalVizError
 from sim.frames import CameraAxes
 from sim.scenes.up_axis import Up
@@ -41,8 +50,8 @@ def map_frames(
     mount_height: float | None,
     max_depth: float,
     scene: str | None,
-    device: Literal["cpu", "cuda"],
-    autocast: Literal["off", "bfloat16", "float16"],
+    device: Device,
+    autocast: Autocast,
     batch: int,
     json: bool,
 ) -> int:
@@ -89,6 +98,8 @@ def load_encoder(name: str, options: ModelOptions) -> DenseEncoder:
     """
     if ":" not in name or name.partition(":")[0] in MODEL_FAMILIES:
         return make_image_encoder(name, options=options)
+    unbatched = replace(options, batch_size=ModelOptions().batch_size)  # the builder's too, whatever the encoder
+    require_no_model_options(f"--encoder {name}", unbatched)
     return _plug_in("--encoder", name, ("encode_texts", "encode_images"))
 
 
@@ -99,7 +110,7 @@ def load_segmenter(name: str, floors: tuple[float, ...]) -> Segmenter:
         AgentError: There is none of this name, or it cannot be built.
     """
     if name == "depth":
-        from grounding.segment_depth import DepthRegions
+        from grounding.maps.segment_depth import DepthRegions
 
         return DepthRegions(floors=floors)
     return _plug_in("--segmenter", name, ("segment",))

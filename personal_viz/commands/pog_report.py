@@ -4,7 +4,7 @@ import json as json_module
 from collections.abc import Sequence
 from pathlib import Path
 
-from grounding.pog_table import pog_report as numbers_of
+from grounding.pog.table import pog_report as numbers_of
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RunFileError
 from sim.files import write_whole

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from grounding.exploration_files import load_exploration
+from grounding.exploring.files import load_exploration
 from recordings.live import LiveSink
 from recordings.observer_explore import ExplorationObserver
 from recordings.replay_exploration import EXPLORER, explorer_of, replay_exploration
@@ -17,8 +17,8 @@ from .same_home import open_same_home
 def show_exploration(
     *,
     file: Path,
-    dataset: Path,
     out: Path,
+    dataset: Path | None = None,
     scenes_dir: Path | None = None,
     with_pixels: bool = False,
     open: bool = False,
@@ -27,8 +27,8 @@ def show_exploration(
 
     Args:
         file: An exploration, FILE.json.
-        dataset: Folder of the home's episodes.
         out: The .rrd file.
+        dataset: Folder of the home's episodes; None for homes of `explore --homes`, which are made again.
         scenes_dir: Folder of the scans.
         with_pixels: Write geometry, maps and pictures of scans too (their terms of use hold for the file).
         open: Show it until its window is closed or until Ctrl-C.
@@ -39,9 +39,8 @@ def show_exploration(
     if out.suffix != ".rrd":
         raise RecordingError(f"--out: found {str(out)!r}; expected a file that ends in .rrd. Give another name.")
     found = load_exploration(file)
-    scene = open_same_home(
-        PersonalDataset(dataset), found.scene, digest=found.scene_digest, scenes_dir=scenes_dir, where=str(file)
-    )
+    episodes = None if dataset is None else PersonalDataset(dataset)
+    scene = open_same_home(episodes, found.scene, digest=found.scene_digest, scenes_dir=scenes_dir, where=str(file))
     has_pictures = scene.kind != "scan" or with_pixels
     observer = ExplorationObserver(
         scene,

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 
-from grounding.pog_table import PAPER_IS, TOTAL, PogReport, PogTable
+from grounding.pog.table import PAPER_IS, TOTAL, PogReport, PogTable
 from human_study.reporting.blocks import html_text, markdown_text
 from human_study.tables.csv_cells import csv_lines
 
@@ -101,24 +101,27 @@ def _csv_files(report: PogReport) -> dict[str, str]:
                 known = (cell.split, cell.n, cell.k, cell.sr, *ranges, cell.num_homes)
                 cells.append((*home, row.name, *known, paper_text(row), commits, " ".join(row.run_ids)))
             for point in row.curve:
-                distances.append((*home, row.name, point.metres, point.sr, *_both(point.by_home)))
+                both = (point.sr, *_both(point.by_home), point.top3, *_both(point.top3_by_home))
+                distances.append((*home, row.name, point.metres, *both))
         for item in table.differences:
             pair = (item.first, item.second, item.n, item.first_minus_second)
             differences.append((*home, *pair, *_both(item.by_home), item.only_first, item.only_second))
     for curve in report.curves:
         for point in curve.points:
-            figures = (point.value, point.n, point.sr, *_both(point.by_home), point.top3)
-            options.append((curve.title, curve.name, curve.knob, *figures))
+            firsts, threes = (point.sr, *_both(point.by_home)), (point.top3, *_both(point.top3_by_home))
+            counts = (point.value, point.n, point.num_homes)
+            options.append((curve.title, curve.name, curve.knob, *counts, *firsts, *threes))
     home = ("table", "scene_kind")
     of_homes = ("home_low", "home_high")
     found = ("split", "n", "k", "sr", "episode_low", "episode_high", *of_homes)
-    top3 = ("top3", "top3_home_low", "top3_home_high", "homes", "paper_hm3d_maps", "commits", "runs")
+    top3 = ("top3", "top3_home_low", "top3_home_high")
+    source = ("homes", "paper_hm3d_maps", "commits", "runs")
     pair = ("first", "second", "n", "first_minus_second", *of_homes, "only_first", "only_second")
     return {
-        "table.csv": csv_lines((*home, "method", *found, *top3), cells),
+        "table.csv": csv_lines((*home, "method", *found, *top3, *source), cells),
         "differences.csv": csv_lines((*home, *pair), differences),
-        "distance.csv": csv_lines((*home, "method", "metres", "sr", *of_homes), distances),
-        "options.csv": csv_lines(("table", "method", "option", "value", "n", "sr", *of_homes, "top3"), options),
+        "distance.csv": csv_lines((*home, "method", "metres", "sr", *of_homes, *top3), distances),
+        "options.csv": csv_lines(("table", "method", "option", "value", "n", "homes", "sr", *of_homes, *top3), options),
     }
 
 

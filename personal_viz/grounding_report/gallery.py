@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from grounding.asked_again import AnswerAgain, AskAgain
-from grounding.pog_failures import KINDS, Failure, FailureKind, failure_of, reasons
-from grounding.pog_rows import row_name, variant_of
+from grounding.pog.asked_again import AnswerAgain, AskAgain
+from grounding.pog.failures import KINDS, Failure, FailureKind, failure_of, reasons
+from grounding.pog.rows import row_name, variant_of
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode, Goal
 from sim.tasks.rules import scene_storeys

@@ -2,11 +2,14 @@
 
 from collections.abc import Sequence
 
-from grounding.pog_failures import KINDS, NEAR_MISS, FailureKind
-from grounding.pog_statistics import FEWEST_HOMES, NUM_RESAMPLES, Range
-from grounding.pog_table import PAPER_IS, TOTAL, KnobCurve, PogCell, PogReport, PogRow, PogTable
+from grounding.methods.joint import FROZEN
+from grounding.pog.curves import KnobCurve
+from grounding.pog.failures import KINDS, NEAR_MISS, FailureKind
+from grounding.pog.statistics import FEWEST_HOMES, NUM_RESAMPLES, Range
+from grounding.pog.table import PAPER_IS, TOTAL, PogCell, PogDifference, PogReport, PogRow, PogTable
 from human_study.reporting.blocks import Block, Heading, Picture, Table, Text
 
+from .figures import knob_axis, knob_ticks, points_text
 from .gallery import DrawnFailure, Gallery
 
 _WHAT = (
@@ -27,6 +30,8 @@ def report_blocks(report: PogReport, gallery: Gallery | None) -> list[Block]:
     """All of the report; pictures have the names of `picture_names`."""
     blocks: list[Block] = [Heading("POG: grounding on maps", 1), Text(_WHAT), Text(_NOT_MIXED)]
     blocks += [Heading("Runs"), _runs_table(report)]
+    if any(row.name.startswith("joint") for table in report.tables for row in table.rows):
+        blocks.append(Text(FROZEN))
     for number, table in enumerate(report.tables, start=1):
         blocks += _table_blocks(table, number)
         if gallery is not None:
@@ -34,17 +39,19 @@ def report_blocks(report: PogReport, gallery: Gallery | None) -> list[Block]:
     groups = knob_groups(report)
     if groups:
         blocks.append(Heading("Success over noise and wording"))
-        blocks.append(Text("Runs that differ in one option alone. Bands are intervals by home."))
+        blocks.append(
+            Text("Runs that differ in one option alone; each kind of homes and of map has curves of its own.")
+        )
         for number, curves in enumerate(groups, start=1):
-            blocks += _knob_blocks(curves, number)
+            blocks += _knob_blocks(curves, report, number)
     return blocks
 
 
 def knob_groups(report: PogReport) -> list[list[KnobCurve]]:
     """The curves that share a figure: one option, one map variant."""
-    groups: dict[tuple[str, str], list[KnobCurve]] = {}
+    groups: dict[tuple[str, str, str], list[KnobCurve]] = {}
     for curve in report.curves:
-        groups.setdefault((curve.knob, curve.title), []).append(curve)
+        groups.setdefault((curve.knob, curve.title, curve.dataset_digest), []).append(curve)
     return list(groups.values())
 
 
@@ -90,7 +97,9 @@ def _runs_table(report: PogReport) -> Table:
         for row in table.rows:
             seeds = ", ".join(map(str, row.seeds)) or "-"
             commits = ", ".join(commit[:12] for commit in row.commits)
-            lines.append((row.name, str(number), ", ".join(row.run_ids), seeds, commits, str(row.num_trials)))
+            by_rules = f" ({row.num_fallbacks} with phrases by rules)" if row.num_fallbacks else ""
+            answers = f"{row.num_trials}{by_rules}"
+            lines.append((row.name, str(number), ", ".join(row.run_ids), seeds, commits, answers))
     heads = ("method", "table", "runs", "seeds", "code at commit", "answers")
     return Table(heads, tuple(lines), "The commit is the one that the program stood at when the run was made.")
 
@@ -115,11 +124,29 @@ def _table_blocks(table: PogTable, number: int) -> list[Block]:
     lines_are = "by home" if is_by_home else f"by episode: fewer than {FEWEST_HOMES} homes"
     blocks.append(Picture(f"{methods_name(number)}.svg", f"Total per method; lines are intervals {lines_are}."))
     bands = "bands are intervals by home, " if is_by_home else ""
-    caption = f"First answers within a distance; {bands}the dotted line is the 1 m of success."
+    caption = (
+        "Share of episodes whose first answer, and whose best of the first three, lies within d; "
+        f"{bands}the dotted line is the 1 m of success."
+    )
     blocks.append(Picture(f"{distance_name(number)}.svg", caption))
+    blocks += _without_three(table)
     if table.differences:
         blocks += [Heading("Differences on the same episodes", 3), _difference_table(table)]
     return blocks
+
+
+def _without_three(table: PogTable) -> list[Block]:
+    """Which rows have no curve for three answers, though they rank some."""
+    names = [row.name for row in table.rows if row.curve[0].top3 is None and row.cells[-1].top3 is not None]
+    if not names:
+        return []
+    return [
+        Text(
+            f"No curve of three: the run files of {', '.join(names)} hold the distance of the first answer only, as "
+            "earlier versions of this program wrote them. Their top-3 within 1 m is in the table; ground again for the "
+            "curve."
+        )
+    ]
 
 
 def _cell_text(cell: PogCell) -> str:
@@ -127,11 +154,15 @@ def _cell_text(cell: PogCell) -> str:
     return f"{with_range(cell.sr, cell.by_episode)}{by_home} {count_text(cell)}"
 
 
+def _difference_text(item: PogDifference) -> str:
+    return f"{item.first_minus_second:+.1f}" + (f" {range_text(item.by_home, '{}')}" if item.by_home else "")
+
+
 def _difference_table(table: PogTable) -> Table:
     lines = [
         (
             f"{item.first} - {item.second}",
-            f"{item.first_minus_second:+.1f}" + (f" {range_text(item.by_home, '{}')}" if item.by_home else ""),
+            _difference_text(item),
             f"{item.only_first:g}",
             f"{item.only_second:g}",
             str(item.n),
@@ -185,21 +216,63 @@ def failure_caption(item: DrawnFailure) -> str:
     )
 
 
-def _knob_blocks(curves: Sequence[KnobCurve], number: int) -> list[Block]:
-    values = sorted({point.value for curve in curves for point in curve.points})
+def _knob_blocks(curves: Sequence[KnobCurve], report: PogReport, number: int) -> list[Block]:
+    knob = curves[0].knob
+    name = knob.replace("_", " ")
+    has_bars = any(point.by_home or point.top3_by_home for curve in curves for point in curve.points)
+    bars = (
+        "bars are 95 % intervals by home" if has_bars else f"no intervals by home with fewer than {FEWEST_HOMES} homes"
+    )
+    blocks: list[Block] = [
+        Heading(f"{name.capitalize()}: {curves[0].title}", 3),
+        _knob_table(curves),
+        Picture(f"{knob_name(number, knob)}.svg", f"Success; {knob_axis(knob)}; {bars}."),
+    ]
+    differences = _knob_differences(curves, report)
+    return [*blocks, differences] if differences.lines else blocks
+
+
+def _knob_table(curves: Sequence[KnobCurve]) -> Table:
+    """First answers and any of three, a column for each value."""
+    values = _knob_values(curves)
     lines = []
     for curve in curves:
         points = {point.value: point for point in curve.points}
         cells = [points.get(value) for value in values]
-        shown = ["-" if cell is None else with_range(cell.sr, cell.by_home, brackets="{}") for cell in cells]
-        lines.append((curve.name, *shown))
-    knob = curves[0].knob
-    heads = (f"SR, total (%); {knob.replace('_', ' ')}", *(f"{value:g}" for value in values))
-    return [
-        Heading(f"{knob.replace('_', ' ').capitalize()}: {curves[0].title}", 3),
-        Table(heads, tuple(lines)),
-        Picture(f"{knob_name(number, knob)}.svg", f"Success over {knob.replace('_', ' ')}."),
-    ]
+        firsts = ["-" if cell is None else with_range(cell.sr, cell.by_home, brackets="{}") for cell in cells]
+        threes = [
+            "-" if cell is None or cell.top3 is None else with_range(cell.top3, cell.top3_by_home, brackets="{}")
+            for cell in cells
+        ]
+        lines += [(curve.name, "top-1", *firsts), (curve.name, "top-3", *threes)]
+    points = [point for curve in curves for point in curve.points]
+    counts = points_text([point.n for point in points], [point.num_homes for point in points])
+    note = "in braces the interval by home" if any(point.by_home for point in points) else "no intervals by home"
+    return Table(("success, total (%)", "", *_knob_heads(curves)), tuple(lines), f"{counts}; {note}.")
+
+
+def _knob_differences(curves: Sequence[KnobCurve], report: PogReport) -> Table:
+    """Paired differences of first answers, from the table of each value."""
+    values = _knob_values(curves)
+    titles = {point.value: point.table for curve in curves for point in curve.points}
+    digest = curves[0].dataset_digest
+    tables = {table.title: table for table in report.tables if table.dataset_digest == digest}
+    found: dict[tuple[str, str], dict[float, str]] = {}
+    for value in values:
+        for item in tables[titles[value]].differences:
+            if {item.first, item.second} <= {curve.name for curve in curves}:
+                found.setdefault((item.first, item.second), {})[value] = _difference_text(item)
+    lines = [(f"{a} - {b}", *(texts.get(value, "-") for value in values)) for (a, b), texts in found.items()]
+    note = "On the same episodes; an interval in braces is by home, the same draws of homes for both methods."
+    return Table(("difference in top-1 (points)", *_knob_heads(curves)), tuple(lines), note)
+
+
+def _knob_heads(curves: Sequence[KnobCurve]) -> list[str]:
+    return [text.replace("\n", " ") for text in knob_ticks(curves[0].knob, _knob_values(curves))]
+
+
+def _knob_values(curves: Sequence[KnobCurve]) -> list[float]:
+    return sorted({point.value for curve in curves for point in curve.points})
 
 
 assert NEAR_MISS == 2.0, "KINDS says 1 to 2 m"

@@ -72,13 +72,15 @@ def score_answer(
         storeys: (lowest, highest) floor of each storey of the scene, from `scene_storeys`.
     """
     planar = [_planar_on_storey(point, episode.targets, storeys) for point in candidates[:3]]
+    known = tuple(distance if math.isfinite(distance) else None for distance in planar)
     return AnswerMeasures(
         success=bool(planar) and planar[0] <= SUCCESS_RADIUS,
         top3_success=any(distance <= SUCCESS_RADIUS for distance in planar),
-        planar_distance=planar[0] if planar and math.isfinite(planar[0]) else None,
+        planar_distance=known[0] if known else None,
         distance_3d=min((math.dist(candidates[0], target.position) for target in episode.targets), default=None)
         if candidates
         else None,
+        planar_distances=known,
     )
 
 

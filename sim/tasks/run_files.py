@@ -165,6 +165,8 @@ class AnswerMeasures(BaseModel):
     planar_distance: Length | None
     """Metres to the nearest valid target's centre on the answer's storey; None when none is on it or no answer."""
     distance_3d: Length | None
+    planar_distances: tuple[Length | None, ...] | None = None
+    """`planar_distance` of each of the first three candidates; None in files of versions that did not store them."""
 
 
 class ClickRay(BaseModel):
@@ -199,6 +201,8 @@ class Answer(BaseModel):
     t_s: Finite | None = None
     """Seconds from the texts being shown to the answer; a look at the home before them is not counted."""
     reason: EndReason = "click"
+    phrases_fell_back: bool = False
+    """Whether rules read the phrases, because the language model that run.json names gave none."""
     measures: AnswerMeasures | None = None
 
     @property

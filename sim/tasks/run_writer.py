@@ -1,4 +1,4 @@
-"""Append finished runs to a run folder, so that a kill loses at most the episode under way."""
+"""Append finished runs to a run folder, so that a kill loses at most what is under way."""
 
 import json
 from collections.abc import Sequence

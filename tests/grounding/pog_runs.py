@@ -9,15 +9,21 @@ CONFIG = {"map": "oracle", "encoder": "hashed", "all_storeys": False, "phrases":
 
 
 def answer_to(
-    key: EpisodeKey, distance: float | None, *, top3: bool | None = None, participant: str | None = None
+    key: EpisodeKey,
+    distance: float | None,
+    *,
+    top3: bool | None = None,
+    others: tuple[float | None, ...] | None = None,
+    participant: str | None = None,
 ) -> Answer:
-    """An answer so many metres off; None = on another storey."""
+    """An answer so many metres off; None = on another storey. `others` are the distances of its second and third."""
     is_right = distance is not None and distance <= 1
     measures = AnswerMeasures(
         success=is_right,
         top3_success=is_right if top3 is None else top3,
         planar_distance=distance,
         distance_3d=5.0,
+        planar_distances=None if others is None else (distance, *others),
     )
     return Answer(
         split=key.split,

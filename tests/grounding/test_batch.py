@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.batch import ground_batch, make_batch, solve_batch
 from grounding.encoders import make_encoder
-from grounding.oracle_map import objects_map, oracle_home
+from grounding.methods.batch import ground_batch, make_batch, solve_batch
+from grounding.oracle.oracle_map import objects_map, oracle_home
 from grounding.phrases import DatasetPhrases
 from grounding.rpg import PRESETS, RegionGated, RpgOptions
 from grounding.types import FeatureMap, Grounding, map_from_cells

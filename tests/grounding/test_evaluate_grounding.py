@@ -6,8 +6,10 @@ import pytest
 
 from grounding.evaluate import GroundSettings, SceneGrounder, evaluate, open_job, select_jobs
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import AgentError
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import read_run
+from sim.tasks.run_files import Answer, read_run
 from sim.tasks.run_writer import RunWriter
 
 RPG = GroundSettings("rpg")
@@ -74,6 +76,27 @@ def test_answers_do_not_depend_on_what_else_is_run(small_root: Path, tmp_path: P
     of_part = read_run(part.folder).answers
     assert len(of_part) == 2
     assert all(of_whole[answer.key] == answer for answer in of_part)
+
+
+def test_answers_before_an_error_are_on_disk_and_each_is_counted(
+    small_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = SceneGrounder.answer
+
+    def failing(grounder: SceneGrounder, episode: Episode) -> Answer:
+        if str(episode.key) == "hard/HomeTwo/1":
+            raise AgentError("no answer")
+        return answer(grounder, episode)
+
+    monkeypatch.setattr(SceneGrounder, "answer", failing)
+    jobs = select_jobs(PersonalDataset(small_root), RPG)
+    writer, counted = writer_in(tmp_path), []
+    with pytest.raises(AgentError, match="no answer"):
+        evaluate(jobs, writer, processes=1, on_episode=lambda: counted.append(len(writer.done)))
+    expected = names(jobs)[: names(jobs).index("hard/HomeTwo/1")]
+    assert [str(one.key) for one in read_run(tmp_path).answers] == expected
+    assert len(counted) == len(expected)
+    assert counted[-1] == len(expected)
 
 
 def test_a_killed_run_goes_on_where_it_stopped(small_root: Path, tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ import pytest
 from grounding.agents.frontier import FrontierExplorer, FrontierSettings
 from grounding.agents.random_frontier import random_frontier
 from grounding.agents.seeking import Seeker, SeekSettings
-from grounding.coverage import VisibleFloor
-from grounding.exploration_files import load_exploration, save_exploration
 from grounding.explore import TASK, Exploration, explore, frames_of, start_on_storey
-from grounding.rooms import RoomMap
+from grounding.exploring.coverage import VisibleFloor
+from grounding.exploring.files import load_exploration, save_exploration
+from grounding.exploring.rooms import RoomMap
 from sim.checks import check_agent
 from sim.errors import AgentError, RunFileError, SceneError
 from sim.frames import T_start_camera, T_world_agent
@@ -193,7 +193,7 @@ def test_our_agents_keep_the_agents_contract(name: str) -> None:
     assert check_agent(f"grounding.agents.{name}") == []
 
 
-def test_random_frontier_draws_by_seed_turns_when_nothing_is_left_and_stops_as_the_last_step() -> None:
+def test_random_frontier_stops_as_its_last_step_and_never_before() -> None:
     agent = random_frontier()
     task = dataclasses.replace(TASK, max_steps=12)
     actions = []

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from grounding.agents import floor_memory
 from grounding.agents.floor_memory import FloorMemory
 from grounding.agents.plan_kernels import spread_costs, weigh
 from grounding.agents.seeking import Seeker, SeekSettings
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
-from sim.types import FORWARD_STEP, Action, Observation, Pose
+from sim.types import FORWARD_STEP, Action, GridSpec, Observation, Pose
 
 from .test_explore import CAMERA, observation
 
@@ -111,3 +112,50 @@ def test_exploring_ends_later_without_news_where_more_is_left() -> None:
         seeker.see(observation(here, depth=20.0, step=step))
         found.append(seeker.is_dull())
     assert found == [False, False, False, True]
+
+
+def test_a_squeezing_robot_plans_over_thin_things_and_near_them_until_it_relaxes() -> None:
+    cells = np.full((40, 60), FREE, np.uint8)
+    cells[:, 20] = OCCUPIED  # thin
+    cells[:, 40:44] = OCCUPIED  # thick
+    grid, nothing = GridSpec((0.0, 0.0), 0.05, cells.shape), np.zeros(cells.shape, np.float32)
+    plain, tight = (
+        floor_memory._weights(
+            cells, cells, grid, clearance=clearance, touched=nothing, trail=nothing.astype(bool), bumps=()
+        )
+        for clearance in (floor_memory.CLEARANCE, floor_memory._TIGHT_CLEARANCE)
+    )
+    assert np.isnan(plain[20, 20])
+    assert np.isinf(plain[20, [18, 22]]).all()
+    assert np.isfinite(tight[20, 17:24]).all(), "a thin thing may be none"
+    assert tight[20, 20] > 10 * tight[20, 30], "but any other way is better"
+    assert np.isnan(tight[20, 41]), "a thick thing is one"
+
+
+def test_a_robot_squeezes_once_until_there_is_new_floor() -> None:
+    memory = seen((0.0, 0.0))
+    assert [memory.squeeze(), memory.squeeze()] == [True, False]
+    memory.relax()
+    assert memory.squeeze()
+
+
+def test_what_fails_again_before_the_robot_moves_comes_back_a_few_times_only() -> None:
+    seeker = Seeker(CAMERA, SeekSettings(rounds=3))
+    seeker.see(on_floor(0.0, 0))
+    back = []
+    for _ in range(8):  # all of it is left alone again at the same step
+        seeker._banned_until[5, 5] = 1000
+        back.append(seeker.forgive())
+    assert back[0]
+    assert not any(back[4:]), "it would come back for ever"
+
+
+def test_the_robot_changes_its_ways_where_no_new_floor_comes() -> None:
+    seeker = Seeker(CAMERA, SeekSettings(dull_steps=30))
+    seeker.see(on_floor(0.0, 0))
+    seeker._tried[seeker._tried_key(0)] = 2
+    before = seeker._extra()[0]
+    seeker.choose(seeker.frontiers()[0])
+    seeker.see(on_floor(0.0, 31))
+    assert seeker.pursue() is None
+    assert seeker._extra()[0] > before

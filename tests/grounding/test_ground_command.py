@@ -88,7 +88,7 @@ def test_figures_are_of_the_chosen_episodes_when_the_folder_holds_more(
 def test_the_table_shows_counts_and_where_it_was_written(small_root: Path, tmp_path: Path, capsys) -> None:
     options = {**DEFAULTS, "dataset": small_root, "method": "qs", "out": tmp_path, "scene": ("HomeTwo",), "json": False}
     assert ground(**{**options, "run_id": "my-run"}) == 0
-    printed = capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
     for text in (
         "Easy",
         "Hard",
@@ -149,8 +149,8 @@ def test_a_sweep_makes_one_run_per_value(small_root: Path, tmp_path: Path, capsy
         ({"sweep": "blur=a"}, r"--sweep is 'blur=a'; expected numbers behind blur="),
         ({"object_noise": -0.1}, r"--object-noise is -0.1; expected a number of at least 0"),
         ({"object_noise": float("nan")}, r"--object-noise is nan"),
-        ({"view_noise": 0.1}, r"--view-noise is 0.1 with --map oracle; it means something with --map explore only"),
-        ({"map": "explore", "blur": 0.1}, r"--blur is 0.1 with --map explore; it means something with --map oracle"),
+        ({"view_noise": 0.1}, r"--view-noise is 0.1 with --map oracle; expected it with --map explore only"),
+        ({"map": "explore", "blur": 0.1}, r"--blur is 0.1 with --map explore; expected it with --map oracle"),
         ({"map": "explore", "confusion": 1.5}, r"--confusion is 1.5; expected a share of 0 to 1"),
         ({"layout": "fine"}, r"--layout is 'fine' on oracle maps; expected grid"),
         ({"map": "explore", "layout": "objects"}, r"--method qs with --layout objects; expected object-phrase"),
@@ -181,6 +181,44 @@ def test_phrases_of_a_language_model_say_which_one_and_keep_no_key(
     info = read_run(run).info
     assert (info.config["llm_url"], info.config["llm_model"]) == (stub.url, "small")
     assert all(b"very-secret" not in path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
+
+
+@pytest.mark.slow
+def test_answers_with_phrases_by_rules_are_counted_over_processes(
+    small_root: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("openai", reason="extra llm is not installed")
+    monkeypatch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path / "cache"))
+    base = {"dataset": small_root, "out": tmp_path, "jobs": 2, "phrases": "llm", "llm_model": "small"}
+    with chat_stub() as stub:
+        stub.content = "I cannot say."
+        found = document(capsys, **base, method="phrase", llm_url=stub.url)
+    assert (found["n"], found["phrases_by_rules"]) == (11, 11)
+
+
+def test_answers_with_phrases_by_rules_are_counted_over_calls(
+    small_root: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("openai", reason="extra llm is not installed")
+    monkeypatch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path / "cache"))
+    base = {"dataset": small_root, "out": tmp_path, "phrases": "llm", "llm_model": "small"}
+    with chat_stub() as stub:
+        stub.content = "I cannot say."
+        options = {**base, "llm_url": stub.url, "method": "phrase"}
+        assert document(capsys, **options, limit=2)["phrases_by_rules"] == 4
+        found = document(capsys, **options)
+        assert (found["n"], found["phrases_by_rules"]) == (11, 11)
+        assert ground(**options) == 0
+        assert "gave no phrases for 11 of 11 answers: rules read those" in capsys.readouterr().out
+        asked = len(stub.requests)
+        unused = document(capsys, **{**options, "method": "qs"})
+    assert (unused["phrases"], unused["phrases_by_rules"]) == ("none", None)
+    assert len(stub.requests) == asked, "a method without phrases asks for none"
+    run = read_run(Path(found["run"]))
+    assert all(answer.phrases_fell_back for answer in run.answers)
+    rules = document(capsys, dataset=small_root, out=tmp_path, method="phrase", phrases="rules")
+    assert rules["sr"] == found["sr"]
+    assert not any(answer.phrases_fell_back for answer in read_run(Path(rules["run"])).answers)
 
 
 def test_rules_need_no_ground_truth(small_root: Path, tmp_path: Path, capsys) -> None:

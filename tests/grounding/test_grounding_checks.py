@@ -8,7 +8,7 @@ import pytest
 
 from grounding.baselines import QueryScoring
 from grounding.checks import check_encoder, check_grounder
-from grounding.encoder_hashed import HashedWords
+from grounding.encoding.hashed import HashedWords
 from grounding.grounders import GrounderName, make_grounder
 from grounding.memory_kinds import MemoryKind
 from grounding.rpg import PRESETS, RegionGated, RpgOptions

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from grounding.checks import check_encoder
-from grounding.encoder_hashed import STOP_WORDS, HashedWords, murmur3, terms
 from grounding.encoders import CachedTextEncoder, make_encoder
+from grounding.encoding.hashed import STOP_WORDS, HashedWords, murmur3, terms
 
 
 @pytest.mark.parametrize(

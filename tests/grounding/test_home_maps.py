@@ -46,7 +46,7 @@ def folders(runs: Path) -> MapFolders:
 def test_a_walked_home_answers_most_queries_and_its_run_says_how(runs: Path) -> None:
     run = read_run(runs / "first")
     assert run.info.scene_kind == "invented"
-    assert run.info.condition == "explore map, hashed encoder, phrases dataset, storey given"
+    assert run.info.condition == "explore map, hashed+oracle-perception encoder, phrases dataset, storey given"
     assert len(run.answers) == 24
     right = [answer for answer in run.answers if answer.measures is not None and answer.measures.success]
     assert len(right) >= 18  # perfect perception: what is left is the map's resolution and what was not seen

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from grounding.check_images import check_image_encoder
-from grounding.encoder_hashed import HashedWords
-from grounding.encoder_oracle import OraclePerception
+from grounding.checks import check_image_encoder
+from grounding.encoding.hashed import HashedWords
+from grounding.encoding.oracle_perception import OraclePerception
 from sim.errors import AgentError
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from grounding.baselines import QueryScoring
 from grounding.grounders import make_grounder
-from grounding.household_texts import household_texts
-from grounding.joint import JointMatcher, JointOptions, background, contrasted, standard_scores
+from grounding.methods.household_texts import household_texts
+from grounding.methods.joint import JointMatcher, JointOptions, background, contrasted, standard_scores
 from grounding.types import Grounding
 
 from .toy_maps import ORIGIN, ToyEncoder, asks, toy_map, xz

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grounding.check_room import BOXES, check_views
 from grounding.checks import check_map_builder
+from grounding.checks.room import BOXES, check_views
 from grounding.mapping import GridMapBuilder
+from grounding.maps.segment_depth import DepthRegions
+from grounding.maps.segments import InstanceIds
 from grounding.memory import HomeMemory, OccupancyGrid
 from grounding.object_mapping import ObjectMapBuilder
 from grounding.posed_frames import PosedFrame
-from grounding.segment_depth import DepthRegions
-from grounding.segments import InstanceIds
 from sim.errors import AgentError
 from sim.types import GridSpec
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.encoder_hashed import HashedWords
+from grounding.encoding.hashed import HashedWords
 from grounding.map_files import MapSource, load_memory, read_map_header, save_memory
 from grounding.memory import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.types import map_from_cells
@@ -133,6 +133,15 @@ def with_array(name: str, array: np.ndarray):
     return lambda part, data: array_bytes(array) if part == f"storey0/{name}.npy" else data
 
 
+def with_other_grid(part: str, data: bytes):
+    """The second storey's grid is moved by a metre."""
+    if part != "header.json":
+        return data
+    header = json.loads(data)
+    header["storeys"][1]["grid"]["origin_xz"] = [-1.0, 3.0]
+    return json.dumps(header)
+
+
 def with_header(**changes):
     return lambda part, data: json.dumps({**json.loads(data), **changes}) if part == "header.json" else data
 
@@ -149,6 +158,8 @@ def with_header(**changes):
         (with_header(dim=3), r"storey0/rows is float32 of shape \(3, 768\); expected float32 of shape \('any', 3\)"),
         (with_header(layout="objects"), r"header.json: storey0 is without merge_m or captions"),
         (with_header(secret=1), r"header.json: secret is 1; expected: Extra inputs"),
+        (with_header(storeys=[]), r"header.json: storeys is .*; expected: Tuple should have at least 1 item"),
+        (with_other_grid, r"header.json: storey1 is of another grid than storey0; expected one grid for all storeys"),
         (with_array("rows", vectors(3) * np.nan), r"storey0/rows is with nan or inf in it; expected finite numbers"),
         (with_array("rows", vectors(3)), r"storey0/rows is up to .* off length 1; expected unit vectors"),
         (with_array("rows", vectors(3).astype(float)), r"storey0/rows is float64 of shape"),

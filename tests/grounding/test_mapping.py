@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.cell_sums import CellSums
+from grounding.baselines import MapCentre
 from grounding.mapping import GridMapBuilder
+from grounding.maps.cell_sums import CellSums
+from grounding.maps.segment_depth import DepthRegions
+from grounding.maps.segments import InstanceIds, Segments
+from grounding.maps.storeys import floors_of_frames
 from grounding.memory import HomeMemory, ObjectMap
 from grounding.object_mapping import ObjectMapBuilder
 from grounding.posed_frames import Intrinsics, PosedFrame
-from grounding.robot_frames import read_robot_frames
-from grounding.segment_depth import DepthRegions
-from grounding.segments import InstanceIds, Segments
-from grounding.storeys import floors_of_frames
+from grounding.robot.frames import read_robot_frames
 from grounding.types import FeatureMap
 from sim.errors import AgentError
 from sim.frames import T_world_camera
@@ -22,11 +23,12 @@ from sim.scenes.invent import invent_plan
 from sim.scenes.scene import Scene, SceneObject
 from sim.scenes.sources import scene_from_plan
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
-from sim.types import Camera, GridSpec, Pose
+from sim.types import Camera, GridSpec, Pose, Task
 
 from .mapped_views import ColourEncoder, IdEncoder, write_recording
 
 CAMERA = Camera(width=320, height=240)
+TASK = Task("pog", description="", queries=("Find the sofa",))
 NEAR = 0.15
 """Metres that a mapped thing may be beside its box."""
 
@@ -162,7 +164,18 @@ def test_storeys_are_found_on_the_way_and_get_their_own_maps(home: SeenHome) -> 
 def test_the_grid_is_the_oracle_maps_when_their_middle_is_given(home: SeenHome) -> None:
     memory = built(GridMapBuilder(home.encoder, centre_xz=(5.75, 3.25)), home.frames[:8])
     assert memory.storeys[0].memory.grid == GridSpec((-20.0, -22.0), 1.0, (50, 50))  # floor(middle) - 25
-    assert memory.storeys[0].memory.centre_xz == (5.75, 3.25)
+    alone = built(GridMapBuilder(home.encoder), home.frames[:8])
+    assert memory.storeys[0].memory.centre_xz == alone.storeys[0].memory.centre_xz  # of what was seen, not the given
+
+
+@pytest.mark.parametrize("given", [(5.75, 3.25), (-4.0, 12.5)])
+def test_a_given_middle_is_no_answer(home: SeenHome, given: tuple[float, float]) -> None:
+    known = built(GridMapBuilder(home.encoder), home.frames[:8]).storeys[0].memory
+    memory = built(GridMapBuilder(home.encoder, centre_xz=given), home.frames[:8]).storeys[0].memory
+    first, other = (MapCentre().ground(item, TASK, ()).candidates[0].position for item in (known, memory))
+    assert first == other
+    np.testing.assert_array_equal(memory.points_from_rc(memory.rc), known.points_from_rc(known.rc))
+    np.testing.assert_array_equal(memory.rows, known.rows)
 
 
 def test_cells_of_a_fine_map_are_parts_of_the_coarse_ones(home: SeenHome) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from grounding.baselines import QueryScoring
 from grounding.grounders import GrounderName, make_grounder
-from grounding.matching import MatchOptions, PhraseMatcher, dual_scores, smoothed
+from grounding.methods.matching import MatchOptions, PhraseMatcher, dual_scores, smoothed
 from grounding.types import Grounding
 from sim.errors import AgentError
 
@@ -110,7 +110,7 @@ def test_without_the_owners_phrase_the_answer_is_that_of_qs(name, phrases) -> No
 
 
 def test_negative_options_are_refused() -> None:
-    with pytest.raises(ValueError, match="expected no negative value"):
+    with pytest.raises(AgentError, match="expected no negative value"):
         MatchOptions(sigma=-1.0)
 
 

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from grounding.checks import check_encoder
-from grounding.encoder_minilm import MiniLM, wheel_folder
 from grounding.encoders import make_encoder
+from grounding.encoding.minilm import MiniLM, wheel_folder
 from sim.errors import AgentError, MissingDependencyError
 
 TEXTS = ("A red wooden chair beside the window.", "oval mirror with a golden frame", "lamp")
@@ -24,7 +24,7 @@ def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def minilm() -> MiniLM:
-    return MiniLM(batch_size=2)
+    return MiniLM(most_tokens=8)
 
 
 def test_vectors_are_those_of_sentence_transformers(minilm: MiniLM) -> None:
@@ -33,6 +33,21 @@ def test_vectors_are_those_of_sentence_transformers(minilm: MiniLM) -> None:
     assert vectors[0, :4] == pytest.approx([0.0378171, 0.04238631, -0.07398329, 0.06667489], abs=1e-5)
     assert vectors[1, :4] == pytest.approx([0.08399114, 0.01810724, 0.03335883, -0.05501953], abs=1e-5)
     assert float(vectors[0] @ vectors[1]) == pytest.approx(0.2377, abs=1e-4)
+
+
+@pytest.mark.slow  # imports transformers
+def test_vectors_are_those_of_transformers_whatever_texts_share_a_pass() -> None:
+    transformers = pytest.importorskip("transformers")
+    folder = wheel_folder()
+    tokenizer = transformers.AutoTokenizer.from_pretrained(folder, local_files_only=True)
+    model = transformers.AutoModel.from_pretrained(folder, local_files_only=True).to(torch.float32).eval()
+    texts = ["", "Ümlaut, 桌子 & 1/2 \U0001fa91!", "ADA owns the café's lamp", *TEXTS, "very " * 300 + "old"]
+    expected = []
+    with torch.inference_mode():
+        for text in texts:
+            inputs = tokenizer(text, truncation=True, max_length=256, return_tensors="pt")
+            expected.append(torch.nn.functional.normalize(model(**inputs).last_hidden_state.mean(dim=1))[0].numpy())
+    assert np.allclose(MiniLM().encode_texts(texts), np.array(expected), rtol=0, atol=1e-5)
 
 
 def test_minilm_keeps_the_encoders_contract(minilm: MiniLM) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grounding.occupancy import OccupancyMapper
+from grounding.maps.occupancy import OccupancyMapper
 from grounding.posed_frames import Intrinsics
 from sim.frames import T_world_camera
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.encoder_hashed import HashedWords
-from grounding.oracle_map import OracleHome, objects_map, oracle_home
-from grounding.oracle_noise import OracleVariant, noisy, other_texts, variant_map
+from grounding.encoding.hashed import HashedWords
+from grounding.oracle.noise import OracleVariant, noisy, other_texts, variant_map
+from grounding.oracle.oracle_map import OracleHome, objects_map, oracle_home
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import SceneError
+from sim.errors import AgentError, SceneError
 
 WORDS = HashedWords()
 
@@ -120,5 +120,5 @@ def test_an_objects_noise_is_the_same_on_the_merged_map(homes) -> None:
 @pytest.mark.parametrize("field", ["blur", "object_noise", "cell_noise"])
 @pytest.mark.parametrize("value", [-0.1, float("nan"), float("inf")])
 def test_impossible_values_are_refused(field: str, value: float) -> None:
-    with pytest.raises(ValueError, match="expected blur and noise of at least 0"):
+    with pytest.raises(AgentError, match="expected blur and noise of at least 0"):
         replace(OracleVariant(), **{field: value})

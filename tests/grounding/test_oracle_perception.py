@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.check_images import check_image_encoder
-from grounding.encoder_hashed import HashedWords
-from grounding.encoder_oracle import CLUTTER_TEXTS, OraclePerception, PerceptionOptions, winning_ids
-from grounding.object_texts import object_texts
+from grounding.checks import check_image_encoder
+from grounding.encoding.hashed import HashedWords
+from grounding.encoding.oracle_perception import CLUTTER_TEXTS, OraclePerception, PerceptionOptions, winning_ids
+from grounding.oracle.texts import object_texts
 from grounding.posed_frames import Intrinsics, PosedFrame
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError

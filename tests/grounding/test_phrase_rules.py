@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.ownership_text import parse_query
-from grounding.phrase_rules import RulePhrases, phrases_in
-from grounding.phrase_scores import phrase_scores
+from grounding.phrasing.ownership_text import parse_query
+from grounding.phrasing.rules import RulePhrases, phrases_in
+from grounding.phrasing.scores import phrase_scores
 from sim.episodes.captions import ownership_sentence
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.descriptions import OwnedItem, write_description

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grounding.baselines import MapCentre, QueryScoring, RandomCell, rank_cells
-from grounding.encoder_hashed import HashedWords
+from grounding.encoding.hashed import HashedWords
 from grounding.phrases import DatasetPhrases
 from grounding.rpg import RegionGated, RpgOptions
 from grounding.types import FeatureMap, map_from_cells

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.asked_again import AnswerAgain, AskAgain, settings_of
 from grounding.evaluate import GroundSettings, SceneGrounder
-from grounding.pog_failures import failure_of, reasons
+from grounding.pog.asked_again import AnswerAgain, AskAgain, settings_of
+from grounding.pog.failures import failure_of, reasons
 from grounding.types import Candidate, Grounding, Layers, map_from_cells
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode

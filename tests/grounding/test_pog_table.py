@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grounding.pog_rows import RADII, method_trials
-from grounding.pog_table import PAPER_POG, TOTAL, PogReport, PogRow, PogTable, pog_report
+from grounding.pog.rows import RADII, method_trials
+from grounding.pog.table import PAPER_POG, TOTAL, PogReport, PogRow, PogTable, pog_report
 from sim.errors import RunFileError
 from sim.types import EpisodeKey
 
@@ -55,8 +55,41 @@ def test_splits_and_their_plain_mean_are_counted_by_hand(table: PogTable) -> Non
 
 def test_the_curve_rises_where_answers_lie_and_meets_the_success_rate(table: PogTable) -> None:
     curve = {point.metres: point.sr for point in row(table, "qs").curve}
-    assert len(curve) == 20
-    assert (curve[0.25], curve[0.5], curve[1.0], curve[1.5], curve[1.75], curve[5.0]) == (0, 25, 25, 25, 50, 50)
+    assert len(curve) == 41
+    assert (curve[0.0], curve[0.25], curve[0.5], curve[1.0], curve[1.5], curve[1.75]) == (0, 0, 25, 25, 25, 50)
+    assert curve[10.0] == 50
+
+
+def test_the_curve_of_three_takes_the_nearest_and_meets_top3() -> None:
+    shown = [
+        answer_to(EASY[0], 3.0, others=(0.4, 7.0), top3=True),
+        answer_to(EASY[1], 2.0, others=(None, 8.0)),
+        answer_to(EASY[2], None, others=(9.0, 6.0)),
+        answer_to(EASY[3], 0.2, others=()),
+    ]
+    found = row(only(pog_report([run_of("qs", shown)])), "qs")
+    curve = {point.metres: point.top3 for point in found.curve}
+    assert (curve[0.25], curve[0.5], curve[1.0], curve[2.0], curve[5.75], curve[6.0]) == (25, 50, 50, 75, 75, 100)
+    assert curve[1.0] == found.cells[-1].top3
+    assert [point.sr for point in found.curve if point.metres in (1.0, 3.0, 10.0)] == [25, 75, 75]
+
+
+def test_runs_without_the_distances_of_three_have_no_curve_of_three(table: PogTable) -> None:
+    assert {point.top3 for point in row(table, "qs").curve} == {None}
+    resumed = [answer_to(EASY[0], 0.4, others=(2.0,)), answer_to(EASY[1], 0.4)]
+    assert row(only(pog_report([run_of("qs", resumed)])), "qs").curve[-1].top3 is None
+    clicks = [answer_to(EASY[0], 0.4, others=(), participant="P01")]
+    people = run_of("human", clicks, config={}, who_kind="human", scene_kind="invented", seed=None)
+    assert only(pog_report([people])).rows[0].curve[-1].top3 is None
+
+
+def test_intervals_by_home_stand_on_the_curve_of_three() -> None:
+    shown = [answer_to(key, 5.0, others=(0.5 if index % 3 else 4.0,)) for index, key in enumerate(EASY)]
+    points = {point.metres: point for point in row(only(pog_report([run_of("qs", shown)])), "qs").curve}
+    interval = points[1.0].top3_by_home
+    assert interval is not None
+    assert interval.low < points[1.0].top3 < interval.high
+    assert points[1.0].by_home is None, "no first answer is within 1 m in any home"
 
 
 def test_differences_are_paired_on_the_same_episodes(table: PogTable) -> None:
@@ -66,6 +99,12 @@ def test_differences_are_paired_on_the_same_episodes(table: PogTable) -> None:
     assert (difference.only_first, difference.only_second) == (3, 0)
     assert difference.by_home is not None
     assert difference.by_home.low >= 0
+
+
+def test_answers_with_phrases_by_rules_are_counted() -> None:
+    shown = answers(9)
+    shown[0] = shown[0].model_copy(update={"phrases_fell_back": True})
+    assert row(only(pog_report([run_of("rpg", shown)])), "rpg").num_fallbacks == 1
 
 
 def test_only_common_episodes_enter_a_difference() -> None:
@@ -137,8 +176,30 @@ def test_a_curve_over_an_option_needs_runs_that_differ_in_it_alone() -> None:
     ]
     other = run_of("qs", answers(3), config={"cell_noise": 0.1, "blur": 1.0, "encoder": "minilm"})
     (curve,) = pog_report([*runs, other]).curves
-    assert (curve.knob, curve.name) == ("cell_noise", "qs")
+    assert (curve.knob, curve.name, curve.dataset_digest) == ("cell_noise", "qs", "d")
+    assert [(point.n, point.num_homes, point.top3) for point in curve.points] == [(18, 6, 50.0)] * 3
+    assert curve.points[1].by_home is not None
+    assert "cell noise 0.1" in curve.points[1].table
     assert [(point.value, point.sr) for point in curve.points] == [(0.0, 50.0), (0.1, 25.0), (0.2, 0.0)]
+
+
+def test_walks_whose_captions_an_oracle_saw_say_so_and_kinds_of_homes_have_curves_of_their_own() -> None:
+    runs = [
+        run_of(
+            who, answers(right), config={"map": "explore", "paraphrase": level}, scene_kind=kind, dataset_digest=kind
+        )
+        for kind in ("schematic", "invented")
+        for level, right in ((0, 12), (3, 3))
+        for who in ("qs", "rpg")
+    ]
+    report = pog_report(runs)
+    assert {(curve.title, curve.name) for curve in report.curves} == {
+        (f"Maps explored in {kind} homes (not HM3D), oracle perception (hashed words), storey given", who)
+        for kind in ("schematic", "invented")
+        for who in ("qs", "rpg")
+    }
+    assert [(point.value, point.sr) for point in report.curves[0].points] == [(0.0, 50.0), (3.0, 12.5)]
+    assert {point.table for curve in report.curves for point in curve.points} == {t.title for t in report.tables}
 
 
 def test_a_trial_that_stands_twice_is_refused() -> None:

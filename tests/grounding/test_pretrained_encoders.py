@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
-from grounding.check_images import check_image_encoder
-from grounding.encoder_siglip import Siglip
+from grounding import encoders
+from grounding.checks import check_image_encoder
 from grounding.encoders import DenseEncoder, ModelOptions, make_encoder, make_image_encoder
 from grounding.posed_frames import PosedFrame
 from sim.errors import AgentError, MissingDependencyError
@@ -211,11 +211,12 @@ def test_a_text_encoder_by_name_is_the_model_behind_a_cache(folder, load) -> Non
     assert np.allclose(encoder.encode_texts(["lamp"]), load("clip").encode_texts(["lamp"]), atol=1e-6)
 
 
-def test_progress_is_told_after_each_batch(folder) -> None:
-    told: list[int] = []
-    encoder = Siglip(str(folder("siglip")), options=ModelOptions(batch_size=2, on_batch=told.append))
-    encoder.encode_images([picture(30, 220)] * 5)
-    assert told == [2, 2, 1]
+def test_one_model_serves_queries_and_pictures_until_other_options_come(folder) -> None:
+    name, options = f"siglip:{folder('siglip')}", ModelOptions(batch_size=2)
+    eye = make_image_encoder(name, options=options)
+    assert make_image_encoder(name, options=ModelOptions(batch_size=2)) is eye
+    assert make_encoder(name, options=options)._encoder is eye
+    assert make_image_encoder(name, options=ModelOptions(batch_size=3)) is not eye
 
 
 def test_long_texts_are_cut_at_the_models_length(load) -> None:
@@ -284,6 +285,7 @@ def test_float16_on_the_cpu_is_refused(folder) -> None:
 
 def test_without_transformers_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, folder) -> None:
     source = f"clip:{folder('clip')}"
+    encoders._model.cache_clear()
     monkeypatch.setitem(sys.modules, "transformers", None)
     with pytest.raises(MissingDependencyError, match=r"extra 'models'. Run: pip install 'personal-viz\[models\]'"):
         make_image_encoder(source)

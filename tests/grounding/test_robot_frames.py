@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from grounding.check_room import check_views
+from grounding.checks.room import check_views
 from grounding.mapping import GridMapBuilder
+from grounding.maps.storeys import floors_of_frames
 from grounding.memory import HomeMemory
 from grounding.posed_frames import PosedFrame
-from grounding.robot_frames import read_robot_frames
-from grounding.storeys import floors_of_frames
+from grounding.robot.frames import read_robot_frames
 from sim.errors import SceneError
 from sim.frames import R_agent_axes, R_agent_camera
 

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grounding.rpg import PRESETS, RpgOptions, RpgResult, nms_peaks, rpg_dense, rpg_packed
+from grounding.rpg import PRESETS, RpgOptions, RpgResult, rpg_dense, rpg_packed
 from grounding.types import TIE, map_from_cells
 from sim.types import GridSpec
 
@@ -375,25 +375,3 @@ def test_an_empty_map_has_no_answer() -> None:
         assert answer(result) == -1
         assert float(result.value[0]) == -math.inf
     assert answer(solve_packed(problem, PRESETS["paper"])) == -1
-
-
-def test_presets_are_those_of_the_paper_and_of_the_authors_code() -> None:
-    assert PRESETS["paper"] == RpgOptions(top_k=3, nhood=1, nms_r=1)
-    assert PRESETS["authors"] == RpgOptions(top_k=4, nhood=0, nms_r=0)
-
-
-def test_impossible_options_are_refused() -> None:
-    with pytest.raises(ValueError, match="expected top_k >= 1"):
-        RpgOptions(top_k=0)
-
-
-def test_the_packed_form_refuses_the_literal_option() -> None:
-    with pytest.raises(ValueError, match="call rpg_dense"):
-        solve_packed(Problem(np.ones((1, 1, 2)), np.ones((1, 2)), np.ones(2)), RpgOptions(literal=True))
-
-
-def test_peaks_by_hand() -> None:
-    scores = torch.tensor([[0.1, 0.9, 0.8, 0.2, 0.7]])
-    line = torch.tensor([[0, col] for col in range(5)])
-    assert nms_peaks(scores, line, top_k=4, nms_r=1).tolist() == [[1, 4, -1, -1]]
-    assert nms_peaks(scores, line, top_k=4, nms_r=0).tolist() == [[1, 2, 4, 3]]

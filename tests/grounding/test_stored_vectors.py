@@ -1,14 +1,16 @@
 """Vectors kept on disk: encoded once per machine, shared, and never trusted when damaged."""
 
 import sqlite3
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 from grounding.checks import check_encoder
-from grounding.encoder_hashed import HashedWords
-from grounding.stored_vectors import StoredTextEncoder
+from grounding.encoding.hashed import HashedWords
+from grounding.encoding.stored_vectors import StoredTextEncoder
 
 WORDS = HashedWords()
 
@@ -47,6 +49,34 @@ def test_the_encoder_is_not_even_made_when_all_is_known(tmp_path: Path) -> None:
     again = StoredTextEncoder(never, name=WORDS.name, dim=WORDS.dim, key="k", folder=tmp_path)
     assert np.array_equal(again.encode_texts(["red chair"]), WORDS.encode_texts(["red chair"]))
     assert again.encode_texts([]).shape == (0, 768)
+
+
+def test_few_new_vectors_are_written_in_the_end_and_many_at_once(tmp_path: Path) -> None:
+    first, second = stored(tmp_path, Counting()), Counting()
+    vector = first.encode_texts(["red chair"])
+    assert not (tmp_path / f"{WORDS.name}-k.sqlite").exists()
+    assert np.array_equal(first.encode_texts(["red chair"]), vector)
+    first.encode_texts([f"thing number{i}" for i in range(300)])
+    stored(tmp_path, second).encode_texts(["red chair", "thing number0", "thing number299"])
+    assert second.asked == []
+    first.encode_texts(["oak table"])
+    del first
+    stored(tmp_path, second).encode_texts(["oak table"])
+    assert second.asked == []
+
+
+def test_what_a_process_has_left_to_write_is_written_when_it_ends(tmp_path: Path) -> None:
+    program = f"""
+from pathlib import Path
+from grounding.encoding.hashed import HashedWords
+from grounding.encoding.stored_vectors import StoredTextEncoder
+kept = StoredTextEncoder(HashedWords, name="{WORDS.name}", dim={WORDS.dim}, key="k", folder=Path({str(tmp_path)!r}))
+kept.encode_texts(["red chair"])
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)
+    counting = Counting()
+    stored(tmp_path, counting).encode_texts(["red chair"])
+    assert counting.asked == []
 
 
 def test_other_weights_have_a_file_of_their_own(tmp_path: Path) -> None:

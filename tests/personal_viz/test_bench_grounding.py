@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from grounding.batch import solve_batch
 from grounding.encoders import make_encoder
+from grounding.methods.batch import solve_batch
 from grounding.rpg import RpgOptions, rpg_dense
 from personal_viz.bench import grounding as bench
 from personal_viz.bench import grounding_inputs as inputs
@@ -72,7 +72,7 @@ def test_figures_have_the_shape_that_the_command_prints(
         ratio = printed[case]["literal_ms"] / printed[case]["packed_ms"]
         assert printed[case]["literal_over_packed"] == pytest.approx(ratio)
     assert set(figures.query_ms) == {"hashed"}
-    assert figures.cold_s == {}
+    assert figures.cold_s == figures.cold_phrase_s == {}
     assert (tmp_path / "bench-grounding.md").read_text() == markdown(figures)
     assert "65 synthetic episodes on 1 maps" in markdown(figures)
 
@@ -87,6 +87,7 @@ def test_a_missed_target_is_said() -> None:
         b64=case,
         all_episodes=case,
         cold_s={"hashed": 60.5},
+        cold_phrase_s={"hashed": 59.5},
         cold_episodes=1,
         query_ms={"hashed": 99.0},
     )

@@ -215,8 +215,10 @@ def test_a_mark_can_be_made_moved_and_confirmed_without_a_mouse(home: Home, brow
         for number, key in enumerate(["ArrowUp", "ArrowUp", "ArrowLeft"], start=1):
             page.keyboard.press(key, delay=HOLD_MS)
             stage.link.wait_for("click", count=number)
-        page.get_by_role("button", name="Confirm the mark").focus()
-        page.keyboard.press("Enter", delay=HOLD_MS)
+        button = page.get_by_role("button", name="Confirm the mark")
+        button.focus()
+        expect(button).to_be_focused()
+        button.press("Enter", delay=HOLD_MS)
         outcome = stage.link.wait_for_outcome()
         hits = [event.hit for event in stage.link.events("") if isinstance(event, Clicked)]
     assert isinstance(outcome, Answer)

@@ -1,21 +1,40 @@
 """The verb `explore`: files, figures, going on, and options that are refused; `run --agent random-frontier`."""
 
 import json
+import os
+import sys
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 
-from grounding.exploration_files import load_exploration
+from grounding.code_digest import policy_digest
+from grounding.exploring import jobs as jobs_module
+from grounding.exploring.files import load_exploration
+from personal_viz.__main__ import main
 from personal_viz.cli import parse
+from personal_viz.cli_grounding import Explore
 from personal_viz.commands import explore as verb
 from personal_viz.commands.runs import SHORT_NAMES
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError, RunFileError
 from sim.tasks.agents import load_agent
+from sim.tasks.provenance import git_commit, package_versions
+
+from ..grounding.small_homes import write_small_dataset
+from ..grounding.two_rooms import two_room_scene
 
 OPTIONS = ["explore", "--homes", "1", "--width", "48", "--height", "36", "--max-steps", "30"]
 
 
-def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(tmp_path: Path, capsys) -> None:
+def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.setattr(
+        jobs_module, "invented_home", lru_cache(jobs_module.invented_home)
+    )  # made once, not three times
     options = [*OPTIONS, "--out", str(tmp_path), "--json"]
     assert parse(options).work() == 0
     document = json.loads(capsys.readouterr().out)
@@ -25,7 +44,14 @@ def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(t
     assert (document["scene_kind"], document["n"]) == ("invented", 1)
     assert document["coverage"]["min"] == row["coverage"] == document["coverage"]["mean"]
     assert (tmp_path / "coverage.png").read_bytes()[:4] == b"\x89PNG"
+    assert document["config"] == {"max_steps": 30, "storeys": "start", "homes": 1}
+    assert document["dataset_digest"] is None, "an invented home comes of its seed"
+    assert document["git_commit"] == git_commit()
+    assert document["versions"] == package_versions()
+    assert document["created_utc"].endswith("+00:00")
+    assert json.loads((tmp_path / "explore.json").read_text()) == document
     (path,) = tmp_path.glob("Invented0*.json")
+    assert (row["scene_digest"], document["policy"]) == (load_exploration(path).scene_digest, policy_digest())
     written = path.stat().st_mtime_ns
     assert len(load_exploration(path).steps) == 30
     assert parse([*OPTIONS, "--out", str(tmp_path)]).work() == 0
@@ -39,8 +65,15 @@ def test_a_dataset_or_a_number_of_homes_is_needed(tmp_path: Path) -> None:
     fields = {"scene": (), "scenes_dir": None, "storeys": "start", "seed": 0, "max_steps": 5, "width": 8, "height": 6}
     with pytest.raises(PersonalVizError, match="expected one"):
         verb.explore(dataset=None, homes=None, jobs=1, out=tmp_path, json=False, **fields)
+    with pytest.raises(PersonalVizError, match=r"--homes is 0; expected a whole number from 1"):
+        verb.explore(dataset=None, homes=0, jobs=1, out=tmp_path, json=False, **fields)
     with pytest.raises(PersonalVizError, match="whole numbers from 1"):
         verb.explore(dataset=None, homes=1, jobs=1, out=tmp_path, json=False, **{**fields, "width": 0})
+
+
+def test_every_option_of_the_verb_says_what_it_is() -> None:
+    hints = get_type_hints(Explore, include_extras=True)
+    assert [name for name, hint in hints.items() if not getattr(hint, "__metadata__", ())] == []
 
 
 def test_random_frontier_is_a_name_of_run_and_others_are_refused(tmp_path: Path) -> None:
@@ -50,3 +83,53 @@ def test_random_frontier_is_a_name_of_run_and_others_are_refused(tmp_path: Path)
     _require_agent("random-frontier")
     with pytest.raises(AgentError, match="random-frontier"):
         _require_agent("frontier")
+
+
+def figures(out: Path) -> dict:
+    """`explore.json` without what two calls cannot share."""
+    return {**json.loads((out / "explore.json").read_text()), "created_utc": None, "out": None}
+
+
+@pytest.mark.slow
+def test_two_worker_processes_give_the_documents_that_one_gives(tmp_path: Path, monkeypatch, capsys) -> None:
+    write_small_dataset(tmp_path / "dataset")
+    monkeypatch.setattr(verb, "coverage_png", lambda found, *, title: b"")
+    options = ["explore", "--dataset", str(tmp_path / "dataset"), "--storeys", "all", "--max-steps", "6"]
+    for jobs in ("1", "2"):
+        small = [*options, "--width", "32", "--height", "24", "--jobs", jobs, "--out", str(tmp_path / jobs)]
+        assert parse(small).work() == 0
+    one, two = ({path.name: path.read_bytes() for path in (tmp_path / jobs).glob("Home*")} for jobs in ("1", "2"))
+    assert sorted(name.split(".")[0] for name in one) == ["HomeOne-0", "HomeOne-3", "HomeTwo-0"]
+    assert two == one
+    assert figures(tmp_path / "2") == figures(tmp_path / "1")
+
+
+class DiesOnArrival:
+    """Ends the worker process that is sent it."""
+
+    def __reduce__(self) -> tuple:
+        return os._exit, (1,)
+
+
+@pytest.mark.slow
+def test_a_worker_process_that_is_ended_from_outside_gives_one_line(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(verb, "_homes", lambda *options: ([DiesOnArrival(), DiesOnArrival()], "invented"))
+    monkeypatch.setattr(sys, "argv", ["personal-viz", "explore", "--homes", "2", "--jobs", "2", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "--jobs 2: a worker process was ended from outside; expected all to finish. " in line
+    assert "run again with fewer --jobs" in line
+    assert not (tmp_path / "explore.json").exists()
+
+
+def test_a_datasets_digest_stands_with_the_figures(tmp_path: Path, monkeypatch, capsys) -> None:
+    write_small_dataset(tmp_path / "dataset")
+    home = replace(two_room_scene(), name="HomeTwo")
+    monkeypatch.setattr(jobs_module, "_opened", lambda job: (home, None))
+    options = [*OPTIONS[3:-1], "4", "--dataset", str(tmp_path / "dataset"), "--scene", "HomeTwo", "--json"]
+    assert parse(["explore", *options, "--out", str(tmp_path / "out")]).work() == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["dataset_digest"] == PersonalDataset(tmp_path / "dataset").digest()
+    assert (document["scene_kind"], document["rooms_missed"], document["config"]["homes"]) == ("schematic", None, None)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.check_room import check_views
+from grounding.checks.room import check_views
 from grounding.map_files import load_memory, read_map_header
 from grounding.memory import ObjectMap
 from personal_viz.__main__ import main
@@ -88,3 +88,18 @@ def test_a_folder_without_pictures_is_one_line_and_exit_code_1(tmp_path: Path, c
     with pytest.raises(SystemExit, match="1"):
         main()
     assert "found no colour picture; expected color/*.jpg" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("option", "value"), [("--device", "cuda"), ("--autocast", "bfloat16")])
+def test_options_of_models_are_refused_for_a_plug_in_that_would_ignore_them(
+    option: str, value: str, recording: Path, tmp_path: Path
+) -> None:
+    message = rf"{option} is '{value}' with --encoder {COLOURS}, which runs no model of ours; expected one of clip:"
+    with pytest.raises(AgentError, match=message):
+        run(recording, "--out", str(tmp_path / "a.npz"), option, value)
+
+
+def test_the_batch_is_a_plug_ins_too(recording: Path, tmp_path: Path) -> None:
+    for batch in ("1", "5"):
+        assert run(recording, "--out", str(tmp_path / f"{batch}.npz"), "--batch", batch) == 0
+    assert (tmp_path / "1.npz").read_bytes() == (tmp_path / "5.npz").read_bytes()

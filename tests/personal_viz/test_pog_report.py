@@ -21,11 +21,11 @@ from ..grounding.small_homes import write_small_dataset
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A data set, and a folder of runs of three methods on it."""
+    """A data set, and a folder of runs of four methods on it."""
     root, runs = tmp_path_factory.mktemp("small"), tmp_path_factory.mktemp("runs")
     write_small_dataset(root)
     dataset = PersonalDataset(root)
-    methods: tuple[GrounderName, ...] = ("center", "qs", "rpg")
+    methods: tuple[GrounderName, ...] = ("center", "qs", "rpg", "joint")
     for method in methods:
         work = select_jobs(dataset, settings := GroundSettings(method))
         info = make_run_info(
@@ -35,7 +35,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
             scene_kind="oracle-map",
             dataset_digest=dataset.digest(),
             seed=0,
-            config={**settings.config, "phrases": "dataset" if method == "rpg" else "none"},
+            config={**settings.config, "phrases": "dataset" if method in ("rpg", "joint") else "none"},
         )
         evaluate(work, RunWriter(runs / f"run-{method}", info), processes=1)
     return root, runs
@@ -56,6 +56,26 @@ def test_every_file_is_written(written: Path) -> None:
     assert any(name.startswith("failure-run-qs-hard-HomeTwo-1") for name in failures)
 
 
+def test_the_curve_of_three_is_drawn_and_runs_that_lack_it_are_named(
+    made: tuple[Path, Path], written: Path, tmp_path: Path
+) -> None:
+    assert "best of the first three" in (written / "distance-1.svg").read_text()
+    page = (written / "index.md").read_text()
+    assert "No curve of three" not in page
+    header, *lines = (written / "distance.csv").read_text().splitlines()
+    assert header == "table,scene_kind,method,metres,sr,home_low,home_high,top3,top3_home_low,top3_home_high"
+    assert len(lines) == 4 * 41
+    older = tmp_path / "runs"
+    shutil.copytree(made[1], older)
+    answers = older / "run-qs" / "answers.jsonl"
+    old = [json.loads(line) for line in answers.read_text().splitlines()]
+    for line in old:
+        del line["measures"]["planar_distances"]
+    answers.write_text("".join(json.dumps(line) + "\n" for line in old))
+    pog_report(runs=[older], out=tmp_path / "out")
+    assert "No curve of three: the run files of qs hold" in (tmp_path / "out" / "index.md").read_text()
+
+
 def test_the_page_needs_no_other_file_and_names_commit_methods_and_the_papers_column(written: Path) -> None:
     page = (written / "index.html").read_text()
     assert page.count("<svg") == len(list(written.glob("*.svg")))
@@ -65,7 +85,12 @@ def test_the_page_needs_no_other_file_and_names_commit_methods_and_the_papers_co
     assert "15.4 / 12.7 / 8.6 / 11.9" in page
     assert "beats" not in page
     info = json.loads((written / "report.json").read_text())
-    assert [row["name"] for row in info["tables"][0]["rows"]] == ["center", "qs", "rpg (phrases dataset)"]
+    assert [row["name"] for row in info["tables"][0]["rows"]] == [
+        "center",
+        "qs",
+        "rpg (phrases dataset)",
+        "joint (phrases dataset)",
+    ]
     assert info["tables"][0]["rows"][0]["commits"][0][:12] in page
 
 
@@ -126,3 +151,11 @@ def test_another_dataset_and_bad_options_are_refused(made: tuple[Path, Path], tm
 def test_the_verb_takes_runs_and_datasets() -> None:
     verb = parse(["pog-report", "a", "b", "--out", "c", "--dataset", "d", "e", "--failures", "2"])
     assert (verb.runs, verb.dataset, verb.failures) == ((Path("a"), Path("b")), (Path("d"), Path("e")), 2)
+
+
+def test_the_report_says_where_the_constants_of_joint_were_frozen(
+    made: tuple[Path, Path], written: Path, tmp_path: Path
+) -> None:
+    assert "frozen on 24 invented homes" in (written / "index.md").read_text()
+    assert pog_report(runs=[made[1] / "run-qs"], out=tmp_path / "other", dataset=[made[0]]) == 0
+    assert "frozen" not in (tmp_path / "other" / "index.md").read_text()

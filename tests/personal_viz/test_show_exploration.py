@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from grounding.exploration_files import save_exploration
 from grounding.explore import Exploration, explore, start_on_storey
+from grounding.exploring.files import load_exploration, save_exploration
 from personal_viz.cli import parse
 from personal_viz.commands import same_home
 from personal_viz.commands.show_exploration import show_exploration
@@ -70,6 +70,27 @@ def test_another_version_of_the_home_and_other_files_are_refused(
         show_exploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.rrd")
     with pytest.raises(RecordingError, match=r"ends in \.rrd"):
         show_exploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.json")
+
+
+@pytest.mark.slow
+def test_an_invented_home_is_made_again_from_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    explored = ["explore", "--homes", "1", "--width", "48", "--height", "36", "--max-steps", "4"]
+    assert parse([*explored, "--out", str(tmp_path / "walks")]).work() == 0
+    (file,) = (tmp_path / "walks").glob("Invented0*.json")
+    assert parse(["show-exploration", str(file), "--out", str(tmp_path / "a.rrd")]).work() == 0
+    assert len(tables(tmp_path / "a.rrd")[("/runs/frontier/camera", False)]["EncodedImage:blob"]) == 5
+    assert "4 steps in" in capsys.readouterr().out
+    other = replace(load_exploration(file), scene_digest="f" * 64)
+    save_exploration(tmp_path / "other.json", other)
+    with pytest.raises(RecordingError, match=r"the home invented now has .*Give its --dataset, or explore it again"):
+        show_exploration(file=tmp_path / "other.json", out=tmp_path / "b.rrd")
+
+
+def test_a_home_that_is_not_made_of_its_name_needs_its_dataset(exploration: Exploration, tmp_path: Path) -> None:
+    save_exploration(tmp_path / "c.json", exploration)
+    with pytest.raises(RecordingError, match=r"c\.json: home 'HomeTwo': is none .* Give --dataset"):
+        show_exploration(file=tmp_path / "c.json", out=tmp_path / "c.rrd")
+    assert not (tmp_path / "c.rrd").exists()
 
 
 def test_the_verb_takes_a_file() -> None:

@@ -92,7 +92,7 @@ def test_the_picture_covers_all_walkable_places_out_to_whole_metres() -> None:
 
 def test_pixels_nest_in_the_agents_cells() -> None:
     grid = map_grid(room())
-    agents = GridSpec((-25.0, -25.0), 1.0, (50, 50))  # corners on whole metres, as grounding.oracle_map lays them
+    agents = GridSpec((-25.0, -25.0), 1.0, (50, 50))  # corners on whole metres, as grounding.oracle lays them
     rc = np.argwhere(np.ones(grid.shape, bool))[::997]
     per_metre = round(1 / grid.cell)
     cells = agents.rc_from_xz(grid.xz_from_rc(rc))

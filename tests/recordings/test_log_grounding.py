@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from grounding.asked_again import settings_of
 from grounding.evaluate import GroundSettings, SceneGrounder
+from grounding.pog.asked_again import settings_of
 from recordings.carpets import on_map
 from recordings.log_grounding import outline, reground
 from recordings.log_maps import StoreyMap

@@ -17,6 +17,7 @@ from sim.errors import RecordingError
 from sim.scenes.scene import Scene
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import GridSpec
+from sim.world.floor_grid import FloorGrid
 
 from .reading import Tables, tables
 
@@ -129,6 +130,37 @@ def test_an_empty_map_is_refused_and_a_layer_of_another_storey_left_out(tmp_path
     memory = HomeMemory((storey, upstairs), "world", 3)
     out = record_memory(memory, name="m", out=tmp_path / "two.rrd", scene=home, with_pixels=False)
     assert {entity.split("/")[4] for entity, _ in tables(out) if entity.startswith("/memory/m/map/")} == {"storey_0"}
+
+
+def test_both_storeys_of_a_map_are_shown_each_with_its_own_floor(tmp_path: Path, home: Scene) -> None:
+    (below,) = cells_memory().storeys
+    left = replace(below.occupancy, cells=below.occupancy.cells[:, ::-1].copy())
+    above = StoreyMemory(left, replace(below.memory, floor_y=3.0))
+    out = tmp_path / "two.rrd"
+    record_memory(HomeMemory((below, above), "world", 3), name="m", out=out, scene=two_floors(home), with_pixels=False)
+    read = tables(out)
+    layers = ("coverage", "occupancy", "features", "evidence")
+    ours = {entity for entity, _ in read if entity.startswith("/memory/m/map/")}
+    assert ours == {f"/memory/m/map/storey_{number}/{layer}" for number in (0, 1) for layer in layers}
+    for number, (height, is_known_right) in enumerate([(0.0, True), (3.0, False)]):
+        squares = np.array(read[(f"/memory/m/home/storey_{number}/features", True)]["Mesh3D:vertex_positions"][0])
+        assert squares[:, 1] == pytest.approx(height, abs=0.2)
+        blob = read[(f"/memory/m/map/storey_{number}/occupancy", True)]["EncodedImage:blob"][0][0]
+        shown = np.asarray(Image.open(io.BytesIO(bytes(blob))).convert("RGBA"))[..., 3] > 0
+        half = shown.shape[1] // 2
+        assert (shown[:, half:].sum() > shown[:, :half].sum()) == is_known_right
+    alone = record_memory(
+        HomeMemory((below, above), "world", 3), name="m", out=tmp_path / "a.rrd", scene=None, with_pixels=False
+    )
+    assert {entity for entity, _ in tables(alone) if entity.startswith("/memory/m/map/")} == ours
+
+
+def two_floors(home: Scene) -> Scene:
+    """The box house's floor twice, 3 m above each other."""
+    rc = np.argwhere(np.ones((100, 160), bool)).astype(np.int64)
+    heights = np.repeat([0.0, 3.0], len(rc))
+    floors = FloorGrid.from_cells(np.concatenate([rc, rc]), heights, grid=GridSpec((-4.0, -2.5), 0.05, (100, 160)))
+    return replace(home, navigation=floors)
 
 
 def test_colours_are_the_same_for_the_same_map_and_grey_where_nothing_differs() -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-from grounding import explore_jobs
 from grounding.explore import Exploration, explore
-from grounding.explore_jobs import ExploreJob, run_job
+from grounding.exploring import jobs
+from grounding.exploring.jobs import ExploreJob, run_job
 from personal_viz.commands.explore import watching
 from recordings.live import LiveSink, live_sink
 from recordings.observer_explore import ExplorationObserver
@@ -200,7 +200,7 @@ def test_the_recording_says_which_home_and_seed(live: tuple[Path, Exploration]) 
 def test_a_job_is_shown_live_and_its_stored_exploration_again(
     tmp_path: Path, home: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(explore_jobs, "_opened", lambda job: (home, None))
+    monkeypatch.setattr(jobs, "_opened", lambda job: (home, None))
     shown = []
     for name in ("live", "again"):
         watch = ObserveExplorations(LiveSink("folder", str(tmp_path / name)))
@@ -220,7 +220,7 @@ def test_a_job_is_shown_live_and_its_stored_exploration_again(
 def test_a_recording_that_cannot_be_written_is_said_after_the_exploration_is_kept(
     tmp_path: Path, home: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(explore_jobs, "_opened", lambda job: (home, None))
+    monkeypatch.setattr(jobs, "_opened", lambda job: (home, None))
     (tmp_path / "file").write_text("")
     watch = ObserveExplorations(LiveSink("file", str(tmp_path / "file" / "x.rrd")))
     job = ExploreJob(home.name, seed=2, max_steps=4, camera=CAMERA, storeys="start", out=tmp_path / "out", watch=watch)

@@ -8,10 +8,10 @@ import pytest
 from grounding.encoders import make_encoder
 from grounding.evaluate import SceneGrounder
 from grounding.grounders import GrounderName
-from grounding.home_maps import MapFolders, encoder_of_map
+from grounding.home_maps import MapFolders
 from grounding.map_files import MapSource, save_memory
 from grounding.memory import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
-from grounding.oracle_map import objects_map, oracle_home
+from grounding.oracle.oracle_map import objects_map, oracle_home
 from grounding.settings import GroundSettings
 from recordings.log_grounding import reground
 from recordings.traces import select_traces
@@ -51,7 +51,7 @@ def scene(home: Scene) -> Scene:
 def runs_folder(tmp_path_factory: pytest.TempPathFactory, dataset: PersonalDataset) -> Path:
     """A folder of runs with the map of HomeOne: texts in cells, the right half of the floor known to be free."""
     out = tmp_path_factory.mktemp("runs")
-    encoder = make_encoder(encoder_of_map(settings("rpg")))
+    encoder = make_encoder(settings("rpg").map_encoder)
     features = objects_map(oracle_home(dataset, "HomeOne"), encoder, floor_id="0")
     cells = np.full((200, 240), UNKNOWN, np.uint8)
     cells[:, 120:] = FREE
@@ -65,14 +65,14 @@ def settings(method: GrounderName) -> GroundSettings:
     return GroundSettings(method, map="explore")
 
 
-def answered(dataset: PersonalDataset, folder: Path, method: GrounderName) -> Run:
+def answered(dataset: PersonalDataset, folder: Path, method: GrounderName, *, key: EpisodeKey = KEY) -> Run:
     """The run that `personal-viz ground --map explore` makes of the episode."""
     chosen = settings(method)
     grounder = SceneGrounder(dataset, KEY.scene, chosen, folders=MapFolders(folder / MAPS, folder))
     config = chosen.config | {"maps": MAPS, "frame": "non-empty cells"}
     config["phrases"] = "dataset" if method == "rpg" else "none"
     changes = {"who": method, "scene_kind": "invented", "seed": 0, "config": config}
-    return Run(info=info(f"ground-{method}", **changes), answers=(grounder.answer(dataset.episode(KEY)),))
+    return Run(info=info(f"ground-{method}", **changes), answers=(grounder.answer(dataset.episode(key)),))
 
 
 def click() -> Run:
@@ -135,6 +135,31 @@ def test_nothing_of_the_goal_comes_before_all_answers(found: Tables) -> None:
     assert max(step for steps in others for step in steps) == 1
 
 
+def test_an_answer_upstairs_lies_on_the_upper_storey_of_a_map_of_two(
+    tmp_path: Path, dataset: PersonalDataset, scene: Scene
+) -> None:
+    encoder = make_encoder(settings("rpg").map_encoder)
+    grid = GridSpec((0.0, 0.0), 0.05, (200, 240))
+    occupancy = OccupancyGrid(np.full((200, 240), FREE, np.uint8), grid)
+    oracle = oracle_home(dataset, "HomeOne")
+    storeys = tuple(StoreyMemory(occupancy, objects_map(oracle, encoder, floor_id=floor)) for floor in ("0", "1"))
+    source = MapSource(scene="HomeOne", kind="invented", digest="d" * 64)
+    save_memory(tmp_path / MAPS / "HomeOne.npz", HomeMemory(storeys, "world", 40), source)
+    rc = np.argwhere(np.ones((200, 240), bool)).astype(np.int64)
+    floors = FloorGrid.from_cells(np.concatenate([rc, rc]), np.repeat([0.0, 3.0], len(rc)), grid=grid)
+    tall = Scene(scene.name, scene.kind, scene.mesh, (), floors, scene.digest)
+    bed = EpisodeKey("easy", "HomeOne", "3")
+    run = answered(dataset, tmp_path, "rpg", key=bed)
+    read = record(tmp_path / "a.rrd", [run], dataset.episode(bed), tall, dataset=dataset, beside=[tmp_path])
+    ours = {entity for entity, _ in read if entity.startswith("/memory/")}
+    upper = {entity.replace("storey_0", "storey_1") for entity in (f"{MAP}/features", f"{MAP}/occupancy")}
+    assert upper < ours
+    assert not [entity for entity in ours if "storey_0" in entity], "nothing of this episode is downstairs"
+    assert ("/runs/ground-rpg/map/storey_1/layers/final", False) in read
+    best = read[("/runs/ground-rpg/candidates", False)]["Points3D:positions"][0][0]
+    assert best == pytest.approx([2.5, 3.0, 7.5])
+
+
 def test_a_map_that_is_gone_is_said_and_never_made_again(
     tmp_path: Path, dataset: PersonalDataset, scene: Scene, runs_folder: Path
 ) -> None:
@@ -162,7 +187,7 @@ def test_a_map_of_objects_has_a_coloured_box_per_thing_and_phrase(
     tmp_path: Path, dataset: PersonalDataset, scene: Scene
 ) -> None:
     chosen = GroundSettings("object-phrase", map="explore", layout="objects")
-    encoder = make_encoder(encoder_of_map(chosen))
+    encoder = make_encoder(chosen.map_encoder)
     known = [item for item in oracle_home(dataset, "HomeOne").objects if item.floor_id == "0"]
     features = encoder.encode_texts([item.text for item in known])
     corners = np.array([[-0.5, -0.25, -0.5], [0.5, 0.25, 0.5]], np.float32)

@@ -112,11 +112,20 @@ def test_the_third_candidate_counts_for_top3_only() -> None:
     assert not scored.success
     assert scored.top3_success
     assert scored.planar_distance == pytest.approx(math.hypot(4, 1))
+    assert scored.planar_distances == pytest.approx((math.hypot(4, 1), 3.0, 0.0))
+
+
+def test_distances_are_of_three_candidates_at_most_and_none_on_another_storey() -> None:
+    points = [(1.0, 3.0, 4.0), (1.0, 0.0, 6.0), (1.0, 0.0, 5.0), (1.0, 0.0, 4.0)]
+    scored = score_answer(episode(NEAR), points, storeys=[(0.0, 0.2), (3.0, 3.0)])
+    assert scored.planar_distances == (None, 2.0, 1.0)
+    assert (scored.success, scored.top3_success, scored.planar_distance) == (False, True, None)
 
 
 def test_no_answer_is_a_failure() -> None:
     scored = score_answer(episode(NEAR), [], storeys=[(0, 0)])
     assert (scored.success, scored.top3_success, scored.planar_distance) == (False, False, None)
+    assert scored.planar_distances == ()
 
 
 def test_storeys_follow_from_heights_not_from_labels() -> None:

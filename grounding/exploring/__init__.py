@@ -1,0 +1,1 @@
+"""What an exploration has seen, and where it is kept."""

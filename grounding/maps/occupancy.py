@@ -1,0 +1,142 @@
+"""What of a storey's floor is free, blocked or unknown, from depth pictures: the ground of exploration and of maps.
+
+Depth + pose -> hits per cell (occupancy_kernels.py) -> votes over views -> cells.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
+from sim.types import AGENT_HEIGHT, AGENT_RADIUS, GridSpec
+
+from ..posed_frames import Intrinsics
+from .occupancy_kernels import mark, vote
+
+SIZE, CELL = 50.0, 0.05
+"""Side of the mapped square and of its cells, metres (GROUNDING.md, issue 7)."""
+MAX_DEPTH = 5.0
+"""Planar depth that a sensor of ObjectNav-HM3D returns at most, metres."""
+FLOOR_LOW, FLOOR_HIGH = -0.2, 0.2
+"""What lies between these heights is floor, metres: homes are uneven, and the robot climbs 0.2 m. Lower is a hole or a
+stair down, higher an obstacle."""
+OBSTACLE_TOP = AGENT_HEIGHT + 0.05
+"""What begins higher does not block the robot."""
+_STANDING_VOTES = -12
+_CELL_OF_VOTES = np.full(256, FREE, np.uint8)
+"""By the votes' byte: positive votes are 1-127, negative ones 128-255."""
+_CELL_OF_VOTES[:128] = OCCUPIED
+_CELL_OF_VOTES[0] = UNKNOWN
+
+
+class OccupancyMapper:
+    """Grows a storey's occupancy grid from views; keeps no picture. Frame: whatever the poses refer to, y up."""
+
+    def __init__(
+        self,
+        *,
+        centre_xz: tuple[float, float] = (0.0, 0.0),
+        floor_y: float = 0.0,
+        size: float = SIZE,
+        cell: float = CELL,
+        max_depth: float = MAX_DEPTH,
+    ) -> None:
+        """Nothing is known yet.
+
+        Args:
+            centre_xz: Middle of the mapped square, metres; it lies on a corner between cells.
+            floor_y: Height of the storey's floor, metres.
+            size: Side of the square, metres; what is outside is not mapped.
+            cell: Side of a cell, metres.
+            max_depth: Planar metres; farther returns only say that nothing is nearer.
+        """
+        count = 2 * round(size / cell / 2)
+        corner = (centre_xz[0] - count * cell / 2, centre_xz[1] - count * cell / 2)
+        self.grid = GridSpec(corner, cell, (count, count))
+        """Where the cells are."""
+        self.floor_y = floor_y
+        """Height of the storey's floor, metres."""
+        self._max_depth = max_depth
+        self._votes = np.zeros(self.grid.shape, np.int8)  # < 0 free, > 0 blocked, 0 unknown
+        self._hits = np.zeros(self.grid.shape, np.uint8)
+        self._box = (self.grid.shape[0], -1, self.grid.shape[1], -1)
+
+    @property
+    def cells(self) -> NDArray[np.uint8]:
+        """(rows, cols) UNKNOWN, FREE or OCCUPIED of sim.tasks.observers; a copy."""
+        return _CELL_OF_VOTES[self._votes.view(np.uint8)]
+
+    def cells_of(self, part: tuple[slice, slice]) -> NDArray[np.uint8]:
+        """`cells` in a part of the grid's rows and columns; a copy."""
+        return _CELL_OF_VOTES[self._votes[part].view(np.uint8)]
+
+    @property
+    def known_box(self) -> tuple[int, int, int, int]:
+        """First row, last row, first column, last column of a box that holds all that is known; last < first: none."""
+        return self._box
+
+    @property
+    def num_known(self) -> int:
+        """Cells that are free or occupied."""
+        r0, r1, c0, c1 = self._box
+        return int(np.count_nonzero(self._votes[r0 : r1 + 1, c0 : c1 + 1]))
+
+    def _grow(self, r0: int, r1: int, c0: int, c1: int) -> None:
+        """Lets the box of what is known hold these rows and columns too."""
+        box = self._box
+        self._box = (min(box[0], r0), max(box[1], r1), min(box[2], c0), max(box[3], c1))
+
+    def cell_at(self, xz: tuple[float, float]) -> int:
+        """UNKNOWN, FREE or OCCUPIED at a place; UNKNOWN outside of the square."""
+        row, col = self.grid.rc_from_xz(np.array(xz)).tolist()
+        if not (0 <= row < self.grid.shape[0] and 0 <= col < self.grid.shape[1]):
+            return UNKNOWN
+        votes = int(self._votes[row, col])
+        return FREE if votes < 0 else OCCUPIED if votes > 0 else UNKNOWN
+
+    def add(self, depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], intrinsics: Intrinsics) -> None:
+        """Adds one view.
+
+        A cell is free where the floor is seen, between neighbouring pixels too; blocked where at least two points are
+        between FLOOR_HIGH and OBSTACLE_TOP above it, or where rays fall through the floor's height. In one view blocked
+        wins; over views the votes count, so that what is gone is free after some clear views.
+
+        Args:
+            depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing.
+            T_map_camera: (4, 4) of the camera (OpenCV axes).
+            intrinsics: Of the picture.
+        """
+        assert depth_m.shape == (intrinsics.height, intrinsics.width), depth_m.shape
+        x, y, z = T_map_camera[:3, 3]
+        u, v = self.grid.uv_from_xz(np.array([x, z]))
+        box = mark(
+            np.ascontiguousarray(depth_m, np.float32),
+            np.ascontiguousarray(T_map_camera[:3, :3], np.float64),
+            float(u),
+            float(v),
+            float(y - self.floor_y),
+            (intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy),
+            1.0 / self.grid.cell,
+            (FLOOR_LOW, FLOOR_HIGH, OBSTACLE_TOP),
+            self._max_depth,
+            self._hits,
+        )
+        vote(self._hits, box, self._votes)
+        self._grow(*box.tolist())
+
+    def stand(self, xz: tuple[float, float], *, radius: float = AGENT_RADIUS) -> None:
+        """Marks the robot's own footprint free: it stands there, whatever was seen.
+
+        Args:
+            xz: Where its middle is, metres.
+            radius: Metres.
+        """
+        cell = self.grid.cell
+        reach = int(np.ceil(radius / cell)) + 1
+        (row, col) = self.grid.rc_from_xz(np.array(xz))
+        rc = np.argwhere(np.ones((2 * reach + 1, 2 * reach + 1))) + np.array([row - reach, col - reach])
+        is_under = np.hypot(*(self.grid.xz_from_rc(rc) - np.asarray(xz)).T) <= radius
+        rc = rc[is_under & self.grid.contains(rc)]
+        if len(rc):
+            self._votes[rc[:, 0], rc[:, 1]] = _STANDING_VOTES
+            (r0, c0), (r1, c1) = rc.min(axis=0).tolist(), rc.max(axis=0).tolist()
+            self._grow(r0, r1, c0, c1)

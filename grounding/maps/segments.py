@@ -1,0 +1,76 @@
+"""What cuts a view into things: the `Segmenter` protocol, and the simulator's instance ids as one of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import AgentError
+
+from ..posed_frames import PosedFrame
+
+_LEAST_PIXELS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """The things in one view."""
+
+    masks: NDArray[np.bool_]
+    """(M, H, W) pixels of each; they may overlap."""
+    captions: tuple[str, ...] = ()
+    """What each is called, or () when nothing calls them."""
+    ids: tuple[int, ...] = ()
+    """The same number in two views = the same thing, for sources that know it; or ()."""
+
+    def __post_init__(self) -> None:
+        for name, values in (("captions", self.captions), ("ids", self.ids)):
+            if values and len(values) != len(self.masks):
+                raise AgentError(
+                    f"segmenter: gave {len(self.masks)} masks and {len(values)} {name}; expected as many, or none. "
+                    "Correct the segmenter."
+                )
+
+
+class Segmenter(Protocol):
+    """Finds the things in a view, by colours and depth."""
+
+    @property
+    def name(self) -> str:
+        """Says what it is; part of the map's name."""
+        ...
+
+    def segment(self, frame: PosedFrame) -> Segments:
+        """Masks of the view's size; the same view gives the same masks."""
+        ...
+
+
+class InstanceIds:
+    """The simulator's own ids as a segmenter: perfect masks, and perfect matching over views. Ground truth."""
+
+    name = "oracle-perception instance ids"
+
+    def __init__(self, captions: Mapping[int, str] | None = None, *, least_pixels: int = _LEAST_PIXELS) -> None:
+        """Takes what to call each id; things with fewer pixels in a view are not found."""
+        self._captions = captions or {}
+        self._least_pixels = least_pixels
+
+    def segment(self, frame: PosedFrame) -> Segments:
+        """One mask per id in view.
+
+        Raises:
+            AgentError: The view has no instance ids.
+        """
+        if frame.instance_ids is None:
+            raise AgentError(
+                "object map: the view has no instance ids; expected those of the simulator. Give a segmenter for "
+                "views of a real robot."
+            )
+        counts = np.bincount(frame.instance_ids.ravel().clip(min=0))
+        counts[0] = 0
+        ids = np.flatnonzero(counts >= self._least_pixels)
+        masks = frame.instance_ids[None] == ids[:, None, None].astype(np.int32)
+        captions = tuple(self._captions.get(int(number), "") for number in ids)
+        return Segments(masks, captions if any(captions) else (), tuple(int(number) for number in ids))

@@ -1,0 +1,206 @@
+"""Which storey views and points belong to while a map grows, and each storey's occupancy; both map builders use it.
+
+Frames go in one by one and come out in batches once their storey is known; points are sorted by the floors known then.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import AgentError
+from sim.types import CAMERA_HEIGHT, STOREY_GAP
+from sim.world.storeys import storey_levels
+
+from ..memory import OccupancyGrid
+from ..posed_frames import PosedFrame
+from .occupancy import MAX_DEPTH, OccupancyMapper
+
+FLOOR_SLACK = 0.3
+"""What is up to this much (metres) under a storey's floor is still on it: floors are uneven, poses drift."""
+_LEVEL_RISE, _LEVEL_RUN = 0.1, 0.6
+"""A robot is on a new storey once it has gone this far (metres) within this height; on stairs it rises 0.3 m."""
+_MOST_HELD = 64
+"""Frames that wait until their storey is known; on stairs that are longer, the newest height is taken as a storey."""
+_EYE_ABOVE_FLOOR = 0.1
+"""A camera is at least this high (metres) above its storey's floor."""
+_PEAK, _PEAK_SHARE = 0.05, 0.25
+"""The floor under a camera is the lowest layer of this height (metres) with this share of the fullest layer."""
+_LOWEST_EYE, _HIGHEST_EYE = 0.1, 2.5
+_EVERY_PIXEL = 8
+
+
+class Storeys:
+    """The storeys met so far: their floors, the frames that wait, and what is free and blocked on each."""
+
+    def __init__(
+        self,
+        *,
+        floors: Sequence[float] | None = None,
+        mount_height: float = CAMERA_HEIGHT,
+        centre_xz: tuple[float, float] | None = None,
+        max_depth: float = MAX_DEPTH,
+        batch: int = 8,
+    ) -> None:
+        """Nothing was seen yet.
+
+        Args:
+            floors: Heights of all storeys' floors, metres; None = found on the way from the robot's feet: the first
+                frame's, and each level STOREY_GAP or more from the known ones on which the robot then moves about.
+            mount_height: Of the camera above the feet, metres; needed where `floors` is None.
+            centre_xz: Middle of the occupancy grids; default the first camera's place. Whole metres are taken.
+            max_depth: Planar metres; farther returns are not mapped.
+            batch: Frames that come out together, for encoders that are faster so.
+
+        Raises:
+            AgentError: Two floors are less than STOREY_GAP apart, or there is none.
+        """
+        if floors is not None and (not len(floors) or (np.diff(np.sort(floors)) < STOREY_GAP).any()):
+            raise AgentError(
+                f"map builder: floors are {list(floors)}; expected at least one, each {STOREY_GAP} m from the next. "
+                "Give one height per storey, or leave floors out."
+            )
+        self.floors: list[float] = [] if floors is None else sorted(float(floor) for floor in floors)
+        """Metres, in the order in which they were met."""
+        self.num_frames = 0
+        """Frames that came out."""
+        self._are_given = floors is not None
+        self._mount_height = mount_height
+        self._centre_xz = centre_xz
+        self._max_depth = max_depth
+        self._batch = batch
+        self._held: list[PosedFrame] = []
+        self._ready: list[PosedFrame] = []
+        self._mappers: dict[int, OccupancyMapper] = {}
+
+    def take(self, frame: PosedFrame) -> list[PosedFrame]:
+        """Adds a view; returns a batch of frames whose storeys are known, or [] while one is collected."""
+        if not self._are_given:
+            self._held.append(frame)
+            if not self.floors:
+                self.floors.append(self._feet(frame))
+            if self._is_near_known(self._feet(frame)) or self._opens_storey():
+                self._release()
+        else:
+            self._held.append(frame)
+            self._release()
+        return self._out() if len(self._ready) >= self._batch else []
+
+    def rest(self) -> list[PosedFrame]:
+        """All frames that are still inside; those that wait on a stair go to the nearest storey below."""
+        self._release()
+        return self._out()
+
+    def index_of(self, y: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(N,) index into `floors` of the storey of each height (N,): the nearest floor below; -1 = under the home."""
+        order = np.argsort(self.floors)
+        ordered = np.asarray(self.floors)[order] - FLOOR_SLACK
+        ordered[0] = self.floors[order[0]] - STOREY_GAP  # sunken parts of the lowest storey
+        place = np.searchsorted(ordered, np.asarray(y), side="right") - 1
+        return np.where(place >= 0, order[place], -1)
+
+    def occupancy(self, index: int) -> OccupancyGrid:
+        """What is known of a storey's floor; all unknown where no camera was."""
+        mapper = self._mapper(index, near=(0.0, 0.0))
+        return OccupancyGrid(mapper.cells, mapper.grid)
+
+    def _feet(self, frame: PosedFrame) -> float:
+        return float(frame.T_map_camera[1, 3]) - self._mount_height
+
+    def _is_near_known(self, feet: float) -> bool:
+        return any(abs(feet - floor) < STOREY_GAP for floor in self.floors)
+
+    def _opens_storey(self) -> bool:
+        """Whether the newest held frames are on a level of their own; then it is a storey."""
+        places = np.array([frame.T_map_camera[:3, 3] for frame in self._held])
+        is_off = np.abs(places[:, 1] - places[-1, 1]) > _LEVEL_RISE
+        level = places[len(places) - int(np.argmax(is_off[::-1])) if is_off.any() else 0 :]
+        run = np.hypot(*(level[:, [0, 2]] - level[-1, [0, 2]]).T).max()
+        if run < _LEVEL_RUN and len(self._held) < _MOST_HELD:
+            return False
+        self.floors.append(float(np.median(level[:, 1])) - self._mount_height)
+        return True
+
+    def _release(self) -> None:
+        """Lets the held frames go on, each seen by its storey's occupancy."""
+        for frame in self._held:
+            eye = float(frame.T_map_camera[1, 3])
+            index = int(self.index_of(np.array([eye - _EYE_ABOVE_FLOOR - FLOOR_SLACK]))[0])
+            x, z = frame.T_map_camera[[0, 2], 3].tolist()
+            depth = frame.depth_m
+            if frame.instance_ids is None:  # a real sensor: no return is a gap, not the sky
+                depth = np.where(depth > 0, depth, np.float32(np.nan))
+            self._mapper(max(index, 0), near=(x, z)).add(depth, frame.T_map_camera, frame.intrinsics)
+        self._ready += self._held
+        self._held = []
+
+    def _out(self) -> list[PosedFrame]:
+        out, self._ready = self._ready, []
+        self.num_frames += len(out)
+        return out
+
+    def _mapper(self, index: int, *, near: tuple[float, float]) -> OccupancyMapper:
+        if index not in self._mappers:
+            if self._centre_xz is None:
+                self._centre_xz = near
+            x, z = (float(np.floor(value)) for value in self._centre_xz)
+            floor_y = self.floors[index]
+            self._mappers[index] = OccupancyMapper(centre_xz=(x, z), floor_y=floor_y, max_depth=self._max_depth)
+        return self._mappers[index]
+
+
+def floors_of_frames(frames: Sequence[PosedFrame], *, mount_height: float | None = None) -> tuple[float, ...]:
+    """Heights of the floors under cameras whose poses are all known, ascending.
+
+    Storeys are the levels at which cameras often are, at least STOREY_GAP apart.
+
+    Args:
+        frames: Some views of the recording, e.g. every tenth; at least one.
+        mount_height: Of the camera above the floor, metres; None = taken from the depth below it: the floor is the
+            lowest height at which many points lie.
+
+    Raises:
+        AgentError: The mount height is unknown and no view shows anything below a camera.
+    """
+    eyes = np.array([frame.T_map_camera[1, 3] for frame in frames])
+    levels = storey_levels(eyes, np.zeros(len(eyes), np.int32), None)
+    if mount_height is not None:
+        return tuple(level - mount_height for level in levels)
+    floors: list[float] = []
+    for level in levels:
+        near = [frame for frame, eye in zip(frames, eyes, strict=True) if abs(eye - level) < STOREY_GAP / 2]
+        floor = level - _drop_below(near)
+        if not floors or floor - floors[-1] >= STOREY_GAP:
+            floors.append(floor)
+    return tuple(floors)
+
+
+def _drop_below(frames: Sequence[PosedFrame]) -> float:
+    """Metres from these cameras down to the floor."""
+    drops = []
+    for frame in frames:
+        height, width = frame.depth_m.shape
+        rows, cols = np.mgrid[_EVERY_PIXEL // 2 : height : _EVERY_PIXEL, _EVERY_PIXEL // 2 : width : _EVERY_PIXEL]
+        rc = np.column_stack([rows.ravel(), cols.ravel()])
+        points = points_at(frame, rc[frame.depth_m[rc[:, 0], rc[:, 1]] <= MAX_DEPTH])
+        drops.append(frame.T_map_camera[1, 3] - points[~np.isnan(points[:, 1]), 1])
+    below = np.concatenate(drops)
+    below = below[(below > _LOWEST_EYE) & (below < _HIGHEST_EYE)]
+    if not len(below):
+        raise AgentError(
+            f"map builder: none of {len(frames)} views shows anything {_LOWEST_EYE} to {_HIGHEST_EYE} m below its "
+            "camera; expected a floor. Give the camera's mount height, and check which axis points up."
+        )
+    counts = np.bincount((below / _PEAK).astype(np.int64))
+    layer = int(np.flatnonzero(counts >= _PEAK_SHARE * counts.max()).max())
+    return float(np.median(below[np.abs(below / _PEAK - layer - 0.5) <= 1.0]))
+
+
+def points_at(frame: PosedFrame, rc: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Map points (N, 3) that a view shows at pixels (N, 2) of (row, column); nan where there is no return."""
+    depth = frame.depth_m[rc[:, 0], rc[:, 1]].astype(np.float64)
+    depth[~(depth > 0)] = np.nan
+    seen = frame.intrinsics
+    right, down = (rc[:, 1] + 0.5 - seen.cx) / seen.fx, (rc[:, 0] + 0.5 - seen.cy) / seen.fy
+    points_camera = np.column_stack([right * depth, down * depth, depth])
+    return points_camera @ frame.T_map_camera[:3, :3].T + frame.T_map_camera[:3, 3]

@@ -1,0 +1,1 @@
+"""Grounding methods beyond the baselines and RPG."""

@@ -1,0 +1,238 @@
+"""`joint`: the place most probably within 1 m of what the query's phrase names, all phrases and cells weighed at once.
+
+The steps, and why each is there (no training, no language model; the map, the phrases and the query are all it sees):
+
+1. Text. The query's phrase is chosen as in `phrase`; room and article are cut off, because map cells hold things.
+2. Contrast. Each phrase's vector is freed of what it shares with the task's other phrases and with ordinary texts of
+   things in homes (ridge regression): a cell that is as much like those is no evidence. This does what the dual
+   softmax does, but before noise and neighbours are weighed.
+3. Standard scores. Cosines of one phrase with all cells get mean 0 and deviation 1: encoders and noise levels differ.
+4. Matched filter. A thing colours its own cell and the cells around it. For each place on a sub-cell grid: log
+   likelihood ratio of "it is here" with the expected footprint against "it is not", amplitudes and footprints averaged.
+5. Rooms. Phrases of the same room say where that room is: their places, widened, are a soft prior. Doubt is kept.
+6. Decision. Success is a distance, so the answer is the place with most probability within 1 m of it, the middle of
+   it where places tie; the next answers are the best places for what is then left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sim.types import Task
+
+from ..baselines import NUM_CANDIDATES, QueryScoring
+from ..encoders import TextEncoder
+from ..memory import Memory
+from ..memory_kinds import MemoryKind, require_grid
+from ..phrasing.ownership_text import parse_phrase, parse_query, wanted_phrase
+from ..types import FeatureMap, Grounding, Layers
+from .household_texts import household_texts
+from .matching import candidates_near, peaks_of
+
+REACH = 1.0
+"""Metres that count as right (DESIGN.md)."""
+SPACING = 1 / 3
+"""Largest distance of the places that are considered, metres: 3 x 3 in a cell of 1 m."""
+FROZEN = (
+    "The constants of joint were frozen on 24 invented homes (2026-11-22 16:16 UTC, first in commit a8d71bb), before "
+    "the one run on the released episodes that grounding/README.md reports."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class JointOptions:
+    """The constants of the steps, frozen on 24 invented homes with clutter and noise, then run once on the release."""
+
+    ridge: float = 2.0
+    """Step 2; smaller takes away more of what the others share."""
+    ordinary: float = 15.0
+    """Step 2: as how many phrases the ordinary texts count."""
+    amplitudes: tuple[float, ...] = (3.0,)
+    """Step 4: standard scores expected in the middle of a thing's footprint."""
+    footprints: tuple[float, ...] = (0.35, 0.5, 1.0)
+    """Step 4: sigma of the footprint, metres."""
+    crowd: float = 0.5
+    """Step 4: squared weight of other things in a cell, whose vectors share its unit length."""
+    room_sigma: float = 3.0
+    """Step 5, metres."""
+    room_doubt: float = 0.2
+    """Step 5: share of the prior that is flat; 1 leaves the step out."""
+
+
+class JointMatcher:
+    """Ranks places by the probability of being within 1 m; without the query's phrase it answers as QS does."""
+
+    name = "joint"
+    uses_phrases = True
+    frame = "places in and between non-empty cells"
+    takes: MemoryKind = "grid"
+
+    def __init__(self, encoder: TextEncoder, *, options: JointOptions | None = None) -> None:
+        """Takes the encoder of the map and the constants."""
+        self._encoder = encoder
+        self._options = options or JointOptions()
+        self._background: NDArray[np.float64] | None = None
+
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
+        """Weighs all phrases and cells at once.
+
+        Raises:
+            AgentError: The map is of another encoder or no grid.
+        """
+        memory = require_grid(memory, self.name)
+        memory.require_encoder(self._encoder.name, self._encoder.dim)
+        things = [parse_phrase(phrase) for phrase in phrases]
+        wanted = wanted_phrase(things, parse_query(task.queries[0]), self._encoder)
+        if wanted is None or not len(memory.rows):
+            return QueryScoring(self._encoder).ground(memory, task, phrases)
+        distinct = tuple({item.text: item for item in reversed(things)}.values())[::-1]
+        chosen = [item.text for item in distinct].index(things[wanted].text)
+        vectors = self._encoder.encode_texts([item.thing for item in distinct])
+        if self._background is None:
+            ordinary = self._encoder.encode_texts(household_texts())
+            self._background = background(ordinary, weight=self._options.ordinary, ridge=self._options.ridge)
+        scores = standard_scores(contrasted(vectors, self._background) @ memory.rows.T)
+        places = Places(memory)
+        evidence = places.evidence(scores, self._options)
+        total = evidence[chosen].copy()
+        for index, item in enumerate(distinct):
+            if index != chosen and item.room and item.room == distinct[chosen].room:
+                total += places.room_prior(evidence[index], self._options)
+        points, cells, shares = places.best(total)
+        layers = Layers(
+            memory.rc,
+            memory.grid.shape,
+            final=places.per_cell(total).astype(np.float32),
+            phrases=tuple(item.text for item in distinct),
+            similarity=(vectors @ memory.rows.T).astype(np.float32),
+            peaks=peaks_of(np.array([places.per_cell(row) for row in evidence]), memory.rc),
+            chosen=chosen,
+        )
+        return Grounding(candidates_near(memory, cells, points, shares), layers)
+
+
+def background(texts: NDArray[np.floating], *, weight: float, ridge: float) -> NDArray[np.float64]:
+    """(E, E) inverse of ridge I + weight x mean outer product of the vectors of ordinary texts (N, E)."""
+    rows = np.asarray(texts, np.float64)
+    spread = weight / max(len(rows), 1) * rows.T @ rows + ridge * np.eye(rows.shape[1])
+    return np.asarray(np.linalg.inv(spread), np.float64)
+
+
+def contrasted(vectors: NDArray[np.floating], inverse: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, E): (B + O'O)^-1 v of each vector, where O holds the other vectors and `inverse` is B^-1 (`background`)."""
+    rows = np.asarray(vectors, np.float64)
+    solved = rows @ inverse
+    products = solved @ rows.T
+    result = solved.copy()
+    for index in range(len(rows)):
+        others = np.delete(np.arange(len(rows)), index)
+        # Woodbury: a system of the others' number instead of E
+        gram = products[np.ix_(others, others)] + np.eye(len(others))
+        result[index] -= np.linalg.solve(gram, products[others, index]) @ solved[others]
+    return result
+
+
+def standard_scores(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(K, N) with mean 0 and deviation 1 in each row; 0 in a row whose values are all equal."""
+    values = np.asarray(values, np.float64)
+    centred = values - values.mean(axis=1, keepdims=True)
+    deviation = values.std(axis=1, keepdims=True)
+    return centred / np.where(deviation > 1e-9, deviation, np.inf)
+
+
+class Places:
+    """The places of a map, `sub` x `sub` in each stored cell, on a picture around the stored cells."""
+
+    def __init__(self, memory: FeatureMap) -> None:
+        """Lays the picture around the cells."""
+        self._memory = memory
+        self._sub = max(1, round(memory.grid.cell / SPACING))
+        low = memory.rc.min(axis=0).astype(np.int64)
+        self._low = low
+        self._rows, self._cols = (memory.rc - low).T
+        self._shape = tuple((memory.rc.max(axis=0) - low + 1).tolist())
+        self._step = memory.grid.cell / self._sub
+        is_stored = np.zeros(self._shape, bool)
+        is_stored[self._rows, self._cols] = True
+        self._is_place = np.kron(is_stored, np.ones((self._sub, self._sub))).astype(bool)
+
+    def evidence(self, scores: NDArray[np.float64], options: JointOptions) -> NDArray[np.float64]:
+        """Log likelihood ratio (K, places of the picture) of standard scores (K, N); -inf where no cell is stored."""
+        pictures = np.zeros((len(scores) + 1, *self._shape))
+        pictures[:-1, self._rows, self._cols] = scores
+        pictures[-1, self._rows, self._cols] = 1  # last: which cells are stored
+        options_tried = []
+        for sigma in options.footprints:
+            response, energy = self._filtered(pictures, sigma, options.crowd)
+            options_tried += [size * response - size**2 / 2 * energy for size in options.amplitudes]
+        ratio = np.logaddexp.reduce(options_tried, axis=0) - np.log(len(options_tried))
+        return np.where(self._is_place, ratio, -np.inf)
+
+    def _filtered(
+        self, pictures: NDArray[np.float64], sigma: float, crowd: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Sums over cells of footprint x score, per phrase, and of footprint squared, at every place."""
+        sub, cell = self._sub, self._memory.grid.cell
+        reach = int(np.ceil(2 * sigma / cell))
+        offsets = np.arange(-reach, reach + 1)
+        shape = (self._shape[0] * sub, self._shape[1] * sub)
+        response, energy = np.empty((len(pictures) - 1, *shape)), np.empty(shape)
+        inside = (np.arange(sub) + 0.5) / sub - 0.5  # of a place in its cell, in cells
+        for i, down in enumerate(inside):
+            for j, right in enumerate(inside):
+                square = ((offsets[:, None] - down) ** 2 + (offsets[None] - right) ** 2) * cell**2
+                weight = np.exp(-square / (2 * sigma**2))
+                kernel = weight / np.sqrt(weight**2 + crowd)
+                response[:, i::sub, j::sub] = ndimage.correlate(pictures[:-1], kernel[None], mode="constant")
+                energy[i::sub, j::sub] = ndimage.correlate(pictures[-1], kernel**2, mode="constant")
+        return response, energy
+
+    def room_prior(self, evidence: NDArray[np.float64], options: JointOptions) -> NDArray[np.float64]:
+        """Log of how much likelier than elsewhere a place is for things of the room of a thing with this evidence."""
+        spread = options.room_sigma / self._step
+        near = ndimage.gaussian_filter(self._probability(evidence), spread, mode="constant")
+        coverage = ndimage.gaussian_filter(self._is_place.astype(float), spread, mode="constant")
+        density = np.where(self._is_place, near / np.maximum(coverage, 1e-12), 0)
+        density /= density[self._is_place].mean()
+        return np.log((1 - options.room_doubt) * density + options.room_doubt)
+
+    def best(self, total: NDArray[np.float64]) -> tuple[list[NDArray[np.float64]], list[int], NDArray[np.float64]]:
+        """World x and z of the best places, the stored cell of each, and the probability within REACH of each."""
+        reach = int(REACH / self._step + 1e-9)
+        offsets = np.arange(-reach, reach + 1) * self._step
+        square = offsets[:, None] ** 2 + offsets[None] ** 2
+        # nearly flat inside the reach: of places that cover as much, the one in the middle of it
+        disc = np.where(square <= REACH**2 + 1e-9, 1 - 0.1 * square / REACH**2, 0)
+        left = self._probability(total)
+        points, cells, shares = [], [], []
+        for _ in range(NUM_CANDIDATES):
+            mass = np.where(self._is_place, ndimage.correlate(left, disc, mode="constant"), -np.inf)
+            row, col = np.unravel_index(int(np.argmax(mass >= mass.max() - 1e-9)), mass.shape)
+            if points and mass[row, col] <= 0:
+                break
+            points.append(self._xz(int(row), int(col)))
+            cells.append(self._cell(int(row), int(col)))
+            shares.append(mass[row, col])
+            rows, cols = np.ogrid[: left.shape[0], : left.shape[1]]
+            left = np.where(((rows - row) ** 2 + (cols - col) ** 2) * self._step**2 <= REACH**2 + 1e-9, 0, left)
+        return points, cells, np.array(shares)
+
+    def per_cell(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) the largest value of the places in each cell."""
+        blocks = values.reshape(self._shape[0], self._sub, self._shape[1], self._sub).max(axis=(1, 3))
+        return blocks[self._rows, self._cols]
+
+    def _probability(self, logs: NDArray[np.float64]) -> NDArray[np.float64]:
+        weights = np.exp(logs - logs.max())
+        return weights / weights.sum()
+
+    def _xz(self, row: int, col: int) -> NDArray[np.float64]:
+        corner = np.asarray(self._memory.grid.origin_xz) + self._low[::-1] * self._memory.grid.cell
+        return corner + (np.array([col, row]) + 0.5) * self._step
+
+    def _cell(self, row: int, col: int) -> int:
+        wanted = self._low + np.array([row, col]) // self._sub
+        return int(np.flatnonzero((self._memory.rc == wanted).all(axis=1))[0])

@@ -1,0 +1,118 @@
+"""Grounders `object-phrase` and `object-dual`: match phrases with the things of an object map, answer their middles.
+
+As `phrase` and `dual` on grids (GROUNDING.md, section 3), with instances in the place of cells: cosines of the phrases
+(owners stripped) with the instances' features -> dual softmax (`object-dual` only) -> the row of the query's phrase
+ranks the instances.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import GridSpec, Task
+
+from ..baselines import NUM_CANDIDATES
+from ..encoders import TextEncoder
+from ..memory import Memory, ObjectMap
+from ..memory_kinds import MemoryKind, require_objects
+from ..phrasing.ownership_text import parse_phrase, parse_query, wanted_phrase
+from ..types import TIE, Candidate, Grounding, Layers
+from .matching import DUAL_TEMPERATURE, dual_scores
+
+_CELL = 1.0
+_MARGIN = 1
+"""The layers' grid: cells of 1 m around the instances, metres and cells."""
+ObjectMatchName = Literal["object-phrase", "object-dual"]
+OBJECT_MATCHERS: dict[ObjectMatchName, float] = {"object-phrase": 0.0, "object-dual": DUAL_TEMPERATURE}
+"""Temperature of the dual softmax; 0 = cosines alone."""
+
+
+class ObjectMatcher:
+    """Ranks a map's things by the phrase that the query means; by the query itself where there is no such phrase."""
+
+    uses_phrases = True
+    frame = "middles of the map's objects"
+    takes: MemoryKind = "objects"
+
+    def __init__(self, encoder: TextEncoder, *, name: str, temperature: float) -> None:
+        """Takes the encoder of the map, the name for tables, and the dual softmax's scale of cosines; 0 = without."""
+        self.name = name
+        self._encoder = encoder
+        self._temperature = temperature
+
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
+        """Matches the phrases with the things; ties go to the first in the map.
+
+        Raises:
+            AgentError: The map is of another encoder or a grid.
+        """
+        memory = require_objects(memory, self.name)
+        memory.require_encoder(self._encoder.name, self._encoder.dim)
+        things = [parse_phrase(phrase) for phrase in phrases]
+        wanted = wanted_phrase(things, parse_query(task.queries[0]), self._encoder)
+        if wanted is None:
+            texts, chosen = (task.queries[0],), 0
+        else:
+            texts = tuple(dict.fromkeys(item.text for item in things))
+            chosen = texts.index(things[wanted].text)
+        features = np.array([item.feature for item in memory.objects], np.float32).reshape(-1, memory.dim)
+        similarity = self._encoder.encode_texts(texts) @ features.T
+        scores = dual_scores(similarity, temperature=self._temperature) if self._temperature else similarity
+        grid = objects_grid(memory)
+        best = _ranked(scores[chosen])
+        rc = grid.rc_from_xz(_middles_xz(memory))
+        found = []
+        for index in best:
+            (x, _, z), (row, col) = memory.objects[index].centre, rc[index].tolist()
+            found.append(
+                Candidate((x, memory.floor_y, z), float(scores[chosen][index]), row, col, row * grid.shape[1] + col)
+            )
+        layers = Layers(
+            rc.astype(np.int16),
+            grid.shape,
+            final=scores[chosen].astype(np.float32),
+            phrases=texts if wanted is not None else (),
+            similarity=similarity if wanted is not None else similarity[:0],
+            peaks=_peaks(scores) if wanted is not None else np.empty((0, NUM_CANDIDATES), np.int64),
+            chosen=chosen if wanted is not None else -1,
+        )
+        return Grounding(tuple(found), layers)
+
+
+def objects_grid(memory: ObjectMap) -> GridSpec:
+    """Cells of 1 m around the middles of all things; candidates' rows and columns and the layers are of this grid.
+
+    Several things may be in one cell: layers keep one column per thing.
+    """
+    middles = _middles_xz(memory)
+    if not len(middles):
+        middles = np.array([memory.centre_xz], np.float64)
+    low = np.floor(middles.min(axis=0) / _CELL) - _MARGIN
+    cols, rows = (np.floor(middles.max(axis=0) / _CELL) + _MARGIN + 1 - low).astype(int).tolist()
+    return GridSpec((float(low[0] * _CELL), float(low[1] * _CELL)), _CELL, (rows, cols))
+
+
+def _middles_xz(memory: ObjectMap) -> NDArray[np.float64]:
+    """(N, 2) world x and z of the middles of the things' boxes."""
+    return np.array([item.centre for item in memory.objects], np.float64).reshape(-1, 3)[:, [0, 2]]
+
+
+def _ranked(scores: NDArray[np.floating]) -> list[int]:
+    """Indices of the best things, best first; scores closer than TIE are equal, and the first comes first."""
+    left = np.array(scores, np.float64)
+    best: list[int] = []
+    while len(best) < min(NUM_CANDIDATES, len(left)):
+        best.append(int(np.argmax(left >= left.max() - TIE)))
+        left[best[-1]] = -np.inf
+    return best
+
+
+def _peaks(scores: NDArray[np.floating]) -> NDArray[np.int64]:
+    """Each phrase's best things (K, 3), best first; -1 = no more."""
+    peaks = np.full((len(scores), NUM_CANDIDATES), -1, np.int64)
+    for row, values in zip(peaks, scores, strict=True):
+        best = _ranked(values)
+        row[: len(best)] = best
+    return peaks

@@ -1,0 +1,1 @@
+"""Oracle maps: made of the episode files, with noise where asked."""

@@ -1,0 +1,190 @@
+"""Phrases from a language model behind an OpenAI-compatible chat endpoint (OpenAI, vLLM, Ollama, llama.cpp).
+
+It is sent the description of a task and nothing else. Answers are kept in the cache folder by everything that they
+depend on. Where an answer cannot be had or read, the rules answer instead, which is counted and said aloud.
+"""
+
+import json
+import os
+import re
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, HttpUrl, ValidationError, field_validator
+
+from sim.cache import cached_bytes
+from sim.errors import AgentError
+from sim.types import Task
+
+from ..extras import require
+from .rules import RulePhrases
+
+PROMPT = """You read a paragraph about a home and list who owns what.
+Answer with one JSON object and nothing else:
+{"ownership": [{"owner": "<first name>", "object": "<object with its article and looks>", "room": "<room or empty>"}]}
+One entry per owner and object: an object shared by three people gives three entries. Write names as the paragraph has
+them. Describe each object as fully as the paragraph does (colour, material, what it is near), in its words. Replace
+"it", "both" and "the same room" by what they stand for. Leave out objects without an owner."""
+_PROMPT_VERSION = 1
+"""Part of the cache's key with the prompt itself."""
+_GIVE_UP_AFTER = 5
+"""Failures in a row; a server that is down would cost a time-out per description."""
+_REFUSALS = {401: "the key", 403: "the key", 404: "--llm-url and --llm-model"}
+"""HTTP statuses that a second request will not change: what to correct."""
+
+
+class LlmOptions(BaseModel):
+    """Where the model is. Holds the name of the key's environment variable, never the key."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    base_url: HttpUrl
+    """E.g. http://127.0.0.1:11434/v1."""
+    model: str = Field(min_length=1)
+    api_key_env: str | None = Field(default=None, pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+    """Environment variable that holds the key; None = the server wants none."""
+    timeout_s: float = Field(default=60.0, gt=0, allow_inf_nan=False)
+    """Of one request."""
+
+    @field_validator("base_url")
+    @classmethod
+    def _without_secrets(cls, url: HttpUrl) -> HttpUrl:
+        if url.username or url.password:
+            raise ValueError("an address without name and password; options are kept in run files")
+        return url
+
+
+class _Owned(BaseModel):
+    """One entry of an answer."""
+
+    owner: str = Field(min_length=1)
+    object: str = Field(min_length=1)
+    room: str | None = None
+
+
+class _Reply(BaseModel):
+    """What the prompt asks for; more fields are ignored."""
+
+    ownership: tuple[_Owned, ...]
+
+
+class ChatPhrases:
+    """A `PhraseSource` that asks a model once per description."""
+
+    def __init__(self, options: LlmOptions, *, warn: Callable[[str], None] | None = None) -> None:
+        """Asks nothing yet.
+
+        Args:
+            options: Where the model is.
+            warn: Told in one line what went wrong; default prints to stderr.
+
+        Raises:
+            AgentError: The key's environment variable is not set.
+            MissingDependencyError: The package `openai` is missing.
+        """
+        self.name = f"llm:{options.model}"
+        self.num_fallbacks = 0
+        """Calls that the rules answered instead; of this process, so runs count their answers."""
+        self.num_dropped = 0
+        """Entries left out because their owner does not stand in the text."""
+        self._options = options
+        self._rules = RulePhrases()
+        self._warn = warn or (lambda line: print(line, file=sys.stderr, flush=True))
+        self._failures_in_a_row = 0
+        self._openai = require("openai", extra="llm")
+        self._client = self._openai.OpenAI(
+            base_url=str(options.base_url), api_key=_key(options), timeout=options.timeout_s, max_retries=1
+        )
+
+    def phrases(self, task: Task) -> tuple[str, ...]:
+        """The model's phrases "X owns Y in the Z"; the rules' where it gives none.
+
+        Raises:
+            AgentError: The server refuses key or model; no other request would do better.
+        """
+        try:
+            content = self._content(task.description)
+            entries = _Reply.model_validate_json(_json_in(content)).ownership
+        except ValueError as error:  # of the body, which is JSON, or of the model's words in it
+            first = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+            return self._fall_back(task, f"the answer is not the JSON asked for: {first}")
+        except self._openai.OpenAIError as error:
+            self._failures_in_a_row += 1
+            return self._fall_back(task, self._reason(error))
+        known = [entry for entry in entries if _stands_in(entry.owner, task.description)]
+        if len(known) < len(entries):
+            self.num_dropped += len(entries) - len(known)
+            strangers = sorted({entry.owner for entry in entries} - {entry.owner for entry in known})
+            self._warn(f"phrases: {self.name} named owners that the text does not: {', '.join(strangers)}; left out")
+        if not known:
+            return self._fall_back(task, "the answer names no owner of the text")
+        return tuple(dict.fromkeys(map(_sentence, known)))
+
+    def _content(self, description: str) -> str:
+        if self._failures_in_a_row >= _GIVE_UP_AFTER:
+            raise self._openai.OpenAIError(f"no longer asked after {_GIVE_UP_AFTER} failures in a row")
+        options = self._options
+        key = json.dumps([_PROMPT_VERSION, PROMPT, str(options.base_url), options.model, description])
+        return cached_bytes("phrases", key, lambda: self._asked(description).encode()).decode()
+
+    def _asked(self, description: str) -> str:
+        """The model's answer, checked for its form, so that no bad one is kept."""
+        reply = self._client.chat.completions.create(
+            model=self._options.model,
+            temperature=0,
+            response_format={"type": "json_object"},
+            messages=[{"role": "system", "content": PROMPT}, {"role": "user", "content": description}],
+        )
+        self._failures_in_a_row = 0
+        content = _content_of(reply)
+        _Reply.model_validate_json(_json_in(content))
+        return content
+
+    def _reason(self, error: Exception) -> str:
+        status = getattr(error, "status_code", None)
+        if status in _REFUSALS:
+            raise AgentError(
+                f"phrases: {self._options.base_url} refused the request for model {self._options.model!r} "
+                f"(HTTP {status}); expected an answer. Correct {_REFUSALS[status]}."
+            ) from None
+        return f"HTTP {status}" if status else str(error) or type(error).__name__
+
+    def _fall_back(self, task: Task, reason: str) -> tuple[str, ...]:
+        self.num_fallbacks += 1
+        self._warn(f"phrases: {self.name} gave no answer ({reason}); read by rules instead")
+        return self._rules.phrases(task)
+
+
+def _key(options: LlmOptions) -> str:
+    if options.api_key_env is None:
+        return "none"  # the client insists on one
+    key = os.environ.get(options.api_key_env)
+    if not key:
+        raise AgentError(
+            f"phrases: environment variable {options.api_key_env} is not set; expected the key of {options.base_url}. "
+            "Set it, or leave --llm-key-env out for a server without keys."
+        )
+    return key
+
+
+def _content_of(reply: Any) -> str:
+    """The text of a chat completion; empty where the server sent another shape, which is then no JSON."""
+    choices = getattr(reply, "choices", None) or ()
+    message = getattr(choices[0], "message", None) if choices else None
+    content = getattr(message, "content", None)
+    return content if isinstance(content, str) else ""
+
+
+def _json_in(content: str) -> str:
+    """The outermost {...}; models put it into code fences and behind their thoughts."""
+    found = re.search(r"\{.*\}", re.sub(r"<think>.*?</think>", "", content, flags=re.DOTALL), re.DOTALL)
+    return found[0] if found else content
+
+
+def _stands_in(owner: str, text: str) -> bool:
+    return re.search(rf"(?<!\w){re.escape(owner)}(?!\w)", text) is not None
+
+
+def _sentence(entry: _Owned) -> str:
+    room = re.sub(r"^(?:in\s+)?(?:the\s+)?", "", (entry.room or "").strip(), flags=re.IGNORECASE).rstrip(".")
+    return f"{entry.owner} owns {entry.object.strip().rstrip('.')}" + (f" in the {room}" if room else "")

@@ -1,0 +1,1 @@
+"""Tables, statistics and failures of grounding runs."""

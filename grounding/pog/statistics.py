@@ -1,0 +1,101 @@
+"""Intervals of success rates over episodes of several homes: by episode (Wilson), and by home (cluster bootstrap).
+
+Episodes of one home share its map and resemble each other. An interval that takes episodes for independent speaks of
+more questions about these homes; one that draws whole homes again speaks of other homes, which claims are about.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEVEL = 0.95
+"""Of all intervals."""
+_Z = 1.959963984540054
+"""Of LEVEL."""
+NUM_RESAMPLES = 10_000
+FEWEST_HOMES = 5
+"""With fewer, a bootstrap of homes is far too narrow and is left out."""
+
+
+class Range(NamedTuple):
+    """An interval."""
+
+    low: float
+    high: float
+
+
+def wilson(k: float, n: int) -> Range:
+    """Wilson's interval of a share of n episodes; k may be a sum of episodes' means over several seeds."""
+    assert n > 0
+    share = min(max(k / n, 0.0), 1.0)
+    centre, denominator = share + _Z**2 / (2 * n), 1 + _Z**2 / n
+    half = _Z * math.sqrt(share * (1 - share) / n + _Z**2 / (4 * n**2))
+    low, high = (centre - half) / denominator, (centre + half) / denominator
+    return Range(0.0 if share == 0 else low, 1.0 if share == 1 else high)
+
+
+def mean_of_shares(shares: Sequence[float], ranges: Sequence[Range]) -> Range:
+    """Interval of the plain mean of independent shares, from theirs (MOVER; Zou and Donner 2008)."""
+    mean, count = float(np.mean(shares)), len(shares)
+    below = math.sqrt(sum((share - one.low) ** 2 for share, one in zip(shares, ranges, strict=True))) / count
+    above = math.sqrt(sum((one.high - share) ** 2 for share, one in zip(shares, ranges, strict=True))) / count
+    return Range(mean - below, mean + above)
+
+
+def mean_of_splits(values: NDArray[np.float64], splits: Sequence[str]) -> float:
+    """Plain mean of the means in each split of values (N,), whose splits are (N,)."""
+    names = np.asarray(splits)
+    return float(np.mean([values[names == split].mean() for split in sorted(set(splits))]))
+
+
+def percent(interval: Range | None) -> Range | None:
+    """An interval of shares in percent."""
+    return None if interval is None else Range(100 * interval.low, 100 * interval.high)
+
+
+class HomeDraws:
+    """Homes drawn again, with replacement; the same draws for every figure, so that differences are paired."""
+
+    def __init__(self, homes: Sequence[str], *, seed: int, num_resamples: int = NUM_RESAMPLES) -> None:
+        """Draws.
+
+        Args:
+            homes: Names; the order does not matter.
+            seed: Same seed and homes, same draws.
+            num_resamples: How often.
+        """
+        self._place = {name: index for index, name in enumerate(sorted(set(homes)))}
+        count = len(self._place)
+        rng = np.random.default_rng(seed)
+        self._times = rng.multinomial(count, np.full(count, 1 / max(count, 1)), size=num_resamples) if count else None
+
+    def interval(self, values: NDArray[np.float64], homes: Sequence[str], strata: Sequence[str]) -> Range | None:
+        """Percentile interval of the plain mean over strata of the mean of values (N,) in each.
+
+        Args:
+            values: One per episode: a share, or a difference of two.
+            homes: (N,) whose each is; all of them were drawn.
+            strata: (N,) the split of each.
+
+        Returns:
+            None with fewer than FEWEST_HOMES homes among these, and where all values are alike, which tells nothing of
+            how homes differ. Draws that hold no episode of a stratum are left out.
+        """
+        if len(set(homes)) < FEWEST_HOMES or self._times is None or not np.ptp(values):
+            return None
+        at = np.array([self._place[home] for home in homes])
+        names = np.asarray(strata)
+        means = []
+        for stratum in sorted(set(strata)):
+            here = names == stratum
+            sums = np.bincount(at[here], values[here], len(self._place))
+            counts = np.bincount(at[here], minlength=len(self._place))
+            over, under = self._times @ sums, self._times @ counts
+            means.append(np.divide(over, under, out=np.full(len(over), np.nan), where=under > 0))
+        drawn = np.mean(means, axis=0)
+        tail = (1 - LEVEL) / 2
+        low, high = np.quantile(drawn[np.isfinite(drawn)], [tail, 1 - tail])
+        return Range(float(low), float(high))

@@ -1,0 +1,1 @@
+"""A real robot's posed RGB-D frames, read from a folder."""

@@ -1,0 +1,24 @@
+"""Explorations of a few steps in the files that `ground --map explore` reads, so that homes are mapped in seconds."""
+
+from pathlib import Path
+
+import numpy as np
+
+from grounding.explore import explore, start_on_storey
+from grounding.exploring.files import save_exploration
+from grounding.exploring.storeys import exploration_name
+from sim.episodes.dataset import PersonalDataset
+from sim.scenes.sources import open_scene
+from sim.types import Camera
+
+
+def write_short_walks(dataset: PersonalDataset, out: Path, *, steps: int = 5) -> None:
+    """For every storey that an episode starts on, below the folder of runs `out`."""
+    for name in dataset.scenes:
+        scene = open_scene(dataset, name)
+        heights = np.array(scene.navigation.storey_heights)
+        starts = [episode.start.position[1] for episode in dataset.episodes(scenes=(name,))]
+        for storey in sorted({int(np.abs(heights - y).argmin()) for y in starts}):
+            start = start_on_storey(scene, float(heights[storey]), 0)
+            file = exploration_name(scene, storey=storey, seed=0, camera=Camera())
+            save_exploration(out / "explorations" / file, explore(scene, start, seed=0, max_steps=steps))

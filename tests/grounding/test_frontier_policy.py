@@ -1,0 +1,192 @@
+"""Which frontier is looked at next: the near one by the explorer, one drawn for a while by random-frontier."""
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Iterator
+from itertools import groupby, pairwise
+
+import numpy as np
+import pytest
+
+from grounding.agents.floor_memory import Ground
+from grounding.agents.frontier import FULL_TURN
+from grounding.agents.frontiers import Frontier, costs_from, find_frontiers
+from grounding.agents.random_frontier import RandomFrontierAgent, random_frontier
+from grounding.agents.seeking import Seeker
+from grounding.explore import TASK, explore
+from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
+from sim.tasks.pan import PanEnv
+from sim.types import FORWARD_STEP, Action, Camera, GridSpec, Observation, Pose
+from sim.world.raycast import Raycaster
+
+from .two_rooms import two_room_scene
+
+CAMERA = Camera(96, 72)
+START = Pose((1.0, 0.0, 1.0), yaw=0.5)
+TURNS = (Action.LEFT, Action.RIGHT)
+ROBOT_ROW, CELL = 100, 0.05
+
+
+def corridor(*gaps: tuple[int, int]) -> Ground:
+    """A corridor along z, 2 m wide and 10 m long, with walls around; gaps (first row, rows) in its left wall."""
+    cells = np.full((220, 60), UNKNOWN, np.uint8)
+    cells[9:211, 9:51] = OCCUPIED
+    cells[10:210, 10:50] = FREE
+    for row, length in gaps:
+        cells[row : row + length, :10] = UNKNOWN
+    weights = np.where(cells == FREE, CELL / FORWARD_STEP, np.inf)
+    return Ground(cells, cells, weights, GridSpec((0.0, 0.0), CELL, (220, 60)))
+
+
+def frontiers_of(ground: Ground) -> list[Frontier]:
+    """Of a robot in the corridor's middle that faces the wall with the gaps."""
+    here = (30.5 * CELL, (ROBOT_ROW + 0.5) * CELL)
+    costs = costs_from(ground, here)
+    nothing, never = np.zeros(ground.cells.shape, bool), np.zeros(ground.cells.shape, np.uint8)
+    return find_frontiers(
+        ground,
+        costs,
+        banned=nothing,
+        failures=never,
+        robot=(*here, math.pi / 2),
+        is_tilted=False,
+        can_look=True,
+        camera=CAMERA,
+    )
+
+
+def first_rows(frontiers: list[Frontier]) -> list[int]:
+    return [int(frontier.cells_rc[:, 0].min()) for frontier in frontiers]
+
+
+@pytest.mark.parametrize("near_first", [True, False])
+def test_of_two_frontiers_of_equal_length_the_nearer_is_first(near_first: bool) -> None:
+    near, far = (60, 190) if near_first else (130, 15)
+    found = frontiers_of(corridor((near, 16), (far, 16)))
+    assert first_rows(found) == [near, far]
+    assert found[0].cost < found[1].cost < math.inf
+
+
+def test_a_short_frontier_counts_farther_than_it_is_up_to_a_point() -> None:
+    short, long, far_off = (68, 6), (150, 30), (180, 30)
+    found = frontiers_of(corridor(short, long))
+    assert first_rows(found) == [long[0], short[0]]
+    assert found[1].cost < found[0].cost < 2 * found[1].cost, "it is the nearer one, but less lies behind it"
+    found = frontiers_of(corridor(short, far_off))
+    assert first_rows(found) == [short[0], far_off[0]]
+
+
+def test_a_frontier_too_narrow_to_lead_anywhere_is_none() -> None:
+    assert first_rows(frontiers_of(corridor((64, 4), (125, 16)))) == [125]
+
+
+def test_the_explorer_turns_around_at_the_start_and_never_again() -> None:
+    found = explore(two_room_scene(), START, seed=3, max_steps=600, camera=CAMERA)
+    runs = [(is_turn, sum(1 for _ in run)) for is_turn, run in groupby(step.action in TURNS for step in found.steps)]
+    assert [number for number, (is_turn, length) in enumerate(runs) if is_turn and length >= FULL_TURN] == [0]
+    assert found.stop_reason == "no-frontier"
+    assert {step.action for step in found.steps[:FULL_TURN]} < set(TURNS), "one direction"
+
+
+def test_the_explorer_goes_to_the_first_of_the_frontiers(monkeypatch: pytest.MonkeyPatch) -> None:
+    last: list[Frontier] = []
+    ranks: list[int] = []
+    look, choose = Seeker.frontiers, Seeker.choose
+
+    def looked(self: Seeker, **options: bool) -> list[Frontier]:
+        found = look(self, **options)
+        last[:] = found if not options else last
+        return found
+
+    def chosen(self: Seeker, goal: Frontier | None) -> None:
+        if goal is not None:
+            ranks.append([item is goal for item in last].index(True))
+        choose(self, goal)
+
+    monkeypatch.setattr(Seeker, "frontiers", looked)
+    monkeypatch.setattr(Seeker, "choose", chosen)
+    explore(two_room_scene(), START, seed=3, max_steps=600, camera=CAMERA)
+    assert len(ranks) > 5
+    assert set(ranks) == {0}
+
+
+def walked(agent: RandomFrontierAgent, *, has_door: bool, seed: int, max_steps: int) -> Iterator[tuple[Action, Pose]]:
+    """Each action of an agent in two rooms, as it is chosen, and where it was; ends with STOP at the latest."""
+    scene = two_room_scene(has_door=has_door)
+    env = PanEnv(START, scene.navigation, renderer=Raycaster(scene.mesh), camera=CAMERA, max_steps=max_steps + 50)
+    agent.reset(dataclasses.replace(TASK, max_steps=max_steps), CAMERA, seed=seed)
+    observation = env.reset()
+    while not env.is_over:
+        action = agent.act(observation)
+        yield action, env.pose
+        observation = env.step(action)
+
+
+def test_random_frontier_holds_its_goal_until_it_is_seen_or_has_failed() -> None:
+    agent = random_frontier()
+    goals = []
+    for _ in walked(agent, has_door=True, seed=5, max_steps=120):
+        seeker = agent._seeker
+        before = goals[-1] if goals else None
+        if before is not None and seeker.goal is not before:
+            ((row, col),) = seeker.memory.grid.rc_from_xz(np.array([before.target_xz]))
+            is_seen = seeker.memory.cell_at(before.target_xz) != UNKNOWN
+            assert is_seen or seeker._banned_until[row, col] > seeker._step, "given up for no reason"
+        goals.append(seeker.goal)
+    held = [sum(1 for _ in group) for goal, group in groupby(goals, key=id)]
+    assert len(held) > 5
+    assert max(held) >= 5
+    assert sum(a is b for a, b in pairwise(goals)) > len(goals) / 2
+
+
+def test_random_frontier_draws_each_frontier_about_equally_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With 400 seeds each of four is drawn 100 times, give or take 8.7: 60 and 140 are more than 4 times that away."""
+    cells = np.zeros((9, 2), np.int64)
+    made = [
+        Frontier(cells, (0.0, -2.0), cost, (0.0, -1.5), (0.0, -2.0), looks_down=False)
+        for cost in (1.0, 5.0, 12.0, 40.0, math.inf)
+    ]
+    drawn: Counter[float] = Counter()
+
+    class OneDraw(Exception):
+        """Nothing more is asked of the agent."""
+
+    def choose(self: Seeker, goal: Frontier | None) -> None:
+        assert goal is not None
+        drawn[goal.cost] += 1
+        raise OneDraw
+
+    monkeypatch.setattr(Seeker, "frontiers", lambda self: list(made))
+    monkeypatch.setattr(Seeker, "see", lambda self, observation: None)
+    monkeypatch.setattr(Seeker, "choose", choose)
+    agent, view = random_frontier(), first_view()
+    for seed in range(400):
+        agent.reset(TASK, CAMERA, seed=seed)
+        with pytest.raises(OneDraw):
+            agent.act(view)
+    assert set(drawn) == {1.0, 5.0, 12.0, 40.0}, "what cannot be reached is never drawn"
+    assert all(60 < count < 140 for count in drawn.values()), drawn
+
+
+def first_view() -> Observation:
+    """What PAN gives at a start, without pictures."""
+    return PanEnv(START, two_room_scene().navigation, renderer=None, camera=CAMERA).reset()
+
+
+@pytest.mark.slow
+def test_random_frontier_turns_on_the_spot_in_a_closed_room_and_stops_as_step_500() -> None:
+    agent = random_frontier()
+    actions, poses, is_done = [], [], []
+    for action, pose in walked(agent, has_door=False, seed=1, max_steps=500):
+        actions.append(action)
+        poses.append(pose.position)
+        frontiers = agent.insight().frontiers
+        is_done.append(frontiers is not None and len(frontiers) == 0)
+    assert len(actions) == 500
+    assert actions[-1] is Action.STOP
+    first = is_done.index(True)
+    assert 20 < first < 200
+    assert actions[first] in TURNS
+    assert set(actions[first:-1]) == {actions[first]}, "always in the same direction"
+    assert set(poses[first:]) == {poses[first]}

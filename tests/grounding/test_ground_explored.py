@@ -1,0 +1,146 @@
+"""`ground --map explore` on small homes after a few steps: real encoders, worker processes, and what is being done."""
+
+import io
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from grounding import encoders
+from grounding.encoding import clip
+from grounding.encoding.pretrained import load_pretrained
+from grounding.exploring.notes import read_notes, scene_note
+from grounding.map_files import load_memory, read_map_header
+from grounding.oracle.oracle_map import oracle_home
+from grounding.types import FeatureMap
+from personal_viz.cli_ground import Ground
+from personal_viz.commands.ground_progress import ground_progress
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import AgentError, PersonalVizError
+from sim.tasks.run_files import read_run
+from sim.types import GridSpec
+
+from .short_walks import write_short_walks
+from .tiny_models import save_clip
+
+
+@pytest.fixture(scope="module")
+def clip_name(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return f"clip:{save_clip(tmp_path_factory.mktemp('models') / 'tiny')}"
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory, small_root: Path) -> Path:
+    """A folder of runs with short walks of both homes."""
+    out = tmp_path_factory.mktemp("runs")
+    write_short_walks(PersonalDataset(small_root), out)
+    return out
+
+
+def maps_of(runs: Path, run_id: str) -> Path:
+    return runs / str(read_run(runs / run_id).info.config["maps"])
+
+
+def test_a_real_encoder_is_loaded_once_for_all_homes_where_it_was_asked(
+    small_root: Path, runs: Path, clip_name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded = []
+
+    def counted(source: str, classes, options):
+        loaded.append((options.device, options.autocast, options.batch_size))
+        return load_pretrained(source, classes, options)
+
+    monkeypatch.setattr(clip, "load_pretrained", counted)
+    encoders._model.cache_clear()
+    options = {"autocast": "bfloat16", "batch": 3, "run_id": "real", "json": True}
+    assert Ground(small_root, "qs", map="explore", encoder=clip_name, out=runs, **options).work() == 0
+    assert loaded == [("cpu", "bfloat16", 3)]
+    run = read_run(runs / "real")
+    assert (len(run.answers), run.info.config["autocast"]) == (11, "bfloat16")
+    assert run.info.condition.startswith(f"explore map, {clip_name} encoder, autocast bfloat16, ")
+    for scene in ("HomeOne", "HomeTwo"):
+        header = read_map_header(maps_of(runs, "real") / f"{scene}.npz")
+        assert header.encoder.startswith("clip-")
+        assert header.dim == 24
+        assert "oracle" not in header.source.builder
+
+
+def test_the_device_reaches_the_model(
+    small_root: Path, runs: Path, clip_name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)  # also on a machine with a GPU
+    with pytest.raises(AgentError, match=r"device 'cuda': torch sees no such device"):
+        Ground(small_root, "qs", map="explore", encoder=clip_name, out=runs, device="cuda", run_id="gpu").work()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"device": "cuda"}, r"--device is 'cuda' with --encoder hashed, which runs no model of ours; expected one of"),
+        ({"batch": 4}, r"--batch is 4 with --encoder hashed, which runs no model of ours"),
+        ({"batch": 0}, r"--batch is 0; expected a whole number from 1"),
+        ({"autocast": "float16"}, r"--autocast is 'float16' with --encoder hashed"),
+    ],
+)
+def test_options_of_models_are_refused_without_one(
+    options: dict, message: str, small_root: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(PersonalVizError, match=message):
+        Ground(small_root, "qs", map="explore", out=tmp_path / "runs", **options).work()
+    assert not (tmp_path / "runs").exists()
+
+
+def test_the_centre_of_a_walked_home_is_the_middle_of_what_was_seen(small_root: Path, runs: Path) -> None:
+    scene = {"scene": ("HomeTwo",), "out": runs, "json": True, "map": "explore"}
+    assert Ground(small_root, "center", **scene, run_id="centre").work() == 0
+    memory = load_memory(maps_of(runs, "centre") / "HomeTwo.npz").storeys[0].memory
+    assert isinstance(memory, FeatureMap)
+    x, z = memory.centre_xz
+    answers = {answer.candidates for answer in read_run(runs / "centre").answers}
+    assert answers == {((x, memory.floor_y, z),)}
+    # goals and view points of the whole home (test_oracle_map.py) have another middle than the views of a few steps
+    home = oracle_home(PersonalDataset(small_root), "HomeTwo")
+    assert memory.centre_xz != pytest.approx(home.centre_xz, abs=0.01)
+    corner = np.floor(home.centre_xz) - 25  # the cells are those of the oracle map
+    assert memory.grid == GridSpec((corner[0], corner[1]), 1.0, (50, 50))
+
+
+def test_notes_say_what_is_being_done_and_end_with_it(tmp_path: Path) -> None:
+    with scene_note(tmp_path, "HomeTwo") as two, scene_note(tmp_path, "HomeOne") as one:
+        two("exploring storey 1 of 1, 5 steps")
+        one("mapping 3 of 9 views")
+        assert read_notes(tmp_path) == ["HomeOne: mapping 3 of 9 views", "HomeTwo: exploring storey 1 of 1, 5 steps"]
+    assert read_notes(tmp_path) == []
+    with scene_note(tmp_path / "gone", "HomeOne") as one, scene_note(None, "HomeOne") as nobody:
+        one("a note that cannot be written")
+        nobody("a note that nobody reads")
+    assert read_notes(tmp_path / "gone") == []
+
+
+def test_the_bar_shows_notes_on_terminals_only() -> None:
+    with ground_progress(Console(file=io.StringIO())) as (progress, notes):
+        assert (progress.disable, notes) == (True, None)
+    screen = io.StringIO()
+    with ground_progress(Console(file=screen, force_terminal=True, width=80)) as (progress, notes):
+        assert notes is not None
+        progress.add_task("a run", total=4)
+        with scene_note(notes, "HomeOne") as say:
+            say("mapping 3 of 9 views")
+            progress.refresh()
+    assert "HomeOne: mapping 3 of 9 views" in screen.getvalue()
+    assert not notes.exists()
+
+
+@pytest.mark.slow
+def test_worker_processes_make_the_same_maps_and_answers(small_root: Path, tmp_path: Path, runs: Path) -> None:
+    two = tmp_path / "two"
+    shutil.copytree(runs / "explorations", two / "explorations")
+    for out, jobs in ((runs, 1), (two, 2)):
+        options = {"view_noise": 0.2, "confusion": 0.2, "jobs": jobs, "run_id": "noisy", "json": True}
+        assert Ground(small_root, "dual", map="explore", out=out, **options).work() == 0
+    assert read_run(runs / "noisy").answers == read_run(two / "noisy").answers
+    for scene in ("HomeOne", "HomeTwo"):
+        one, other = (maps_of(out, "noisy") / f"{scene}.npz" for out in (runs, two))
+        assert one.read_bytes() == other.read_bytes()

@@ -1,0 +1,49 @@
+"""Better methods and the other encoder against the figures of GROUNDING.md, section 7.2, on all released episodes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from personal_viz.cli_ground import Ground
+from sim.tasks.run_files import read_run
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", autouse=True)
+def vectors(tmp_path_factory: pytest.TempPathFactory):
+    """MiniLM's vectors are made here once, and are not those of other runs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path_factory.mktemp("vectors")))
+        yield
+
+
+def pooled(capsys: pytest.CaptureFixture[str], **options) -> float:
+    """Percent of all 2,000 episodes, each counted alike, as the specification does."""
+    assert Ground(**options, json=True, jobs=2).work() == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["n"] == 2000
+    assert len(read_run(Path(found["run"])).answers) == 2000
+    return found["pooled"]["sr"]
+
+
+@pytest.mark.parametrize(
+    ("method", "encoder", "reference", "tolerance"),
+    [
+        ("phrase", "hashed", 93.2, 1.5),
+        ("phrase", "minilm", 94.8, 0.5),
+        ("qs", "minilm", 62.0, 1.0),
+        ("rpg", "minilm", 63.5, 1.0),
+    ],
+)
+def test_objects_only_maps_give_the_reference_figures(
+    method: str, encoder: str, reference: float, tolerance: float, dataset_root: Path, tmp_path: Path, capsys
+) -> None:
+    found = pooled(capsys, dataset=dataset_root, method=method, encoder=encoder, out=tmp_path)
+    assert found == pytest.approx(reference, abs=tolerance)
+
+
+def test_phrases_by_rules_reach_ninety_percent(dataset_root: Path, tmp_path: Path, capsys) -> None:
+    found = pooled(capsys, dataset=dataset_root, method="phrase", encoder="minilm", phrases="rules", out=tmp_path)
+    assert found >= 90
