@@ -35,10 +35,10 @@ _FLOOR_FRAMES = 14
 """Views after which the floor's height is not changed any more: a look around and a bit."""
 _BUMP_AHEAD, _BUMP_ASIDE = (0.03, 0.07), (-0.04, 0.0, 0.04)
 """A collision blocks the robot's centre so far ahead and aside, metres, but never where it has been."""
-_BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.22, 7.0, 40.0
-"""Each collision makes ways near its place so many times longer, less with distance (a bell of this width, metres), and
-all together at most so much: where a wall cannot be seen, a way round becomes the better one before every place of it
-was tried."""
+_BUMP_FORE, _BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.2, 0.15, 7.0, 40.0
+"""Each collision makes ways near a place so far ahead of it so many times longer, less with distance (a bell of this
+width; both in metres), and all together at most so much: where a wall cannot be seen, a way round becomes the better
+one before every place of it was tried, and the narrow way beside it stays open."""
 _TRAIL_TIMES, _BESIDE_TIMES = 1.0, 2.5
 """Ways over cells that the robot came through, and over those beside them, count at most so many times their length,
 however close things seem."""
@@ -46,6 +46,9 @@ _TRAIL_STEP = 0.01
 """The robot's way is followed in steps of this length, metres."""
 _BLIND, _BLIND_TIMES = 1.5, 3.0
 """Unknown floor this near to the robot lies below its camera's view; a way over it counts so many times its length."""
+_COLUMNS = 160
+"""Wider pictures are thinned to about so many columns: cells of 5 cm are seen whole at 5 m, and large and small cameras
+make the same map."""
 _MARGIN = 8
 """Cells around what is known that plans include."""
 
@@ -120,7 +123,7 @@ class FloorMemory:
         self.is_tilted = abs(float(T[1, 2])) > 0.01
         self._follow(self._stood[-1] if self._stood else self.xz, self.xz)
         self._stood.append(self.xz)
-        view = (observation.depth_m, T, Intrinsics.of(observation.camera))
+        view = _thinned(observation.depth_m, T, Intrinsics.of(observation.camera))
         if len(self._frames) < _FLOOR_FRAMES:
             self._frames.append(view)
             self._find_floor(view, feet_y=float(T[1, 3]) - observation.camera.mount_height)
@@ -128,7 +131,8 @@ class FloorMemory:
         self._mapper.stand(self.xz)
         if observation.collided:
             self._bumps = (*self._bumps, Bump(self.xz, self.yaw, observation.step + self._bump_steps))
-            self.avoid(self.xz)
+            ahead = np.array(self.xz) + _BUMP_FORE * forward_from_yaw(self.yaw)[[0, 2]]
+            self.avoid((float(ahead[0]), float(ahead[1])))
         self._step = observation.step
 
     @property
@@ -207,7 +211,7 @@ class FloorMemory:
         _set(self._trail, self._mapper.grid, np.linspace(start, end, count), True)
 
     def avoid(self, xz: tuple[float, float]) -> None:
-        """Makes ways near a place dearer: where the robot collided, or came no further."""
+        """Makes ways near a place dearer: what the robot collided with, or where it came no further."""
         grid = self._mapper.grid
         ((row, col),) = grid.rc_from_xz(np.array([xz]))
         reach = math.ceil(2 * _BUMP_REACH / grid.cell)
@@ -233,6 +237,17 @@ class FloorMemory:
                 self._mapper.add(*earlier)
             for xz in self._stood:
                 self._mapper.stand(xz)
+
+
+def _thinned(
+    depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], intrinsics: Intrinsics
+) -> tuple[NDArray[np.float32], NDArray[np.float64], Intrinsics]:
+    """The view with each k-th row and column of pixels only, so that _COLUMNS or a few more are left."""
+    k = max(intrinsics.width // _COLUMNS, 1)
+    first = k // 2
+    depth = np.ascontiguousarray(depth_m[first::k, first::k])
+    cx, cy = ((centre - first - 0.5) / k + 0.5 for centre in (intrinsics.cx, intrinsics.cy))
+    return depth, T_map_camera, Intrinsics(depth.shape[1], depth.shape[0], intrinsics.fx / k, intrinsics.fy / k, cx, cy)
 
 
 def _heights(depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], intrinsics: Intrinsics) -> NDArray:

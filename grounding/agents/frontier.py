@@ -1,6 +1,7 @@
 """Exploration: look at the frontier that is seen with the fewest actions, again and again, until none is left.
 
-Small frontiers count up to 2.6 times as far as they are: slivers beside things would be looked at one by one.
+A frontier of K cells counts 1 + 60 / K times as far as it is: slivers beside things would be looked at one by one. What
+was spent on it before counts too: where walls cannot be seen, the nearest one may be out of reach.
 
 Observation -> `Seeker` (map, frontiers, way) -> the goal chosen here -> next action.
 """
@@ -108,7 +109,7 @@ class FrontierExplorer:
     def _take(self, frontier: Frontier, step: int) -> None:
         self._seeker.choose(frontier)
         self._planned_at, self._has_looked_around = step, False
-        self._note = f"to a frontier of {len(frontier.cells_rc)} cells, {frontier.cost:.0f} actions away"
+        self._note = f"to a frontier of {len(frontier.cells_rc)} cells, counted as {frontier.cost:.0f} actions away"
 
     def _stop(self, reason: StopReason, note: str) -> Action:
         self._seeker.choose(None)

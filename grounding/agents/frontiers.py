@@ -28,7 +28,7 @@ _PASSABLE = 2
 """A frontier is within so many cells of where the robot's centre can be; others are too narrow to lead anywhere."""
 _EDGE = 3.0
 """Cells beside the nearest floor in a picture that are not counted on: away from its middle the nearest is farther."""
-_SMALL = 8.0
+_SMALL = 60.0
 """Frontiers of so many cells are taken where they cost half as much as a long one: more lies behind those."""
 _HERE = 0.4
 """Places that cost fewer actions are where the robot stands."""
@@ -46,13 +46,11 @@ class Frontier(NamedTuple):
     middle_xz: tuple[float, float]
     """Of its cells, metres."""
     cost: float
-    """Actions until it is seen; inf where no known way leads to a place to look from."""
+    """Actions until it is seen, and those spent on it before; inf where no known way leads to a place to look from."""
     place_xz: tuple[float, float]
     """Where to stand."""
     target_xz: tuple[float, float]
     """The unknown cell to look at."""
-    looks_down: bool
-    """Whether it is too near for a level camera."""
 
 
 def reach_of(camera: Camera, cell: float, *, can_look: bool) -> tuple[float, float]:
@@ -80,6 +78,7 @@ def find_frontiers(
     *,
     banned: NDArray[np.bool_],
     failures: NDArray[np.uint8],
+    spent: NDArray[np.float32],
     robot: tuple[float, float, float],
     is_tilted: bool,
     can_look: bool,
@@ -93,6 +92,7 @@ def find_frontiers(
         costs: From `costs_from`.
         banned: (rows, cols) unknown cells that are left out.
         failures: (rows, cols) how often each was looked at in vain: the next look is from nearer.
+        spent: (rows, cols) actions that were spent so far on going to see unknown cells.
         robot: Its x, z and yaw.
         is_tilted: Whether its camera looks down.
         can_look: Whether it may be tilted.
@@ -122,9 +122,13 @@ def find_frontiers(
     )
     frontiers = [
         Frontier(
-            cells, _xz(ground, cells.mean(axis=0)), float(cost), _xz(ground, place), _xz(ground, target), bool(down)
+            cells,
+            _xz(ground, cells.mean(axis=0)),
+            float(cost) + float(spent[cells[:, 0], cells[:, 1]].mean()),
+            _xz(ground, place),
+            _xz(ground, target),
         )
-        for cells, cost, place, target, down in zip(members, *found, strict=True)
+        for cells, cost, place, target in zip(members, *found, strict=True)
     ]
     return sorted(frontiers, key=lambda frontier: frontier.cost * (1 + _SMALL / len(frontier.cells_rc)))
 

@@ -137,13 +137,12 @@ def best_views(
         is_tilted: Whether the camera looks down now; then it may go on while the robot only turns.
 
     Returns:
-        cost (G,), inf where there is no such place; place (G, 2); target (G, 2); whether to look down (G,).
+        cost (G,), inf where there is no such place; place (G, 2); target (G, 2).
     """
     rows, cols = cells.shape
     best = np.full(num_groups, math.inf)
     place = np.zeros((num_groups, 2), np.int64)
     target = np.zeros((num_groups, 2), np.int64)
-    down = np.zeros(num_groups, np.bool_)
     num_rays = 48
     for t in range(len(targets)):
         g = groups[t]
@@ -161,9 +160,8 @@ def best_views(
                     break
                 if k < reach[0] or not costs[r, c] < best[g]:
                     continue
-                needs_down = k < reach[1]
                 is_here = costs[r, c] < here
-                look = 0.0 if is_here and is_tilted else look_cost if needs_down else 0.0
+                look = 0.0 if is_here and is_tilted else look_cost if k < reach[1] else 0.0
                 if is_here:
                     total = turns_here + look
                 else:
@@ -171,10 +169,10 @@ def best_views(
                     turns = _turns(along - robot[2], turn_step) + _turns(facing - along, turn_step)
                     total = costs[r, c] + turns + look + (1.0 if is_tilted else 0.0)
                 if total < best[g]:
-                    best[g], down[g] = total, needs_down
+                    best[g] = total
                     place[g, 0], place[g, 1] = r, c
                     target[g, 0], target[g, 1] = targets[t, 0], targets[t, 1]
-    return best, place, target, down
+    return best, place, target
 
 
 @njit(cache=True, nogil=True)

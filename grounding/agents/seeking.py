@@ -94,6 +94,8 @@ class Seeker:
         self._banned_until = np.zeros(self.memory.grid.shape, np.int32)
         self._failures = np.zeros(self.memory.grid.shape, np.uint8)
         self._misses = np.zeros(self.memory.grid.shape, np.uint8)
+        self._spent = np.zeros(self.memory.grid.shape, np.float32)
+        self._goal_rc, self._chosen_at = np.zeros((0, 2), np.int64), 0
         self._way: _Way | None = None
         self._best_to_go, self._nearer_at = math.inf, 0
         self._bumps = 0
@@ -132,6 +134,7 @@ class Seeker:
             costs,
             banned=banned,
             failures=failures,
+            spent=self._cut(self._spent, ground),
             robot=(*self.memory.xz, self.memory.yaw),
             is_tilted=self.memory.is_tilted,
             can_look=self._can_look,
@@ -140,7 +143,12 @@ class Seeker:
         )
 
     def choose(self, goal: Frontier | None) -> None:
-        """Goes to see `goal` from now on."""
+        """Goes to see `goal`, one of the `frontiers` of this step, from now on; what the last one cost is kept."""
+        if self.goal is not None:
+            rows, cols = self._goal_rc.T
+            self._spent[rows, cols] += self._step - self._chosen_at
+        if goal is not None:
+            self._goal_rc, self._chosen_at = goal.cells_rc + self._corner(self.memory.ground()), self._step
         self.goal, self._way, self._begun = goal, None, []
         self._best_to_go, self._nearer_at, self._bumps = math.inf, self._step, 0
 
@@ -333,6 +341,9 @@ class Seeker:
     def _cut(self, image: NDArray[Any], ground: Ground) -> NDArray[Any]:
         """The part of an image of the whole grid that the ground covers."""
         rows, cols = ground.cells.shape
-        corner = np.array([ground.grid.origin_xz]) + ground.grid.cell / 2
-        ((row, col),) = self.memory.grid.rc_from_xz(corner)
+        row, col = self._corner(ground)
         return image[row : row + rows, col : col + cols]
+
+    def _corner(self, ground: Ground) -> NDArray[np.int64]:
+        """(2,) row and column of the ground's first cell on the whole grid."""
+        return self.memory.grid.rc_from_xz(np.array(ground.grid.origin_xz) + ground.grid.cell / 2)

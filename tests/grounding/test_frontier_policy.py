@@ -8,6 +8,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from grounding.agents.floor_memory import Ground
 from grounding.agents.frontier import FULL_TURN
@@ -39,7 +40,7 @@ def corridor(*gaps: tuple[int, int]) -> Ground:
     return Ground(cells, cells, weights, GridSpec((0.0, 0.0), CELL, (220, 60)))
 
 
-def frontiers_of(ground: Ground) -> list[Frontier]:
+def frontiers_of(ground: Ground, spent: NDArray[np.float32] | None = None) -> list[Frontier]:
     """Of a robot in the corridor's middle that faces the wall with the gaps."""
     here = (30.5 * CELL, (ROBOT_ROW + 0.5) * CELL)
     costs = costs_from(ground, here)
@@ -49,6 +50,7 @@ def frontiers_of(ground: Ground) -> list[Frontier]:
         costs,
         banned=nothing,
         failures=never,
+        spent=np.zeros(ground.cells.shape, np.float32) if spent is None else spent,
         robot=(*here, math.pi / 2),
         is_tilted=False,
         can_look=True,
@@ -143,10 +145,7 @@ def test_random_frontier_holds_its_goal_until_it_is_seen_or_has_failed() -> None
 def test_random_frontier_draws_each_frontier_about_equally_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """With 400 seeds each of four is drawn 100 times, give or take 8.7: 60 and 140 are more than 4 times that away."""
     cells = np.zeros((9, 2), np.int64)
-    made = [
-        Frontier(cells, (0.0, -2.0), cost, (0.0, -1.5), (0.0, -2.0), looks_down=False)
-        for cost in (1.0, 5.0, 12.0, 40.0, math.inf)
-    ]
+    made = [Frontier(cells, (0.0, -2.0), cost, (0.0, -1.5), (0.0, -2.0)) for cost in (1.0, 5.0, 12.0, 40.0, math.inf)]
     drawn: Counter[float] = Counter()
 
     class OneDraw(Exception):
