@@ -32,6 +32,8 @@ at the same place, fewer with distance, up to the second."""
 _TRIED_CELL, _TRIED_COSTS = 0.1, (1.5, 5.0)
 """Each forward since there was new floor counts so many actions more when it is taken again from the same cell of this
 side, metres, in the same direction: no going to and fro. The two take turns: each holds until no new floor comes."""
+_TRIED_MOST = 3
+"""A forward that was taken so often again frees the places of collisions: they shut the robot in."""
 _BAN_RADIUS, _LOOKED_RADIUS = 0.5, 0.3
 """What could not be reached is left alone this far around, metres, and what stayed unknown this far."""
 FOR_EVER = int(np.iinfo(np.int32).max)
@@ -191,6 +193,13 @@ class Seeker:
         most = max((len(frontier.cells_rc) for frontier in self.frontiers(even_banned=True)), default=0)
         return dull > self._settings.last_steps + _STEPS_PER_CELL * min(most, _LONGEST)
 
+    def squeeze(self) -> bool:
+        """Plans nearer to things from now on until there is new floor, and looks for some anew; False where it does."""
+        if not self.memory.squeeze():
+            return False
+        self._news_at = self._dull_at = self._step
+        return True
+
     def pursue(self) -> Action | None:
         """The next action towards seeing the goal; None when it is seen or has failed, or there is none."""
         goal = self.goal
@@ -273,7 +282,10 @@ class Seeker:
     def _counted(self, action: Action) -> Action:
         """The same action, kept in mind if it is a forward."""
         if action is Action.FORWARD:
-            self._tried[self._tried_key(0)] += 1
+            key = self._tried_key(0)
+            self._tried[key] += 1
+            if self._tried[key] % _TRIED_MOST == 0:
+                self.memory.forget_bumps()
         return action
 
     def _is_open_ahead(self) -> bool:

@@ -14,7 +14,7 @@ from grounding.agents.floor_memory import Ground
 from grounding.agents.frontier import FULL_TURN
 from grounding.agents.frontiers import Frontier, costs_from, find_frontiers
 from grounding.agents.random_frontier import RandomFrontierAgent, random_frontier
-from grounding.agents.seeking import Seeker
+from grounding.agents.seeking import Seeker, SeekSettings
 from grounding.explore import TASK, explore
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.tasks.pan import PanEnv
@@ -71,12 +71,42 @@ def test_of_two_frontiers_of_equal_length_the_nearer_is_first(near_first: bool) 
 
 
 def test_a_short_frontier_counts_farther_than_it_is_up_to_a_point() -> None:
-    short, long, far_off = (68, 6), (150, 30), (180, 30)
+    short, long, far_off = (68, 6), (150, 30), (190, 20)
     found = frontiers_of(corridor(short, long))
     assert first_rows(found) == [long[0], short[0]]
     assert found[1].cost < found[0].cost < 2 * found[1].cost, "it is the nearer one, but less lies behind it"
     found = frontiers_of(corridor(short, far_off))
     assert first_rows(found) == [short[0], far_off[0]]
+
+
+def test_what_was_spent_on_a_frontier_counts() -> None:
+    near, far = (60, 16), (190, 16)
+    before = frontiers_of(corridor(near, far))
+    spent = np.zeros((220, 60), np.float32)
+    spent[60:76] = 50.0
+    after = frontiers_of(corridor(near, far), spent)
+    assert (first_rows(before), first_rows(after)) == ([60, 190], [190, 60])
+    assert after[1].cost == pytest.approx(before[0].cost + 50.0)
+    assert after[0].cost == before[1].cost
+
+
+def test_a_seeker_keeps_in_mind_what_it_spent_on_a_goal() -> None:
+    """Goals in turn, each new one before the last was seen, make each other dearer: no going to and fro for ever."""
+    scene = two_room_scene()
+    env = PanEnv(START, scene.navigation, renderer=Raycaster(scene.mesh), camera=CAMERA)
+    seeker, view = Seeker(CAMERA, SeekSettings()), env.reset()
+    for _ in range(8):
+        seeker.see(view)
+        view = env.step(Action.LEFT)
+    before = {item.middle_xz: item for item in seeker.frontiers()}
+    assert len(before) > 1
+    goal = min(before.values(), key=lambda item: item.cost)
+    seeker.choose(goal)
+    seeker.see(dataclasses.replace(view, step=17))
+    seeker.choose(None)
+    for item in seeker.frontiers():
+        more = 10.0 if item.middle_xz == goal.middle_xz else 0.0
+        assert item.cost == pytest.approx(before[item.middle_xz].cost + more)
 
 
 def test_a_frontier_too_narrow_to_lead_anywhere_is_none() -> None:
