@@ -11,10 +11,14 @@ from grounding.agents import floor_memory
 from grounding.agents.floor_memory import FloorMemory
 from grounding.agents.plan_kernels import spread_costs, weigh
 from grounding.agents.seeking import Seeker, SeekSettings
+from grounding.posed_frames import Intrinsics
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
-from sim.types import FORWARD_STEP, Action, GridSpec, Observation, Pose
+from sim.types import FORWARD_STEP, Action, Camera, GridSpec, Observation, Pose
 
 from .test_explore import CAMERA, observation
+
+FLOOR = 0.05 / FORWARD_STEP
+"""Actions to cross a cell that is far from everything."""
 
 
 def seen(*xz: tuple[float, float], collided: bool = False) -> FloorMemory:
@@ -69,17 +73,18 @@ def test_costs_beyond_a_limit_are_left_out_and_those_within_are_the_same() -> No
 
 def test_a_collision_makes_ways_around_dearer_the_nearer_the_more() -> None:
     free, touched = seen((0.0, 0.0)), seen((0.0, 0.0), (0.0, -0.01), collided=True)
-    more = [weight_at(touched, (x, 0.0)) - weight_at(free, (x, 0.0)) for x in (0.12, 0.3, 0.9)]
-    assert more[0] > more[1] > more[2]
-    assert more[2] == pytest.approx(0.0, abs=1e-3)
+    places = [(0.0, -0.22), (0.17, -0.22), (0.0, 0.12), (0.6, -0.22)]
+    more = [weight_at(touched, place) - weight_at(free, place) for place in places]
+    assert more == sorted(more, reverse=True), "most where the wall must be, ahead; little behind the robot"
+    assert more[0] > 5 * FLOOR > more[2]
+    assert more[3] == pytest.approx(0.0, abs=1e-3)
     assert np.isnan(weight_at(touched, (0.0, -0.06)))
 
 
 def test_the_way_that_the_robot_came_stays_open_and_cheap_whatever_it_touched() -> None:
     memory = seen((0.02, 0.6), (0.02, 0.35), (0.02, 0.1), (0.02, 0.0), collided=True)
-    lowest = 0.05 / FORWARD_STEP
-    assert [weight_at(memory, (0.02, z)) for z in (0.58, 0.47, 0.22, 0.03)] == pytest.approx([lowest] * 4)
-    assert weight_at(memory, (0.17, 0.03)) > 3 * lowest
+    assert [weight_at(memory, (0.02, z)) for z in (0.58, 0.47, 0.22, 0.03)] == pytest.approx([FLOOR] * 4)
+    assert weight_at(memory, (0.02, -0.22)) > 3 * FLOOR
 
 
 def test_a_turn_that_is_begun_is_ended_with_a_forward() -> None:
@@ -137,6 +142,44 @@ def test_a_robot_squeezes_once_until_there_is_new_floor() -> None:
     assert [memory.squeeze(), memory.squeeze()] == [True, False]
     memory.relax()
     assert memory.squeeze()
+
+
+def test_squeezing_gives_the_robot_time_again() -> None:
+    seeker = Seeker(CAMERA, SeekSettings(last_steps=20))
+    for step in (0, 1000):
+        seeker.see(observation(Pose((0.0, 0.0, 0.0), 0.0), depth=20.0, step=step))
+    assert seeker.is_dull()
+    assert seeker.squeeze()
+    assert not seeker.is_dull()
+    assert not seeker.squeeze(), "once, until there is new floor"
+
+
+def test_a_robot_that_goes_to_and_fro_between_its_collisions_frees_them() -> None:
+    seeker = Seeker(CAMERA, SeekSettings())
+    for step, collided in enumerate((False, True)):
+        view = observation(Pose((0.0, 0.0, -0.01 * step), 0.0), depth=20.0, step=step, collided=collided)
+        seeker.see(view)
+    shut = []
+    for _ in range(3):
+        seeker._counted(Action.LEFT)
+        seeker._counted(Action.FORWARD)
+        shut.append(bool(np.isnan(weight_at(seeker.memory, (0.0, -0.06)))))
+    assert shut == [True, True, False]
+
+
+@pytest.mark.parametrize(("width", "height"), [(96, 72), (160, 120), (200, 150), (640, 480), (1000, 700)])
+def test_wide_pictures_are_thinned_to_pixels_that_see_the_same(width: int, height: int) -> None:
+    rng = np.random.default_rng(width)
+    depth = rng.random((height, width), np.float32)
+    whole = Intrinsics.of(Camera(width, height))
+    thin, _, part = floor_memory._thinned(depth, np.eye(4), whole)
+    assert thin.shape == (part.height, part.width)
+    assert min(width, 160) <= part.width < 320
+    for row, col in rng.integers(thin.shape, size=(20, 2)):
+        across, down = (col + 0.5 - part.cx) / part.fx, (row + 0.5 - part.cy) / part.fy
+        u, v = across * whole.fx + whole.cx, down * whole.fy + whole.cy
+        assert (u % 1, v % 1) == (pytest.approx(0.5), pytest.approx(0.5)), "the middle of a pixel"
+        assert thin[row, col] == depth[int(v), int(u)]
 
 
 def test_what_fails_again_before_the_robot_moves_comes_back_a_few_times_only() -> None:
