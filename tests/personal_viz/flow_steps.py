@@ -12,7 +12,7 @@ from sim.types import TaskKind
 
 from .flow_studies import PlannedStudy
 
-HOLD_MS = 60
+HOLD_MS = 100
 """How long a key is held: like a person, no two presses within the 50 ms in which sessions drop the second."""
 
 

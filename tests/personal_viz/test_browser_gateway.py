@@ -17,10 +17,10 @@ from human_study.events import Act
 from human_study.records import read_study
 from sim.episodes.generation import invent_dataset
 
+from .flow_steps import HOLD_MS
 from .gateways import running, wait_until
 
 pytestmark = pytest.mark.browser
-HOLD_MS = 60
 
 
 def children(pid: int) -> list[int]:

@@ -27,7 +27,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Home]:
 
 
 def click(page: Page, button: str) -> None:
-    """A click, and as long as a key is held: sessions drop a press within 50 ms of the last one, the picture is quicker."""
+    """A click, and as long as a key is held: sessions drop presses within 50 ms, and the picture is quicker."""
     page.get_by_role("button", name=button).click()
     page.wait_for_timeout(HOLD_MS)
 

@@ -26,10 +26,10 @@ from sim.tasks.rules import scene_storeys, storey_of
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import PAPER4, Action, EpisodeKey
 
+from .flow_steps import HOLD_MS
+
 pytestmark = pytest.mark.browser
 KEYS = {Action.FORWARD: "w", Action.LEFT: "ArrowLeft", Action.RIGHT: "d"}
-HOLD_MS = 60
-"""How long a key is held: like a person, no two presses within the 50 ms in which sessions drop the second."""
 VISER_VFOV = math.radians(75)
 """viser's vertical field of view at first, radians."""
 

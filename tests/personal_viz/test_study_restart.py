@@ -21,11 +21,10 @@ from human_study.progress_people import PersonProgress
 from human_study.records import read_study
 from sim.episodes.generation import invent_dataset
 
+from .flow_steps import HOLD_MS
 from .gateways import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
-HOLD_MS = 60
-"""Sessions drop presses within 50 ms of the last one."""
 
 
 @dataclass
