@@ -49,10 +49,9 @@ def browse(
         library = open_library(dataset, runs=runs, scenes_dir=scenes_dir, scenes=scene, clutter=clutter)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    with browser_app(library, port=port) as address:
+    with browser_app(library, port=port) as address, contextlib.suppress(KeyboardInterrupt):
         homes = len(library.catalogue.scenes)
         print(f"{len(library.catalogue.episodes):,} episodes of {homes} home{'s' if homes > 1 else ''}: {address}")
         print("For researchers on this machine: it shows the goals. Ctrl-C ends it.", flush=True)
-        with contextlib.suppress(KeyboardInterrupt):
-            ended.wait()
+        ended.wait()
     return 0
