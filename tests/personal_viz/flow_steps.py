@@ -13,7 +13,8 @@ from sim.types import TaskKind
 from .flow_studies import PlannedStudy
 
 HOLD_MS = 100
-"""How long a key is held: like a person, no two presses within the 50 ms in which sessions drop the second."""
+"""How long a key or a mouse button is held, like a person: of two presses within 50 ms sessions drop the second, and
+viser sends one."""
 
 
 def start(page: Page, link: str) -> None:
@@ -47,12 +48,12 @@ def pass_device_check(page: Page, *, has_keys: bool = True) -> None:
     if has_keys:
         page.keyboard.press("w", delay=HOLD_MS)
         expect(page.get_by_text("The key arrived")).to_be_visible()
-    page.get_by_role("button", name="Continue", exact=True).click()
+    page.get_by_role("button", name="Continue", exact=True).click(delay=HOLD_MS)
 
 
 def agree(page: Page) -> None:
     """Consents."""
-    page.get_by_role("button", name="I agree").click()
+    page.get_by_role("button", name="I agree").click(delay=HOLD_MS)
 
 
 def read_instructions(page: Page) -> None:
@@ -62,9 +63,9 @@ def read_instructions(page: Page) -> None:
     expect(page.get_by_text("Page 1 of")).to_be_visible()
     num_pages = int(page.get_by_text(re.compile(r"Page 1 of (\d+)")).inner_text().split()[-1])
     for number in range(2, num_pages + 1):
-        onward.click()
+        onward.click(delay=HOLD_MS)
         expect(page.get_by_text(f"Page {number} of")).to_be_visible()
-    done.click()
+    done.click(delay=HOLD_MS)
 
 
 def answer_questions(page: Page, study: PlannedStudy, task: TaskKind) -> None:
@@ -72,7 +73,7 @@ def answer_questions(page: Page, study: PlannedStudy, task: TaskKind) -> None:
     config = load_study(study.folder)
     for question in questions_for(config, task, config.conditions(task)):
         expect(page.get_by_text(question.text)).to_be_visible()
-        page.get_by_role("button", name=question.answers[0], exact=True).click()
+        page.get_by_role("button", name=question.answers[0], exact=True).click(delay=HOLD_MS)
 
 
 def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKind = "pan") -> None:
@@ -82,7 +83,7 @@ def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKin
     agree(page)
     read_instructions(page)
     answer_questions(page, study, task)
-    page.get_by_role("button", name="Begin to practise").click()
+    page.get_by_role("button", name="Begin to practise").click(delay=HOLD_MS)
 
 
 def see_step(page: Page, number: int) -> None:
