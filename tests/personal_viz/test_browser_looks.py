@@ -172,7 +172,7 @@ def test_a_click_on_the_map_is_the_place_that_the_participant_sees_there(home: H
         for number, (u, v) in enumerate([(0.31 * cols, 0.52 * rows), (0.77 * cols, 0.18 * rows)], start=1):
             x, z = view.grid.xz_from_uv(np.array([u, v])).tolist()
             on_page = pixel_of((x, view.floor_y, z), cam, box)
-            page.mouse.click(*on_page)
+            page.mouse.click(*on_page, delay=HOLD_MS)
             wait_for_mark(page, on_page)
             clicked = [event for event in stage.link.wait_for("click", count=number) if isinstance(event, Clicked)][-1]
             assert clicked.pixel is not None
