@@ -214,7 +214,7 @@ class StudyReader:
         """All exclusions, oldest first, undone ones too."""
         rows = self._all(
             "SELECT exclusion_id, target_kind, target, rule_id, reason, exclusion.at_ns, exclusion_undone.at_ns IS NOT"
-            " NULL FROM exclusion LEFT JOIN exclusion_undone USING(exclusion_id) ORDER BY exclusion_id"
+            " NULL FROM exclusion LEFT JOIN exclusion_undone USING(exclusion_id) ORDER BY exclusion.rowid"
         )
         return tuple(ExclusionEntry(*row[:6], is_undone=bool(row[6])) for row in rows)
 

@@ -26,6 +26,6 @@ def token_matches(token: str, stored_hash: str) -> bool:
 
 
 def new_id() -> str:
-    """A ULID: 26 characters that sort by creation time and cannot be guessed."""
+    """A ULID: 26 characters that sort by the millisecond they were made in and cannot be guessed."""
     number = (time.time_ns() // 1_000_000) << 80 | secrets.randbits(80)
     return "".join(_CROCKFORD[number >> shift & 31] for shift in range(125, -1, -5))

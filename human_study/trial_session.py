@@ -84,6 +84,9 @@ class TrialSession(ABC, Generic[TaskViewT]):
         self._limit: TimeLimit | None = None
         self._storey = 0
         self._camera_s = -math.inf
+        self._early_camera: LookFrom | None = None
+        """A pose that came sooner than the next may be kept; it is kept then, unless a newer one comes."""
+        self._handled_s = 0.0
         self._giving_up_s = -math.inf
         self._ended: EndReason | None = None
         self._ended_s = 0.0
@@ -125,9 +128,8 @@ class TrialSession(ABC, Generic[TaskViewT]):
 
     def wait_s(self, now_s: float) -> float | None:
         """Seconds until a `Tick` is due, which something happens or looks different at; None = never by itself."""
-        t_s = self._clock.read(now_s)
-        due = [moment - t_s for moment in self._moments(t_s) if moment > t_s]
-        return min(due, default=None)
+        moments = [moment for moment in self._moments(self._handled_s) if moment > self._handled_s]
+        return max(0.0, min(moments) - self._clock.read(now_s)) if moments else None
 
     def handle(self, command: Command, now_s: float, *, busy: bool = False) -> SessionUpdate[TaskViewT]:
         """Take one command; after the end none has an effect but `Rate`.
@@ -148,7 +150,8 @@ class TrialSession(ABC, Generic[TaskViewT]):
         elif isinstance(command, Resume):
             events = self._resume(command, t_s)
         else:
-            events = (*self._due(t_s), *self._on(command, t_s, busy=busy))
+            events = (*self._rested_camera(t_s), *self._due(t_s), *self._on(command, t_s, busy=busy))
+        self._handled_s = t_s
         return SessionUpdate(events, self.view(now_s))
 
     @abstractmethod
@@ -193,6 +196,11 @@ class TrialSession(ABC, Generic[TaskViewT]):
 
     def _moments(self, t_s: float) -> list[float]:
         """Times on the trial's clock at which something happens by itself."""
+        if self._early_camera is not None and self._sees_home:
+            return [self._camera_s + CAMERA_EVERY_S, *self._moments_of_phase(t_s)]
+        return self._moments_of_phase(t_s)
+
+    def _moments_of_phase(self, t_s: float) -> list[float]:
         match self.phase:
             case "look" if self._look is not None:
                 return self._look.moments(t_s)
@@ -219,6 +227,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
 
     def _leave_look(self, reason: Literal["left", "time"], t_s: float) -> tuple[Event, ...]:
         assert self._look is not None
+        self._early_camera = None
         return (self._look.off(reason, t_s), *self._begin_task(t_s))
 
     def _resume(self, command: Resume, t_s: float) -> tuple[Event, ...]:
@@ -280,7 +289,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
     @property
     def _sees_home(self) -> bool:
         """Whether the present screen shows the home or its map."""
-        return self.phase == "look" or self._task.kind == "pog"
+        return self.phase == "look" or (self.phase == "task" and self._task.kind == "pog")
 
     @property
     def _needs_webgl(self) -> bool:
@@ -310,10 +319,16 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return (ShownStorey(t_s=t_s, storey_y=self._storeys[storey]),)
 
     def _look_from(self, command: LookFrom, t_s: float) -> tuple[Event, ...]:
-        if t_s - self._camera_s < CAMERA_EVERY_S:
+        self._early_camera = command
+        return self._rested_camera(t_s)
+
+    def _rested_camera(self, t_s: float) -> tuple[Event, ...]:
+        """The newest pose, once it may be kept: the one in which the camera comes to rest is never lost."""
+        look = self._early_camera
+        if look is None or not self._sees_home or t_s < self._camera_s + CAMERA_EVERY_S:
             return ()
-        self._camera_s = t_s
-        return (Cam(t_s=t_s, position=command.position, wxyz=command.wxyz),)
+        self._camera_s, self._early_camera = t_s, None
+        return (Cam(t_s=t_s, position=look.position, wxyz=look.wxyz),)
 
     def _rated(self, value: int | None, t_s: float) -> tuple[Event, ...]:
         self._is_rated = True

@@ -19,8 +19,9 @@ from human_study.commands import (
     Resume,
     ShowStorey,
     Start,
+    Tick,
 )
-from human_study.events import Event
+from human_study.events import Cam, Event
 from human_study.outcome import end_reason, pan_outcome, pog_outcome
 from human_study.session import PanSession, PogSession, pan_session_from_events, pog_session_from_events
 from sim.errors import StudyError, TaskStateError
@@ -333,6 +334,31 @@ def test_camera_poses_are_kept_at_most_twice_a_second() -> None:
     look = LookFrom((0.0, 5.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     kept = [len(session.handle(look, now_s).events) for now_s in (1.0, 1.2, 1.49, 1.5, 1.9, 2.0)]
     assert kept == [1, 0, 0, 1, 0, 1]
+
+
+def test_the_pose_in_which_the_camera_comes_to_rest_is_kept_however_soon_it_came() -> None:
+    session = pog_session()
+    session.handle(Start(), 0.0)
+    poses = [LookFrom((0.0, height, 0.0), (1.0, 0.0, 0.0, 0.0)) for height in (5.0, 6.0, 7.0)]
+    for pose, now_s in zip(poses, (1.0, 1.1, 1.2), strict=True):
+        session.handle(pose, now_s)
+    assert session.wait_s(1.25) == pytest.approx(0.25)
+    assert session.wait_s(1.75) == 0  # who asks late is not told to wait for ever
+    events = session.handle(Tick(), 1.75).events
+    assert [(event.t_s, event.position) for event in events if isinstance(event, Cam)] == [(1.75, (0.0, 7.0, 0.0))]
+    assert session.wait_s(1.75) is None
+    assert session.handle(Tick(), 3.0).events == ()
+
+
+def test_no_camera_pose_follows_an_answer() -> None:
+    session = pog_session()
+    for command, now_s in [(Start(), 0.0), (Click(RAY, (-2.0, 0.5, 0.0)), 1.0)]:
+        session.handle(command, now_s)
+    for height in (5.0, 6.0):
+        session.handle(LookFrom((0.0, height, 0.0), (1.0, 0.0, 0.0, 0.0)), 1.5)
+    session.handle(Confirm(), 1.6)
+    assert session.wait_s(1.6) is None
+    assert session.handle(Tick(), 9.0).events == ()
 
 
 def test_a_storey_that_the_home_does_not_have_is_not_shown() -> None:
