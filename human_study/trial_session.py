@@ -127,7 +127,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
                 return self._task_view(t_s)
 
     def wait_s(self, now_s: float) -> float | None:
-        """Seconds until a `Tick` is due, which something happens or looks different at; None = never by itself."""
+        """Seconds until a `Tick` is due, which something happens or looks different at; 0 = now, None = never."""
         moments = [moment for moment in self._moments(self._handled_s) if moment > self._handled_s]
         return max(0.0, min(moments) - self._clock.read(now_s)) if moments else None
 
