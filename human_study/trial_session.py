@@ -84,8 +84,8 @@ class TrialSession(ABC, Generic[TaskViewT]):
         self._limit: TimeLimit | None = None
         self._storey = 0
         self._camera_s = -math.inf
-        self._early_camera: LookFrom | None = None
-        """A pose that came sooner than the next may be kept; it is kept then, unless a newer one comes."""
+        self._new_camera: LookFrom | None = None
+        """The newest pose, until it is stored."""
         self._handled_s = 0.0
         self._giving_up_s = -math.inf
         self._ended: EndReason | None = None
@@ -150,7 +150,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         elif isinstance(command, Resume):
             events = self._resume(command, t_s)
         else:
-            events = (*self._rested_camera(t_s), *self._due(t_s), *self._on(command, t_s, busy=busy))
+            events = (*self._due(t_s), *self._on(command, t_s, busy=busy), *self._camera_events(t_s))
         self._handled_s = t_s
         return SessionUpdate(events, self.view(now_s))
 
@@ -196,7 +196,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
 
     def _moments(self, t_s: float) -> list[float]:
         """Times on the trial's clock at which something happens by itself."""
-        if self._early_camera is not None and self._sees_home:
+        if self._new_camera is not None and self._sees_home:
             return [self._camera_s + CAMERA_EVERY_S, *self._moments_of_phase(t_s)]
         return self._moments_of_phase(t_s)
 
@@ -227,7 +227,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
 
     def _leave_look(self, reason: Literal["left", "time"], t_s: float) -> tuple[Event, ...]:
         assert self._look is not None
-        self._early_camera = None
+        self._new_camera = None
         return (self._look.off(reason, t_s), *self._begin_task(t_s))
 
     def _resume(self, command: Resume, t_s: float) -> tuple[Event, ...]:
@@ -282,7 +282,8 @@ class TrialSession(ABC, Generic[TaskViewT]):
             case ShowStorey() if self._sees_home:
                 return self._show_storey(command.storey, t_s)
             case LookFrom() if self._sees_home:
-                return self._look_from(command, t_s)
+                self._new_camera = command
+                return ()
             case _:
                 return self._on_task(command, t_s, busy=busy)
 
@@ -318,16 +319,12 @@ class TrialSession(ABC, Generic[TaskViewT]):
         self._storey = storey
         return (ShownStorey(t_s=t_s, storey_y=self._storeys[storey]),)
 
-    def _look_from(self, command: LookFrom, t_s: float) -> tuple[Event, ...]:
-        self._early_camera = command
-        return self._rested_camera(t_s)
-
-    def _rested_camera(self, t_s: float) -> tuple[Event, ...]:
-        """The newest pose, once it may be kept: the one in which the camera comes to rest is never lost."""
-        look = self._early_camera
+    def _camera_events(self, t_s: float) -> tuple[Event, ...]:
+        """The newest pose, once it may be kept: also the one in which the camera came to rest, however soon it came."""
+        look = self._new_camera
         if look is None or not self._sees_home or t_s < self._camera_s + CAMERA_EVERY_S:
             return ()
-        self._camera_s, self._early_camera = t_s, None
+        self._camera_s, self._new_camera = t_s, None
         return (Cam(t_s=t_s, position=look.position, wxyz=look.wxyz),)
 
     def _rated(self, value: int | None, t_s: float) -> tuple[Event, ...]:

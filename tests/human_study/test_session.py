@@ -350,6 +350,17 @@ def test_the_pose_in_which_the_camera_comes_to_rest_is_kept_however_soon_it_came
     assert session.handle(Tick(), 3.0).events == ()
 
 
+def test_a_newer_pose_takes_the_place_of_one_that_was_held_back() -> None:
+    session = pog_session()
+    session.handle(Start(), 0.0)
+    old, new = (LookFrom((0.0, height, 0.0), (1.0, 0.0, 0.0, 0.0)) for height in (5.0, 6.0))
+    for now_s in (1.0, 1.1):
+        session.handle(old, now_s)
+    events = session.handle(new, 4.0).events  # no tick came in between: the server was busy
+    assert [(event.t_s, event.position) for event in events if isinstance(event, Cam)] == [(4.0, (0.0, 6.0, 0.0))]
+    assert session.wait_s(4.0) is None
+
+
 def test_no_camera_pose_follows_an_answer() -> None:
     session = pog_session()
     for command, now_s in [(Start(), 0.0), (Click(RAY, (-2.0, 0.5, 0.0)), 1.0)]:

@@ -274,7 +274,9 @@ def test_an_unanswered_question_about_giving_up_goes_away_by_itself() -> None:
     wait_s = session.wait_s(1.0)
     assert wait_s == pytest.approx(5.0, abs=0.1)
     assert wait_s is not None
-    assert not session.handle(Tick(), 1.0 + wait_s).view.is_giving_up  # type: ignore[union-attr]
+    view = session.handle(Tick(), 1.0 + wait_s).view
+    assert isinstance(view, PogView)
+    assert not view.is_giving_up
     assert session.wait_s(1.0 + wait_s) is None
 
 
