@@ -3,22 +3,29 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PORT ?= 8080
+WORKERS ?= 2
 # Where pip looks for torch; name PyTorch's index of CPU builds here to save space on Linux without a GPU.
 TORCH_INDEX ?=
 export PORT
 
-.PHONY: demo test check bench screenshots clean
+PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+
+.PHONY: demo test release check bench screenshots clean
 
 demo: $(VENV)/.demo
 	@exec $(BIN)/personal-viz demo
 
 test: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --browser
-	$(BIN)/python -m pytest -m "not bench and not gpu"
+	$(PYTEST) -m "not release and not bench and not gpu"
+
+# Minutes of simulations and golden sets; pytest's exit code 5 says that no test has the mark.
+release: $(VENV)/.test
+	@$(PYTEST) -m release || test $$? = 5
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/pyright
-	$(BIN)/python -m pytest -m "not bench and not gpu and not slow and not browser"
+	$(PYTEST) -m "not release and not bench and not gpu and not slow and not browser"
 
 bench: $(VENV)/.test
 	$(BIN)/personal-viz bench sim
