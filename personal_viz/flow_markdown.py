@@ -1,60 +1,30 @@
-"""The researcher's texts (`consent.md`, `instructions.md`) as HTML: headings, paragraphs, lists, bold and italic.
+"""Markdown of the pages that participants read as HTML: the researcher's texts and our own templates.
 
-A small part of Markdown, written here so that nothing in a text can become a script or load anything from elsewhere.
+HTML in a text stays text, links become their words and pictures come from `static` alone, so nothing in a text can
+become a script, lead elsewhere or load anything.
 """
 
-import html
+import base64
+import functools
 import re
+from collections.abc import Sequence
+from typing import Any
 
-_HEADING = re.compile(r"^(#{1,4})\s+(.*)$")
-_BULLET = re.compile(r"^\s*[-*]\s+(.*)$")
-_NUMBER = re.compile(r"^\s*\d+[.)]\s+(.*)$")
-_BOLD = re.compile(r"\*\*(.+?)\*\*")
-_ITALIC = re.compile(r"(?<![*\w])[*_](?!\s)(.+?)(?<!\s)[*_](?![*\w])")
-_KEY = re.compile(r"`([^`]+)`")
-_LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
+from markdown_it import MarkdownIt
+from markdown_it.common.utils import escapeHtml
+from markdown_it.renderer import RendererHTML
+from markdown_it.token import Token
+
+from .page_script import STATIC
+
+_HEADING = re.compile(r"^#{1,4}\s+(.*)$")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 
 
 def html_from_markdown(text: str) -> str:
-    """HTML of a text; its first heading, when it is the first line, is left out (`title_of`).
-
-    Links become their words, because a study's page leads nowhere else.
-    """
+    """HTML of a text; its first heading, when it is the first line, is left out (`title_of`)."""
     _, body = _split_title(text)
-    parts: list[str] = []
-    lines: list[str] = []
-    kind = ""
-
-    def close() -> None:
-        nonlocal lines
-        if lines:
-            inside = " ".join(lines) if kind == "p" else "".join(f"<li>{line}</li>" for line in lines)
-            parts.append(f"<{kind}>{inside}</{kind}>")
-        lines = []
-
-    for line in body.splitlines():
-        heading = _HEADING.match(line)
-        bullet, number = _BULLET.match(line), _NUMBER.match(line)
-        if heading is not None or not line.strip():
-            close()
-            kind = ""
-            if heading is not None:
-                parts.append(f"<h2>{_inline(heading.group(2))}</h2>")
-            continue
-        item = bullet or number
-        new_kind = "ul" if bullet else "ol" if number else kind or "p"
-        if new_kind != kind:
-            close()
-            kind = new_kind
-        if item is not None:
-            lines.append(_inline(item.group(1)))
-        elif kind in ("ul", "ol") and lines:
-            lines[-1] += " " + _inline(line.strip())
-        else:
-            lines.append(_inline(line.strip()))
-    close()
-    return "".join(parts)
+    return _reader().render(body)
 
 
 def title_of(text: str, *, otherwise: str) -> str:
@@ -67,10 +37,51 @@ def _split_title(text: str) -> tuple[str, str]:
     text = _COMMENT.sub("", text).strip()
     first, _, rest = text.partition("\n")
     heading = _HEADING.match(first.strip())
-    return (heading.group(2).strip(), rest) if heading is not None else ("", text)
+    return (heading.group(1).strip(), rest) if heading is not None else ("", text)
 
 
-def _inline(text: str) -> str:
-    text = html.escape(_LINK.sub(r"\1", text), quote=False)
-    text = _KEY.sub(r"<kbd>\1</kbd>", text)
-    return _ITALIC.sub(r"<em>\1</em>", _BOLD.sub(r"<strong>\1</strong>", text))
+class _Html(RendererHTML):
+    """HTML of our pages: one size of heading, keys as keys, no links, pictures of `static`."""
+
+    def heading_open(self, *_: Any) -> str:
+        """Below the title of the card."""
+        return "<h2>"
+
+    def heading_close(self, *_: Any) -> str:
+        """Of `heading_open`."""
+        return "</h2>"
+
+    def link_open(self, *_: Any) -> str:
+        """A page of the study leads nowhere else: only the words of a link stay."""
+        return ""
+
+    def link_close(self, *_: Any) -> str:
+        """Of `link_open`."""
+        return ""
+
+    def code_inline(self, tokens: Sequence[Token], index: int, *_: Any) -> str:
+        """A key."""
+        return f"<kbd>{escapeHtml(tokens[index].content)}</kbd>"
+
+    def image(self, tokens: Sequence[Token], index: int, *_: Any) -> str:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """One of our own pictures; of any other its words."""
+        alt, name = tokens[index].content, str(tokens[index].attrs["src"])
+        return _picture(name, escapeHtml(alt)) if name in _picture_names() else escapeHtml(alt)
+
+
+@functools.cache
+def _reader() -> MarkdownIt:
+    """Tables beside CommonMark; a line that is indented is no program code."""
+    return MarkdownIt("commonmark", {"html": False}, renderer_cls=_Html).enable("table").disable("code")
+
+
+@functools.cache
+def _picture_names() -> frozenset[str]:
+    return frozenset(path.name for path in STATIC.glob("*.jpg"))
+
+
+@functools.cache
+def _picture(name: str, alt: str) -> str:
+    """A picture of `static` inside the page."""
+    data = base64.b64encode((STATIC / name).read_bytes()).decode()
+    return f'<img src="data:image/jpeg;base64,{data}" alt="{alt}">'
