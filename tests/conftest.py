@@ -7,7 +7,21 @@ import pytest
 
 from sim.cache import VARIABLE
 
+from .built_once import built_once
+from .cpu_time import CpuTimes, long_files_first
+
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Measures CPU time, and keeps xdist from ordering files by their number of tests."""
+    config.pluginmanager.register(CpuTimes())
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first."""
+    long_files_first(items)
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +42,44 @@ def golden_root() -> Path:
     return root
 
 
+@pytest.fixture(scope="session")
+def shared_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of this run that all of its workers share."""
+    own = tmp_path_factory.getbasetemp()
+    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "shared"
+    shared.mkdir(exist_ok=True)
+    return shared
+
+
 @pytest.fixture(scope="session", autouse=True)
-def own_cache(tmp_path_factory) -> None:
+def own_cache(shared_dir: Path) -> None:
     """Converted textures and browser copies of this run only: nothing of an earlier one is read."""
-    os.environ[VARIABLE] = str(tmp_path_factory.mktemp("cache"))
+    os.environ[VARIABLE] = str(shared_dir / "cache")
+
+
+@pytest.fixture(scope="session")
+def invented_root(shared_dir: Path) -> Path:
+    """Dataset of two invented homes with scans, plans and 8 episodes per split each: Demo has two storeys, Small one.
+
+    Tests only read it; one that changes a file copies the folder first.
+    """
+
+    def build(out: Path) -> None:
+        from sim.episodes.generation import invent_dataset
+
+        invent_dataset(out, name="Demo", seed=1)
+        invent_dataset(out, name="Small", seed=3)
+
+    return built_once(shared_dir, "invented", build)
+
+
+@pytest.fixture(scope="session")
+def demo_root(shared_dir: Path) -> Path:
+    """Dataset of the invented home Demo alone (seed 1, two storeys); only read."""
+
+    def build(out: Path) -> None:
+        from sim.episodes.generation import invent_dataset
+
+        invent_dataset(out, name="Demo", seed=1)
+
+    return built_once(shared_dir, "demo", build)

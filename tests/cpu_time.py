@@ -1,0 +1,105 @@
+"""What each test costs: CPU time counts, not the clock, so that a busy machine fails nobody."""
+
+import os
+import sys
+from collections import defaultdict
+from collections.abc import Generator
+from typing import Any
+
+import pytest
+
+SHOWN_S = 5.0
+"""An unmarked test that takes longer, by the clock or in CPU time, is printed."""
+LIMIT_S = 20.0
+"""An unmarked test that takes more CPU time fails the run."""
+MARKERS = ("slow", "browser", "release", "bench", "gpu")
+"""Whoever runs for long wears one of these (STYLE.md section 8)."""
+
+
+def cpu_s() -> float:
+    """Seconds of CPU that this process and its ended children have used so far."""
+    return sum(os.times()[:4])
+
+
+class CpuTimes:
+    """A pytest plugin that measures every test with its fixtures, and prints or fails unmarked ones that are long.
+
+    A child process counts for the test in which it ended. numba's compiling does not count: it is kept for later
+    runs, and only the first test of a fresh clone would pay. The seconds stand in the JUnit file as `cpu_s`, whatever
+    the marker. Under xdist the workers measure and the run's own process judges.
+    """
+
+    def __init__(self, *, shown_s: float = SHOWN_S, limit_s: float = LIMIT_S) -> None:
+        self._shown_s, self._limit_s = shown_s, limit_s
+        self._started = 0.0
+        self._compiling: Any = None
+        self._clock_s = defaultdict[str, float](float)
+        self._cpu_s = dict[str, float]()
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_protocol(self) -> Generator[None, bool, bool]:
+        """Where the test begins."""
+        if self._compiling is None and "numba" in sys.modules:
+            from numba.core import event
+
+            self._compiling = event.TimingListener()
+            event.register("numba:compile", self._compiling)
+        self._started = self._used_s()
+        return (yield)
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_makereport(self, item: pytest.Item, call: pytest.CallInfo) -> None:
+        """Sends the time along with the last report of a test."""
+        if call.when == "teardown":
+            item.user_properties.append(("cpu_s", max(0.0, round(self._used_s() - self._started, 2))))
+            item.user_properties.append(("markers", " ".join(markers_of(item))))
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Keeps the times of unmarked tests; under xdist in the run's own process only."""
+        self._clock_s[report.nodeid] += report.duration
+        properties = dict(report.user_properties)
+        if report.when == "teardown" and properties.get("markers") == "":
+            self._cpu_s[report.nodeid] = float(str(properties["cpu_s"]))
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Turns a passed run into a failed one."""
+        if self._too_long() and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """The long ones, longest first."""
+        too_long = self._too_long()
+        shown = [test for test, cpu in self._cpu_s.items() if max(cpu, self._clock_s[test]) > self._shown_s]
+        if not shown:
+            return
+        terminalreporter.section(f"unmarked tests over {self._shown_s:g} s")
+        for test in sorted(shown, key=lambda test: -self._cpu_s[test]):
+            line = f"{self._cpu_s[test]:6.1f} s of CPU in {self._clock_s[test]:.1f} s: {test}"
+            terminalreporter.write_line(line, red=test in too_long)
+        if too_long:
+            terminalreporter.write_line(
+                f"FAILED: {len(too_long)} unmarked took more than {self._limit_s:g} s of CPU time; "
+                "make them shorter, or mark them slow or release (pyproject.toml says what these mean).",
+                red=True,
+            )
+
+    def _used_s(self) -> float:
+        compiling: Any = self._compiling
+        return cpu_s() - (compiling.duration if compiling is not None and compiling.done else 0.0)
+
+    def _too_long(self) -> set[str]:
+        return {test for test, cpu in self._cpu_s.items() if cpu > self._limit_s}
+
+
+def markers_of(item: pytest.Item) -> list[str]:
+    """The markers of `MARKERS` that a test wears."""
+    worn = {marker.name for marker in item.iter_markers()}
+    return [name for name in MARKERS if name in worn]
+
+
+def long_files_first(items: list[pytest.Item]) -> None:
+    """Orders files by how many long tests they hold, so that no worker begins with the longest when others are done."""
+    marked = defaultdict[object, int](int)
+    for item in items:
+        marked[item.path] += bool(markers_of(item))
+    items.sort(key=lambda item: -marked[item.path])  # stable: tests of a file stay together and in order

@@ -1,0 +1,125 @@
+"""Tests that take too much CPU time fail the run, whatever the clock says; long files first; homes are built once."""
+
+import os
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+from .built_once import built_once
+
+pytest_plugins = ["pytester"]
+
+CONFTEST = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+from tests.cpu_time import CpuTimes, long_files_first
+
+def pytest_configure(config):
+    config.pluginmanager.register(CpuTimes(shown_s=0.2, limit_s=0.5))
+    config.addinivalue_line("markers", "slow: long")
+    config.option.loadscopereorder = False
+
+def pytest_collection_modifyitems(items):
+    long_files_first(items)
+"""
+BURN = """
+import subprocess, sys, time
+import pytest
+
+def burn(seconds):
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+"""
+
+
+@pytest.fixture(autouse=True)
+def no_other_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of other packages take a second to import."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+
+
+def run(pytester: pytest.Pytester, tests: str, *arguments: str, **files: str) -> pytest.RunResult:
+    """A run of these tests with limits of 0.2 s (shown) and 0.5 s (failed)."""
+    pytester.makeconftest(CONFTEST)
+    pytester.makepyfile(test_few=BURN + tests, **{name: BURN + text for name, text in files.items()})
+    return pytester.runpytest_inprocess("-p", "no:cacheprovider", "-p", "xdist.plugin", *arguments)
+
+
+@pytest.mark.parametrize("workers", [(), ("-n", "2", "--dist", "loadfile")], ids=["one process", "workers"])
+def test_an_unmarked_test_that_computes_for_too_long_fails_the_run(
+    pytester: pytest.Pytester, workers: tuple[str, ...]
+) -> None:
+    tests = """
+def test_long(): burn(0.7)
+def test_middling(): burn(0.3)
+def test_short(): pass
+"""
+    done = run(pytester, tests, *workers)
+    done.assert_outcomes(passed=3)
+    assert done.ret == pytest.ExitCode.TESTS_FAILED
+    shown = [line.rpartition("::")[2] for line in done.outlines if " s of CPU in " in line]
+    assert shown == ["test_long", "test_middling"]
+    done.stdout.fnmatch_lines(["FAILED: 1 unmarked took more than 0.5 s of CPU time; *"])
+
+
+def test_fixtures_and_ended_children_count(pytester: pytest.Pytester) -> None:
+    tests = """
+@pytest.fixture
+def home(): burn(0.7)
+
+def test_fixture(home): pass
+
+def test_child():
+    subprocess.run([sys.executable, "-c", "sum(range(80_000_000))"])
+"""
+    done = run(pytester, tests)
+    assert done.ret == pytest.ExitCode.TESTS_FAILED
+    assert {line.rpartition("::")[2] for line in done.outlines if " s of CPU in " in line} == {
+        "test_fixture",
+        "test_child",
+    }
+    done.stdout.fnmatch_lines(["FAILED: 2 unmarked took *"])
+
+
+def test_waiting_is_shown_but_fails_nobody_and_a_marked_test_may_take_its_time(pytester: pytest.Pytester) -> None:
+    tests = """
+def test_waits(): time.sleep(0.7)
+
+@pytest.mark.slow
+def test_marked(): burn(0.7)
+"""
+    done = run(pytester, tests, "--junitxml=times.xml")
+    assert done.ret == pytest.ExitCode.OK
+    assert [line.rpartition("::")[2] for line in done.outlines if " s of CPU in " in line] == ["test_waits"]
+    assert (pytester.path / "times.xml").read_text().count('name="cpu_s"') == 2
+
+
+def test_files_with_long_tests_come_first_and_stay_together(pytester: pytest.Pytester) -> None:
+    tests = "def test_a(): pass\ndef test_b(): pass\n"
+    marked = "@pytest.mark.slow\ndef test_c(): pass\ndef test_d(): pass\n"
+    more = "pytestmark = pytest.mark.slow\ndef test_e(): pass\ndef test_f(): pass\n"
+    done = run(pytester, tests, "-v", test_marked=marked, test_more=more)
+    assert [line.split()[0][-1] for line in done.outlines if " PASSED" in line] == list("efcdab")
+
+
+def fill(folder: Path) -> None:
+    (folder / str(os.getpid())).touch()
+
+
+def test_a_folder_is_built_once_however_many_ask(tmp_path: Path) -> None:
+    with get_context("fork").Pool(4) as pool:
+        folders = pool.starmap(built_once, [(tmp_path, "home", fill)] * 8)
+    assert set(folders) == {tmp_path / "home"}
+    assert len(list((tmp_path / "home").iterdir())) == 1
+
+
+def test_a_folder_that_could_not_be_built_is_built_by_the_next(tmp_path: Path) -> None:
+    def fails(folder: Path) -> None:
+        fill(folder)
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space"):
+        built_once(tmp_path, "home", fails)
+    assert len(list(built_once(tmp_path, "home", fill).iterdir())) == 1
