@@ -2,14 +2,13 @@
 
 import contextlib
 import shutil
-import tempfile
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from sim.errors import MissingDependencyError
 
 if TYPE_CHECKING:
-    from playwright.sync_api import BrowserContext
+    from playwright.sync_api import Browser, BrowserContext
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
@@ -33,8 +32,8 @@ def find_chromium() -> str | None:
 
 
 @contextlib.contextmanager
-def open_chromium(*, width: int = 1280, height: int = 800) -> Iterator["BrowserContext"]:
-    """A browser with an empty profile that ends with the block.
+def launch_chromium() -> Iterator["Browser"]:
+    """A browser that ends with the block; each of its contexts has a profile of its own, empty at first.
 
     Raises:
         MissingDependencyError: Playwright or Chromium is not installed.
@@ -51,15 +50,24 @@ def open_chromium(*, width: int = 1280, height: int = 800) -> Iterator["BrowserC
         raise MissingDependencyError(
             f"found no browser; expected one of {', '.join(NAMES)}. Install it: apt-get install -y chromium"
         )
-    with tempfile.TemporaryDirectory(prefix="personal-chromium-") as profile, sync_playwright() as playwright:
-        context = playwright.chromium.launch_persistent_context(
-            profile,
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
             executable_path=path,
             headless=False,  # the flag --headless=new is the full browser without a window
             args=list(FLAGS),
-            viewport={"width": width, "height": height},
         )
         try:
-            yield context
+            yield browser
         finally:
-            context.close()
+            browser.close()
+
+
+@contextlib.contextmanager
+def open_chromium(*, width: int = 1280, height: int = 800) -> Iterator["BrowserContext"]:
+    """A browser with an empty profile that ends with the block.
+
+    Raises:
+        MissingDependencyError: Playwright or Chromium is not installed.
+    """
+    with launch_chromium() as browser:
+        yield browser.new_context(viewport={"width": width, "height": height})

@@ -1,14 +1,41 @@
-"""A running study on an invented home, and a browser to take part in it."""
+"""One Chromium and one served study per pytest process, shared by its tests; each test has a profile and a person.
 
+A browser test takes `browser` (a context with an empty profile) and, where it needs a running program that it neither
+ends nor starts again, one of the shared studies:
+
+- `quick_study`: one page ("Start"), then two trials of PAN or POG. The usual choice.
+- `full_study`: device check, consent, instructions, quiz, practice, breaks, how sure, completion code.
+
+Each test is somebody new: `code = quick_study.newcomer("pan")`, then `page.goto(quick_study.links[code])`. What is
+stored of that person: `flow_steps.record(quick_study, code)` and `events(quick_study, code, order_no)`. Tests that
+need no gateway and no store use `stage.staged`; those that kill or restart a program serve their own
+(`flow_studies.served`), on homes from `invented.invented_dataset`, which are made once per run.
+"""
+
+import asyncio
+import contextlib
 import os
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
-from personal_viz.browser import find_chromium, open_chromium
+from human_study.study import StudyBreaks, StudyDesign, StudyPog, StudyPractice
+from personal_viz.browser import find_chromium, launch_chromium
 from personal_viz.served import ServedStudy, served_demo
+from sim.cache import cache_dir
+
+from ..built_once import built_once
+from .flow_studies import PlannedStudy, plan_small
+from .flow_studies import served as served_planned
+
+Profiles = Callable[..., contextlib.AbstractContextManager[BrowserContext]]
+"""Opens an empty profile until the end of a block; what it takes is what Playwright's `new_context` takes."""
+NUM_PEOPLE = 40
+"""Of each task in a shared study."""
 
 
 @pytest.fixture
@@ -18,14 +45,70 @@ def served(tmp_path: Path) -> Iterator[ServedStudy]:
         yield study
 
 
-@pytest.fixture
-def browser() -> Iterator[BrowserContext]:
-    """A headless Chromium; a missing one is a failure in CI and a skip elsewhere."""
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Profiles]:
+    """Opens profiles in one headless Chromium; a missing one is a failure in CI and a skip elsewhere."""
     if find_chromium() is None:
         if os.environ.get("CI") == "true":
             pytest.fail("found no Chromium; CI must run the browser tests")
         pytest.skip("found no Chromium or Chrome; install one to run the browser tests")
-    with open_chromium() as context:
-        context.set_default_timeout(60_000)
-        expect.set_options(timeout=30_000)
+    with launch_chromium() as launched:
+        loop = asyncio.get_running_loop()  # Playwright's: between its tests, others must be able to run their own
+        asyncio._set_running_loop(None)
+
+        @contextlib.contextmanager
+        def profile(**choices: Any) -> Iterator[BrowserContext]:
+            before = asyncio._get_running_loop()
+            asyncio._set_running_loop(loop)
+            context = launched.new_context(**{"viewport": {"width": 1280, "height": 800}, **choices})
+            context.set_default_timeout(60_000)
+            expect.set_options(timeout=30_000)
+            try:
+                yield context
+            finally:
+                context.close()
+                asyncio._set_running_loop(before)
+
+        yield profile
+        asyncio._set_running_loop(loop)
+
+
+@pytest.fixture
+def browser(chromium: Profiles) -> Iterator[BrowserContext]:
+    """A profile of its own, without cookies, in the shared Chromium."""
+    with chromium() as context:
         yield context
+
+
+@pytest.fixture(scope="session")
+def quick_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
+    """Participants of PAN and of POG who see one page before their two trials; shared, so be a `newcomer`."""
+    with _shared_study(
+        tmp_path_factory,
+        "quick",
+        flow=("instructions",),
+        practice=StudyPractice(pan=0, pog=0),
+        breaks=StudyBreaks(every=None),
+    ) as study:
+        yield study
+
+
+@pytest.fixture(scope="session")
+def full_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
+    """Participants of PAN and of POG who see all pages, a practice trial and two more; shared, so be a `newcomer`."""
+    with _shared_study(tmp_path_factory, "full", confidence=True) as study:
+        yield study
+
+
+@contextlib.contextmanager
+def _shared_study(tmp_path_factory: pytest.TempPathFactory, name: str, **choices: Any) -> Iterator[PlannedStudy]:
+    """A study for many people, planned once per run and served by this process's own program."""
+
+    def build(root: Path) -> None:
+        design = StudyDesign(kind="crossed", raters_per_episode=NUM_PEOPLE)
+        plan_small(root, task=("pan", "pog"), pog=StudyPog(conditions=("map_open",)), design=design, **choices)
+
+    root = tmp_path_factory.mktemp(name)
+    shutil.copytree(built_once(cache_dir().parent, f"{name}-study", build), root, dirs_exist_ok=True)
+    with served_planned(root / "study", root / "dataset") as study:
+        yield study

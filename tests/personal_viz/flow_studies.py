@@ -8,10 +8,11 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from human_study.plan import PRACTICE_FOLDER, load_plan
 from human_study.study import (
     StudyBreaks,
     StudyChecks,
@@ -19,16 +20,19 @@ from human_study.study import (
     StudyDataset,
     StudyDesign,
     StudyPractice,
+    load_study,
     save_study,
 )
-from personal_viz.commands.study_files import plan_study
+from personal_viz.commands.study_files import PRACTICE_HOME, plan_study
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
+from sim.types import TaskKind
+
+from .invented import invented_dataset
 
 HOME = "FlowHome"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PlannedStudy:
     """A study folder, its episodes, and the personal links while it is served."""
 
@@ -36,6 +40,15 @@ class PlannedStudy:
     dataset: Path
     links: dict[str, str]
     """Participant to personal link."""
+    visited: set[str] = field(default_factory=set)
+    """Whom `newcomer` has named."""
+
+    def newcomer(self, task: TaskKind) -> str:
+        """The code of a participant of this task whom no test has been, for tests that share a study."""
+        plan = load_plan(self.folder, load_study(self.folder))
+        free = [person.code for person in plan.participants if person.task == task and person.code not in self.visited]
+        self.visited.add(free[0])
+        return free[0]
 
 
 def plan_small(root: Path, **choices: Any) -> Path:
@@ -46,7 +59,7 @@ def plan_small(root: Path, **choices: Any) -> Path:
         choices: Fields of StudyConfig.
     """
     dataset = root / "dataset"
-    invent_dataset(dataset, name=HOME, seed=5)
+    invented_dataset(dataset, name=HOME, seed=5)
     usual = {
         "task": ("pan",),
         "dataset": StudyDataset(
@@ -58,6 +71,8 @@ def plan_small(root: Path, **choices: Any) -> Path:
         "breaks": StudyBreaks(every=1),
     }
     config = StudyConfig(study="flow", **{**usual, **choices})
+    if any({"pan": config.practice.pan, "pog": config.practice.pog}[task] for task in config.task):
+        invented_dataset(root / "study" / PRACTICE_FOLDER, name=PRACTICE_HOME, seed=config.dataset.seed + 1)
     save_study(root / "study", config)
     plan_study(root / "study", dataset, None, pilot=True)
     return root / "study"

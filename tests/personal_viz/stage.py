@@ -15,7 +15,6 @@ from human_study.outcome import Outcome
 from human_study.plan import StudyScene
 from human_study.store import SupersededError, Trial
 from human_study.study import Condition, StudyConfig
-from personal_viz.commands.invent import invent
 from personal_viz.desk import Desk, GoneError, Item, Signal
 from personal_viz.frames import RenderThreads
 from personal_viz.home import Home
@@ -28,6 +27,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.types import EpisodeKey, TaskKind
 
 from ..human_study.small_world import study
+from .invented import invented_dataset
 
 SEED = 4
 """Of an invented home with two storeys."""
@@ -89,8 +89,8 @@ class Stage:
 
 def invented_home(folder: Path, config: StudyConfig) -> Home:
     """A home with two storeys, as a worker opens it."""
-    invent(homes=1, seed=SEED, out=folder)
     scene = StudyScene(name=f"Invented{SEED}", kind="invented")
+    invented_dataset(folder, name=scene.name, seed=SEED)
     return open_home(config, scene, PersonalDataset(folder), None, threads=RenderThreads(1))
 
 

@@ -1,14 +1,13 @@
 """Whole participants in real Chromium: from the personal link to the completion code, and the ways off that path."""
 
 import re
-from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.events import Confidence
 from human_study.plan import load_plan
-from human_study.study import StudyPog, load_study
+from human_study.study import load_study
 from personal_viz.flow_quiz import questions_for
 from sim.episodes.dataset import PersonalDataset
 from sim.scenes.sources import open_scene
@@ -32,29 +31,11 @@ from .flow_steps import (
     stages,
     stop,
 )
-from .flow_studies import PlannedStudy, plan_small, served
+from .flow_studies import PlannedStudy
 
 pytestmark = pytest.mark.browser
 KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "ArrowRight"}
 CODE = re.compile(r"^[0-9A-F]{8}$")
-
-
-@pytest.fixture(scope="module")
-def pan_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
-    """PAN participants of two trials each, with every page."""
-    root = tmp_path_factory.mktemp("pan")
-    folder = plan_small(root, confidence=True)
-    with served(folder, root / "dataset") as study:
-        yield study
-
-
-@pytest.fixture(scope="module")
-def pog_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
-    """POG participants of two trials each, with every page; texts and home side by side."""
-    root = tmp_path_factory.mktemp("pog")
-    folder = plan_small(root, task=("pog",), pog=StudyPog(conditions=("map_open",)))
-    with served(folder, root / "dataset") as study:
-        yield study
 
 
 def walk_to_practice_target(page: Page, study: PlannedStudy, code: str) -> None:
@@ -74,11 +55,12 @@ def walk_to_practice_target(page: Page, study: PlannedStudy, code: str) -> None:
         observation = env.step(action)
 
 
-def test_a_whole_pan_participant_from_link_to_code(pan_study: PlannedStudy, browser: BrowserContext) -> None:
+def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, browser: BrowserContext) -> None:
+    who = full_study.newcomer("pan")
     page = browser.new_page()
-    come_to_the_trials(page, pan_study, "p01")
+    come_to_the_trials(page, full_study, who)
     expect(page.get_by_text("Practice 1 of 1")).to_be_visible()
-    walk_to_practice_target(page, pan_study, "p01")
+    walk_to_practice_target(page, full_study, who)
     stop(page)
     expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
     page.keyboard.press("4", delay=HOLD_MS)
@@ -112,7 +94,7 @@ def test_a_whole_pan_participant_from_link_to_code(pan_study: PlannedStudy, brow
     page.reload()
     expect(page.get_by_label("Completion code")).to_have_text(code)
 
-    person, trials = record(pan_study, "p01")
+    person, trials = record(full_study, who)
     reached = [entry.stage for entry in person.stages]
     assert reached == [
         "arrived",
@@ -127,19 +109,22 @@ def test_a_whole_pan_participant_from_link_to_code(pan_study: PlannedStudy, brow
     ]
     assert [trial.phase for trial in trials] == ["practice", "main", "main"]
     assert all(trial.has_ended for trial in trials)
-    assert [event.value for event in events(pan_study, "p01", 2) if isinstance(event, Confidence)] == [2]
-    texts = load_plan(pan_study.folder, load_study(pan_study.folder)).texts
+    assert [event.value for event in events(full_study, who, 2) if isinstance(event, Confidence)] == [2]
+    texts = load_plan(full_study.folder, load_study(full_study.folder)).texts
     assert [(consent.text_hash, consent.given) for consent in person.consents] == [(texts["consent.md"], True)]
 
 
-def test_a_whole_pog_participant_from_link_to_code(pog_study: PlannedStudy, browser: BrowserContext) -> None:
+def test_a_whole_pog_participant_from_link_to_code(full_study: PlannedStudy, browser: BrowserContext) -> None:
+    who = full_study.newcomer("pog")
     page = browser.new_page()
-    come_to_the_trials(page, pog_study, "p01", "pog")
+    come_to_the_trials(page, full_study, who, "pog")
     assert page.get_by_role("button", name="Keys", exact=True).count() == 0
     for title in ("Practice 1 of 1", "Trial 1 of 2", "Trial 2 of 2"):
         expect(page.get_by_text(title)).to_be_visible()
         point_somewhere(page)
         page.get_by_role("button", name="Confirm the mark").click()
+        expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
+        page.keyboard.press("3", delay=HOLD_MS)
         if title.startswith("Practice"):
             page.get_by_role("button", name="Next trial").click()
             page.get_by_role("button", name="Begin", exact=True).click()
@@ -147,32 +132,34 @@ def test_a_whole_pog_participant_from_link_to_code(pog_study: PlannedStudy, brow
             page.get_by_role("button", name="Go on").click()
     expect(page.get_by_role("heading", name="Thank you!")).to_be_visible()
     assert CODE.match(page.get_by_label("Completion code").inner_text())
-    trials = record(pog_study, "p01")[1]
+    trials = record(full_study, who)[1]
     assert [trial.outcome.reason for trial in trials if trial.outcome is not None] == ["click"] * 3
 
 
-def test_declining_is_an_answer_that_is_stored_and_stays(pan_study: PlannedStudy, browser: BrowserContext) -> None:
+def test_declining_is_an_answer_that_is_stored_and_stays(full_study: PlannedStudy, browser: BrowserContext) -> None:
+    who = full_study.newcomer("pan")
     page = browser.new_page()
-    page.goto(pan_study.links["p02"])
+    page.goto(full_study.links[who])
     pass_device_check(page)
     page.get_by_role("button", name="I do not agree").click()
     expect(page.get_by_role("heading", name="Thank you for reading")).to_be_visible()
     page.goto("about:blank")
-    page.goto(pan_study.links["p02"])
+    page.goto(full_study.links[who])
     expect(page.get_by_role("heading", name="Thank you for reading")).to_be_visible()
     assert page.get_by_role("button", name="Leave the study").count() == 0
-    person, trials = record(pan_study, "p02")
+    person, trials = record(full_study, who)
     assert [consent.given for consent in person.consents] == [False]
     assert all(trial.is_released for trial in trials if trial.phase == "main")
 
 
 def test_wrong_answers_are_explained_and_a_reload_stays_at_the_question(
-    pan_study: PlannedStudy, browser: BrowserContext
+    full_study: PlannedStudy, browser: BrowserContext
 ) -> None:
-    config = load_study(pan_study.folder)
+    who = full_study.newcomer("pan")
+    config = load_study(full_study.folder)
     questions = questions_for(config, "pan", config.conditions("pan"))
     page = browser.new_page()
-    page.goto(pan_study.links["p03"])
+    page.goto(full_study.links[who])
     pass_device_check(page)
     agree(page)
     page.reload()
@@ -193,17 +180,18 @@ def test_wrong_answers_are_explained_and_a_reload_stays_at_the_question(
     page.get_by_role("button", name=questions[1].answers[0], exact=True).click()
     page.get_by_role("button", name="Continue", exact=True).click()
     expect(page.get_by_text("Please read this once more")).to_be_visible()
-    assert stages(pan_study, "p03")[-2:] == ["quiz_failed", "quiz_failed"]
+    assert stages(full_study, who)[-2:] == ["quiz_failed", "quiz_failed"]
     read_instructions(page)
-    answer_questions(page, pan_study, "pan")
+    answer_questions(page, full_study, "pan")
     expect(page.get_by_role("heading", name="Practice")).to_be_visible()
 
 
 def test_larger_text_stays_and_the_tools_are_reached_by_keyboard(
-    pan_study: PlannedStudy, browser: BrowserContext
+    full_study: PlannedStudy, browser: BrowserContext
 ) -> None:
+    who = full_study.newcomer("pan")
     page = browser.new_page()
-    page.goto(pan_study.links["p04"])
+    page.goto(full_study.links[who])
     expect(page.get_by_text("Your window has room")).to_be_visible()
     before = page.evaluate("parseFloat(getComputedStyle(document.querySelector('.personal-page')).fontSize)")
     page.keyboard.press("w", delay=HOLD_MS)

@@ -1,7 +1,6 @@
 """What can happen to a participant's page in real Chromium: other keys, other tabs, no network, no 3-D, no will."""
 
 import time
-from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
@@ -9,36 +8,20 @@ from playwright.sync_api import BrowserContext, Page, expect
 from human_study.events import Act, ContextLost, Key, Reconnect
 from human_study.record_types import TrialStatus
 from human_study.records import read_study
-from human_study.study import StudyBreaks, StudyPog, StudyPractice
 from sim.types import Action
 
 from .flow_steps import HOLD_MS, events, record, see_step, stages, start
-from .flow_studies import Line, PlannedStudy, plan_small, served
+from .flow_studies import Line, PlannedStudy
 
 pytestmark = pytest.mark.browser
-
-
-@pytest.fixture(scope="module")
-def quick_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
-    """Participants who see one page before their trials: odd ones do PAN, even ones POG."""
-    root = tmp_path_factory.mktemp("quick")
-    folder = plan_small(
-        root,
-        task=("pan", "pog"),
-        flow=("instructions",),
-        pog=StudyPog(conditions=("map_open",)),
-        practice=StudyPractice(pan=0, pog=0),
-        breaks=StudyBreaks(every=None),
-    )
-    with served(folder, root / "dataset") as study:
-        yield study
 
 
 def test_leaving_in_the_middle_of_a_trial_deletes_what_was_done(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
+    code = quick_study.newcomer("pan")
     page = browser.new_page()
-    start(page, quick_study.links["p01"])
+    start(page, quick_study.links[code])
     see_step(page, 0)
     page.keyboard.press("a", delay=HOLD_MS)
     see_step(page, 1)
@@ -52,7 +35,7 @@ def test_leaving_in_the_middle_of_a_trial_deletes_what_was_done(
     expect(page.get_by_role("heading", name="You have left the study")).to_be_visible()
     page.reload()
     expect(page.get_by_role("heading", name="You have left the study")).to_be_visible()
-    person, trials = record(quick_study, "p01")
+    person, trials = record(quick_study, code)
     assert person.is_withdrawn
     assert person.is_shredded
     assert all(trial.is_shredded for trial in trials if trial.trial_id is not None)
@@ -69,8 +52,9 @@ def press_place(page: Page, code: str, key: str) -> None:
 
 
 def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedStudy, browser: BrowserContext) -> None:
+    code = quick_study.newcomer("pan")
     page = browser.new_page()
-    start(page, quick_study.links["p03"])
+    start(page, quick_study.links[code])
     see_step(page, 0)
     press_place(page, "KeyQ", "a")  # AZERTY: the letter A stands where Q is on other keyboards
     press_place(page, "KeyA", "q")
@@ -100,21 +84,22 @@ def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedS
     page.keyboard.press("j", delay=HOLD_MS)
     see_step(page, 5)
 
-    acts = [event.action for event in events(quick_study, "p03", 1) if isinstance(event, Act)]
+    acts = [event.action for event in events(quick_study, code, 1) if isinstance(event, Act)]
     assert acts == [Action.LEFT, Action.RIGHT, Action.LEFT, Action.LEFT, Action.LEFT]
-    pressed = [event for event in events(quick_study, "p03", 1) if isinstance(event, Key)]
+    pressed = [event for event in events(quick_study, code, 1) if isinstance(event, Key)]
     assert [event.code for event in pressed] == ["KeyA", "KeyD", "KeyA", "KeyJ", "KeyJ"]
     times = [event.t_cli_ms for event in pressed[:4]]
     assert times == sorted(time for time in times if time is not None)
-    assert "keys_changed" in stages(quick_study, "p03")
+    assert "keys_changed" in stages(quick_study, code)
 
 
 def test_the_back_button_and_a_copied_tab_do_not_count_a_step_twice(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
+    code = quick_study.newcomer("pan")
     page = browser.new_page()
     page.goto("about:blank")
-    start(page, quick_study.links["p05"])
+    start(page, quick_study.links[code])
     see_step(page, 0)
     page.keyboard.press("a", delay=HOLD_MS)
     see_step(page, 1)
@@ -127,7 +112,7 @@ def test_the_back_button_and_a_copied_tab_do_not_count_a_step_twice(
     expect(page.get_by_text("This page is no longer used")).to_be_visible()
     copy.keyboard.press("d", delay=HOLD_MS)
     see_step(copy, 2)
-    acts = [event.action for event in events(quick_study, "p05", 1) if isinstance(event, Act)]
+    acts = [event.action for event in events(quick_study, code, 1) if isinstance(event, Act)]
     assert acts == [Action.LEFT, Action.RIGHT]
 
 
@@ -138,7 +123,8 @@ LOST_S = 30.0
 def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
-    address, token = quick_study.links["p07"].split("/#")
+    code = quick_study.newcomer("pan")
+    address, token = quick_study.links[code].split("/#")
     line = Line(int(address.rsplit(":")[-1]))
     try:
         page = browser.new_page()
@@ -158,7 +144,7 @@ def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
         expect(page.get_by_alt_text("What the robot sees")).to_be_visible()
         page.keyboard.press("a", delay=HOLD_MS)
         see_step(page, 2)
-        stored = events(quick_study, "p07", 1)
+        stored = events(quick_study, code, 1)
         assert [event.action for event in stored if isinstance(event, Act)] == [Action.LEFT, Action.LEFT]
         assert any(isinstance(event, Reconnect) for event in stored)
     finally:
@@ -168,8 +154,9 @@ def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
 def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
+    code = quick_study.newcomer("pog")
     page = browser.new_page()
-    start(page, quick_study.links["p02"])
+    start(page, quick_study.links[code])
     expect(page.get_by_text("Click the object to mark it")).to_be_visible()
     expect(page.locator("canvas").last).to_be_visible()
     page.evaluate(
@@ -179,7 +166,7 @@ def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
     expect(page.get_by_role("heading", name="The 3-D picture was lost")).to_be_visible()
     page.get_by_role("button", name="Load the page again").click()
     expect(page.get_by_text("Click the object to mark it")).to_be_visible()
-    trials = [trial for trial in record(quick_study, "p02")[1] if trial.trial_id is not None]
+    trials = [trial for trial in record(quick_study, code)[1] if trial.trial_id is not None]
     assert any(isinstance(event, ContextLost) for event in _events_of(quick_study, trials[0]))
     assert trials[0].outcome is not None
     assert trials[0].outcome.reason == "technical"

@@ -27,6 +27,7 @@ from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import PAPER4, Action, EpisodeKey
 
 from .flow_steps import HOLD_MS
+from .flow_studies import PlannedStudy
 
 pytestmark = pytest.mark.browser
 KEYS = {Action.FORWARD: "w", Action.LEFT: "ArrowLeft", Action.RIGHT: "d"}
@@ -34,7 +35,7 @@ VISER_VFOV = math.radians(75)
 """viser's vertical field of view at first, radians."""
 
 
-def home_of(study: ServedStudy, code: str) -> tuple[Episode, Scene, PersonalDataset]:
+def home_of(study: ServedStudy | PlannedStudy, code: str) -> tuple[Episode, Scene, PersonalDataset]:
     """The first episode of a participant's plan, and the home."""
     plan = StudyPlan.model_validate_json((study.folder / "plan.json").read_bytes())
     trial = next(person for person in plan.participants if person.code == code).trials[0]
@@ -85,11 +86,12 @@ def see_step(page: Page, number: int) -> None:
     expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", str(number))
 
 
-def test_a_pan_trial_with_real_key_presses(served: ServedStudy, browser: BrowserContext) -> None:
-    episode, scene, dataset = home_of(served, "p02")
+def test_a_pan_trial_with_real_key_presses(quick_study: PlannedStudy, browser: BrowserContext) -> None:
+    code = quick_study.newcomer("pan")
+    episode, scene, dataset = home_of(quick_study, code)
     actions = way_to_the_target(episode, scene)
     page = browser.new_page()
-    begin(page, served.links["pan"])
+    begin(page, quick_study.links[code])
     see_step(page, 0)
     expect(page.get_by_text(episode.record.query[0])).to_be_visible()
     image = page.get_by_alt_text("What the robot sees")
@@ -103,7 +105,7 @@ def test_a_pan_trial_with_real_key_presses(served: ServedStudy, browser: Browser
     expect(page.get_by_role("heading", name="Saved")).to_be_visible()
     assert page.get_by_text(re.compile("success|correct|right answer", re.IGNORECASE)).count() == 0
 
-    status, events = first_trial(served.folder, "p02")
+    status, events = first_trial(quick_study.folder, code)
     acts = [event for event in events if isinstance(event, Act)]
     assert [act.action for act in acts] == [*actions, Action.STOP]
     env = PanEnv(episode.start, scene.navigation, renderer=None)
@@ -118,10 +120,11 @@ def test_a_pan_trial_with_real_key_presses(served: ServedStudy, browser: Browser
 
 
 def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
-    served: ServedStudy, browser: BrowserContext
+    quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
+    code = quick_study.newcomer("pan")
     page = browser.new_page()
-    begin(page, served.links["pan"])
+    begin(page, quick_study.links[code])
     see_step(page, 0)
     for _ in range(6):  # Playwright marks all but the first as repeats until keyup
         page.keyboard.down("a")
@@ -133,17 +136,18 @@ def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
     page.reload()
     see_step(page, 2)
     assert page.get_by_alt_text("What the robot sees").get_attribute("src") == before
-    _, events = first_trial(served.folder, "p02")
+    _, events = first_trial(quick_study.folder, code)
     assert [event.action for event in events if isinstance(event, Act)] == [Action.LEFT, Action.RIGHT]
     assert sum(isinstance(event, Key) for event in events) - sum(isinstance(event, Dropped) for event in events) == 2
 
 
-def test_the_newest_tab_drives_and_the_older_one_says_so(served: ServedStudy, browser: BrowserContext) -> None:
+def test_the_newest_tab_drives_and_the_older_one_says_so(quick_study: PlannedStudy, browser: BrowserContext) -> None:
+    code = quick_study.newcomer("pan")
     old = browser.new_page()
-    begin(old, served.links["pan"])
+    begin(old, quick_study.links[code])
     see_step(old, 0)
     new = browser.new_page()
-    new.goto(served.links["pan"])
+    new.goto(quick_study.links[code])
     see_step(new, 0)
     old.bring_to_front()
     expect(old.get_by_text("This page is no longer used")).to_be_visible()
@@ -151,7 +155,7 @@ def test_the_newest_tab_drives_and_the_older_one_says_so(served: ServedStudy, br
     new.bring_to_front()
     new.keyboard.press("a", delay=HOLD_MS)
     see_step(new, 1)
-    _, events = first_trial(served.folder, "p02")
+    _, events = first_trial(quick_study.folder, code)
     assert [event.action for event in events if isinstance(event, Act)] == [Action.LEFT]
 
 
@@ -173,17 +177,18 @@ def pixel_of(point: tuple[float, float, float], cam: Cam, box: dict[str, float])
     )
 
 
-def test_a_pog_trial_with_real_clicks(served: ServedStudy, browser: BrowserContext) -> None:
-    episode, scene, dataset = home_of(served, "p01")
+def test_a_pog_trial_with_real_clicks(quick_study: PlannedStudy, browser: BrowserContext) -> None:
+    code = quick_study.newcomer("pog")
+    episode, scene, dataset = home_of(quick_study, code)
     page = browser.new_page()
-    begin(page, served.links["pog"])
+    begin(page, quick_study.links[code])
     expect(page.get_by_text(episode.record.query[0])).to_be_visible()
     target = episode.targets[0]
     storeys = scene.navigation.storey_heights
     storey = storey_of(target.floor_y, [(height, height) for height in storeys])
     page.get_by_role("button", name=f"Show storey {storey + 1}").click()
     canvas = page.locator("canvas").last
-    cam = wait_for_camera(page, served.folder)
+    cam = wait_for_camera(page, quick_study.folder, code)
     box = canvas.bounding_box()
     assert box is not None
     page.mouse.click(*pixel_of(target.position, cam, box))
@@ -192,7 +197,7 @@ def test_a_pog_trial_with_real_clicks(served: ServedStudy, browser: BrowserConte
     expect(page.get_by_role("heading", name="Saved")).to_be_visible()
     assert page.get_by_text(re.compile("success|correct|right answer", re.IGNORECASE)).count() == 0
 
-    status, events = first_trial(served.folder, "p01")
+    status, events = first_trial(quick_study.folder, code)
     clicked = [event for event in events if isinstance(event, Clicked)][-1]
     assert isinstance(status.outcome, Answer)
     assert status.outcome.candidates == (clicked.hit,)
@@ -219,12 +224,12 @@ def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> NDArray[np.floa
     return origin + t[hit].min() * direction
 
 
-def wait_for_camera(page: Page, folder: Path) -> Cam:
+def wait_for_camera(page: Page, folder: Path, code: str) -> Cam:
     """The last stored camera pose, once it has been the same for two seconds: poses are stored twice a second."""
     last, num_equal = None, 0
     for _ in range(200):
         page.wait_for_timeout(250)
-        _, events = first_trial(folder, "p01")
+        _, events = first_trial(folder, code)
         cams = [event for event in events if isinstance(event, Cam)]
         num_equal = num_equal + 1 if cams and cams[-1] == last else 0
         if cams and num_equal == 8:
