@@ -15,6 +15,8 @@ ZOOM = 0.8
 """What is left of the distance after zooming in once."""
 ELEVATIONS = (math.radians(10), math.radians(85))
 """How flat and how steep one can look down with the buttons."""
+DISTANCES = (0.1, 500.0)
+"""From what is looked at, that the buttons reach (metres): viser cannot turn a camera that stands in it."""
 _SHIFT = 0.15
 """A map moves by this share of the camera's height per press."""
 _SIDES = {"Left": (-1, 0), "Right": (1, 0), "Up": (0, 1), "Down": (0, -1)}
@@ -55,9 +57,12 @@ def shift(camera: viser.CameraHandle, side: str) -> None:
 
 
 def zoom(camera: viser.CameraHandle, way: str) -> None:
-    """Nearer to what is looked at, or further away."""
+    """Nearer to what is looked at, or further away, within `DISTANCES`."""
     offset = np.asarray(camera.position, float) - camera.look_at
-    _look(camera, np.asarray(camera.look_at, float), offset * (ZOOM if way == "In" else 1 / ZOOM))
+    distance = float(np.linalg.norm(offset))
+    nearest, furthest = min(DISTANCES[0], distance), max(DISTANCES[1], distance)
+    wanted = min(max(distance * (ZOOM if way == "In" else 1 / ZOOM), nearest), furthest)
+    _look(camera, np.asarray(camera.look_at, float), offset * (wanted / distance))
 
 
 def _look(camera: viser.CameraHandle, at: NDArray[np.float64], offset: NDArray[np.float64]) -> None:
@@ -71,6 +76,7 @@ def _add_group(page: Page, label: str, names: tuple[str, ...], move: Move) -> No
 
     @group.on_click
     async def _(event: viser.GuiEvent) -> None:
-        move(page.client.camera, event.target.value)
+        if event.target.value in names:  # a browser may name any
+            move(page.client.camera, event.target.value)
 
     page.add(group)

@@ -26,7 +26,7 @@ from human_study.records import read_study
 from sim.errors import StudyError
 
 from .dashboard_view import Serving, shown_study
-from .gateway_http import Guard, small_body, uvicorn_server
+from .gateway_http import Guard, small_body, too_many_tries, uvicorn_server
 from .gateway_limits import GUESSES, AddressLimit
 from .gateway_options import ServeOptions
 
@@ -94,10 +94,9 @@ class Dashboard:
         """A cookie for the token."""
         if request.headers.get("origin") != self._origin:
             return PlainTextResponse("foreign origin", status_code=403)
-        if not self._guesses.has_one("", time.monotonic()):
-            return PlainTextResponse("too many tries; wait a minute", status_code=429, headers={"Retry-After": "60"})
         if not hmac.compare_digest(await small_body(request, MAX_TOKEN_BYTES), self._token.encode()):
-            self._guesses.allows("", time.monotonic())
+            if not self._guesses.allows("", time.monotonic()):
+                return too_many_tries()
             return PlainTextResponse("unknown token", status_code=401)
         reply = Response(status_code=204)
         reply.set_cookie(self._cookie, self._session, httponly=True, samesite="strict", path="/progress")

@@ -25,11 +25,12 @@ from starlette.websockets import WebSocket
 from sim.errors import StudyError
 
 from .admission import Admission, Arrival, DeviceProfile, Tickets
-from .gateway_http import Guard, address_of, small_body
+from .gateway_http import Guard, address_of, small_body, too_many_tries
 from .gateway_limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, is_forwarded
 from .gateway_options import ServeOptions
 from .gateway_proxy import BAD, LATER, join
 from .page_version import STATIC, is_other_viser, page_of, page_version
+from .worker_door import WorkerDoor
 
 SESSION_COOKIE = "personal_session"
 PROBE_COOKIE = "personal_probe"
@@ -53,8 +54,8 @@ _VISER_CSP = (
 class Seats(Protocol):
     """What the gateway needs of the workers."""
 
-    def seat(self, code: str) -> AbstractContextManager[int | None]:
-        """Port of a participant's worker for one connection; None when none is ready."""
+    def seat(self, code: str) -> AbstractContextManager[WorkerDoor | None]:
+        """The door of a participant's worker for one connection; None when none is ready."""
         ...
 
 
@@ -127,13 +128,11 @@ class Gateway:
         """A session for a known token: a cookie for its websocket alone, and the address of the view."""
         if not self._is_own_origin(request):
             return PlainTextResponse("foreign origin", status_code=403)
-        address = address_of(request, self._options)
-        if not self._guesses.has_one(address, time.monotonic()):
-            return _too_many()
         entry = await _json(request, Entry) or Entry()
         code = await run_in_threadpool(self._admission.code_of_token, entry.token) if entry.token else None
-        if code is None:
-            self._guesses.allows(address, time.monotonic())
+        if code is None:  # only now: the wrong guesses of somebody behind the same router keep no valid token out
+            if not self._guesses.allows(address_of(request, self._options), time.monotonic()):
+                return too_many_tries()
             return PlainTextResponse("unknown token", status_code=401)
         if self._is_crowded(code):
             return PlainTextResponse("too many people at once", status_code=503, headers={"Retry-After": "60"})
@@ -151,7 +150,7 @@ class Gateway:
         if not self._is_own_origin(request):
             return PlainTextResponse("foreign origin", status_code=403)
         if not self._joins.allows(address_of(request, self._options), time.monotonic()):
-            return _too_many()
+            return too_many_tries()
         arrival = await _json(request, Arrival)
         if arrival is None or (self._admission.needs_platform_id and arrival.PROLIFIC_PID is None):
             return PlainTextResponse("parameters of the platform are missing or damaged", status_code=400)
@@ -183,7 +182,7 @@ class Gateway:
     async def download(self, request: Request) -> Response:
         """Bytes to measure the line with, for `study doctor`."""
         if not self._downloads.allows(address_of(request, self._options), time.monotonic()):
-            return _too_many()
+            return too_many_tries()
         peer = request.client.host if request.client is not None else None
         named = is_forwarded(peer, request.headers.getlist("x-forwarded-for"), self._options.proxy)
         state = "none" if self._options.proxy is None else "named" if named else "silent"
@@ -210,13 +209,13 @@ class Gateway:
         with (
             self._people.one(ticket.code, None),
             self._sessions.one(ticket_id, MOST_PER_TICKET) as is_allowed,
-            self._seats.seat(ticket.code) as port,
+            self._seats.seat(ticket.code) as door,
         ):
-            if port is None or not is_allowed:
+            if door is None or not is_allowed:
                 await socket.close(code=LATER)
                 return
             with self._present(ticket.code):
-                reason = await join(socket, port, ticket_id)
+                reason = await join(socket, door, ticket_id)
         if reason is not None:
             self._tell(f"a connection of {ticket.code} was closed: it sent {reason}")
             if self._note_error is not None:
@@ -248,10 +247,6 @@ class Gateway:
     def _set_cookie(self, reply: Response, request: Request, name: str, value: str, *, path: str) -> None:
         is_secure = self._options.is_secure(request.headers["host"])
         reply.set_cookie(name, value, httponly=True, samesite="strict", secure=is_secure, path=path)
-
-
-def _too_many() -> Response:
-    return PlainTextResponse("too many tries; wait a minute", status_code=429, headers={"Retry-After": "60"})
 
 
 async def _json(request: Request, kind: type[Body]) -> Body | None:

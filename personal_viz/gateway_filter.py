@@ -3,6 +3,8 @@
 What passes is encoded anew, so that viser cannot read it differently than we did.
 """
 
+import math
+from collections.abc import Iterable
 from typing import Annotated, Literal
 
 import msgspec
@@ -17,7 +19,11 @@ CAMERA_RATE = (20.0, 5)
 FLOOD_RATE = (200.0, 400)
 """Messages of any kind; no browser sends so many, so whoever does is disconnected."""
 _Id = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_:./-]{1,64}\Z")]
-_Vector = tuple[float, float, float]
+_Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
+"""Metres and what is made of them; who zooms out for a minute is a million metres away."""
+_Vector = tuple[_Number, _Number, _Number]
+_NEAREST = 1e-6
+"""A camera stands further from what it looks at, and a direction is longer (metres); viser cannot turn one without."""
 _Pixels = Annotated[int, msgspec.Meta(ge=0, le=100_000)] | Annotated[float, msgspec.Meta(ge=0, le=100_000)]
 _Scalar = bool | int | float | str | None
 _Row = Annotated[list[_Scalar], msgspec.Meta(max_length=64)]
@@ -26,11 +32,11 @@ _Row = Annotated[list[_Scalar], msgspec.Meta(max_length=64)]
 class ViewerCameraMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
     """Where the browser's camera is."""
 
-    wxyz: tuple[float, float, float, float]
+    wxyz: tuple[_Number, _Number, _Number, _Number]
     position: _Vector
-    fov: float
-    near: float
-    far: float
+    fov: _Number
+    near: _Number
+    far: _Number
     image_height: _Pixels
     image_width: _Pixels
     look_at: _Vector
@@ -38,12 +44,12 @@ class ViewerCameraMessage(msgspec.Struct, tag_field="type", tag=True, frozen=Tru
 
 
 class ScenePointerMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
-    """A click into the scene."""
+    """A click into the scene; viser's rectangles, which have no ray, are none."""
 
-    event_type: Literal["click", "rect-select"]
-    ray_origin: _Vector | None
-    ray_direction: _Vector | None
-    screen_pos: Annotated[list[tuple[float, float]], msgspec.Meta(max_length=4)]
+    event_type: Literal["click"]
+    ray_origin: _Vector
+    ray_direction: _Vector
+    screen_pos: Annotated[list[tuple[_Number, _Number]], msgspec.Meta(min_length=1, max_length=4)]
     modifier: Annotated[str, msgspec.Meta(pattern=r"\A[a-z/+]{1,32}\Z")] | None
 
 
@@ -80,7 +86,7 @@ def browser_message(data: bytes) -> BrowserMessage | None:
         message = _DECODER.decode(data)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
-    return message if _is_finite(message) else None
+    return message if _is_finite(message) and _has_directions(message) else None
 
 
 def viser_bytes(message: BrowserMessage) -> bytes:
@@ -112,6 +118,22 @@ class RateLimit:
     def wait_s(self, now_s: float) -> float:
         """Seconds until one is left."""
         return 0.0 if self.has_one(now_s) else (1 - self._left) / self._rate
+
+
+def _has_directions(message: BrowserMessage) -> bool:
+    """Whether whoever divides by the length of a message's vectors can."""
+    match message:
+        case ViewerCameraMessage():
+            looks = math.dist(message.position, message.look_at)
+            return looks > _NEAREST and _length(message.up_direction) > _NEAREST and 0.5 < _length(message.wxyz) < 2
+        case ScenePointerMessage():
+            return _length(message.ray_direction) > _NEAREST
+        case _:
+            return True
+
+
+def _length(vector: Iterable[float]) -> float:
+    return math.hypot(*vector)
 
 
 def _is_finite(value: object) -> bool:

@@ -11,8 +11,8 @@ import h11
 import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import HTTPConnection, Request
-from starlette.responses import PlainTextResponse
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
+from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -39,6 +39,7 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
 }
+_HANDSHAKE = (b"connection", b"upgrade")
 _HOST = re.compile(r"\A[A-Za-z0-9.:\[\]-]{1,255}\Z")
 _HSTS = "max-age=86400"
 """A day: long enough for a sitting, short enough to take a study's name back to plain HTTP."""
@@ -75,6 +76,13 @@ class PromptProtocol(H11Protocol):
             self._wait()
         else:
             self._stop_waiting()
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Refuses what `websockets` would stumble over: it quotes a damaged header in its answer, in ASCII only."""
+        if all(value.isascii() for name, value in event.headers if name in _HANDSHAKE or name.startswith(b"sec-")):
+            super().handle_websocket_upgrade(event)
+        else:
+            self.send_400_response("Bad handshake.")
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forgets the clock."""
@@ -130,6 +138,8 @@ class Guard:
                 await self._app(scope, receive, _with_headers(send, is_secure=is_secure))
         except TimeoutError:
             return  # the server then closes the connection of whoever reads so slowly
+        except ClientDisconnect:
+            return  # in the middle of a body: nobody is left to answer
 
 
 def address_of(connection: HTTPConnection, options: ServeOptions) -> str:
@@ -138,8 +148,17 @@ def address_of(connection: HTTPConnection, options: ServeOptions) -> str:
     return client_address(peer, connection.headers.getlist("x-forwarded-for"), options.proxy)
 
 
+def too_many_tries() -> Response:
+    """For those who guess tokens, or ask for more than a person would."""
+    return PlainTextResponse("too many tries; wait a minute", status_code=429, headers={"Retry-After": "60"})
+
+
 async def small_body(request: Request, most: int) -> bytes:
-    """The body of a request; empty when it is larger than `most` bytes."""
+    """The body of a request; empty when it is larger than `most` bytes.
+
+    Raises:
+        ClientDisconnect: The client left before its end; `Guard` takes that.
+    """
     body = b""
     async for chunk in request.stream():
         body += chunk

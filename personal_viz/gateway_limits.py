@@ -8,7 +8,7 @@ from collections.abc import Hashable, Iterator
 from .gateway_filter import RateLimit
 
 GUESSES = (10 / 60, 10)
-"""Wrong tokens per address: ten at once, ten a minute."""
+"""Wrong tokens per address: ten at once, ten a minute. A right one is let in whatever its address guessed before."""
 JOINS = (10 / 60, 30)
 """Newcomers on the open link per address: a class may come at once from behind one router."""
 DOWNLOADS = (10 / 60, 10)
@@ -49,10 +49,6 @@ class AddressLimit:
         """Nobody is limited yet."""
         self._rate, self._burst = rate, burst
         self._buckets: OrderedDict[str, RateLimit] = OrderedDict()
-
-    def has_one(self, address: str, now_s: float) -> bool:
-        """Whether the address may try once more; takes nothing."""
-        return address not in self._buckets or self._buckets[address].has_one(now_s)
 
     def allows(self, address: str, now_s: float) -> bool:
         """Takes one try, if one is left."""

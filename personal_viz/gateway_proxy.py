@@ -19,6 +19,7 @@ from .gateway_filter import (
     browser_message,
     viser_bytes,
 )
+from .worker_door import SECRET_HEADER, WorkerDoor
 
 OPEN_WITHIN_S = 10.0
 _SUBPROTOCOL = re.compile(r"\Aviser-v[0-9.]{1,16}\Z")
@@ -26,22 +27,23 @@ BAD, LATER, RESTART = 1008, 1013, 1012
 """Close codes: a message that is not allowed; come back in a moment; the worker behind it ended."""
 
 
-async def join(socket: WebSocket, port: int, ticket_id: str) -> str | None:
+async def join(socket: WebSocket, door: WorkerDoor, ticket_id: str) -> str | None:
     """Passes messages until either side leaves.
 
     Args:
         socket: The browser's, not accepted yet.
-        port: Loopback port of the worker.
+        door: Of the worker.
         ticket_id: Told to the worker, which asks whose it is.
 
     Returns:
         Why we ended the connection, in words for the researcher; None when somebody left.
     """
     offered = [Subprotocol(name) for name in socket.scope.get("subprotocols", []) if _SUBPROTOCOL.match(name)][:1]
-    url = f"ws://127.0.0.1:{port}/?ticket={ticket_id}"
+    url = f"ws://127.0.0.1:{door.port}/?ticket={ticket_id}"
     try:
         upstream = await connect(
             url,
+            additional_headers={SECRET_HEADER: door.secret},
             subprotocols=offered or None,
             max_size=None,
             compression=None,

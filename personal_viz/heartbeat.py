@@ -1,6 +1,6 @@
 """Asks a viser worker whether its event loop still goes round: one that hangs without ending is nobody's until it ends.
 
-The question is a request that viser's own web server answers, on the same loop as every participant's messages.
+The question is a request that the worker's own web server answers, on the same loop as every participant's messages.
 """
 
 import errno
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 _ASKED = b"GET /is-anybody-there HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n"
-"""viser has no such page, and says so at once."""
+"""The worker's door is shut for who brings no secret, and says so at once."""
 _SLICES = 30
 """Into so many waits the patience is cut: time in which this process itself stood still counts as one of them."""
 

@@ -17,7 +17,7 @@ import viser
 STATIC = Path(__file__).parent / "static"
 LABEL = "messages of this page"
 """By which the script finds its input; viser sends no ids to scripts."""
-KEY_PATTERN = r"^(Key[A-Z]|Digit[0-9]|Numpad[0-9]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)$"
+KEY_PATTERN = r"^(Key[A-Z]|Digit[0-9]|Numpad[0-9]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)\Z"
 Number = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 Milliseconds = Annotated[float, msgspec.Meta(ge=0, le=1e12)]
 Pixels = Annotated[int, msgspec.Meta(ge=0, le=100_000)]
@@ -43,8 +43,8 @@ class Device(_Said, frozen=True, tag="device"):
 class Pressed(_Said, frozen=True, tag="press"):
     """A key is about to be sent as a command."""
 
-    code: Annotated[str, msgspec.Meta(max_length=32)]
-    """`KeyboardEvent.code`, before any remapping."""
+    code: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9]{0,32}\Z")]
+    """`KeyboardEvent.code`, before any remapping; empty for keys that have none."""
 
 
 class PageTold(_Said, frozen=True, tag="page"):

@@ -128,6 +128,8 @@ class PogApp:
 
     async def _nudge(self, name: str) -> None:
         """Moves the mark as it looks on the screen, whichever way the camera looks."""
+        if name not in _SIDES:  # a browser may name any button of a group
+            return
         right, up = _SIDES[name]
         R_world_camera = viser.transforms.SO3(np.asarray(self._page.client.camera.wxyz, float)).as_matrix()
         along = right * R_world_camera[:, 0] - up * R_world_camera[:, 1]  # the camera's y points down

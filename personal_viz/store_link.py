@@ -27,6 +27,7 @@ from sim.errors import StudyError
 from sim.types import EpisodeKey, TaskKind
 
 from .recruit_codes import EndCode
+from .worker_door import WorkerDoor
 
 _ERRORS: dict[str, type[StudyError]] = {
     kind.__name__: kind for kind in (StudyError, StoreFullError, SupersededError, TrialEndedError)
@@ -35,9 +36,9 @@ _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
 
 
 class Ready(msgspec.Struct, tag=True, frozen=True):
-    """The worker listens on this loopback port."""
+    """The worker serves behind this door."""
 
-    port: int
+    door: WorkerDoor
 
 
 class Failed(msgspec.Struct, tag=True, frozen=True):
@@ -192,9 +193,9 @@ class StoreLink:
         self.is_closed = threading.Event()
         threading.Thread(target=self._listen, daemon=True, name="store-link").start()
 
-    def tell_ready(self, port: int) -> None:
-        """Tell the gateway where the worker listens."""
-        self._ask(Ready(port))
+    def tell_ready(self, door: WorkerDoor) -> None:
+        """Tell the gateway where the worker listens, and its secret."""
+        self._ask(Ready(door))
 
     def tell_failed(self, message: str) -> None:
         """Tell the gateway why the worker cannot start."""
@@ -306,8 +307,8 @@ class StoreService:
         self._on_end = on_end
         self._lock = threading.Lock()
         self._pool = ThreadPoolExecutor(8, thread_name_prefix="store-service")
-        self.started: Future[int] = Future()
-        """The worker's port, or StudyError when it cannot start or ends before it is ready."""
+        self.started: Future[WorkerDoor] = Future()
+        """The worker's door, or StudyError when it cannot start or ends before it is ready."""
         threading.Thread(target=self._listen, daemon=True, name="store-service").start()
 
     def close(self) -> None:
@@ -343,8 +344,8 @@ class StoreService:
 
     def _value(self, request: Request) -> object:
         match request:
-            case Ready(port=port):
-                self.started.set_result(port)
+            case Ready(door=door):
+                self.started.set_result(door)
             case Failed(message=message):
                 self.started.set_exception(StudyError(message))
             case WhoHolds(ticket=ticket):

@@ -21,6 +21,7 @@ from .admission import Tickets
 from .heartbeat import Heartbeat, answers
 from .recruit_codes import EndCode
 from .store_link import StoreService
+from .worker_door import WorkerDoor
 
 START_S = 600.0
 """A worker that ends is noticed at once; this is for one that hangs. A scan of a million triangles takes half a minute
@@ -59,7 +60,7 @@ class Worker:
     def __init__(self, number: int) -> None:
         """Nothing is started."""
         self.number = number
-        self.port: int | None = None
+        self.door: WorkerDoor | None = None
         """Where it listens; None while it is not ready."""
         self.process: subprocess.Popen[bytes] | None = None
         self.service: StoreService | None = None
@@ -160,11 +161,11 @@ class WorkerPool:
             worker.end_process(deadline_s - time.monotonic())
 
     @contextlib.contextmanager
-    def seat(self, code: str) -> Iterator[int | None]:
-        """Port of the participant's worker for one connection; None when none is ready."""
+    def seat(self, code: str) -> Iterator[WorkerDoor | None]:
+        """The door of the participant's worker for one connection; None when none is ready."""
         worker = self._choose(code)
         try:
-            yield worker.port if worker is not None else None
+            yield worker.door if worker is not None else None
         finally:
             if worker is not None:
                 self._leave(worker, code)
@@ -177,7 +178,7 @@ class WorkerPool:
     def _choose(self, code: str) -> Worker | None:
         """The worker that has the participant already; else the least loaded, and of those the last one."""
         with self._lock:
-            ready = [worker for worker in self.workers if worker.port is not None]
+            ready = [worker for worker in self.workers if worker.door is not None]
             if not ready:
                 return None
             holding = [worker for worker in ready if code in worker.codes]
@@ -221,7 +222,7 @@ class WorkerPool:
     def _await_ready(self, worker: Worker) -> None:
         assert worker.service is not None
         try:
-            worker.port = worker.service.started.result(timeout=START_S)
+            worker.door = worker.service.started.result(timeout=START_S)
         except FutureTimeoutError:
             raise StudyError(
                 f"viser worker {worker.number} was not ready within {START_S:.0f} s; expected a scene that loads "
@@ -236,7 +237,7 @@ class WorkerPool:
             if self._closing.is_set():
                 return
             with self._lock:
-                worker.port = None
+                worker.door = None
             worker.close_socket()
             worker.end_process(2.0)
             lived_s = (time.monotonic() if worker.hung is None else worker.answered_s) - ready_s
@@ -262,15 +263,15 @@ class WorkerPool:
     def _feel_pulse(self, worker: Worker) -> None:
         """Kills the worker's process when it hangs, until the pool closes; `_watch` then starts another."""
         while not self._closing.wait(self._heartbeat.every_s):
-            with self._lock:  # with a port, all three belong together
-                port, process, ended = worker.port, worker.process, worker.ended
-            if port is None or process is None:
+            with self._lock:  # with a door, all three belong together
+                door, process, ended = worker.door, worker.process, worker.ended
+            if door is None or process is None:
                 continue
-            if answers(port, patience_s=self._heartbeat.patience_s, over=ended):
+            if answers(door.port, patience_s=self._heartbeat.patience_s, over=ended):
                 worker.answered_s = time.monotonic()
                 continue
             with self._lock:
-                if worker.port is None or self._closing.is_set():  # it has just ended by itself
+                if worker.door is None or self._closing.is_set():  # it has just ended by itself
                     continue
                 worker.hung = f"has not answered for {self._heartbeat.patience_s:.0f} s and was killed"
             process.kill()

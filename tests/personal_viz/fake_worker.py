@@ -15,6 +15,7 @@ from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
 from personal_viz.store_link import StoreLink
+from personal_viz.worker_door import SECRET_HEADER, WorkerDoor
 
 
 def main() -> None:
@@ -35,7 +36,8 @@ def main() -> None:
     def is_there(connection: ServerConnection, request: Request) -> Response | None:
         """What viser says to who asks for no websocket."""
         if request.headers.get("Upgrade") == "websocket":
-            return None
+            is_gateway = request.headers.get(SECRET_HEADER) == f"secret of {os.getpid()}"
+            return None if is_gateway else connection.respond(403, "FORBIDDEN")
         if kind == "slow":
             with (folder / f"{os.getpid()}.asked").open("a") as asked:
                 asked.write("once\n")
@@ -45,7 +47,7 @@ def main() -> None:
 
     with serve(answer, "127.0.0.1", 0, process_request=is_there) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        link.tell_ready(server.socket.getsockname()[1])
+        link.tell_ready(WorkerDoor(server.socket.getsockname()[1], f"secret of {os.getpid()}"))
         if kind == "fragile":
             os._exit(3)
         link.is_closed.wait()

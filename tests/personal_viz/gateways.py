@@ -24,6 +24,7 @@ from personal_viz.commands.serve_study import listen
 from personal_viz.gateway import Gateway
 from personal_viz.gateway_http import PromptProtocol, uvicorn_server
 from personal_viz.gateway_options import ServeOptions
+from personal_viz.worker_door import WorkerDoor
 from sim.errors import StudyError
 
 KEY = b"k" * 32
@@ -94,9 +95,9 @@ class OnePort:
 
     port: int | None
 
-    def seat(self, code: str) -> AbstractContextManager[int | None]:
+    def seat(self, code: str) -> AbstractContextManager[WorkerDoor | None]:
         """The same for everybody."""
-        return contextlib.nullcontext(self.port)
+        return contextlib.nullcontext(None if self.port is None else WorkerDoor(self.port, "any"))
 
 
 class EchoViser:

@@ -84,11 +84,12 @@ def test_another_sites_page_and_another_host_name_are_refused(busy: Path) -> Non
         assert client.get("/", headers={"Host": host}).status_code == 400
 
 
-def test_guesses_are_limited(busy: Path) -> None:
+def test_guesses_are_limited_and_keep_the_right_token_not_out(busy: Path) -> None:
     page = Dashboard(busy)
     client = client_of(page)
     replies = [client.post("/enter", content=f"g{n}", headers={"Origin": ORIGIN}).status_code for n in range(12)]
     assert replies == [401] * 10 + [429] * 2
+    assert client.post("/enter", content=page._token, headers={"Origin": ORIGIN}).status_code == 204
 
 
 def test_pages_have_the_strict_headers_and_no_inline_script(busy: Path) -> None:

@@ -1,20 +1,23 @@
-"""What we use of viser's private parts, at the pinned version: who a connection belongs to, and no public tunnel."""
+"""What we use of viser's private parts, at the pinned version: who connects, whom a worker lets in, no tunnel."""
 
 import threading
 
+import pytest
 import viser
 from viser import _messages
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from personal_viz.first_camera import CAMERA
-from personal_viz.server import refuse_tunnels, ticket_of
+from personal_viz.server import ticket_of
+from personal_viz.worker_door import SECRET_HEADER, open_door
 
-from .gateways import pack
+from .gateways import pack, raw
 
 
 def test_a_worker_knows_the_ticket_of_a_connection_and_opens_no_tunnel() -> None:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    server, door = open_door()
     asked, arrived, tickets = [], threading.Event(), []
     server.request_share_url = lambda *_, **__: asked.append(True)  # type: ignore[method-assign]
 
@@ -24,12 +27,12 @@ def test_a_worker_knows_the_ticket_of_a_connection_and_opens_no_tunnel() -> None
         arrived.set()
 
     try:
-        assert _messages.ShareUrlRequest in server._websock_server._incoming_handlers
-        refuse_tunnels(server)
+        assert _messages.GuiUpdateMessage in server._websock_server._incoming_handlers
         assert not server._websock_server._incoming_handlers.get(_messages.ShareUrlRequest)
         with connect(
             f"ws://127.0.0.1:{server.get_port()}/?ticket=abc-123",
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+            additional_headers={SECRET_HEADER: door.secret},
             proxy=None,
         ) as connection:
             connection.send(pack({"type": "ShareUrlRequest"}))
@@ -39,3 +42,30 @@ def test_a_worker_knows_the_ticket_of_a_connection_and_opens_no_tunnel() -> None
         server.stop()
     assert tickets == ["abc-123"]
     assert asked == []
+
+
+def test_a_worker_lets_nobody_in_without_the_gateways_secret(capfd: pytest.CaptureFixture[str]) -> None:
+    (server, door), (other, others_door) = open_door(), open_door()
+    arrived: list[int] = []
+    server.on_client_connect(lambda client: arrived.append(client.client_id))
+    protocol = [Subprotocol(f"viser-v{viser.__version__}")]
+    try:
+        assert len({door.secret, others_door.secret}) == 2
+        for headers in ({}, {SECRET_HEADER: ""}, {SECRET_HEADER: others_door.secret}, {SECRET_HEADER: "\xe9" * 43}):
+            with pytest.raises(InvalidStatus) as refused:
+                connect(f"ws://127.0.0.1:{door.port}/", subprotocols=protocol, additional_headers=headers, proxy=None)
+            assert refused.value.response.status_code == 403
+        head = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{door.port}\r\nConnection: close\r\n"
+        twice = f"{SECRET_HEADER}: {door.secret}\r\n" * 2
+        for asked in (head, head + twice):
+            page = raw(door.port, f"{asked}\r\n".encode())
+            assert page.split()[1] == b"403", page[:200]
+            assert b"<html" not in page
+        raw(door.port, b"\x16\x03\x01 this is no HTTP\r\n\r\n")
+        let_in = raw(door.port, f"{head}{SECRET_HEADER}: {door.secret}\r\n\r\n".encode())
+        assert b"<html" in let_in
+    finally:
+        server.stop()
+        other.stop()
+    assert arrived == []
+    assert "Traceback" not in "".join(capfd.readouterr())

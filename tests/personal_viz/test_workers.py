@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import threading
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -61,17 +62,17 @@ def is_running(pid: int) -> bool:
 
 def test_people_are_shared_out_evenly_and_stay_where_they_are(tmp_path: Path) -> None:
     with pool_of(tmp_path, "good", 2, []) as pool, ExitStack() as stack:
-        ports = {code: stack.enter_context(pool.seat(code)) for code in ("p01", "p02", "p03", "p04")}
-        assert sorted(ports.values()) == sorted(2 * [worker.port for worker in pool.workers])
-        again = {code: stack.enter_context(pool.seat(code)) for code in ports}
-        assert again == ports
+        doors = {code: stack.enter_context(pool.seat(code)) for code in ("p01", "p02", "p03", "p04")}
+        assert Counter(doors.values()) == {worker.door: 2 for worker in pool.workers}
+        again = {code: stack.enter_context(pool.seat(code)) for code in doors}
+        assert again == doors
         assert pool.num_people() == 4
-        first = ports["p01"]
+        first = doors["p01"]
         with pool.seat("p05") as fifth:
             assert fifth is not None
         with pool.seat("p06") as sixth:
             assert sixth == fifth, "the least loaded again"
-        assert first in {worker.port for worker in pool.workers}
+        assert first in {worker.door for worker in pool.workers}
     assert pool.num_people() == 0
 
 
@@ -118,8 +119,8 @@ def test_a_worker_that_always_dies_is_given_up_and_told(tmp_path: Path, monkeypa
     told: list[str] = []
     with pool_of(tmp_path, "fragile", 1, told) as pool:
         assert pool.ended.wait(PATIENCE_S)
-        with pool.seat("p01") as port:
-            assert port is None
+        with pool.seat("p01") as door:
+            assert door is None
     assert told[-1] == "viser worker 1 ended 5 times in a row; it is not started again."
     assert len(pids(tmp_path)) == 5
 
@@ -160,7 +161,7 @@ def test_a_killed_worker_is_started_again_and_the_same_ticket_leads_to_it(tmp_pa
                 before.recv(timeout=PATIENCE_S)
             assert ended.value.rcvd is not None
             assert ended.value.rcvd.code == 1012
-        wait_until(lambda: pool.workers[0].port is not None and len(pids(tmp_path)) == 2)
+        wait_until(lambda: pool.workers[0].door is not None and len(pids(tmp_path)) == 2)
         with connect(url, additional_headers=headers, proxy=None) as after:
             code, new_pid = answer(after)
         assert (code, new_pid != pid) == ("p01", True)
@@ -205,7 +206,7 @@ def test_a_worker_that_hangs_is_killed_and_its_participant_goes_on_with_another(
                 before.recv(timeout=PATIENCE_S)
             assert ended.value.rcvd is not None
             assert ended.value.rcvd.code == 1012
-        wait_until(lambda: pool.workers[0].port is not None and len(pids(tmp_path)) >= 2)
+        wait_until(lambda: pool.workers[0].door is not None and len(pids(tmp_path)) >= 2)
         with connect(url, additional_headers=headers, proxy=None) as after:
             code, new_pid = answer(after)
         assert (code, new_pid != pid) == ("p01", True)
