@@ -20,7 +20,7 @@ from .tables.rows import EventRow
 from .tables.runs import RUN_CONDITIONS
 from .tables.trial_figures import TrialFigures, trial_figures
 from .tables.trial_table import TrialRow, is_long_hidden
-from .verify import TrialHome, first_difference, recompute
+from .verify import TrialHome, first_difference, recompute, run_as_known
 
 Row = TypeVar("Row", bound=BaseModel)
 OpenHome = Callable[[StudyScene], TrialHome]
@@ -112,6 +112,8 @@ def _difference(
         return str(problem)
     outcome = result.end if isinstance(result, EpisodeRun) else result
     difference = _other_figures(row, events, outcome, config)
+    if isinstance(result, EpisodeRun) and isinstance(in_runs, EpisodeRun):
+        result = run_as_known(result, in_runs)
     if difference is None and in_runs is not None:
         difference = first_difference(in_runs.model_dump(mode="json"), result.model_dump(mode="json"), "run")
     return difference

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from sim.frames import CameraAxes, PoseFrame
-from sim.types import SuccessRule
+from sim.types import RULE_NOTES, SuccessRule
 
 from .cli_options import Clutter, Dataset, Json, Limit, Rerun, RunId, Scenes, ScenesDir, Splits, WithPixels
 
@@ -36,6 +36,10 @@ class Run:
     )
     rerun: Rerun = None
     with_pixels: WithPixels = False
+    rule: Annotated[
+        SuccessRule | None,
+        arg(help="shortest-path only: the success rule it walks for, by default paper; habitat = to a view point."),
+    ] = None
 
     def work(self) -> int:
         from .commands.runs import run
@@ -106,7 +110,9 @@ class Metrics:
     """SR, SPL and DTG (PAN) or SR and top-3 (POG) per split, in the paper's layout."""
 
     runs: Positional[tuple[Path, ...]]
-    rule: SuccessRule = "paper"
+    rule: Annotated[SuccessRule, arg(help=f"What counts as success in PAN: {'; '.join(RULE_NOTES.values())}.")] = (
+        "paper"
+    )
     json: Json = False
 
     def work(self) -> int:

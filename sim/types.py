@@ -29,8 +29,18 @@ ClutterLevel = Literal[0, 1, 2]
 """How much furniture without a caption was added to a home that is no scan."""
 WhoKind = Literal["human", "agent"]
 EndReason = Literal["stop", "steps", "click", "giveup", "timeout", "technical", "abandoned"]
-SuccessRule = Literal["paper", "habitat", "authors"]
-SUCCESS_RULES: tuple[SuccessRule, ...] = ("paper", "habitat", "authors")
+SuccessRule = Literal["paper", "habitat", "authors", "paper-strict"]
+SUCCESS_RULES: tuple[SuccessRule, ...] = ("paper", "habitat", "authors", "paper-strict")
+RULE_NOTES: dict[SuccessRule, str] = {
+    "paper": "paper = our reading of the PersONAL paper: STOP within 1 m of the object's centre on the floor plan of "
+    "its storey, 1.5 m where no view point is within 1 m; walls between do not count",
+    "paper-strict": "paper-strict = STOP within 1 m of the object's centre on the floor plan of its storey, for every "
+    "object",
+    "habitat": "habitat = STOP less than 0.1 m of walking from a view point of the object, as ObjectNav counts",
+    "authors": "authors = the robot ends within 0.2 m, on the floor plan, of a view point that the episode lists, with "
+    "or without STOP, as the authors' result reader counts",
+}
+"""What each rule counts, for help texts and below tables (sim/tasks/rules.py has the figures)."""
 
 
 class Action(enum.StrEnum):

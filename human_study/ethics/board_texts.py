@@ -25,6 +25,8 @@ SUCCESS_RULES = {
     "habitat": "It is successful when the person stops the robot within 0.1 m of walking distance of a place from "
     "which the object is in view.",
     "authors": "It is successful when the robot ends within 0.2 m of a place from which the object is in view.",
+    "paper-strict": "It is successful when the person stops the robot within {radius} m of the object's middle, "
+    "measured on the floor plan of the same storey.",
 }
 
 CONDITIONS: dict[Condition, str] = {

@@ -163,6 +163,8 @@ RADIUS_TEXTS: dict[SuccessRule, str] = {
     "habitat": "You have found the object when you stop **close to it, at a place from which it is in plain view**, on "
     "the same storey; the robot need not look at it.",
     "authors": "You have found the object when you stop **close to it, at a place from which it is in plain view**.",
+    "paper-strict": "You have found the object when you stop **within {metres} metre of its middle**, measured "
+    "along the floor on the same storey; the robot need not look at it.",
 }
 """By `success`."""
 

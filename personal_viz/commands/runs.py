@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -14,9 +15,16 @@ from rich.table import Table
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, PersonalVizError
-from sim.scenes.kind import common_kind
+from sim.scenes.kind import common_kind, scene_label
 from sim.scenes.scene import Scene
-from sim.tasks.metrics import MetricRow, metric_rows, read_runs, require_comparable
+from sim.tasks.metrics import (
+    MetricRow,
+    metric_rows,
+    read_runs,
+    reading_notes,
+    require_comparable,
+    rule_warnings,
+)
 from sim.tasks.observers import Observer
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import RunInfo
@@ -48,9 +56,10 @@ def run(
     episode: str | None = None,
     rerun: str | None = None,
     with_pixels: bool = False,
+    rule: SuccessRule | None = None,
 ) -> int:
     """Runs an agent over episodes into `out/<run_id>`; a second call goes on. Tables keep clutter levels apart."""
-    _require_agent(agent)
+    made_for = _made_for(agent, rule)
     check_options(run_id=run_id, limit=limit, jobs=jobs, seed=seed)
     episodes = PersonalDataset(dataset)
     chosen = _chosen(episodes, episode, scenes=scene, splits=split, limit=limit)
@@ -58,17 +67,19 @@ def run(
     require_no_scan(kind, clutter=clutter)
     by_scene = _by_scene(chosen, scenes_dir)
     level = f"-clutter{clutter}" if clutter else ""
-    run_id = run_id or f"{agent.replace(':', '.')}-{kind}{level}-seed{seed}"
+    who = agent if made_for in (None, "paper") else f"{agent}-{made_for}"
+    run_id = run_id or f"{who.replace(':', '.')}-{kind}{level}-seed{seed}"
     check_options(run_id=run_id)
     info = make_run_info(
         run_id,
-        who=agent,
+        who=who,
         who_kind="agent",
         condition=f"clutter {clutter}" if clutter else "none",
         scene_kind=kind,
         dataset_digest=episodes.digest(),
         seed=seed,
         config={"actions": "paper6", "clutter": clutter},
+        made_for=made_for,
     )
     writer = RunWriter(out / run_id, info)
     left = [item.key for item in chosen if item.key not in writer.done]
@@ -84,22 +95,32 @@ def run(
                 seed=seed,
                 clutter=clutter,
                 make_observer=make_observer,
+                rule=made_for or "paper",
             )
             for name, keys in sorted(by_scene.items())
         ]
         with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
-            bar = progress.add_task(agent, total=len(left))
+            bar = progress.add_task(who, total=len(left))
             run_agent(work, writer, processes=jobs, on_episode=lambda: progress.update(bar, advance=1))
         print(f"Written to {out / run_id}; see it with: personal-viz metrics {out / run_id}")
     return 0
 
 
-def _require_agent(agent: str) -> None:
-    if agent not in ("random", "shortest-path", *SHORT_NAMES) and ":" not in agent:
+def _made_for(agent: str, rule: SuccessRule | None) -> SuccessRule | None:
+    """The success rule that the agent walks for; None where it knows no goal. Raises AgentError for other names."""
+    if agent == "shortest-path":
+        return rule or "paper"
+    if agent not in ("random", *SHORT_NAMES) and ":" not in agent:
         raise AgentError(
             f"--agent is {agent!r}; expected random, random-frontier, shortest-path, or your own as "
             "package.module:factory."
         )
+    if rule is not None:
+        raise AgentError(
+            f"--rule: found {rule!r} for --agent {agent}; expected it with --agent shortest-path only, since no other "
+            "knows the goal. Leave it out; personal-viz metrics --rule chooses the rule of the table."
+        )
+    return None
 
 
 def _chosen(
@@ -172,20 +193,33 @@ def metrics(*, runs: tuple[Path, ...], rule: SuccessRule, json: bool) -> int:
     require_comparable(run.info for run in found if run.episodes)
     require_comparable(run.info for run in found if run.answers)
     rows = metric_rows(found, rule=rule)
+    warnings = rule_warnings(rows)
     if json:
-        print(json_module.dumps([row.model_dump() for row in rows], indent=2))
+        print(json_module.dumps([_labelled(row) for row in rows], indent=2))
+        for line in warnings:
+            print(line, file=sys.stderr)
         return 0
     console = Console(file=sys.stdout, width=max(MIN_TABLE_WIDTH, Console().width))
     for task, title in (("pan", f"PAN, rule {rule}"), ("pog", "POG, planar distance <= 1 m on the target's storey")):
         for kind in dict.fromkeys(row.scene_kind for row in rows if row.task == task):
-            console.print(_table(title, [row for row in rows if row.task == task and row.scene_kind == kind]))
+            shown = [row for row in rows if row.task == task and row.scene_kind == kind]
+            console.print(_table(title, shown))
+            label = scene_label(kind)
+            for line in [*([f"{label}."] if label else []), *reading_notes(shown)]:
+                print(line)
+    for line in warnings:
+        print(line)
     for row in rows:
         if row.unreachable or row.undefined:
             print(
                 f"{row.who}, {row.split}: {row.unreachable} trials without a path to the goal (left out of DTG), "
-                f"{row.undefined} without a usable point under the rule (left out of all)"
+                f"{row.undefined} without a usable point under the rule, or measured before the rule (left out of all)"
             )
     return 0
+
+
+def _labelled(row: MetricRow) -> dict[str, Any]:
+    return row.model_dump() | {"scene_label": scene_label(row.scene_kind)}
 
 
 def _table(title: str, rows: Sequence[MetricRow]) -> Table:

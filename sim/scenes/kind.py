@@ -1,4 +1,4 @@
-"""Which of the three sources a scene has. Light: commands name the kind of a run before any mesh is loaded."""
+"""Which of the three sources a scene has, and what every output says of it. Light: no mesh is loaded."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,6 +8,19 @@ from sim.errors import SceneError
 from sim.types import SceneKind
 
 from .plan import HomePlan, load_plan
+
+_LABELS = {
+    "schematic": "Schematic homes, recovered from the episode files: no human baseline for PersONAL",
+    "invented": "Invented homes, made from a seed: no human baseline for PersONAL",
+}
+
+
+def scene_label(kind: str) -> str:
+    """What every table, figure, export and recording says of results in homes of this kind; empty for scans.
+
+    This is the one source of the words. Answers on oracle maps have no home, and empty words too.
+    """
+    return _LABELS.get(kind, "")
 
 
 def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) -> SceneKind:

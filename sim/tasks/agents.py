@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.frames import T_world_agent, forward_from_yaw, wrap_angle
-from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation, Task
+from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation, SuccessRule, Task
 from sim.world.navigation_map import NavigationMap
 
-from .rules import reaches_target, success_region
+from .rules import reaches_goal, success_region
 
 TURN_COST = 0.02
 """Metres of detour that the shortest-path agent accepts to save one turn; keeps it from weaving."""
@@ -68,17 +68,19 @@ class _Way(NamedTuple):
 class ShortestPathAgent:
     """Walks down the distance to where STOP succeeds: an upper bound with ground truth, not a competitor."""
 
-    def __init__(self, episode: Episode, navigation: NavigationMap) -> None:
+    def __init__(self, episode: Episode, navigation: NavigationMap, *, rule: SuccessRule = "paper") -> None:
         """Knows the truth that other agents are not told.
 
         Args:
             episode: With its targets and the true start, which turns the observation's start frame into the world.
             navigation: The same map that the environment uses.
+            rule: Where it walks to: `paper` into the region around a target, `habitat` to a view point.
         """
         self._T_world_start = T_world_agent(episode.start)
         self._start_yaw = episode.start.yaw
-        self._targets = episode.targets
-        self._region = success_region(episode, navigation)
+        self._episode = episode
+        self._rule: SuccessRule = rule
+        self._region = success_region(episode, navigation, rule=rule)
         self._navigation = navigation
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
@@ -130,7 +132,7 @@ class ShortestPathAgent:
 
     def _is_there(self, position: tuple[float, float, float], distance: float) -> bool:
         """Whether STOP succeeds here; `distance` to the region tells most places apart without asking the rule."""
-        return distance <= NEAR and any(reaches_target(position, target) for target in self._targets)
+        return distance <= NEAR and reaches_goal(position, self._episode, distance=distance, rule=self._rule)
 
     def _distances(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         if not len(self._region):

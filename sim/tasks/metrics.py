@@ -3,15 +3,41 @@
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from sim.errors import RunFileError
-from sim.types import SPLITS, EpisodeKey, SuccessRule, TaskKind
+from sim.types import RULE_NOTES, SPLITS, EpisodeKey, SuccessRule, TaskKind
 
-from .run_files import Answer, EpisodeRun, Run, RunInfo, read_run
+from .run_files import FAR_FROM_VIEW, Answer, EpisodeRun, Measures, Run, RunInfo, read_run
+
+
+class RuleFigures(BaseModel):
+    """A row's figures under another rule than its own."""
+
+    model_config = ConfigDict(frozen=True)
+    n: int
+    k: int
+    sr: float | None
+    spl: float | None
+    dtg: float | None
+    unreachable: int
+    undefined: int
+    """Trials that a program without the rule measured; they are in no figure of the rule."""
+
+
+class FarFromView(BaseModel):
+    """How many successes by rule `paper` have a wall, a table or a storey between robot and object."""
+
+    model_config = ConfigDict(frozen=True)
+    n: int
+    """Successes by `paper` at episodes with a view point that counts."""
+    k: int
+    """Among them those that end more than 1 m of walking from every view point of a valid target."""
+    share: float | None
+    """Percent, of all splits together in total rows; None without any success."""
 
 
 class MetricRow(BaseModel):
@@ -41,7 +67,13 @@ class MetricRow(BaseModel):
     unreachable: int = 0
     """Trials whose start or end has no path to the goal region: in SR and SPL as failures, not in DTG."""
     undefined: int = 0
-    """Trials whose episode has no usable point under the rule."""
+    """Trials whose episode has no usable point under the rule, or that a program without the rule measured."""
+    made_for: tuple[SuccessRule, ...] = ()
+    """Rules that the walkers of the runs were made for, or told; () = none, or not known."""
+    paper_strict: RuleFigures | None = None
+    """The same trials under rule `paper-strict`; PAN only."""
+    far_from_view: FarFromView | None = None
+    """What rule `paper` accepts although the way to see the object is long; PAN only."""
 
 
 def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[MetricRow]:
@@ -69,7 +101,9 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
         require_comparable(run.info for run in pooled)
         _require_no_trial_twice(pooled, task)
         items = [item for run in pooled for item in (run.episodes if task == "pan" else run.answers)]
-        names = {"who": who, "condition": condition, "scene_kind": kind, "task": task}
+        names: dict[str, Any] = {"who": who, "condition": condition, "scene_kind": kind, "task": task}
+        made_for = {run.info.made_for for run in pooled if run.info.made_for is not None and task == "pan"}
+        names["made_for"] = tuple(sorted(made_for))
         cells = [
             _row(names, split, [item for item in items if item.key.split == split], rule=rule)
             for split in SPLITS
@@ -77,6 +111,40 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
         ]
         rows += [*cells, _total(cells)]
     return rows
+
+
+def rule_warnings(rows: Iterable[MetricRow]) -> list[str]:
+    """One line for each row name whose runs were made for another rule than the one that the rows count by."""
+    found = {}
+    for row in rows:
+        others = [rule for rule in row.made_for if rule != row.rule]
+        if others:
+            found[row.who, row.condition] = made_for_warning(row.who, others, rule=row.rule)
+    return list(found.values())
+
+
+def made_for_warning(who: str, made_for: Sequence[SuccessRule], *, rule: str) -> str:
+    """One line: these runs were made for other rules than the one that counts here."""
+    advice = f" personal-viz run --agent shortest-path --rule {rule} walks for it." if "shortest-path" in who else ""
+    return f"Warning: {who} was made for rule {', '.join(made_for)}, and is counted here by {rule}.{advice}"
+
+
+def reading_notes(rows: Sequence[MetricRow]) -> list[str]:
+    """For below a table: what its rule is, and per row name what our reading of the paper is worth; () for POG."""
+    notes = [f"Rule {RULE_NOTES[row.rule]}." for row in rows[:1] if row.rule != "planar"]
+    for row in rows:
+        strict, far = row.paper_strict, row.far_from_view
+        if row.split != "total" or strict is None or far is None:
+            continue
+        who = row.who if row.condition == "none" else f"{row.who} ({row.condition})"
+        figure = "not known" if strict.sr is None else f"SR {strict.sr:.1f} ({strict.k}/{strict.n})"
+        older = f", {strict.undefined} trials measured before this rule" if strict.undefined else ""
+        share = "" if far.share is None else f" ({far.share:.1f} %)"
+        notes.append(
+            f"{who}: by paper-strict {figure}{older}; {far.k} of {far.n} successes by paper{share} end more than "
+            f"{FAR_FROM_VIEW:g} m of walking from every view point."
+        )
+    return notes
 
 
 def require_comparable(infos: Iterable[RunInfo]) -> None:
@@ -158,22 +226,31 @@ def _require_no_trial_twice(runs: Sequence[Run], task: TaskKind) -> None:
             seen[trial] = run.info.run_id
 
 
-def _row(names: dict[str, str], split: str, items: Sequence[EpisodeRun | Answer], *, rule: SuccessRule) -> MetricRow:
+def _row(names: dict[str, Any], split: str, items: Sequence[EpisodeRun | Answer], *, rule: SuccessRule) -> MetricRow:
     if names["task"] == "pog":
         return _pog_row(names, split, [item for item in items if isinstance(item, Answer)])
     return _pan_row(names, split, [item for item in items if isinstance(item, EpisodeRun)], rule=rule)
 
 
-def _pan_row(names: dict[str, str], split: str, runs: Sequence[EpisodeRun], *, rule: SuccessRule) -> MetricRow:
+def _pan_row(names: dict[str, Any], split: str, runs: Sequence[EpisodeRun], *, rule: SuccessRule) -> MetricRow:
     counted = [run.end.measures for run in runs if run.end.measures is not None and run.end.reason != "technical"]
+    is_far = [far for measures in counted if (far := measures.ends_far_from_view) is not None]
+    return MetricRow(
+        **names,
+        **_rule_figures(counted, rule).model_dump(),
+        split=split,
+        rule=rule,
+        paper_strict=_rule_figures(counted, "paper-strict"),
+        far_from_view=FarFromView(n=len(is_far), k=sum(is_far), share=_percent(sum(is_far), len(is_far))),
+    )
+
+
+def _rule_figures(counted: Sequence[Measures], rule: SuccessRule) -> RuleFigures:
     scored = [measures.rules[rule] for measures in counted]
     found = [measures for measures in scored if measures is not None]
     reached = [measures.dtg for measures in found if measures.dtg is not None]
     successes = sum(measures.success for measures in found)
-    return MetricRow(
-        **names,  # type: ignore[arg-type]
-        split=split,
-        rule=rule,
+    return RuleFigures(
         n=len(found),
         k=successes,
         sr=_percent(successes, len(found)),
@@ -184,13 +261,13 @@ def _pan_row(names: dict[str, str], split: str, runs: Sequence[EpisodeRun], *, r
     )
 
 
-def _pog_row(names: dict[str, str], split: str, answers: Sequence[Answer]) -> MetricRow:
+def _pog_row(names: dict[str, Any], split: str, answers: Sequence[Answer]) -> MetricRow:
     scored = [answer for answer in answers if answer.measures is not None and answer.reason != "technical"]
     successes = sum(answer.measures.success for answer in scored if answer.measures)
     top3 = sum(answer.measures.top3_success for answer in scored if answer.measures)
     ranked = any(answer.scores for answer in scored)
     return MetricRow(
-        **names,  # type: ignore[arg-type]
+        **names,
         split=split,
         rule="planar",
         n=len(scored),
@@ -201,14 +278,26 @@ def _pog_row(names: dict[str, str], split: str, answers: Sequence[Answer]) -> Me
 
 
 def _total(cells: Sequence[MetricRow]) -> MetricRow:
-    """Plain mean of the splits' figures; counts are added."""
+    """Plain mean of the splits' figures; counts are added, and the share far from view is of all splits together."""
+    strict = [cell.paper_strict for cell in cells if cell.paper_strict is not None]
+    far = [cell.far_from_view for cell in cells if cell.far_from_view is not None]
+    n, k = sum(cell.n for cell in far), sum(cell.k for cell in far)
     return cells[0].model_copy(
         update={
             "split": "total",
-            **{name: sum(getattr(cell, name) for cell in cells) for name in ("n", "k", "unreachable", "undefined")},
-            **{name: _mean([getattr(cell, name) for cell in cells]) for name in ("sr", "spl", "dtg", "top3")},
+            **_summed(cells),
+            "top3": _mean([cell.top3 for cell in cells]),
+            "paper_strict": strict[0].model_copy(update=_summed(strict)) if strict else None,
+            "far_from_view": FarFromView(n=n, k=k, share=_percent(k, n)) if far else None,
         }
     )
+
+
+def _summed(cells: Sequence[MetricRow] | Sequence[RuleFigures]) -> dict[str, Any]:
+    return {
+        **{name: sum(getattr(cell, name) for cell in cells) for name in ("n", "k", "unreachable", "undefined")},
+        **{name: _mean([getattr(cell, name) for cell in cells]) for name in ("sr", "spl", "dtg")},
+    }
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

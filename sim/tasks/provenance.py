@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from sim.types import SceneKind, WhoKind
+from sim.types import SceneKind, SuccessRule, WhoKind
 
 from .run_files import RunInfo
 
@@ -23,6 +23,7 @@ def make_run_info(
     condition: str = "none",
     seed: int | None = None,
     config: dict[str, str | int | float | bool | None] | None = None,
+    made_for: SuccessRule | None = None,
 ) -> RunInfo:
     """`run.json` of a new run on this machine, now."""
     return RunInfo(
@@ -37,6 +38,7 @@ def make_run_info(
         versions=package_versions(),
         git_commit=git_commit(),
         created_utc=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        made_for=made_for,
     )
 
 

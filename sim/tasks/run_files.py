@@ -7,7 +7,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -17,7 +17,10 @@ from sim.types import SUCCESS_RULES, Action, EndReason, EpisodeKey, Pose, SceneK
 
 Length = Annotated[Finite, Field(ge=0)]
 Share = Annotated[Finite, Field(ge=0, le=1)]
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""Of `run.json` and of an episode's block. Version 1 had no rule `paper-strict` and no `made_for`; both still read."""
+FAR_FROM_VIEW = 1.0
+"""Metres of walking to the nearest view point beyond which a success by `paper` is called far from view."""
 RUN_ID = r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$"
 """Pattern of a run's name, which is also its folder's: no slash, no leading dot."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
@@ -27,7 +30,7 @@ class RunInfo(BaseModel):
     """`run.json`: who ran, on which data, with which program."""
 
     model_config = _MODEL
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1, 2] = SCHEMA_VERSION
     run_id: str = Field(pattern=RUN_ID)
     who: str = Field(min_length=1, max_length=80)
     """Row name in tables: an agent's or a grounder's name, or "human"."""
@@ -44,6 +47,16 @@ class RunInfo(BaseModel):
     git_commit: str | None = None
     created_utc: str
     """ISO 8601."""
+    made_for: SuccessRule | None = None
+    """Success rule that an agent that knows the goal was made for, or that people were told; None = none, not known."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_version_1(cls, raw: Any) -> Any:
+        """Version 1 had one agent that knows the goal, and it walked to where `paper` succeeds."""
+        if isinstance(raw, dict) and raw.get("schema_version") == 1 and raw.get("who") == "shortest-path":
+            return {"made_for": "paper"} | raw
+        return raw
 
 
 class Step(BaseModel):
@@ -71,7 +84,7 @@ class EpisodeStart(BaseModel):
 
     model_config = _MODEL
     kind: Literal["episode"] = "episode"
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1, 2] = SCHEMA_VERSION
     split: Split
     scene: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     episode_id: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
@@ -102,7 +115,8 @@ class Measures(BaseModel):
 
     model_config = _MODEL
     rules: dict[SuccessRule, RuleMeasures | None]
-    """Of every rule; None = the rule has no usable point in this episode ("undefined")."""
+    """Of every rule; None = the rule has no usable point in this episode, or a program that did not know the rule
+    (`paper-strict`) computed the measures ("undefined")."""
     centre_distance: Length
     """Planar metres from the last position to the nearest valid target's centre."""
     path_m: Length
@@ -112,6 +126,26 @@ class Measures(BaseModel):
     stored_geodesic: Length
     """The dataset's own `info.geodesic_distance`, the named alternative for L."""
     scene_digest: str
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_version_1(cls, raw: Any) -> Any:
+        """Runs and studies of version 1: what they store is too little for the distances of `paper-strict`."""
+        rules = raw.get("rules") if isinstance(raw, dict) else None
+        if isinstance(rules, dict) and "paper-strict" not in rules:
+            return {**raw, "rules": {**rules, "paper-strict": None}}
+        return raw
+
+    @property
+    def ends_far_from_view(self) -> bool | None:
+        """Whether a success by `paper` ends more than `FAR_FROM_VIEW` of walking from every view point of a target.
+
+        None = no success, or the targets have no view point on their storey. Behind a wall without a way is far.
+        """
+        paper, habitat = self.rules["paper"], self.rules["habitat"]
+        if paper is None or habitat is None or not paper.success:
+            return None
+        return habitat.dtg is None or habitat.dtg > FAR_FROM_VIEW
 
     @model_validator(mode="after")
     def _every_rule_once(self) -> "Measures":
@@ -186,7 +220,7 @@ class Answer(BaseModel):
 
     model_config = _MODEL
     kind: Literal["answer"] = "answer"
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1] = 1
     split: Split
     scene: str
     episode_id: str

@@ -78,7 +78,7 @@ class RunWriter:
         )
 
     def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
-        for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config"):
+        for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config", "made_for"):
             was, now = getattr(found, field), getattr(wanted, field)
             if isinstance(was, dict):
                 was, now = _differing(was, now)

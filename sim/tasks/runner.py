@@ -10,7 +10,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, RecordingError
 from sim.scenes.scene import Scene
-from sim.types import PAPER6, Action, Camera, ClutterLevel, EpisodeKey, Observation, Task
+from sim.types import PAPER6, Action, Camera, ClutterLevel, EpisodeKey, Observation, SuccessRule, Task
 from sim.world.navigation_map import NavigationMap
 
 from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent
@@ -37,6 +37,8 @@ class AgentJob(SceneJob):
     """How much furniture without a caption stands in homes without a scan."""
     make_observer: Callable[[Scene], Observer] | None = None
     """Makes what watches the scene's episodes; it is sent to processes and compared, as the whole job is."""
+    rule: SuccessRule = "paper"
+    """Success rule that `shortest-path` walks for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +180,7 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
     def run_episode(key: EpisodeKey) -> Played:
         episode = episodes[key]
         watch = Watch(observer, episode)
-        agent = plugin or _own_agent(job.agent, episode, scene.navigation)
+        agent = plugin or _own_agent(job, episode, scene.navigation)
         env = PanEnv(episode.start, scene.navigation, renderer=renderer, camera=Camera())
         try:
             task = episode.task("pan", actions=PAPER6)
@@ -220,10 +222,10 @@ def episode_seed(seed: int, key: EpisodeKey) -> int:
     return zlib.crc32(f"{seed}/{key}".encode())
 
 
-def _own_agent(name: str, episode: Episode, navigation: NavigationMap) -> Agent:
-    if name == "random":
+def _own_agent(job: AgentJob, episode: Episode, navigation: NavigationMap) -> Agent:
+    if job.agent == "random":
         return RandomAgent()
-    return ShortestPathAgent(episode, navigation)
+    return ShortestPathAgent(episode, navigation, rule=job.rule)
 
 
 def _insight_of(agent: Agent) -> Insight | None:

@@ -65,7 +65,7 @@ def episode_run(
     )
     rule = RuleMeasures(success=stops, spl=0.8 * stops, soft_spl=0.8, dtg=0.0 if stops else None, start_distance=0.2)
     measures = Measures(
-        rules={"paper": rule, "habitat": None, "authors": rule},
+        rules={"paper": rule, "habitat": None, "authors": rule, "paper-strict": rule},
         centre_distance=0.5,
         path_m=0.25,
         num_steps=len(steps),

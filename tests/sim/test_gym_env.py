@@ -128,7 +128,7 @@ def test_measures_are_told_only_at_the_end(dataset: PersonalDataset) -> None:
     assert set(env.step(LEFT)[4]) == {"episode_key", "collided"}
     *_, info = env.step(STOP)
     assert set(info) == {"episode_key", "collided", "measures"}
-    assert set(info["measures"]["rules"]) == {"paper", "habitat", "authors"}
+    assert set(info["measures"]["rules"]) == {"paper", "habitat", "authors", "paper-strict"}
     assert info["measures"]["num_steps"] == 2
 
 

@@ -2,12 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from sim.tasks.rules import scene_storeys, score_answer, score_run, storey_of
-from sim.types import Pose
+from sim.tasks.rules import scene_storeys, score_answer, score_run, storey_of, success_region
+from sim.types import SUCCESS_RULES, Pose, SuccessRule
 
-from .worlds import episode, goal, open_room, view_point
+from .worlds import episode, goal, open_room, room_with, view_point
 
 ROOM = open_room()
 NEAR = goal((1.0, 0.5, 4.0), (view_point((1.0, 0.0, 3.5)),))
@@ -67,6 +68,46 @@ def test_the_radius_is_relaxed_where_no_view_point_is_within_one_metre() -> None
     far = goal((1.0, 0.5, 4.0), (view_point((1.0, 0.0, 2.7)),))
     assert run(episode(far), (1.0, 0.0, 1.0), (1.0, 0.0, 2.5)).rules["paper"].success
     assert not run(episode(far), (1.0, 0.0, 1.0), (1.0, 0.0, 2.4)).rules["paper"].success
+
+
+def test_paper_strict_relaxes_nothing_and_measures_the_way_to_its_own_radius() -> None:
+    far = goal((1.0, 0.5, 4.0), (view_point((1.0, 0.0, 2.7)),))
+    rules = run(episode(far), (1.0, 0.0, 1.0), (1.0, 0.0, 2.5)).rules
+    assert rules["paper"].success
+    assert not rules["paper-strict"].success
+    assert rules["paper-strict"].dtg == pytest.approx(0.5, abs=0.04)
+    assert rules["paper-strict"].start_distance == pytest.approx(2.0, abs=0.04)
+    assert run(episode(far), (1.0, 0.0, 1.0), (1.0, 0.0, 3.0)).rules["paper-strict"].success
+    assert not run(episode(far), (1.0, 0.0, 1.0), (1.0, 0.0, 3.0), stopped=False).rules["paper-strict"].success
+
+
+def test_paper_strict_is_paper_where_a_view_point_is_near_and_never_undefined() -> None:
+    rules = run(episode(NEAR), (1.0, 0.0, 1.0), (1.0, 0.0, 2.9)).rules
+    assert rules["paper-strict"] == rules["paper"]
+    extra_only = goal((1.0, 0.5, 4.0), (view_point((1.0, 0.0, 3.5), iou=None),))
+    assert run(episode(extra_only), (1.0, 0.0, 1.0), (1.0, 0.0, 3.0)).rules["paper-strict"].success
+
+
+def test_a_success_behind_a_wall_is_far_from_every_view_point() -> None:
+    walled = room_with(lambda xz: (np.abs(xz[:, 1] - 3.5) > 0.1) | (xz[:, 0] > 4.0))
+    poses = [Pose((1.0, 0.0, z), 0.0) for z in (1.0, 3.2)]
+    beyond = goal((1.0, 0.5, 4.0), (view_point((1.0, 0.0, 4.5)),))
+    measures = score_run(episode(beyond), poses, stopped=True, navigation=walled, collisions=0, scene_digest="x")
+    assert measures.rules["paper"].success
+    assert measures.rules["habitat"].dtg > 6.0  # around the wall
+    assert measures.ends_far_from_view is True
+    assert run(episode(NEAR), (1.0, 0.0, 1.0), (1.0, 0.0, 3.2)).ends_far_from_view is False
+    assert run(episode(NEAR), (1.0, 0.0, 1.0), (1.0, 0.0, 2.0)).ends_far_from_view is None  # no success
+
+
+@pytest.mark.parametrize("rule", SUCCESS_RULES)
+def test_the_places_of_a_rule_are_where_stop_succeeds_by_it(rule: SuccessRule) -> None:
+    target = episode(NEAR)
+    region = success_region(target, ROOM, rule=rule)
+    assert len(region)
+    for place in region[:: max(1, len(region) // 20)]:
+        position = tuple(place.tolist())
+        assert run(target, (1.0, 0.0, 1.0), position).rules[rule].success, position
 
 
 def test_an_extra_view_point_is_no_view_point_for_paper_and_habitat() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim.errors import RunFileError
-from sim.tasks.metrics import metric_rows, require_comparable
+from sim.tasks.metrics import metric_rows, reading_notes, require_comparable, rule_warnings
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import (
     Answer,
@@ -37,7 +37,7 @@ def finished(episode_id: str = "1", *, success: bool = True) -> EpisodeRun:
     """A run of two steps."""
     rule = RuleMeasures(success=success, spl=0.5 * success, soft_spl=0.5, dtg=0.0 if success else 2.0, start_distance=2)
     measures = Measures(
-        rules={"paper": rule, "habitat": None, "authors": rule},
+        rules={"paper": rule, "habitat": None, "authors": rule, "paper-strict": rule},
         centre_distance=0.5,
         path_m=4.0,
         num_steps=2,
@@ -167,8 +167,8 @@ def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> Non
 def test_a_file_of_a_newer_version_is_refused_by_name(tmp_path: Path) -> None:
     RunWriter(tmp_path / "r1", info()).add_episode(finished())
     path = tmp_path / "r1" / "run.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 2}))
-    with pytest.raises(RunFileError, match=r"run\.json: schema_version is 2; expected"):
+    path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 3}))
+    with pytest.raises(RunFileError, match=r"run\.json: schema_version is 3; expected"):
         read_run(tmp_path / "r1")
 
 
@@ -185,6 +185,86 @@ def test_a_version_1_file_as_first_written_still_reads(tmp_path: Path) -> None:
     run = read_run(tmp_path)
     assert run.episodes[0].steps[0].action is Action.STOP
     assert run.info.condition == "none"
+
+
+VERSION_1 = {
+    "run.json": '{"schema_version":1,"run_id":"old","who":"shortest-path","who_kind":"agent","scene_kind":"scan",'
+    '"dataset_digest":"d","created_utc":"2026-11-20T00:00:00+00:00"}',
+    "steps.jsonl": '{"kind":"episode","schema_version":1,"split":"easy","scene":"Demo","episode_id":"1",'
+    '"position":[0,0,0],"yaw":0}\n'
+    '{"kind":"step","action":"stop","position":[0,0,0],"yaw":0}\n'
+    '{"kind":"end","reason":"stop","measures":{"rules":{'
+    '"paper":{"success":true,"spl":1.0,"soft_spl":1.0,"dtg":0.0,"start_distance":0.0},'
+    '"habitat":{"success":false,"spl":0.0,"soft_spl":0.0,"dtg":1.25,"start_distance":1.25},"authors":null},'
+    '"centre_distance":0.8,"path_m":0.0,"num_steps":1,"collisions":0,"stored_geodesic":2.0,"scene_digest":"s"}}\n',
+}
+"""A run as commit 0d21b8b wrote it."""
+
+
+def test_a_run_measured_before_paper_strict_is_undefined_under_it_and_keeps_its_other_figures(tmp_path: Path) -> None:
+    for name, text in VERSION_1.items():
+        (tmp_path / name).write_text(text)
+    run = read_run(tmp_path)
+    assert run.info.made_for == "paper"  # the only rule that shortest-path walked for then
+    paper, strict = (metric_rows([run], rule=rule)[0] for rule in ("paper", "paper-strict"))
+    assert (paper.n, paper.k, paper.sr, paper.undefined) == (1, 1, 100.0, 0)
+    assert (strict.n, strict.undefined, strict.sr, strict.dtg) == (0, 1, None, None)
+    assert paper.paper_strict.undefined == 1
+    assert (paper.far_from_view.n, paper.far_from_view.k, paper.far_from_view.share) == (1, 1, 100.0)
+    assert "by paper-strict not known, 1 trials measured before this rule" in reading_notes(metric_rows([run]))[1]
+
+
+def test_old_runs_written_again_keep_what_they_say(tmp_path: Path) -> None:
+    for name, text in VERSION_1.items():
+        (tmp_path / name).write_text(text)
+    old = read_run(tmp_path)
+    writer = RunWriter(tmp_path / "again", old.info)
+    writer.add_episode(old.episodes[0])
+    assert read_run(tmp_path / "again") == old
+
+
+def walked(episode_id: str, *, paper: bool, strict: bool, to_view: float | None) -> EpisodeRun:
+    """A run that ends `to_view` metres of walking from the nearest view point."""
+    rules = {
+        name: RuleMeasures(success=success, spl=0.5 * success, soft_spl=0.5, dtg=to_view, start_distance=4.0)
+        for name, success in (("paper", paper), ("habitat", False), ("authors", False), ("paper-strict", strict))
+    }
+    run = finished(episode_id)
+    measures = run.end.measures.model_copy(update={"rules": rules})
+    return run.model_copy(update={"end": EpisodeEnd(reason="stop", measures=measures)})
+
+
+def test_rows_say_what_the_strict_rule_gives_and_how_many_successes_end_far_from_every_view_point() -> None:
+    runs = (
+        walked("1", paper=True, strict=True, to_view=0.4),
+        walked("2", paper=True, strict=True, to_view=1.0),  # the boundary is near
+        walked("3", paper=True, strict=False, to_view=1.01),
+        walked("4", paper=True, strict=False, to_view=None),  # no way at all: behind a wall
+        walked("5", paper=False, strict=False, to_view=3.0),  # no success
+        finished("6"),  # a success without any view point that counts
+    )
+    easy, total = metric_rows([Run(info=info(), episodes=runs)])
+    assert (easy.k, easy.n, easy.paper_strict.k, easy.paper_strict.n) == (5, 6, 3, 6)
+    assert easy.paper_strict.sr == pytest.approx(50.0)
+    for row in (easy, total):
+        assert (row.far_from_view.n, row.far_from_view.k, row.far_from_view.share) == (4, 2, 50.0)
+    notes = reading_notes([easy, total])
+    assert notes[0].startswith("Rule paper = our reading of the PersONAL paper")
+    assert notes[1:] == [
+        "random: by paper-strict SR 50.0 (3/6); 2 of 4 successes by paper (50.0 %) end more than 1 m of walking from "
+        "every view point."
+    ]
+
+
+def test_a_table_warns_of_runs_made_for_another_rule() -> None:
+    run = Run(info=info(who="shortest-path", made_for="paper"), episodes=(finished(),))
+    assert rule_warnings(metric_rows([run])) == []
+    assert rule_warnings(metric_rows([Run(info=info(), episodes=(finished(),))], rule="habitat")) == []
+    (line,) = rule_warnings(metric_rows([run], rule="habitat"))
+    assert line == (
+        "Warning: shortest-path was made for rule paper, and is counted here by habitat. "
+        "personal-viz run --agent shortest-path --rule habitat walks for it."
+    )
 
 
 def test_metrics_count_successes_and_average_distances_by_hand(tmp_path: Path) -> None:
@@ -211,7 +291,9 @@ def test_unreachable_goals_are_counted_and_left_out_of_the_mean_distance(tmp_pat
     lost = RuleMeasures(success=False, spl=0, soft_spl=0, dtg=None, start_distance=None)
     run = finished("2")
     assert run.end.measures is not None
-    measures = run.end.measures.model_copy(update={"rules": {"paper": lost, "habitat": None, "authors": lost}})
+    measures = run.end.measures.model_copy(
+        update={"rules": {"paper": lost, "habitat": None, "authors": lost, "paper-strict": lost}}
+    )
     writer = RunWriter(tmp_path / "r1", info())
     writer.add_episode(finished("1", success=False))
     writer.add_episode(run.model_copy(update={"end": EpisodeEnd(reason="stop", measures=measures)}))

@@ -81,6 +81,24 @@ def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(homes: Pat
     assert [str(run.key) for run in runs if not is_success(run)] == []
 
 
+def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(homes: Path, tmp_path: Path) -> None:
+    options = {**OPTIONS, "agent": "shortest-path", "dataset": homes, "out": tmp_path, "limit": 4}
+    assert run(**options, rule="habitat") == 0
+    found = read_run(tmp_path / "shortest-path-habitat-invented-seed0")
+    assert (found.info.who, found.info.made_for) == ("shortest-path-habitat", "habitat")
+    assert [str(item.key) for item in found.episodes if not item.end.measures.rules["habitat"].success] == []
+    assert run(**options) == 0
+    plain = read_run(tmp_path / "shortest-path-invented-seed0").info
+    assert (plain.who, plain.made_for) == ("shortest-path", "paper")
+
+
+def test_a_rule_is_for_the_agent_that_knows_the_goal_only(homes: Path, tmp_path: Path) -> None:
+    options = {**OPTIONS, "dataset": homes, "out": tmp_path, "rule": "habitat"}
+    with pytest.raises(AgentError, match=r"--rule: found 'habitat' for --agent random; expected it with --agent short"):
+        run(**options)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.slow
 def test_the_agent_that_knows_the_goal_reaches_it_in_schematic_homes(dataset_root: Path, tmp_path: Path) -> None:
     # measured on all 31 homes: 2000 of 2000
