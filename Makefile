@@ -1,4 +1,4 @@
-# PersONAL Workbench. `make demo` and `make test` set everything up on a machine with Python >= 3.11, venv and make.
+# PersONAL Workbench. `make demo` and `make test` set everything up on a machine with Python 3.11 to 3.14, venv and make.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,21 +6,22 @@ PORT ?= 8080
 WORKERS ?= 2
 # Where pip looks for torch; name PyTorch's index of CPU builds here to save space on Linux without a GPU.
 TORCH_INDEX ?=
-export PORT
+export PORT TORCH_INDEX
 
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
-.PHONY: demo test release check bench screenshots clean
+.PHONY: demo test release check bench screenshots locked clean
 
 demo: $(VENV)/.demo
 	@exec $(BIN)/personal-viz demo
 
 test: $(VENV)/.test
-	@$(PYTHON) .ci/check_machine.py --browser
+	@$(PYTHON) .ci/check_machine.py --tests
 	$(PYTEST) -m "not release and not bench and not gpu"
 
 # Minutes of simulations and golden sets; pytest's exit code 5 says that no test has the mark.
 release: $(VENV)/.test
+	@$(PYTHON) .ci/check_machine.py --tests
 	@$(PYTEST) -m release || test $$? = 5
 
 check: $(VENV)/.dev
@@ -28,6 +29,7 @@ check: $(VENV)/.dev
 	$(PYTEST) -m "not release and not bench and not gpu and not slow and not browser"
 
 bench: $(VENV)/.test
+	@$(PYTHON) .ci/check_machine.py --tests
 	$(BIN)/personal-viz bench sim
 	$(BIN)/personal-viz bench recordings
 	$(BIN)/personal-viz bench grounding
@@ -35,24 +37,30 @@ bench: $(VENV)/.test
 	$(BIN)/python -m pytest -m bench
 
 screenshots: $(VENV)/.test
-	@$(PYTHON) .ci/check_machine.py --browser
+	@$(PYTHON) .ci/check_machine.py --tests
 	$(BIN)/python -m personal_viz.screenshots
+
+# The exact files that the tests ran with: every digest is checked, nothing else is looked for. .ci/lock makes the locks.
+locked: $(VENV)/.locked
+
+$(VENV)/.locked: pyproject.toml constraints.txt requirements.lock requirements-torch.lock requirements-cuda.lock
+	@$(PYTHON) .ci/check_machine.py
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python .ci/install.py --locked
+	@touch $(VENV)/.demo $(VENV)/.test $@
 
 $(VENV)/.demo: pyproject.toml constraints.txt
 	@$(PYTHON) .ci/check_machine.py
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@echo "Installing into $(VENV) (about 3 GB, some minutes the first time)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt torch $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX))
-	@$(BIN)/python -c "import importlib.metadata as m; print('torch', m.version('torch'))"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@$(BIN)/python .ci/install.py
 	@touch $@
 
 $(VENV)/.test: $(VENV)/.demo
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
+	@$(BIN)/python .ci/install.py test
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.test
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	@$(BIN)/python .ci/install.py dev
 	@touch $@
 
 clean:

@@ -1,7 +1,7 @@
 """Says in one line what this machine lacks, with the exact command that brings it; standard library only.
 
-`check_machine.py` checks Python and Open3D's system libraries; `--browser` also wants Chromium or Chrome, and installs
-Debian's when run as root.
+`check_machine.py` checks Python, which is all that `make demo` needs; `--tests` also wants Open3D's system libraries and
+Chromium or Chrome, and installs Debian's when run as root.
 """
 
 import ctypes
@@ -25,9 +25,9 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 
 def main() -> int:
     """Exit code: 0 when everything is there, 1 otherwise."""
-    problem = python_problem() or library_problem()
-    if problem is None and "--browser" in sys.argv:
-        problem = browser_problem()
+    problem = python_problem()
+    if problem is None and "--tests" in sys.argv:
+        problem = library_problem() or browser_problem()
     if problem:
         print("make: " + problem, file=sys.stderr)
     return 1 if problem else 0
@@ -47,13 +47,13 @@ def python_problem():
 
 
 def library_problem():
-    """Which system libraries are missing, None if none is."""
+    """Which system libraries are missing, None if none is (any more: Debian's are installed when run as root)."""
     if sys.platform != "linux":
         return None
     missing = [package for library, package in LIBRARIES.items() if not loads(library)]
-    if missing:
-        return f"system libraries are missing. Install them: apt-get update && apt-get install -y {' '.join(missing)}"
-    return None
+    if not missing or (installed(missing, "Open3D's libraries") and all(map(loads, LIBRARIES))):
+        return None
+    return f"Open3D's system libraries are missing, which tests need. Install them: {command_for(missing)}"
 
 
 def loads(library):
@@ -67,19 +67,31 @@ def loads(library):
 
 def browser_problem():
     """Why there is no browser for the tests, None if there is one (Debian's is installed when run as root)."""
-    if any(shutil.which(name) for name in BROWSERS):
+    if find_browser() or (installed(["chromium"], "Chromium") and find_browser()):
         return None
-    command = "apt-get update && apt-get install -y --no-install-recommends chromium"
-    if sys.platform == "linux" and hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get"):
-        print("Installing Chromium for the browser tests: " + command)
-        if subprocess.run(command, shell=True, stdout=subprocess.DEVNULL).returncode == 0 and shutil.which("chromium"):
-            return None
-        return "Chromium could not be installed. Run by hand: " + command
-    wanted = f"no Chromium or Chrome was found; the browser tests need one. Install it: {command}"
+    wanted = f"no Chromium or Chrome was found; the browser tests need one. Install it: {command_for(['chromium'])}"
     if os.environ.get("CI") == "true":
         return wanted
     print("make: " + wanted + " (the browser tests are skipped)", file=sys.stderr)
     return None
+
+
+def find_browser():
+    """Whether a browser is on the path."""
+    return any(shutil.which(name) for name in BROWSERS)
+
+
+def installed(packages, what):
+    """Whether Debian's packages could be installed: tried only as root, where apt-get is."""
+    if sys.platform != "linux" or os.geteuid() != 0 or not shutil.which("apt-get"):
+        return False
+    print(f"Installing {what} for the tests: {command_for(packages)}", flush=True)
+    return subprocess.run(command_for(packages), shell=True, stdout=subprocess.DEVNULL).returncode == 0
+
+
+def command_for(packages):
+    """The line that a person would type."""
+    return "apt-get update && apt-get install -y --no-install-recommends " + " ".join(packages)
 
 
 if __name__ == "__main__":
