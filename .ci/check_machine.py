@@ -1,6 +1,6 @@
 """Says in one line what this machine lacks, with the exact command that brings it; standard library only.
 
-`check_machine.py` checks Python, which is all that `make demo` needs; `--tests` also wants Open3D's system libraries and
+`check_machine.py` checks Python, which is all that `make demo` needs; `--tests` also wants Open3D's libraries and a
 Chromium or Chrome, and installs Debian's when run as root.
 """
 
