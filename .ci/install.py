@@ -23,7 +23,7 @@ def main():
     """Exit code: 0 when everything is installed."""
     LOG.unlink(missing_ok=True)
     locked, extra = "--locked" in sys.argv, "".join(sys.argv[1:2])
-    how = "from the locks, every digest checked" if locked else extra or "about 2 GB, some minutes the first time"
+    how = "from the locks, every digest checked" if locked else extra or "about 3 GB, some minutes the first time"
     print(f"Installing into {LOG.parent} ({how})", flush=True)
     return install_locked() if locked else install_constrained(f".[{extra}]" if extra else ".")
 
@@ -80,7 +80,8 @@ def cuda_warning():
 def pip(arguments):
     """Runs `pip install`, says what it brought and how long that took, and on failure the end of what pip said."""
     start = time.monotonic()
-    code, said, unpacking = run_pip(["install", *arguments])
+    # Python compiles what it loads; doing it for all of every package beforehand would take half the time.
+    code, said, unpacking = run_pip(["install", "--no-compile", *arguments])
     if code:
         lines = [line for line in said.splitlines() if not NOISE.search(line)]
         errors = "\n".join("  " + line for line in lines[-12:])
