@@ -75,7 +75,7 @@ class FlowPages:
             config: The study.
             texts: `consent.md` and `instructions.md`, by file name.
             quizzes: Of the worker.
-            label_of_home: How a home must be called, from its scene's name.
+            label_of_home: What participants are told of a home, from its scene's name.
         """
         self._desk, self._link, self._config = desk, link, config
         self._texts, self._quizzes, self._label_of_home = texts, quizzes, label_of_home

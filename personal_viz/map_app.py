@@ -46,7 +46,7 @@ class LookApp:
         page.clear()
         self._status = page.client.gui.add_html("")
         page.add(self._status)
-        self._caption = f"{html.escape(progress)} &middot; {html.escape(copies.scene.label)}"
+        self._caption = f"{html.escape(progress)} &middot; {html.escape(copies.scene.unnamed_label)}"
         self._scene_view: SceneView | None = None
         if view.what == "topdown":
             self._picture = page.overlay("")

@@ -63,7 +63,7 @@ class PanApp:
             page: The participant's page.
             view: What to show first.
             send: Where commands go.
-            scene_label: How the home must be called (schematic and invented homes say so).
+            scene_label: What kind of home it is (schematic and invented homes say so), without its name.
             progress: "Trial 1 of 6".
             display_scale: The picture fills the window up to this many times its size.
             encode: A picture as JPEG; `Frames.jpeg` remembers.

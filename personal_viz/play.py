@@ -209,7 +209,7 @@ class TrialPlay:
 
     def _new_screen(self, view: View, trial: Trial, progress: str) -> _Screen:
         page, send, copies = self._desk.page, self._desk.new_screen(), self._home.copies
-        label = self._home.scene.label
+        label = self._home.scene.unnamed_label
         match view:
             case LookView():
                 app = LookApp(page, view, send, copies=copies, progress=progress)

@@ -70,7 +70,7 @@ class PogApp:
             view: What to show first.
             send: Where commands go, the rays of clicks, and what moves the mark.
             surface: The home, or its map.
-            scene_label: How the home must be called (schematic and invented homes say so).
+            scene_label: What kind of home it is (schematic and invented homes say so), without its name.
             progress: "Trial 1 of 6".
         """
         self._page, self._send, self._surface = page, send, surface

@@ -92,15 +92,18 @@ class SceneView:
         self._nodes, self._mark = [], []
 
     def _label_objects(self, index: int) -> None:
-        """Category names over the objects of a storey: homes made of boxes cannot be read without."""
+        """Category names over the objects of a storey: homes made of boxes cannot be read without.
+
+        Nodes are numbered from one end of the home to the other: instance numbers would name the objects.
+        """
         bottom_y, top_y = self._copies.cuts[index]
-        for item in self._copies.scene.objects:
+        items = [item for item in self._copies.scene.objects if bottom_y <= item.centre[1] <= top_y]
+        for number, item in enumerate(sorted(items, key=lambda item: item.centre)):
             x, y, z = item.centre
-            if bottom_y <= y <= top_y:
-                label = self._client.scene.add_label(
-                    f"/labels/{item.instance_id}", item.category, position=(x, y + item.size[1] / 2 + 0.1, z)
-                )
-                self._nodes.append(label)
+            label = self._client.scene.add_label(
+                f"/labels/{number}", item.category, position=(x, y + item.size[1] / 2 + 0.1, z)
+            )
+            self._nodes.append(label)
 
     def _look_at_storey(self, floor_y: float) -> None:
         top_down = self._copies.scene.navigation.top_down(floor_y)

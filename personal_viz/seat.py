@@ -196,4 +196,4 @@ class Seat:
 
     def _label_of_home(self, scene: str) -> str:
         with self._study.homes.use(scene) as home:
-            return home.scene.label
+            return home.scene.unnamed_label

@@ -121,3 +121,12 @@ class Scene:
             "schematic": f"{self.name} (schematic, not HM3D{added})",
             "invented": f"{self.name} (invented home{added})",
         }[self.kind]
+
+    @property
+    def unnamed_label(self) -> str:
+        """What participants are told of the scene: whoever knows its name finds the answers in the public files."""
+        return {
+            "scan": "scan of a real home",
+            "schematic": "schematic home, not a scan",
+            "invented": "invented home",
+        }[self.kind]
