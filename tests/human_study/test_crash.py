@@ -20,7 +20,6 @@ from .crash_writer import WALK, walk_until_killed
 from .small_world import SCENE_DIGEST, env, episode, plan, study
 from .stores import open_small
 
-KILLS = 50
 Ack = tuple[int, int, Pose]
 
 
@@ -44,8 +43,10 @@ def left_over(pipe: Connection) -> list[Ack]:
     return acks
 
 
-@pytest.mark.slow
-def test_a_trial_survives_fifty_kills_at_random_instants(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "kills", [pytest.param(10, marks=pytest.mark.slow), pytest.param(50, marks=pytest.mark.release)]
+)
+def test_a_trial_survives_kills_at_random_instants(tmp_path: Path, kills: int) -> None:
     config = study()
     with open_small(tmp_path, config) as store:
         for person in plan(config, ("0",)).participants:
@@ -54,7 +55,7 @@ def test_a_trial_survives_fifty_kills_at_random_instants(tmp_path: Path) -> None
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.human_study.crash_writer"])
     resumed_at_step = 0
-    for _ in range(KILLS):
+    for _ in range(kills):
         pipe, far_end = context.Pipe(duplex=False)
         writer = context.Process(target=walk_until_killed, args=(tmp_path, far_end))
         writer.start()
@@ -89,5 +90,5 @@ def test_a_trial_survives_fifty_kills_at_random_instants(tmp_path: Path) -> None
     undisturbed = env()
     for step in range(resumed_at_step):
         undisturbed.step(WALK[step % len(WALK)])
-    assert resumed_at_step > KILLS
+    assert resumed_at_step > kills
     assert undisturbed.poses == world.poses

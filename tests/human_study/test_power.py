@@ -29,7 +29,7 @@ def first_row(design: PowerDesign, *, sd: float, simulations: int = 120, **more:
     return power_row(design, person_sd=sd, assumptions=assumptions)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize(
     ("people", "episodes", "raters", "alike", "different"),
     [(5, 50, 5, 19, 35), (25, 50, 5, 18, 18), (5, 250, 1, 16, 35)],
@@ -45,7 +45,7 @@ def test_widths_are_those_of_the_design_document(
     assert first_row(design, sd=0.9).width_split == pytest.approx(different, abs=margin)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize(
     ("people", "episodes", "expected"),
     [(5, 50, 0.37), (20, 50, 0.47), (5, 100, 0.62), (5, 200, 0.88), (10, 200, 0.95)],
@@ -55,14 +55,14 @@ def test_power_to_tell_splits_apart(people: int, episodes: int, expected: float)
     assert row.power_splits == pytest.approx(expected, abs=0.13)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_power_of_the_paired_comparison_with_an_agent() -> None:
     design = PowerDesign("one", 5, 50, 5)
     assert 0.35 <= first_row(design, sd=0.3, simulations=200).power_agent <= 0.6
     assert first_row(design, sd=0.3, agent_gap=0.36).power_agent >= 0.97
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_no_effect_is_found_about_as_seldom_as_promised() -> None:
     """With gaps next to nothing, finds are false alarms: at most 5 of 100, and the errors of 200 draws."""
     design = PowerDesign("one", 10, 50, 5, num_conditions=2)

@@ -116,7 +116,7 @@ def test_mcnemar_counts_the_episodes_on_which_two_agents_differ() -> None:
     assert mcnemar_p(first, first) == 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize(("people", "each", "spread"), [(5, 50, 0.3), (5, 50, 0.9), (25, 10, 0.9)])
 def test_intervals_cover_as_often_as_they_say(people: int, each: int, spread: float) -> None:
     """HUMAN_STUDY.md, section 8: 94, 91 and 94 to 96 of 100 there (success rate 0.65, 50 episodes)."""

@@ -62,7 +62,7 @@ def test_holm_by_hand() -> None:
     assert holm([]) == []
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_no_effect_is_found_at_most_as_often_as_promised() -> None:
     rng = np.random.default_rng(5)
     people, episodes = np.repeat(np.arange(10), 30), np.concatenate([rng.permutation(60)[:30] for _ in range(10)])

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import dataset_files, write_files
 from sim.episodes.schema import Episode
 from sim.scenes.scene import Scene
 from sim.scenes.sources import open_scene
@@ -13,6 +12,8 @@ from sim.tasks.pan import PanEnv
 from sim.tasks.rules import scene_storeys, score_answer, score_run
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo
 from sim.types import Action, SceneKind
+
+from .invented import invented_dataset
 
 HOME = "Demo"
 EVIL = "<script>alert('who')</script>"
@@ -25,7 +26,7 @@ class Compared:
     def __init__(self, root: Path, *, seed: int = 3, scans: Path | None = None, kind: SceneKind = "invented") -> None:
         """Makes the home and six episodes; see `write_runs` for the runs."""
         self.data, self.runs = root / "data", root / "runs"
-        write_files(self.data, dataset_files(HOME, seed=seed, episodes_per_split=2))
+        invented_dataset(self.data, name=HOME, seed=seed, episodes_per_split=2)
         if kind != "invented":
             (self.data / "scenes" / f"{HOME}.plan.json").unlink()
         self.scans = self.data / "scenes" if kind == "scan" else scans

@@ -25,7 +25,6 @@ from playwright.sync_api import BrowserContext, expect
 
 from human_study.study import StudyBreaks, StudyDesign, StudyPog, StudyPractice
 from personal_viz.browser import find_chromium, launch_chromium
-from personal_viz.served import ServedStudy, served_demo
 from sim.cache import cache_dir
 
 from ..built_once import built_once
@@ -36,13 +35,6 @@ Profiles = Callable[..., contextlib.AbstractContextManager[BrowserContext]]
 """Opens an empty profile until the end of a block; what it takes is what Playwright's `new_context` takes."""
 NUM_PEOPLE = 40
 """Of each task in a shared study."""
-
-
-@pytest.fixture
-def served(tmp_path: Path) -> Iterator[ServedStudy]:
-    """The demo, ended with Ctrl-C after the test."""
-    with served_demo(tmp_path / "demo") as study:
-        yield study
 
 
 @pytest.fixture(scope="session")
@@ -83,32 +75,36 @@ def browser(chromium: Profiles) -> Iterator[BrowserContext]:
 @pytest.fixture(scope="session")
 def quick_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
     """Participants of PAN and of POG who see one page before their two trials; shared, so be a `newcomer`."""
-    with _shared_study(
-        tmp_path_factory,
-        "quick",
-        flow=("instructions",),
-        practice=StudyPractice(pan=0, pog=0),
-        breaks=StudyBreaks(every=None),
-    ) as study:
+    root = _copied_quick_study(tmp_path_factory.mktemp("quick"))
+    with served_planned(root / "study", root / "dataset") as study:
         yield study
+
+
+@pytest.fixture
+def quick_folder(tmp_path: Path) -> Path:
+    """The plan of a quick study that this test serves, and may kill, itself; its dataset lies beside it."""
+    return _copied_quick_study(tmp_path) / "study"
 
 
 @pytest.fixture(scope="session")
 def full_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
     """Participants of PAN and of POG who see all pages, a practice trial and two more; shared, so be a `newcomer`."""
-    with _shared_study(tmp_path_factory, "full", confidence=True) as study:
-        yield study
-
-
-@contextlib.contextmanager
-def _shared_study(tmp_path_factory: pytest.TempPathFactory, name: str, **choices: Any) -> Iterator[PlannedStudy]:
-    """A study for many people, planned once per run and served by this process's own program."""
-
-    def build(root: Path) -> None:
-        design = StudyDesign(kind="crossed", raters_per_episode=NUM_PEOPLE)
-        plan_small(root, task=("pan", "pog"), pog=StudyPog(conditions=("map_open",)), design=design, **choices)
-
-    root = tmp_path_factory.mktemp(name)
-    shutil.copytree(built_once(cache_dir().parent, f"{name}-study", build), root, dirs_exist_ok=True)
+    root = _copied_study(tmp_path_factory.mktemp("full"), "full", confidence=True)
     with served_planned(root / "study", root / "dataset") as study:
         yield study
+
+
+def _copied_quick_study(root: Path) -> Path:
+    choices = {"practice": StudyPractice(pan=0, pog=0), "breaks": StudyBreaks(every=None)}
+    return _copied_study(root, "quick", flow=("instructions",), **choices)
+
+
+def _copied_study(root: Path, name: str, **choices: Any) -> Path:
+    """A study for many people with its dataset, planned once per run, copied to `root`."""
+
+    def build(folder: Path) -> None:
+        design = StudyDesign(kind="crossed", raters_per_episode=NUM_PEOPLE)
+        plan_small(folder, task=("pan", "pog"), pog=StudyPog(conditions=("map_open",)), design=design, **choices)
+
+    shutil.copytree(built_once(cache_dir().parent, f"{name}-study", build), root, dirs_exist_ok=True)
+    return root

@@ -1,6 +1,7 @@
 """Small planned studies, served by a child process as a researcher would, and a line to them that can be cut."""
 
 import contextlib
+import os
 import re
 import signal
 import socket
@@ -10,7 +11,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from human_study.plan import PRACTICE_FOLDER, load_plan
 from human_study.study import (
@@ -40,6 +41,9 @@ class PlannedStudy:
     dataset: Path
     links: dict[str, str]
     """Participant to personal link."""
+    process: subprocess.Popen[str]
+    said: str
+    """What it printed up to and with the links."""
     visited: set[str] = field(default_factory=set)
     """Whom `newcomer` has named."""
 
@@ -79,11 +83,34 @@ def plan_small(root: Path, **choices: Any) -> Path:
 
 
 @contextlib.contextmanager
-def served(folder: Path, dataset: Path) -> Iterator[PlannedStudy]:
-    """Serves a planned study on a free port until the end of the block."""
+def served(
+    folder: Path, dataset: Path, *more: str, port: int = 0, ended_by: int = signal.SIGINT
+) -> Iterator[PlannedStudy]:
+    """Serves a planned study until the end of the block, where the program hears a signal if it still runs.
+
+    Args:
+        folder: Of the study.
+        dataset: Of its episodes.
+        more: Further options; one worker is usual.
+        port: 0 takes a free one.
+        ended_by: The signal.
+    """
     command = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--dataset", str(dataset)]
-    command += ["--port", "0", "--pilot", "--workers", "1"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=hear_ctrl_c)
+    command += ["--port", str(port), "--pilot", *more] + ([] if "--workers" in more else ["--workers", "1"])
+    with started(command) as (process, said):
+        links = dict(re.findall(r"(?:PAN|POG)\s+(p\d+)\s+(http://\S+)", said))
+        assert links, said
+        yield PlannedStudy(folder, dataset, links, process, said)
+        if process.poll() is None:
+            process.send_signal(ended_by)
+            process.communicate(timeout=60)
+            assert process.returncode == 0
+
+
+@contextlib.contextmanager
+def started(command: list[str], *, stderr: IO[str] | None = None) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A program that serves a study, once its links are printed, and all that it said; killed with the block."""
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True, preexec_fn=hear_ctrl_c)
     try:
         assert process.stdout is not None
         lines = []
@@ -91,20 +118,36 @@ def served(folder: Path, dataset: Path) -> Iterator[PlannedStudy]:
             lines.append(line)
             if "Everything is written to" in line:
                 break
-        links = dict(re.findall(r"(?:PAN|POG)\s+(p\d+)\s+(http://\S+)", "".join(lines)))
-        assert links, "".join(lines)
-        yield PlannedStudy(folder, dataset, links)
+        yield process, "".join(lines)
     finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            assert process.wait(timeout=60) == 0
-        finally:
-            process.kill()
+        process.kill()
+        process.communicate()
 
 
 def hear_ctrl_c() -> None:
     """A child of a job that ignores Ctrl-C would ignore it too."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def free_port() -> int:
+    """A port that nobody listens on now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process has started: the workers of a served study."""
+    return [int(child) for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()]
+
+
+def is_running(pid: int) -> bool:
+    """Whether the process is there."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 class Line:

@@ -13,13 +13,14 @@ from personal_viz.bench.study_people import PeopleSettings, measure_people
 from personal_viz.bench.study_restart import RestartSettings, measure_restarts
 from personal_viz.bench.study_soak import SoakSettings, measure_soak
 from personal_viz.bots_site import HOME
-from sim.episodes.generation import invent_dataset
+
+from .invented import invented_dataset
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bench") / "dataset"
-    invent_dataset(folder, name=HOME, seed=5)
+    invented_dataset(folder, name=HOME, seed=5)
     return folder
 
 

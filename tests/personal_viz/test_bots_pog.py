@@ -30,12 +30,13 @@ from personal_viz.flow import FlowPlace
 from personal_viz.flow_cards import end_card
 from personal_viz.gateway_filter import ScenePointerMessage, browser_message
 from personal_viz.panels import card_html
-from sim.episodes.generation import dataset_files, write_files
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay
 from sim.types import EpisodeKey
 from tests.human_study.small_world import SCENE_DIGEST, episode, study
 from tests.personal_viz.bot_pages import button, html, wire
+
+from .invented import invented_dataset
 
 CONDITIONS = ("map_2d", "map_open", "map_first")
 CLICKS_HEARD = {"type": "ScenePointerEnableMessage", "event_type": "click", "modifiers": [None], "owner": "c"}
@@ -234,7 +235,7 @@ def test_too_few_participants_of_a_task_are_said_before_anybody_comes_in() -> No
 def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path: Path) -> None:
     """The golden bot: practice, counted trials, a break, the question how sure; all that is stored does verify."""
     dataset = tmp_path / "dataset"
-    write_files(dataset, dataset_files("BotHome", seed=3, episodes_per_split=1))
+    invented_dataset(dataset, name="BotHome", seed=3, episodes_per_split=1)
     make_bot_study(
         tmp_path,
         participants=1,

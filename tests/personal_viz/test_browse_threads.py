@@ -12,9 +12,9 @@ from personal_viz import browse_app
 from personal_viz.browsing.library import open_library
 from personal_viz.browsing.visitor import Visitor
 from personal_viz.first_camera import CAMERA
-from sim.episodes.generation import invent_dataset
 
 from .gateways import pack
+from .invented import invented_dataset
 
 
 def test_a_visitor_s_page_is_safe_to_change_before_any_other_thread_does(
@@ -31,7 +31,7 @@ def test_a_visitor_s_page_is_safe_to_change_before_any_other_thread_does(
             arrived.set()
 
     monkeypatch.setattr(browse_app, "Visitor", Noted)
-    invent_dataset(tmp_path / "data", name="Small", seed=3)
+    invented_dataset(tmp_path / "data", name="Small", seed=3)
     with (
         browse_app.browser_app(open_library(tmp_path / "data")) as address,
         connect(

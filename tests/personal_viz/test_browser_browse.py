@@ -22,10 +22,10 @@ from personal_viz.browsing.library import Library, open_library
 from personal_viz.commands.browse import browse
 from personal_viz.commands.runs import run
 from personal_viz.page_version import VISER_CLIENT
-from sim.episodes.generation import dataset_files, write_files
 from sim.episodes.ownership import ownership_graph
 from sim.errors import PersonalVizError
 
+from .invented import invented_dataset
 from .test_browser_study import pixel_of
 
 pytestmark = pytest.mark.browser
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.browser
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An invented home with three episodes, of which the shortest-path agent has walked the first one."""
     root = tmp_path_factory.mktemp("browse")
-    write_files(root / "data", dataset_files("Demo", seed=7, episodes_per_split=1))
+    invented_dataset(root / "data", name="Demo", seed=7, episodes_per_split=1)
     run(
         agent="shortest-path",
         dataset=root / "data",

@@ -53,7 +53,7 @@ def stop_twice(page: Page) -> None:
 
 
 def test_a_walk_begins_after_a_look_at_the_map(home: Home, browser: BrowserContext) -> None:
-    memory = {"arms": ["topdown"], "min_s": 10, "max_s": 120}
+    memory = {"arms": ["topdown"], "min_s": 6, "max_s": 120}
     with staged(home, "pan", "topdown", memory=memory, confidence=True) as stage:
         page = browser.new_page()
         page.goto(stage.url)
@@ -81,19 +81,19 @@ def test_a_walk_begins_after_a_look_at_the_map(home: Home, browser: BrowserConte
     assert kinds(events) == expected.split()
     off = next(event for event in events if isinstance(event, MapOff))
     assert (off.reason, off.what) == ("left", "topdown")
-    assert 10 <= off.look_s < 120
+    assert 6 <= off.look_s < 120
     assert next(event.value for event in events if isinstance(event, Confidence)) == 4
 
 
 def test_a_look_that_is_too_long_ends_and_a_reload_does_not_make_it_longer(home: Home, browser: BrowserContext) -> None:
-    with staged(home, "pan", "topdown", memory={"arms": ["topdown"], "max_s": 12}) as stage:
+    with staged(home, "pan", "topdown", memory={"arms": ["topdown"], "max_s": 9}) as stage:
         page = browser.new_page()
         page.goto(stage.url)
         stage.link.wait_for("looking")
         page.reload()
         events = stage.link.wait_for("map_off")
         off = next(event for event in events if isinstance(event, MapOff))
-        assert (off.reason, math.floor(off.look_s)) == ("time", 12)
+        assert (off.reason, math.floor(off.look_s)) == ("time", 9)
         assert sum(isinstance(event, MapOn) for event in events) == 2
         expect(page.get_by_text("Step 0 of 500")).to_be_visible()
         page.reload()
@@ -266,7 +266,7 @@ def test_a_lost_webgl_context_ends_pointing_as_technical(home: Home, browser: Br
 
 
 def test_the_time_limit_ends_a_walk_by_itself(home: Home, browser: BrowserContext, tmp_path: Path) -> None:
-    with staged(home, "pan", "none", pan_max_s=8) as stage:
+    with staged(home, "pan", "none", pan_max_s=6) as stage:
         page = browser.new_page()
         page.goto(stage.url)
         expect(page.get_by_text("left")).not_to_have_count(0)

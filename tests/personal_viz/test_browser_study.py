@@ -1,6 +1,5 @@
 """A participant in real Chromium on the invented home: real keys, real clicks, then the store against the simulator."""
 
-import json
 import math
 import re
 from pathlib import Path
@@ -14,7 +13,6 @@ from human_study.events import Act, Cam, Clicked, Dropped, Key
 from human_study.plan import StudyPlan
 from human_study.records import TrialStatus, read_study
 from human_study.verify import TrialHome, verify_trial
-from personal_viz.served import ServedStudy, served_demo
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.scenes.cut import storey_mesh
@@ -35,7 +33,7 @@ VISER_VFOV = math.radians(75)
 """viser's vertical field of view at first, radians."""
 
 
-def home_of(study: ServedStudy | PlannedStudy, code: str) -> tuple[Episode, Scene, PersonalDataset]:
+def home_of(study: PlannedStudy, code: str) -> tuple[Episode, Scene, PersonalDataset]:
     """The first episode of a participant's plan, and the home."""
     plan = StudyPlan.model_validate_json((study.folder / "plan.json").read_bytes())
     trial = next(person for person in plan.participants if person.code == code).trials[0]
@@ -236,21 +234,3 @@ def wait_for_camera(page: Page, folder: Path, code: str) -> Cam:
             return cams[-1]
         last = cams[-1] if cams else None
     raise AssertionError("the browser never told its camera")
-
-
-def test_every_link_survives_a_restart_of_the_program(served: ServedStudy, browser: BrowserContext) -> None:
-    page = browser.new_page()
-    begin(page, served.links["pan"])
-    see_step(page, 0)
-    page.keyboard.press("a", delay=HOLD_MS)
-    see_step(page, 1)
-    assert served.end() == 0
-    with served_demo(served.folder.parent) as again:
-        assert again.links["pan"].rsplit("#")[1] == served.links["pan"].rsplit("#")[1]
-        page.goto("about:blank")
-        page.goto(again.links["pan"])
-        see_step(page, 1)
-    secrets = json.loads((served.folder / "secrets.json").read_text())
-    assert (served.folder / "secrets.json").stat().st_mode & 0o077 == 0
-    database = (served.folder / "study.db").read_bytes()
-    assert not any(token.encode() in database for token in secrets["tokens"].values())

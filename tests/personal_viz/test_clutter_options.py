@@ -11,17 +11,18 @@ from personal_viz.commands.options import require_no_scan
 from personal_viz.commands.recordings import replay
 from personal_viz.commands.runs import run
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import dataset_files, write_files
 from sim.errors import PersonalVizError, RecordingError
 from sim.scenes.sources import open_scene
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import read_run
 
+from .invented import invented_dataset
+
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("clutter")
-    write_files(root, dataset_files("Demo", seed=5, episodes_per_split=1))
+    invented_dataset(root, name="Demo", seed=5, episodes_per_split=1)
     return root
 
 

@@ -21,7 +21,7 @@ from sim.scenes.sources import scene_from_plan
 from sim.types import Camera
 from sim.world.raycast import Raycaster
 
-from .test_commands import assert_one_line, personal_viz
+from .program import assert_one_line, personal_viz
 
 
 @pytest.fixture(scope="module")

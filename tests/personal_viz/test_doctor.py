@@ -19,10 +19,10 @@ from personal_viz.commands.doctor import doctor
 from personal_viz.doctor import CHECKS, examine
 from personal_viz.doctor_site import Check, site_from_url
 from personal_viz.gateway_options import ServeOptions, require_may_serve
-from sim.episodes.generation import invent_dataset
 from sim.errors import StudyError
 
 from .gateways import PRESS, Running, enter, pack, running, small_config
+from .invented import invented_dataset
 from .tls_proxy import Settings, TlsProxy, self_signed, tls_proxy
 
 
@@ -172,7 +172,7 @@ def test_our_own_tls_serves_without_a_proxy(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_served_study_behind_the_proxy_has_nothing_to_correct_from_the_command_line(tmp_path: Path) -> None:
-    invent_dataset(tmp_path / "data", name="Small", seed=3)
+    invented_dataset(tmp_path / "data", name="Small", seed=3)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

@@ -7,12 +7,13 @@ import pytest
 
 from personal_viz.examples.example_1_explaining_agent import GRID, ExplainingAgent, make
 from sim.checks import check_agent, check_home
-from sim.episodes.generation import invent_dataset
 from sim.scenes.scene import Scene
 from sim.tasks.observers import FREE, OCCUPIED, Insight
 from sim.tasks.pan import PanEnv
 from sim.types import Action, Pose, Task
 from sim.world.raycast import Raycaster
+
+from .invented import invented_dataset
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "personal_viz" / "examples"
 
@@ -71,7 +72,7 @@ def test_the_explaining_agent_is_shown_with_all_that_it_explains(tmp_path: Path)
 
     from personal_viz.commands.runs import run
 
-    invent_dataset(tmp_path / "homes", name="Demo", seed=1)
+    invented_dataset(tmp_path / "homes", name="Demo", seed=1)
     run(
         agent="personal_viz.examples.example_1_explaining_agent:make",
         dataset=tmp_path / "homes",

@@ -9,12 +9,12 @@ import pytest
 
 from personal_viz.commands.export import export
 from personal_viz.commands.import_runs import import_files
-from sim.episodes.generation import invent_dataset
 from sim.errors import PersonalVizError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import Run, read_run
 
-from .test_commands import assert_one_line, personal_viz
+from .invented import invented_dataset
+from .program import assert_one_line, personal_viz
 
 pytestmark = pytest.mark.slow
 RUN = "shortest-path-invented-seed0"
@@ -24,7 +24,7 @@ RUN = "shortest-path-invented-seed0"
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with a dataset of one invented home in `data` and a run of three episodes in `runs`."""
     root = tmp_path_factory.mktemp("export")
-    invent_dataset(root / "data", name="Demo", seed=1)
+    invented_dataset(root / "data", name="Demo", seed=1)
     done = personal_viz(
         *("run", "--dataset", str(root / "data"), "--agent", "shortest-path"),
         *("--limit", "1", "--out", str(root / "runs")),

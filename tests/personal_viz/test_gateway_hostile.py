@@ -3,7 +3,7 @@
 import contextlib
 import logging
 import math
-import os
+import random
 import resource
 import socket
 import threading
@@ -54,7 +54,7 @@ def closed_code(connection: ClientConnection) -> int | None:
     [
         ("a text message", {1008}),
         (pack(PRESS).decode("latin-1"), {1008}),
-        (os.urandom(300), {1008}),
+        (random.Random(1).randbytes(300), {1008}),
         (pack(CAMERA)[:-4], {1008}),
         (b"", {1008}),
         (pack({**CAMERA, "position": [math.nan, 0.0, 0.0]}), {1008}),

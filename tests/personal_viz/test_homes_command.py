@@ -18,7 +18,7 @@ from sim.scenes.recover import recover_plan
 from sim.scenes.sources import open_scene
 from tests.sim.synthetic import SCENE, example_content, example_goal, example_view_point, write_dataset
 
-from .test_commands import assert_one_line, personal_viz
+from .program import assert_one_line, personal_viz
 
 
 @pytest.fixture

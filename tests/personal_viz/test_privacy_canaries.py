@@ -4,7 +4,6 @@ import http.cookies
 import json
 import re
 import signal
-import subprocess
 import sys
 import urllib.request
 from pathlib import Path
@@ -14,10 +13,10 @@ import viser
 from websockets.sync.client import connect
 
 from human_study.export import export_study
-from human_study.study import StudyPrivacy, StudyRecruit
+from human_study.study import StudyPractice, StudyPrivacy, StudyRecruit
 from personal_viz.recruit_codes import CODES_FILE
 
-from .flow_studies import hear_ctrl_c, plan_small
+from .flow_studies import plan_small, started
 from .wire import CAMERA, WireClient
 
 pytestmark = pytest.mark.slow
@@ -65,30 +64,19 @@ def test_nothing_tells_who_a_visitor_was(tmp_path: Path) -> None:
         recruit=StudyRecruit(kind="prolific"),
         privacy=StudyPrivacy(platform_id="none"),
         flow=("instructions",),
+        practice=StudyPractice(pan=0, pog=0),
     )
     (folder / CODES_FILE).write_text(CODES)
     command = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--pilot", "--workers", "1"]
     command += ["--dataset", str(tmp_path / "dataset"), "--port", "0"]
-    with (tmp_path / "said.txt").open("w") as said:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, text=True, preexec_fn=hear_ctrl_c)
-        try:
-            assert process.stdout is not None
-            lines = []
-            for line in process.stdout:
-                lines.append(line)
-                if "Everything is written to" in line:
-                    break
-            found = re.search(r"http://127\.0\.0\.1:\d+", "".join(lines))
-            assert found, lines
-            visit(found[0])
-        finally:
-            process.send_signal(signal.SIGINT)
-            try:
-                output, _ = process.communicate(timeout=60)
-            finally:
-                process.kill()
+    with (tmp_path / "said.txt").open("w") as errors, started(command, stderr=errors) as (process, said):
+        found = re.search(r"http://127\.0\.0\.1:\d+", said)
+        assert found, said
+        visit(found[0])
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=60)
     export_study(folder, tmp_path / "out")
-    (tmp_path / "out.txt").write_text("".join(lines) + output)
+    (tmp_path / "out.txt").write_text(said + output)
     canaries = (AGENT, ADDRESS, PLATFORM_ID, "canary-CA", "canarystudy", "canarysession")
     for path in [path for path in tmp_path.rglob("*") if path.is_file() and "dataset" not in path.parts]:
         content = path.read_bytes()

@@ -1,12 +1,10 @@
 """`study serve` as a program: what it prints and refuses, and that SIGTERM leaves nothing running."""
 
-import os
 import re
 import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,74 +17,21 @@ from human_study.records import read_study
 from human_study.store import StudyStore, open_store
 from personal_viz.commands.serve_study import ended_by_sigterm, listen, serve_study, shown_live
 from personal_viz.gateway_options import ServeOptions
-from sim.episodes.generation import invent_dataset
 from sim.errors import StudyError
 from tests.human_study.small_world import plan, study
 
+from .flow_studies import children, is_running, started
 from .gateways import KEY
 from .wire import enter
 
 
 @contextmanager
-def served(folder: Path, *more: str) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
-    """A served home with two workers, and what it has printed; its standard error is in `errors.txt`."""
-    command = [sys.executable, "-m", "personal_viz", "study", "serve", "--dataset", str(folder / "data")]
-    command += ["--scene", "Small", "--out", str(folder / "study"), "--port", "0", "--workers", "2", *more]
-    with (folder / "errors.txt").open("w") as errors:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True, preexec_fn=hear_ctrl_c)
-    try:
-        assert process.stdout is not None
-        lines = []
-        for line in process.stdout:
-            lines.append(line)
-            if "Everything is written to" in line:
-                break
-        yield process, lines
-    finally:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
-
-
-def hear_ctrl_c() -> None:
-    """Signals as at a terminal, also where the test's own shell ignores them."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def children(pid: int) -> list[int]:
-    """Processes that a process has started."""
-    return [int(child) for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()]
-
-
-def is_running(pid: int) -> bool:
-    """Whether the process is there."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-@pytest.mark.slow
-def test_sigterm_ends_gateway_and_workers_with_people_online(tmp_path: Path) -> None:
-    invent_dataset(tmp_path / "data", name="Small", seed=3)
-    with served(tmp_path) as (process, lines):
-        links = [re.fullmatch(r"  (PAN|POG)  (p\d\d)  (http://127\.0\.0\.1:\d+/#[\w-]{22})\n", line) for line in lines]
-        found = {link.group(1): link.group(3) for link in links if link is not None}
-        assert set(found) == {"PAN", "POG"}
-        assert lines[-1] == f"Everything is written to {tmp_path / 'study'}. Ctrl-C ends the study.\n"
-        workers = children(process.pid)
-        assert len(workers) == 2
-        with enter(found["PAN"]) as client:
-            client.receive_until(lambda message: "Gui" in message["type"])
-            process.send_signal(signal.SIGTERM)
-            rest, _ = process.communicate(timeout=60)
-        assert process.returncode == 0
-        assert rest.startswith(f"Stopped. Everything is in {tmp_path / 'study'}")
-        assert not any(is_running(worker) for worker in workers)
-    errors = (tmp_path / "errors.txt").read_text()
-    assert "127.0.0.1" not in errors
-    assert not any(link.partition("#")[2] in errors for link in found.values())
+def served(folder: Path, dataset: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The home Small served by two workers, and what was printed; standard error goes to `errors.txt`."""
+    command = [sys.executable, "-m", "personal_viz", "study", "serve", "--dataset", str(dataset), "--scene", "Small"]
+    command += ["--out", str(folder / "study"), "--port", "0", "--workers", "2"]
+    with (folder / "errors.txt").open("a") as errors, started(command, stderr=errors) as program:
+        yield program
 
 
 def stored_steps(folder: Path) -> int:
@@ -98,46 +43,42 @@ def stored_steps(folder: Path) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_study_ends_with_people_in_the_middle_of_a_trial_and_keeps_all_that_was_acknowledged(
-    tmp_path: Path, number: signal.Signals
+def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_keeps_what_was_acknowledged(
+    tmp_path: Path, invented_root: Path
 ) -> None:
-    invent_dataset(tmp_path / "data", name="Small", seed=3)
-    with served(tmp_path) as (process, lines):
-        links = dict(re.findall(r"(PAN|POG)  p\d\d  (http\S+)", "".join(lines)))
-        workers = children(process.pid)
-        with enter(links["PAN"]) as walker, enter(links["POG"]) as pointer:
-            pointer.receive_until(lambda message: "Gui" in message["type"])
-            walker.press("Start")
-            for step in (0, 1, 2):
-                walker.see_step(step)  # only what is stored is shown
-                walker.press("Turn left (A or Left)")
-            walker.see_step(3)
-            process.send_signal(number)
-            rest, _ = process.communicate(timeout=120)
-            with pytest.raises(ConnectionClosed):
-                walker.receive_until(lambda _: False)
-        assert process.returncode == 0
-        assert "Stopped. Everything is in" in rest
-        assert not any(is_running(worker) for worker in workers)
-    assert stored_steps(tmp_path / "study") == 3
-    with served(tmp_path) as (_, lines):
-        (link,) = re.findall(r"PAN  p\d\d  (http\S+)", "".join(lines))
-        with enter(link) as walker:
-            walker.see_step(3)
-
-
-@pytest.mark.slow
-def test_workers_end_also_when_the_gateway_is_killed(tmp_path: Path) -> None:
-    invent_dataset(tmp_path / "data", name="Small", seed=3)
-    with served(tmp_path) as (process, _):
-        workers = children(process.pid)
-        process.kill()
-        process.wait()
-        deadline_s = time.monotonic() + 60
-        while any(is_running(worker) for worker in workers):
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)
+    tokens: set[str] = set()
+    for number, first in ((signal.SIGTERM, 0), (signal.SIGINT, 3)):
+        with served(tmp_path, invented_root) as (process, said):
+            lines = said.splitlines()
+            found = [
+                re.fullmatch(r"  (PAN|POG)  (p\d\d)  (http://127\.0\.0\.1:\d+/#[\w-]{22})", line) for line in lines
+            ]
+            links = {link.group(1): link.group(3) for link in found if link is not None}
+            assert set(links) == {"PAN", "POG"}
+            tokens |= {link.partition("#")[2] for link in links.values()}
+            assert said.splitlines()[-1] == f"Everything is written to {tmp_path / 'study'}. Ctrl-C ends the study."
+            workers = children(process.pid)
+            assert len(workers) == 2
+            with enter(links["PAN"]) as walker, enter(links["POG"]) as pointer:
+                pointer.receive_until(lambda message: "Gui" in message["type"])
+                if first == 0:
+                    walker.press("Start")
+                walker.see_step(first)  # the second time it goes on where it was
+                for step in range(first, first + 3):
+                    walker.press("Turn left (A or Left)")
+                    walker.see_step(step + 1)  # only what is stored is shown
+                process.send_signal(number)
+                rest, _ = process.communicate(timeout=120)
+                with pytest.raises(ConnectionClosed):
+                    walker.receive_until(lambda _: False)
+            assert process.returncode == 0
+            assert rest.startswith(f"Stopped. Everything is in {tmp_path / 'study'}")
+            assert not any(is_running(worker) for worker in workers)
+        assert stored_steps(tmp_path / "study") == first + 3
+    assert len(tokens) == 2, "links outlive the program"
+    errors = (tmp_path / "errors.txt").read_text()
+    assert "127.0.0.1" not in errors
+    assert not any(token in errors for token in tokens)
 
 
 def test_a_port_that_is_taken_is_said_at_once() -> None:

@@ -21,11 +21,12 @@ from personal_viz.commands.study_files import plan_study
 from personal_viz.commands.verify_study import verify
 from personal_viz.trial_homes import open_any_home
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
 from sim.errors import StudyError
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Answer, ClickRay, EpisodeEnd, EpisodeRun
 from sim.types import Action
+
+from .invented import invented_dataset
 
 pytestmark = pytest.mark.slow
 WALK: tuple[Command, ...] = (
@@ -44,7 +45,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two invented homes."""
     root = tmp_path_factory.mktemp("homes")
     for name, seed in (("First", 3), ("Second", 4)):
-        invent_dataset(root, name=name, seed=seed)
+        invented_dataset(root, name=name, seed=seed)
     return root
 
 

@@ -44,7 +44,7 @@ def entities(path: Path) -> set[str]:
 
 def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
     dataset, live = PersonalDataset(marked_dataset), tmp_path / "live"
-    home = ("--dataset", str(marked_dataset), "--scene", "Marked", "--limit", "1")
+    home = ("--dataset", str(marked_dataset), "--scene", "Marked", "--limit", "1", "--workers", "1")
     study = start_study(tmp_path / "study", "study", "serve", *home, "--rerun", str(live))
     try:
         with enter(study.links["pan"]) as walker:
