@@ -50,6 +50,7 @@ from .invented import invented_dataset
 from .stage import staged
 from .wire import WireClient, numbers_of, texts_of
 
+pytestmark = pytest.mark.slow
 CANARY = "canary"
 HOME = "Qz7vLxwTn"
 FIRST_INSTANCE = 8_700_000
