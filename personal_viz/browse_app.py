@@ -17,8 +17,8 @@ from sim.errors import PersonalVizError
 
 from .browsing.library import Library
 from .browsing.visitor import Visitor
-from .server import refuse_tunnels
 from .viser_threads import make_updates_safe
+from .worker_door import refuse_tunnels
 
 OWN_HOSTS = ("127.0.0.1", "localhost")
 """Names under which a page of ours can be open."""
