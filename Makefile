@@ -10,7 +10,7 @@ export PORT TORCH_INDEX
 
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
-.PHONY: demo test release check bench screenshots locked clean
+.PHONY: demo test release check bench screenshots locked tag clean
 
 demo: $(VENV)/.demo
 	@exec $(BIN)/personal-viz demo
@@ -63,5 +63,9 @@ $(VENV)/.dev: $(VENV)/.test
 	@$(BIN)/python .ci/install.py dev
 	@touch $@
 
+# A release: CONTRIBUTING.md says when.
+tag: $(VENV)/.test
+	@.ci/tag
+
 clean:
-	rm -rf $(VENV) build *.egg-info
+	rm -rf $(VENV) build dist *.egg-info

@@ -43,10 +43,10 @@ def install_constrained(project):
 def install_locked():
     """Installs the files of the locks, then the project without looking for anything else."""
     index = ["--index-url", os.environ["TORCH_INDEX"]] if os.environ.get("TORCH_INDEX") else []
-    if not index and not has_torch():
-        cpu_build()
+    build = LOG.with_name("torch-build.txt")  # with digests pip prefers an index to a folder, whatever the build
+    build.write_text("\n".join([] if index or has_torch() else cpu_build()))
     checked = ["--require-hashes", "--no-deps"]
-    code = pip([*checked, "-r", "requirements.lock"]) or pip([*checked, *index, "-r", TORCH_LOCK])
+    code = pip([*checked, "-r", "requirements.lock"]) or pip([*checked, *index, "-c", str(build), "-r", TORCH_LOCK])
     if code == 0 and wants_cuda():
         code = pip([*checked, "-r", "requirements-cuda.lock"])
     return code or pip(["--no-deps", "--no-build-isolation", "-e", "."])

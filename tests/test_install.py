@@ -97,6 +97,14 @@ def test_the_locks_are_installed_with_every_digest_checked(
         assert [command[-1] for command in commands[:-1]] == list(LOCKS if needs_cuda else LOCKS[:2])
 
 
+def test_the_locks_bring_no_cuda_either(install: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(install.sys, "argv", ["install.py", "--locked"])
+    monkeypatch.setattr(install, "wants_cuda", lambda: False)
+    commands = asked(install, monkeypatch, (0, "Would install torch-2.13.0+cpu", 0.0))
+    (torch,) = (command for command in commands if command[-1] == "requirements-torch.lock")
+    assert Path(torch[torch.index("-c") + 1]).read_text() == f"torch=={install.pinned_torch()}+cpu"
+
+
 def test_a_failure_shows_its_error_and_none_of_pips_noise(
     install: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
