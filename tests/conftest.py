@@ -1,6 +1,8 @@
 """Fixtures that every test may use; tests on shared data skip with a reason where the folder is absent."""
 
 import os
+import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -58,28 +60,32 @@ def own_cache(shared_dir: Path) -> None:
 
 
 @pytest.fixture(scope="session")
-def invented_root(shared_dir: Path) -> Path:
-    """Dataset of two invented homes with scans, plans and 8 episodes per split each: Demo has two storeys, Small one.
+def demo_root(shared_dir: Path) -> Path:
+    """Dataset of the invented home Demo (seed 1, two storeys), with scan, plan and 8 episodes per split.
 
     Tests only read it; one that changes a file copies the folder first.
     """
+    return built_once(shared_dir, "demo", partial(_invent, "Demo", 1))
+
+
+@pytest.fixture(scope="session")
+def small_home_root(shared_dir: Path) -> Path:
+    """The same for the invented home Small (seed 3), which has one storey and costs the least."""
+    return built_once(shared_dir, "small", partial(_invent, "Small", 3))
+
+
+@pytest.fixture(scope="session")
+def invented_root(shared_dir: Path, demo_root: Path, small_home_root: Path) -> Path:
+    """Both homes in one dataset, only read."""
 
     def build(out: Path) -> None:
-        from sim.episodes.generation import invent_dataset
-
-        invent_dataset(out, name="Demo", seed=1)
-        invent_dataset(out, name="Small", seed=3)
+        for root in (demo_root, small_home_root):
+            shutil.copytree(root, out, dirs_exist_ok=True)
 
     return built_once(shared_dir, "invented", build)
 
 
-@pytest.fixture(scope="session")
-def demo_root(shared_dir: Path) -> Path:
-    """Dataset of the invented home Demo alone (seed 1, two storeys); only read."""
+def _invent(name: str, seed: int, out: Path) -> None:
+    from sim.episodes.generation import invent_dataset
 
-    def build(out: Path) -> None:
-        from sim.episodes.generation import invent_dataset
-
-        invent_dataset(out, name="Demo", seed=1)
-
-    return built_once(shared_dir, "demo", build)
+    invent_dataset(out, name=name, seed=seed)

@@ -40,10 +40,7 @@ class CpuTimes:
     def pytest_runtest_protocol(self) -> Generator[None, bool, bool]:
         """Where the test begins."""
         if self._compiling is None and "numba" in sys.modules:
-            from numba.core import event
-
-            self._compiling = event.TimingListener()
-            event.register("numba:compile", self._compiling)
+            self._compiling = _compile_times()
         self._started = self._used_s()
         return (yield)
 
@@ -84,8 +81,7 @@ class CpuTimes:
             )
 
     def _used_s(self) -> float:
-        compiling: Any = self._compiling
-        return cpu_s() - (compiling.duration if compiling is not None and compiling.done else 0.0)
+        return cpu_s() - (self._compiling.total_s if self._compiling else 0.0)
 
     def _too_long(self) -> set[str]:
         return {test for test, cpu in self._cpu_s.items() if cpu > self._limit_s}
@@ -103,3 +99,23 @@ def long_files_first(items: list[pytest.Item]) -> None:
     for item in items:
         marked[item.path] += bool(markers_of(item))
     items.sort(key=lambda item: -marked[item.path])  # stable: tests of a file stay together and in order
+
+
+def _compile_times() -> Any:
+    """A listener whose `total_s` is the CPU time of all that numba compiles in this process from now on."""
+    from numba.core import event
+
+    class CompileTimes(event.Listener):
+        total_s, depth, started = 0.0, 0, 0.0
+
+        def on_start(self, event: event.Event) -> None:
+            self.started = self.started if self.depth else cpu_s()
+            self.depth += 1
+
+        def on_end(self, event: event.Event) -> None:  # of a caller after that of what it calls
+            self.depth -= 1
+            self.total_s += 0.0 if self.depth else cpu_s() - self.started
+
+    made = CompileTimes()
+    event.register("numba:compile", made)
+    return made

@@ -83,6 +83,22 @@ def test_child():
     done.stdout.fnmatch_lines(["FAILED: 2 unmarked took *"])
 
 
+def test_what_numba_compiles_does_not_count(pytester: pytest.Pytester) -> None:
+    tests = """
+import numba
+made = [numba.njit(lambda x, k=k: [x + k for _ in range(k)]) for k in range(2)]
+
+def test_compiles():
+    for kernel in made:
+        start = time.process_time()
+        while time.process_time() < start + 0.6:
+            kernel.recompile() if kernel.signatures else kernel(1)
+"""
+    done = run(pytester, tests)
+    done.assert_outcomes(passed=1)
+    assert done.ret == pytest.ExitCode.OK, done.outlines
+
+
 def test_waiting_is_shown_but_fails_nobody_and_a_marked_test_may_take_its_time(pytester: pytest.Pytester) -> None:
     tests = """
 def test_waits(): time.sleep(0.7)

@@ -15,7 +15,6 @@ from grounding.settings import GroundSettings
 from grounding.types import FeatureMap
 from personal_viz.cli_ground import Ground
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
 from sim.errors import AgentError, RunFileError
 from sim.tasks.run_files import read_run
 
@@ -23,18 +22,12 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def homes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One invented home of one storey."""
-    root = tmp_path_factory.mktemp("homes")
-    invent_dataset(root, name="Only", seed=3)
-    return root
-
-
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory, homes: Path) -> Path:
+def runs(tmp_path_factory: pytest.TempPathFactory, small_home_root: Path) -> Path:
     """Where the home was explored and mapped once, for the run `first`."""
     out = tmp_path_factory.mktemp("runs")
-    assert Ground(dataset=homes, method="phrase", map="explore", out=out, run_id="first", json=True).work() == 0
+    assert (
+        Ground(dataset=small_home_root, method="phrase", map="explore", out=out, run_id="first", json=True).work() == 0
+    )
     return out
 
 
@@ -53,16 +46,18 @@ def test_a_walked_home_answers_most_queries_and_its_run_says_how(runs: Path) -> 
 
 
 def test_the_map_names_its_encoder_home_and_kind(runs: Path) -> None:
-    header = read_map_header(folders(runs).map_file("Only"))
+    header = read_map_header(folders(runs).map_file("Small"))
     assert header.encoder.endswith("+oracle-perception")
-    assert (header.source.scene, header.source.kind) == ("Only", "invented")
+    assert (header.source.scene, header.source.kind) == ("Small", "invented")
     assert "oracle-perception" in header.source.builder
     assert [storey.grid.cell for storey in header.storeys if storey.grid] == [1.0]
 
 
-def test_a_folder_of_maps_gives_the_same_answers(runs: Path, homes: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_of_maps_gives_the_same_answers(
+    runs: Path, small_home_root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     maps = folders(runs).maps
-    options = {"dataset": homes, "method": "phrase", "out": runs, "run_id": "again", "json": True}
+    options = {"dataset": small_home_root, "method": "phrase", "out": runs, "run_id": "again", "json": True}
     assert Ground(**options, map=str(maps), encoder="hashed").work() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["scene_kind"] == "invented"
@@ -70,31 +65,31 @@ def test_a_folder_of_maps_gives_the_same_answers(runs: Path, homes: Path, capsys
     assert [item.candidates for item in first.answers] == [item.candidates for item in again.answers]
 
 
-def test_exploration_is_not_done_twice_for_another_layout(runs: Path, homes: Path) -> None:
+def test_exploration_is_not_done_twice_for_another_layout(runs: Path, small_home_root: Path) -> None:
     (exploration,) = (runs / "explorations").iterdir()
     before = exploration.stat().st_mtime_ns
-    options = {"dataset": homes, "map": "explore", "out": runs, "json": True, "limit": 2}
+    options = {"dataset": small_home_root, "map": "explore", "out": runs, "json": True, "limit": 2}
     assert Ground(**options, method="object-phrase", layout="objects", run_id="things").work() == 0
     assert exploration.stat().st_mtime_ns == before
     info = read_run(runs / "things").info
-    home = load_memory(runs / str(info.config["maps"]) / "Only.npz")
+    home = load_memory(runs / str(info.config["maps"]) / "Small.npz")
     assert isinstance(home.storeys[0].memory, ObjectMap)
     assert len(home.storeys[0].memory.objects) > 10
 
 
-def test_all_storeys_are_one_map(runs: Path, homes: Path) -> None:
-    dataset = PersonalDataset(homes)
+def test_all_storeys_are_one_map(runs: Path, small_home_root: Path) -> None:
+    dataset = PersonalDataset(small_home_root)
     settings = GroundSettings("phrase", map="explore")
     episode = next(iter(dataset.episodes()))
-    one = SceneGrounder(dataset, "Only", settings, folders=folders(runs)).memory(episode)
-    merged = SceneGrounder(dataset, "Only", replace(settings, all_storeys=True), folders=folders(runs)).memory(episode)
+    one = SceneGrounder(dataset, "Small", settings, folders=folders(runs)).memory(episode)
+    merged = SceneGrounder(dataset, "Small", replace(settings, all_storeys=True), folders=folders(runs)).memory(episode)
     assert isinstance(one, FeatureMap)
     assert isinstance(merged, FeatureMap)
     np.testing.assert_allclose(merged.rows, one.rows, atol=1e-6)
 
 
-def test_a_map_of_another_encoder_or_home_is_refused(runs: Path, homes: Path, tmp_path: Path) -> None:
-    with pytest.raises(AgentError, match=r"Only\.npz: holds 768-d vectors of encoder .*the query is 384-d"):
-        Ground(dataset=homes, method="qs", map=str(folders(runs).maps), encoder="minilm", out=tmp_path).work()
-    with pytest.raises(RunFileError, match=r"Only\.npz: found no file"):
-        Ground(dataset=homes, method="qs", map=str(tmp_path), out=tmp_path / "out").work()
+def test_a_map_of_another_encoder_or_home_is_refused(runs: Path, small_home_root: Path, tmp_path: Path) -> None:
+    with pytest.raises(AgentError, match=r"Small\.npz: holds 768-d vectors of encoder .*the query is 384-d"):
+        Ground(dataset=small_home_root, method="qs", map=str(folders(runs).maps), encoder="minilm", out=tmp_path).work()
+    with pytest.raises(RunFileError, match=r"Small\.npz: found no file"):
+        Ground(dataset=small_home_root, method="qs", map=str(tmp_path), out=tmp_path / "out").work()

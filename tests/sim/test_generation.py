@@ -12,7 +12,7 @@ import pytest
 from personal_viz.commands.invent import invent
 from sim.episodes import generation
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import EPISODES_PER_SPLIT, dataset_files, invent_dataset
+from sim.episodes.generation import EPISODES_PER_SPLIT, dataset_files
 from sim.episodes.ownership import ownership_graph
 from sim.episodes.schema import Episode
 from sim.episodes.validate import ValidationReport, validate_dataset
@@ -22,16 +22,13 @@ from sim.scenes.sources import open_scene
 from sim.types import SPLITS, Split
 
 WINDOWS: dict[Split, tuple[float, float]] = {"easy": (2, 4), "medium": (3, 7), "hard": (3, 11)}
-SEEDS = {"DemoA": 0, "DemoB": 3}
+SEEDS = {"Demo": 1, "Small": 3}
 """A home of two storeys and one of one."""
 
 
 @pytest.fixture(scope="module")
-def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("invented")
-    for name, seed in SEEDS.items():
-        invent_dataset(root, name=name, seed=seed)
-    return root
+def root(invented_root: Path) -> Path:
+    return invented_root
 
 
 @pytest.fixture(scope="module")
@@ -57,12 +54,12 @@ def test_every_split_has_its_episodes_on_every_storey(episodes: list[Episode]) -
     assert len(episodes) == 2 * 3 * EPISODES_PER_SPLIT
     for split in SPLITS:
         floors = {(e.key.scene, e.record.floor_id) for e in episodes if e.key.split == split}
-        assert floors == {("DemoA", "0"), ("DemoA", "1"), ("DemoB", "0")}
+        assert floors == {("Demo", "0"), ("Demo", "1"), ("Small", "0")}
 
 
 def test_starts_are_in_the_splits_window_and_nobody_starts_at_the_target(root: Path, episodes: list[Episode]) -> None:
-    scene = open_scene(PersonalDataset(root), "DemoA")
-    for episode in (e for e in episodes if e.key.scene == "DemoA"):
+    scene = open_scene(PersonalDataset(root), "Demo")
+    for episode in (e for e in episodes if e.key.scene == "Demo"):
         start = np.array(episode.start.position)
         walked = []
         for target in episode.targets:
@@ -81,9 +78,9 @@ def test_starts_are_in_the_splits_window_and_nobody_starts_at_the_target(root: P
 
 def test_every_piece_is_a_goal_with_places_that_see_it(root: Path) -> None:
     dataset = PersonalDataset(root)
-    scene = open_scene(dataset, "DemoB")
-    goals = dataset.goals("DemoB")
-    assert set(goals) == {piece.name for piece in load_plan(root / "scenes" / "DemoB.plan.json").furniture}
+    scene = open_scene(dataset, "Small")
+    goals = dataset.goals("Small")
+    assert set(goals) == {piece.name for piece in load_plan(root / "scenes" / "Small.plan.json").furniture}
     anchor = np.array([next(iter(goals.values())).view_points[0].agent_state.position])
     for goal in goals.values():
         places = np.array([point.agent_state.position for point in goal.view_points])
@@ -148,7 +145,7 @@ def test_the_scan_shows_the_same_objects_as_the_plan(root: Path, name: str) -> N
 def test_the_same_seed_gives_the_same_bytes_in_another_process(root: Path) -> None:
     program = (
         "import hashlib\nfrom sim.episodes.generation import dataset_files\n"
-        "for path, data in sorted(dataset_files('DemoB', seed=3).items()):\n"
+        "for path, data in sorted(dataset_files('Small', seed=3).items()):\n"
         "    print(path, hashlib.sha256(data).hexdigest())"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

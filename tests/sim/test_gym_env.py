@@ -18,7 +18,6 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import FilterObservation, RecordEpisodeStatistics
 
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
 from sim.errors import DatasetError, SceneError, TaskStateError
 from sim.scenes.scene import Scene, TriangleMesh
 from sim.scenes.sources import open_scene
@@ -34,11 +33,8 @@ STOP, FORWARD, LEFT, LOOK_UP = 0, 1, 2, 4
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
-    root = tmp_path_factory.mktemp("homes")
-    for name, seed in (("Demo", 1), ("Second", 2)):
-        invent_dataset(root, name=name, seed=seed)
-    return PersonalDataset(root)
+def dataset(invented_root: Path) -> PersonalDataset:
+    return PersonalDataset(invented_root)
 
 
 def demo_env(dataset: PersonalDataset, **options) -> PanGymEnv:
@@ -254,7 +250,7 @@ def test_a_scene_is_let_go_before_the_next_one_is_opened(dataset: PersonalDatase
     monkeypatch.setattr("sim.world.raycast.Raycaster", Watched)
     monkeypatch.setattr("sim.scenes.sources.open_scene", opened)
     env = PanGymEnv(dataset, camera=SMALL, shuffle=False, reward="distance_to_goal")
-    for scene in ("Demo", "Second", "Demo"):
+    for scene in ("Demo", "Small", "Demo"):
         env.reset(options={"episode": next(dataset.episodes(scenes=(scene,))).key})
     assert (len(casters), alive) == (3, [0, 0, 0])
     env.close()
@@ -284,11 +280,11 @@ def test_where_a_scene_cannot_be_opened_no_episode_runs(dataset: PersonalDataset
     def fail(*args, **kwargs) -> Scene:
         raise SceneError("gone")
 
-    env = PanGymEnv(dataset, scenes=("Demo", "Second"), pictures=False, shuffle=False)
+    env = PanGymEnv(dataset, scenes=("Demo", "Small"), pictures=False, shuffle=False)
     env.reset(options={"episode": next(dataset.episodes(scenes=("Demo",))).key})
     monkeypatch.setattr("sim.scenes.sources.open_scene", fail)
     with pytest.raises(SceneError, match="gone"):
-        env.reset(options={"episode": next(dataset.episodes(scenes=("Second",))).key})
+        env.reset(options={"episode": next(dataset.episodes(scenes=("Small",))).key})
     with pytest.raises(TaskStateError, match="no episode"):
         env.step(FORWARD)
 

@@ -11,7 +11,6 @@ import pytest
 
 from recordings.habitat_writer import RunWriter as HabitatWriter
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
 from sim.errors import PersonalVizError, RunFileError
 from sim.frames import forward_from_yaw
 from sim.tasks.import_runs import check_file, import_runs
@@ -263,9 +262,8 @@ def test_an_empty_and_a_missing_file_are_refused(dataset: PersonalDataset, tmp_p
 # ---- the golden runs of real habitat-lab, imported end to end ----
 
 
-def test_a_run_through_a_wall_is_refused_at_the_line_where_it_leaves_the_floor(tmp_path: Path) -> None:
-    invent_dataset(tmp_path, name="Demo", seed=1)
-    dataset = PersonalDataset(tmp_path)
+def test_a_run_through_a_wall_is_refused_at_the_line_where_it_leaves_the_floor(demo_root: Path, tmp_path: Path) -> None:
+    dataset = PersonalDataset(demo_root)
     episode = next(dataset.episodes())
     start = episode.start
     rows: Rows = [

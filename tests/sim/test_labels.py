@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
 from sim.frames import T_world_camera
 from sim.scenes.cut import CUT_HEIGHT
 from sim.scenes.labels import LabelledRenderer, renderer_of
@@ -19,11 +18,9 @@ from sim.world.raycast import Raycaster
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+def scene(demo_root: Path) -> Scene:
     """An invented home."""
-    root: Path = tmp_path_factory.mktemp("home")
-    invent_dataset(root, name="Demo", seed=1)
-    return open_scene(PersonalDataset(root), "Demo")
+    return open_scene(PersonalDataset(demo_root), "Demo")
 
 
 def test_words_change_the_picture_only_on_the_objects_in_view(scene: Scene) -> None:

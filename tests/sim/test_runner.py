@@ -7,7 +7,6 @@ import pytest
 from personal_viz.commands.import_runs import import_files
 from personal_viz.commands.runs import run
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
 from sim.errors import AgentError, PersonalVizError, SceneError
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import EpisodeRun, read_run
@@ -33,14 +32,6 @@ class FailsAtTheThird:
         return Action.STOP
 
 
-@pytest.fixture(scope="module")
-def homes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset with one invented home."""
-    root = tmp_path_factory.mktemp("homes")
-    invent_dataset(root, name="Demo", seed=1)
-    return root
-
-
 def job(root: Path, scene: str, *, agent: str) -> AgentJob:
     """All episodes of a scene."""
     keys = tuple(episode.key for episode in PersonalDataset(root).episodes(scenes=(scene,)))
@@ -59,8 +50,8 @@ def is_success(episode: EpisodeRun) -> bool:
     return rule is not None and rule.success
 
 
-def test_episodes_before_an_agents_error_are_on_disk(homes: Path, tmp_path: Path) -> None:
-    work = job(homes, "Demo", agent=f"{__name__}:FailsAtTheThird")
+def test_episodes_before_an_agents_error_are_on_disk(demo_root: Path, tmp_path: Path) -> None:
+    work = job(demo_root, "Demo", agent=f"{__name__}:FailsAtTheThird")
     writer, on_disk = writer_in(tmp_path / "a"), []
     with pytest.raises(AgentError, match="raised ValueError: out of ideas"):
         run_agent(
@@ -73,8 +64,8 @@ def test_episodes_before_an_agents_error_are_on_disk(homes: Path, tmp_path: Path
     assert [run.key for run in read_run(tmp_path / "a").episodes] == list(work.keys[:2])
 
 
-def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(homes: Path, tmp_path: Path) -> None:
-    work = job(homes, "Demo", agent="shortest-path")
+def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(demo_root: Path, tmp_path: Path) -> None:
+    work = job(demo_root, "Demo", agent="shortest-path")
     run_agent([work], writer_in(tmp_path / "a"), processes=1)
     runs = read_run(tmp_path / "a").episodes
     assert len(runs) == len(work.keys)
@@ -111,15 +102,17 @@ def test_the_agent_that_knows_the_goal_reaches_it_in_schematic_homes(dataset_roo
     assert sum(is_success(run) for run in runs) >= 0.99 * len(runs)
 
 
-def test_homes_of_several_kinds_are_not_run_together(homes: Path, tmp_path: Path) -> None:
+def test_homes_of_several_kinds_are_not_run_together(demo_root: Path, tmp_path: Path) -> None:
     write_dataset(tmp_path / "mixed")
     for folder in ("easy", "medium", "hard"):
-        for path in (homes / folder / "content").glob("Demo.json.gz"):
+        for path in (demo_root / folder / "content").glob("Demo.json.gz"):
             target = tmp_path / "mixed" / folder / "content" / path.name
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(path.read_bytes())
     (tmp_path / "mixed" / "scenes").mkdir()
-    (tmp_path / "mixed" / "scenes" / "Demo.plan.json").write_bytes((homes / "scenes" / "Demo.plan.json").read_bytes())
+    (tmp_path / "mixed" / "scenes" / "Demo.plan.json").write_bytes(
+        (demo_root / "scenes" / "Demo.plan.json").read_bytes()
+    )
     options = {**OPTIONS, "dataset": tmp_path / "mixed", "out": tmp_path / "runs"}
     with pytest.raises(SceneError, match=r"found scene kinds invented \(Demo\), schematic \(\w+\); expected one kind"):
         run(**options)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
 from sim.errors import DatasetError, SceneError
 from sim.frames import glb_zup_from_world
 from sim.scenes.browser_glb import glb_from_mesh
@@ -24,18 +23,11 @@ from .gltf_files import DATA, RED, UV, GltfWriter, png
 from .synthetic import SCENE, write_dataset
 
 
-@pytest.fixture(scope="module")
-def invented(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("invented")
-    invent_dataset(root, name="Demo", seed=2)
-    return root
-
-
-def test_a_plan_beside_the_episodes_is_an_invented_home(invented: Path) -> None:
-    scene = open_scene(PersonalDataset(invented), "Demo")
+def test_a_plan_beside_the_episodes_is_an_invented_home(demo_root: Path) -> None:
+    scene = open_scene(PersonalDataset(demo_root), "Demo")
     assert (scene.kind, scene.name, scene.label) == ("invented", "Demo", "Demo (invented home)")
     assert scene.navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
-    assert scene.digest == open_scene(PersonalDataset(invented), "Demo").digest
+    assert scene.digest == open_scene(PersonalDataset(demo_root), "Demo").digest
 
 
 def test_a_corrected_plan_of_a_schematic_home_does_not_make_a_scan_schematic(tmp_path: Path) -> None:
@@ -45,10 +37,10 @@ def test_a_corrected_plan_of_a_schematic_home_does_not_make_a_scan_schematic(tmp
     assert scene_kind(dataset, SCENE, tmp_path / "scans") == "scan"
 
 
-def test_clutter_is_added_to_plans_and_schematic_homes_and_the_label_says_so(invented: Path, tmp_path: Path) -> None:
+def test_clutter_is_added_to_plans_and_schematic_homes_and_the_label_says_so(demo_root: Path, tmp_path: Path) -> None:
     dataset = PersonalDataset(write_dataset(tmp_path))
     for opened, name, label in (
-        (PersonalDataset(invented), "Demo", "Demo (invented home, clutter 1)"),
+        (PersonalDataset(demo_root), "Demo", "Demo (invented home, clutter 1)"),
         (dataset, SCENE, f"{SCENE} (schematic, not HM3D, clutter 1)"),
     ):
         plain, full = open_scene(opened, name), open_scene(opened, name, clutter=1)
@@ -59,9 +51,9 @@ def test_clutter_is_added_to_plans_and_schematic_homes_and_the_label_says_so(inv
         assert full.digest == open_scene(opened, name, clutter=1).digest, "kept in the cache folder"
 
 
-def test_scans_have_a_clutter_of_their_own(invented: Path, tmp_path: Path) -> None:
+def test_scans_have_a_clutter_of_their_own(demo_root: Path, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"found clutter level 2 for the scan of 'Demo'; expected 0") as error:
-        open_scene(PersonalDataset(invented), "Demo", scenes_dir=tmp_path, clutter=2)
+        open_scene(PersonalDataset(demo_root), "Demo", scenes_dir=tmp_path, clutter=2)
     assert "\n" not in str(error.value)
 
 
@@ -72,30 +64,30 @@ def test_without_plan_the_home_is_schematic_and_says_so(tmp_path: Path) -> None:
     assert [item.name for item in scene.objects] == ["coffee table_7"]
 
 
-def test_a_scan_is_found_anywhere_below_the_folder(invented: Path, tmp_path: Path) -> None:
-    mesh = open_scene(PersonalDataset(invented), "Demo").mesh
+def test_a_scan_is_found_anywhere_below_the_folder(demo_root: Path, tmp_path: Path) -> None:
+    mesh = open_scene(PersonalDataset(demo_root), "Demo").mesh
     path = tmp_path / "hm3d_v0.2" / "val" / "00000-Demo" / "Demo.glb"
     path.parent.mkdir(parents=True)
     path.write_bytes(glb_from_mesh(replace(mesh, vertices=glb_zup_from_world(mesh.vertices))))
     episodes = tmp_path / "episodes"
-    shutil.copytree(invented, episodes, ignore=shutil.ignore_patterns("scenes"))
+    shutil.copytree(demo_root, episodes, ignore=shutil.ignore_patterns("scenes"))
     scene = open_scene(PersonalDataset(episodes), "Demo", scenes_dir=tmp_path)
     assert (scene.kind, scene.objects, scene.label) == ("scan", (), "Demo")
     assert len(scene.mesh.faces) == len(mesh.faces)
     assert scene.navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
 
 
-def test_a_missing_scan_is_named_with_the_pattern_looked_for(invented: Path, tmp_path: Path) -> None:
+def test_a_missing_scan_is_named_with_the_pattern_looked_for(demo_root: Path, tmp_path: Path) -> None:
     with pytest.raises(SceneError) as error:
-        open_scene(PersonalDataset(invented), "Demo", scenes_dir=tmp_path)
+        open_scene(PersonalDataset(demo_root), "Demo", scenes_dir=tmp_path)
     assert f"expected {tmp_path}/**/Demo.glb" in str(error.value)
 
 
 @pytest.fixture(scope="module")
-def episodes(invented: Path, tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
+def episodes(demo_root: Path, tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
     """The invented home's episodes without its plan: only a scan can show it."""
     root = tmp_path_factory.mktemp("plain") / "episodes"
-    shutil.copytree(invented, root, ignore=shutil.ignore_patterns("scenes"))
+    shutil.copytree(demo_root, root, ignore=shutil.ignore_patterns("scenes"))
     return PersonalDataset(root)
 
 
@@ -200,13 +192,13 @@ def test_a_navmesh_beside_the_scan_is_used_if_it_fits_the_robot(
         open_scene(episodes, "Demo", scenes_dir=tmp_path)
 
 
-def test_an_unknown_scene_is_a_dataset_error(invented: Path) -> None:
+def test_an_unknown_scene_is_a_dataset_error(demo_root: Path) -> None:
     with pytest.raises(DatasetError, match="found no scene 'Nowhere'; expected one of: Demo"):
-        open_scene(PersonalDataset(invented), "Nowhere")
+        open_scene(PersonalDataset(demo_root), "Nowhere")
 
 
-def test_a_plan_of_another_home_is_refused(invented: Path, tmp_path: Path) -> None:
-    shutil.copytree(invented, tmp_path / "copy")
+def test_a_plan_of_another_home_is_refused(demo_root: Path, tmp_path: Path) -> None:
+    shutil.copytree(demo_root, tmp_path / "copy")
     for path in (tmp_path / "copy").rglob("Demo.*"):
         path.rename(path.with_name(path.name.replace("Demo", "Other", 1)))
     with pytest.raises(SceneError, match=r"Other\.plan\.json: name is 'Demo'; expected 'Other'"):
@@ -221,9 +213,9 @@ def test_the_digest_follows_the_walkable_cells(tmp_path: Path) -> None:
 
 
 def test_a_folder_may_hold_invented_and_released_homes_and_each_has_its_own_kind(
-    invented: Path, tmp_path: Path
+    demo_root: Path, tmp_path: Path
 ) -> None:
-    shutil.copytree(invented, tmp_path / "both")
+    shutil.copytree(demo_root, tmp_path / "both")
     dataset = PersonalDataset(write_dataset(tmp_path / "both"))
     assert set(dataset.scenes) == {"Demo", SCENE}
     for name, kind in (("Demo", "invented"), (SCENE, "schematic")):
