@@ -1,6 +1,7 @@
 """CLIP, SigLIP and BLIP-2 through the real loading code, with tiny models of random weights; offline."""
 
 import json
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+import transformers
 
 from grounding import encoders
 from grounding.checks import check_image_encoder
@@ -120,89 +122,75 @@ def test_the_same_weights_have_the_same_name_wherever_they_lie(kind: str, folder
     assert other.name.split("@")[0] == again.name.split("@")[0]
 
 
-def _torch_pixels(encoder, frames: list[PosedFrame]) -> torch.Tensor:
-    return encoder._parts.squashed(frames, encoder._size)
+CLASSES = {
+    "clip": transformers.CLIPModel,
+    "siglip": transformers.SiglipModel,
+    "naflex": transformers.Siglip2Model,
+    "itc256": transformers.Blip2ForImageTextRetrieval,
+}
 
 
-def test_clip_gives_the_models_own_embeddings(load) -> None:
-    encoder, frames = load("clip"), [picture(30, 220)]
-    parts = encoder._parts
+def squeezed(source: Path, frame: PosedFrame, *, side: int | None = 32) -> dict[str, torch.Tensor]:
+    """A whole picture as `transformers` prepares it for the model's square; None: in its own proportions."""
+    how = {"size": {"height": side, "width": side}, "do_center_crop": False} if side else {}
+    processor = transformers.AutoImageProcessor.from_pretrained(source)
+    return dict(processor([frame.rgb], return_tensors="pt", input_data_format="channels_last", **how))
+
+
+@pytest.mark.parametrize("kind", list(CLASSES))
+def test_vectors_are_those_that_transformers_computes(kind: str, folder, load) -> None:
+    source, frame = folder(kind), picture(30, 220)
+    model = CLASSES[kind].from_pretrained(source).eval()
+    full = {"padding": "max_length", "max_length": 12, "padding_side": "right"} if kind in ("siglip", "naflex") else {}
+    tokens = transformers.AutoTokenizer.from_pretrained(source)(["red chair"], return_tensors="pt", **full)
+    mask = {} if full else {"attention_mask": tokens["attention_mask"]}
     with torch.inference_mode():
-        tokens = parts.tokenizer(["red chair"], return_tensors="pt")
-        said = parts.model(
+        said = model(
             input_ids=tokens["input_ids"],
-            attention_mask=tokens["attention_mask"],
-            pixel_values=_torch_pixels(encoder, frames),
+            **mask,
+            **squeezed(source, frame, side={"naflex": None, "itc256": 64}.get(kind, 32)),
         )
-    assert np.allclose(encoder.encode_texts(["red chair"]), said.text_embeds.numpy(), atol=1e-5)
-    assert np.allclose(encoder.encode_images(frames), said.image_embeds.numpy(), atol=1e-5)
+    text, image = said.text_embeds.numpy(), said.image_embeds.numpy()
+    if kind == "itc256":  # one vector for each query token
+        image = image.mean(axis=1) / np.linalg.norm(image.mean(axis=1))
+    assert np.allclose(load(kind).encode_texts(["red chair"]), text, atol=1e-5)
+    assert np.allclose(load(kind).encode_images([frame]), image, atol=1e-5)
 
 
-def test_clips_patches_are_the_last_block_without_looking_around(folder, tmp_path: Path) -> None:
-    encoder, frames = make_image_encoder(f"clip:{folder('clip')}"), [picture(30, 220)]
-    model = encoder._parts.model  # type: ignore[attr-defined]
-    attention = model.vision_model.encoder.layers[-1].self_attn
+def test_siglip_reads_texts_in_lower_case(load) -> None:
+    assert np.allclose(*load("siglip").encode_texts(["Red CHAIR", "red chair"]), atol=1e-6)
+
+
+def test_clips_patches_are_the_usual_ones_where_looking_around_brings_nothing(folder, tmp_path: Path) -> None:
+    source, frame = tmp_path / "alone", picture(30, 220)
+    shutil.copytree(folder("clip"), source)
+    model = transformers.CLIPModel.from_pretrained(source).eval()
     with torch.inference_mode():
-        attention.out_proj.weight.zero_()  # now looking around brings nothing, and the usual way is the value path
-        hidden = model.vision_model(_torch_pixels(encoder, frames)).last_hidden_state[:, 1:]
+        model.vision_model.encoder.layers[-1].self_attn.out_proj.weight.zero_()
+        hidden = model.vision_model(**squeezed(source, frame)).last_hidden_state[:, 1:]
         usual = model.visual_projection(model.vision_model.post_layernorm(hidden))
+    model.save_pretrained(source)
     expected = torch.nn.functional.normalize(usual, dim=-1).reshape(1, 4, 4, 24).numpy()
-    assert np.allclose(encoder.encode_patches(frames), expected, atol=1e-5)
+    assert np.allclose(make_image_encoder(f"clip:{source}").encode_patches([frame]), expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["siglip", "naflex"])
-def test_siglip_gives_the_models_own_embeddings_of_padded_texts(kind: str, load) -> None:
-    encoder, frames = load(kind), [picture(30, 220)]
-    parts = encoder._parts
-    tokens = parts.tokenizer(["red"], padding="max_length", max_length=12, padding_side="right", return_tensors="pt")
-    assert tokens["input_ids"].tolist()[0][-7:] == [0] * 7
-    assert tokens["input_ids"][0, 0] != 0
+def test_blip2s_hidden_space_is_what_the_model_projects(folder, load) -> None:
+    source = folder("hidden768")
+    model = transformers.Blip2ForImageTextRetrieval.from_pretrained(source).eval()
+    projected: list[torch.Tensor] = []
+    model.text_projection.register_forward_hook(lambda _, inputs, __: projected.append(inputs[0]))
+    tokens = transformers.AutoTokenizer.from_pretrained(source)(["red chair"], return_tensors="pt")
+    ids = {key: tokens[key] for key in ("input_ids", "attention_mask")}
     with torch.inference_mode():
-        said = parts.model(input_ids=tokens["input_ids"], **encoder._pixels(frames))
-    assert np.allclose(encoder.encode_texts(["RED"]), said.text_embeds.numpy(), atol=1e-5)
-    assert np.allclose(encoder.encode_images(frames), said.image_embeds.numpy(), atol=1e-5)
-
-
-def test_siglips_patches_alone_make_the_picture_of_one_patch(load) -> None:
-    # the pooling head over equal states is the head on one of them
-    encoder = load("siglip")
-    head = encoder._parts.model.vision_model.head
-    state = torch.randn(1, 1, 32, generator=torch.Generator().manual_seed(0))
-    with torch.inference_mode():
-        assert torch.allclose(head(state), head(state.expand(1, 16, 32)), atol=1e-5)
+        model(**ids, **squeezed(source, picture(30, 220), side=64))
+    (states,) = projected
+    first = torch.nn.functional.normalize(states.reshape(-1, states.shape[-1])[:1], dim=-1).numpy()
+    assert np.allclose(load("hidden768").encode_texts(["red chair"]), first, atol=1e-5)
 
 
 def test_naflex_refuses_pictures_of_several_sizes(load) -> None:
     with pytest.raises(AgentError, match="frames of several sizes; expected one"):
         load("naflex").encode_patches([picture(30, 220), picture(30, 220, width=64)])
-
-
-def test_blip2s_contrastive_space_is_the_models_own(load) -> None:
-    encoder, frames = load("itc256"), [picture(30, 220)]
-    parts = encoder._parts
-    tokens = parts.tokenizer(["red chair"], return_tensors="pt")
-    with torch.inference_mode():
-        said = parts.model(
-            pixel_values=_torch_pixels(encoder, frames),
-            input_ids=tokens["input_ids"],
-            attention_mask=tokens["attention_mask"],
-        )
-    assert np.allclose(encoder.encode_texts(["red chair"]), said.text_embeds.numpy(), atol=1e-5)
-    mean = said.image_embeds[0].mean(dim=0).numpy()  # of the unit vectors of the query tokens
-    assert np.allclose(encoder.encode_images(frames)[0], mean / np.linalg.norm(mean), atol=1e-5)
-
-
-def test_blip2s_hidden_space_is_the_first_state_before_the_projection(load) -> None:
-    encoder, frames = load("hidden768"), [picture(30, 220)]
-    projection = encoder._parts.model.text_projection
-    itc = load("itc256").encode_texts(["red chair"])
-    with torch.inference_mode():
-        tokens = encoder._parts.tokens(["red chair"], max_length=20)
-        hidden = encoder._texts(["red chair"])
-        projected = torch.nn.functional.normalize(projection(hidden), dim=-1)
-    assert tokens["input_ids"].shape == (1, 4)
-    assert np.allclose(projected.numpy(), itc, atol=1e-5)
-    assert encoder.encode_images(frames).shape == (1, 32)
 
 
 def test_a_text_encoder_by_name_is_the_model_behind_a_cache(folder, load) -> None:
@@ -211,12 +199,15 @@ def test_a_text_encoder_by_name_is_the_model_behind_a_cache(folder, load) -> Non
     assert np.allclose(encoder.encode_texts(["lamp"]), load("clip").encode_texts(["lamp"]), atol=1e-6)
 
 
-def test_one_model_serves_queries_and_pictures_until_other_options_come(folder) -> None:
-    name, options = f"siglip:{folder('siglip')}", ModelOptions(batch_size=2)
+def test_one_model_serves_queries_and_pictures_until_other_options_come(folder, tmp_path: Path) -> None:
+    shutil.copytree(folder("siglip"), tmp_path / "model")
+    name, options = f"siglip:{tmp_path / 'model'}", ModelOptions(batch_size=2)
     eye = make_image_encoder(name, options=options)
+    shutil.rmtree(tmp_path / "model")
     assert make_image_encoder(name, options=ModelOptions(batch_size=2)) is eye
-    assert make_encoder(name, options=options)._encoder is eye
-    assert make_image_encoder(name, options=ModelOptions(batch_size=3)) is not eye
+    assert np.allclose(make_encoder(name, options=options).encode_texts(["sofa"]), eye.encode_texts(["sofa"]))
+    with pytest.raises(AgentError, match="found no such folder"):
+        make_image_encoder(name, options=ModelOptions(batch_size=3))
 
 
 def test_long_texts_are_cut_at_the_models_length(load) -> None:
