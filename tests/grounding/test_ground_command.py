@@ -227,7 +227,7 @@ def test_rules_need_no_ground_truth(small_root: Path, tmp_path: Path, capsys) ->
     assert read_run(Path(found["run"])).info.condition == "oracle map, hashed encoder, phrases rules, storey given"
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize(("method", "reference"), [("qs", 55.7), ("rpg", 58.5)])
 def test_objects_only_maps_give_the_reference_figures(
     method: str, reference: float, dataset_root: Path, tmp_path: Path, capsys
@@ -239,7 +239,7 @@ def test_objects_only_maps_give_the_reference_figures(
     assert found["pooled"]["sr"] == pytest.approx(reference, abs=1.5)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize(("method", "reference", "tolerance"), [("random", 0.13, 0.25), ("center", 2.2, 0.1)])
 def test_blind_baselines_give_the_reference_figures(
     method: str, reference: float, tolerance: float, dataset_root: Path, tmp_path: Path, capsys
@@ -250,7 +250,7 @@ def test_blind_baselines_give_the_reference_figures(
     assert found["pooled"]["sr"] == pytest.approx(reference, abs=tolerance)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_targets_own_cell_succeeds_in_every_released_episode(dataset_root: Path) -> None:
     # GROUNDING.md section 1: a cell's centre is at most 0.707 m away, so a perfect map gives 100 %
     dataset = PersonalDataset(dataset_root)

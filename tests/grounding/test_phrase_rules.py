@@ -157,6 +157,7 @@ def test_every_form_that_invented_descriptions_have_is_read() -> None:
     assert scores.owner_f1 == 1.0
 
 
+@pytest.mark.slow
 @needs_release
 def test_all_phrasings_of_all_released_queries_are_read() -> None:
     queries = [(episode, query) for episode in PersonalDataset(RELEASE).episodes() for query in episode.record.query]
@@ -167,7 +168,7 @@ def test_all_phrasings_of_all_released_queries_are_read() -> None:
         assert (asked.owner, asked.category) == (episode.record.owner, episode.record.object_category), query
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @needs_release
 def test_released_descriptions_of_scenes_not_looked_at_are_read_as_well_as_the_reference() -> None:
     dataset = PersonalDataset(RELEASE)

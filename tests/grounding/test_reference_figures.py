@@ -8,7 +8,7 @@ import pytest
 from personal_viz.cli_ground import Ground
 from sim.tasks.run_files import read_run
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.release
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -38,7 +38,7 @@ def grids(golden_root) -> dict[str, FloorGrid]:
     return {name: floor_grid_from_mesh(load_glb(golden_root / f"{name}.glb", up="y")) for name in HOUSES}
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_every_row_is_compared(found):
     assert found.missing == ()
     rows = found.rows
@@ -50,7 +50,7 @@ def test_every_row_is_compared(found):
     assert 7e6 < rows.depth_pixels < 24 * 640 * 480
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_navigation_on_a_given_navmesh_is_habitats_in_every_row(found):
     shares = (found.geodesic_within_1e_4, found.reachability, found.steps_within_1mm, found.snap, found.navigable)
     assert shares == (1.0,) * 5
@@ -62,7 +62,7 @@ def test_navigation_on_a_given_navmesh_is_habitats_in_every_row(found):
     assert more.multi_goal_within_1e_4 >= 0.99
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_measures_of_given_trajectories_are_habitat_labs(found):
     assert found.measures_max_abs_error <= 1e-5
     more = found.further
@@ -72,14 +72,14 @@ def test_measures_of_given_trajectories_are_habitat_labs(found):
     assert more.distance_after_step_within_1e_4 >= 0.995
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_depth_is_habitats_to_a_millimetre(found):
     assert found.depth_median_mm <= 0.1
     assert found.depth_within_1mm >= 0.9999
     assert found.further.depth_same_holes == 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_grid_from_the_mesh_alone_is_close_to_habitat(found):
     assert found.grid_mean_rel_error <= 0.0075
     assert found.grid_reachability >= 0.99
@@ -88,7 +88,7 @@ def test_the_grid_from_the_mesh_alone_is_close_to_habitat(found):
     assert found.further.grid_off_mesh_reachability >= 0.98
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_every_target_is_met(found):
     assert [key for key, met in targets_met(found).items() if not met] == []
 

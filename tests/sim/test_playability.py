@@ -198,7 +198,7 @@ def test_a_released_home_serves_its_episodes(dataset_root: Path, scene: str) -> 
     assert figures.guessed_area <= 0.2
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_in_the_release_12_recorded_lengths_are_below_the_straight_line(dataset_root: Path) -> None:
     walks = [recorded_walk(episode) for episode in PersonalDataset(dataset_root).episodes()]
     short = [walk.key.split for walk in walks if walk.recorded < 0.999 * math.dist(walk.start, walk.end)]

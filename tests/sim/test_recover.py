@@ -199,8 +199,13 @@ def test_one_standing_point_is_enough(tmp_path: Path) -> None:
     assert walkable_of(plan).is_navigable(np.array([2.0, 0.1, 0.0]))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", ["XB4GS9ShBRE", "QaLdnwvtxbs", "mL8ThkuaVTM"])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param("mL8ThkuaVTM", marks=pytest.mark.slow),
+        *(pytest.param(name, marks=pytest.mark.release) for name in ("XB4GS9ShBRE", "QaLdnwvtxbs")),
+    ],
+)
 def test_a_real_home_is_walkable_and_shows_its_objects(dataset_root: Path, scene: str) -> None:
     dataset = PersonalDataset(dataset_root)
     plan = recover_plan(dataset, scene)

@@ -174,8 +174,13 @@ def test_a_hidden_object_is_seen_afterwards() -> None:
     assert unhidden(before, recorded.goals) == unhidden(before, recorded.goals)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", ["XB4GS9ShBRE", "QaLdnwvtxbs", "mL8ThkuaVTM"])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param("mL8ThkuaVTM", marks=pytest.mark.slow),
+        *(pytest.param(name, marks=pytest.mark.release) for name in ("XB4GS9ShBRE", "QaLdnwvtxbs")),
+    ],
+)
 def test_every_goal_of_a_real_home_is_at_its_recorded_centre_and_seen(dataset_root: Path, scene: str) -> None:
     dataset = PersonalDataset(dataset_root)
     goals, plan = dataset.goals(scene), recover_plan(dataset, scene)

@@ -162,8 +162,13 @@ def test_far_corners_and_storeys_without_objects_take_the_storeys_name() -> None
     assert [room.name for room in long.rooms] == ["bedroom", "ground floor"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", ["XB4GS9ShBRE", "QaLdnwvtxbs", "mL8ThkuaVTM"])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param("mL8ThkuaVTM", marks=pytest.mark.slow),
+        *(pytest.param(name, marks=pytest.mark.release) for name in ("XB4GS9ShBRE", "QaLdnwvtxbs")),
+    ],
+)
 def test_the_rooms_of_a_real_home_cover_every_open_cell_once(dataset_root: Path, scene: str) -> None:
     plan = recover_plan(PersonalDataset(dataset_root), scene)
     assert plan.cells is not None

@@ -1,5 +1,6 @@
 """Agents over episodes: each run is on disk when it is finished, and the agent that knows the goal reaches it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -72,8 +73,8 @@ def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(demo_root:
     assert [str(run.key) for run in runs if not is_success(run)] == []
 
 
-def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(homes: Path, tmp_path: Path) -> None:
-    options = {**OPTIONS, "agent": "shortest-path", "dataset": homes, "out": tmp_path, "limit": 4}
+def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(demo_root: Path, tmp_path: Path) -> None:
+    options = {**OPTIONS, "agent": "shortest-path", "dataset": demo_root, "out": tmp_path, "limit": 4}
     assert run(**options, rule="habitat") == 0
     found = read_run(tmp_path / "shortest-path-habitat-invented-seed0")
     assert (found.info.who, found.info.made_for) == ("shortest-path-habitat", "habitat")
@@ -83,22 +84,34 @@ def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(homes: Path
     assert (plain.who, plain.made_for) == ("shortest-path", "paper")
 
 
-def test_a_rule_is_for_the_agent_that_knows_the_goal_only(homes: Path, tmp_path: Path) -> None:
-    options = {**OPTIONS, "dataset": homes, "out": tmp_path, "rule": "habitat"}
+def test_a_rule_is_for_the_agent_that_knows_the_goal_only(demo_root: Path, tmp_path: Path) -> None:
+    options = {**OPTIONS, "dataset": demo_root, "out": tmp_path, "rule": "habitat"}
     with pytest.raises(AgentError, match=r"--rule: found 'habitat' for --agent random; expected it with --agent short"):
         run(**options)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
-def test_the_agent_that_knows_the_goal_reaches_it_in_schematic_homes(dataset_root: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("names", "each", "number"),
+    [
+        pytest.param(("6s7QHgap2fW",), 5, 5, marks=pytest.mark.slow),
+        pytest.param(
+            ("TEEsavR23oF", "4ok3usBNeis", "5cdEh9F2hJL", "6s7QHgap2fW", "BAbdmeyTvMZ"),
+            None,
+            369,
+            marks=pytest.mark.release,
+        ),
+    ],
+    ids=["five episodes", "five homes"],
+)
+def test_the_agent_that_knows_the_goal_reaches_it_in_schematic_homes(
+    names: tuple[str, ...], each: int | None, number: int, dataset_root: Path, tmp_path: Path
+) -> None:
     # measured on all 31 homes: 2000 of 2000
-    names = ("TEEsavR23oF", "4ok3usBNeis", "5cdEh9F2hJL", "6s7QHgap2fW", "BAbdmeyTvMZ")
-    run_agent(
-        [job(dataset_root, name, agent="shortest-path") for name in names], writer_in(tmp_path / "a"), processes=1
-    )
+    jobs = [job(dataset_root, name, agent="shortest-path") for name in names]
+    run_agent([replace(work, keys=work.keys[:each]) for work in jobs], writer_in(tmp_path / "a"), processes=1)
     runs = read_run(tmp_path / "a").episodes
-    assert len(runs) == 369
+    assert len(runs) == number
     assert sum(is_success(run) for run in runs) >= 0.99 * len(runs)
 
 

@@ -62,7 +62,7 @@ def captions(dataset_root: Path) -> CaptionStatistics:
     return caption_statistics(PersonalDataset(dataset_root))
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize("field", NETWORK)
 def test_the_released_network_table_is_that_of_section_10(network: NetworkStatistics, field: str) -> None:
     assert [column.column for column in network.per_episode] == ["easy", "medium", "hard", "total"]
@@ -70,7 +70,7 @@ def test_the_released_network_table_is_that_of_section_10(network: NetworkStatis
     assert found == pytest.approx(NETWORK[field], abs=tolerance(field))
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize("field", NETWORK_PER_SUMMARY)
 def test_the_released_network_table_per_summary_is_that_of_section_10(network: NetworkStatistics, field: str) -> None:
     found = [getattr(column, field) for column in network.per_summary[:3]]
@@ -84,7 +84,7 @@ def assert_captions(metrics: CaptionMetrics, figures: tuple[int, float, float, i
     assert metrics.entropy_bits == pytest.approx(entropy, abs=0.0051)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_released_caption_table_is_that_of_section_11(captions: CaptionStatistics) -> None:
     assert_captions(captions.all_targets, (884, 16.78, 6.01, 1178, 7.09))
     assert captions.all_targets.tokens == 14_834
@@ -96,7 +96,7 @@ def test_the_released_caption_table_is_that_of_section_11(captions: CaptionStati
     assert captions.faulty == ("MHPLjHsuG27/painting_113", "q3zU7Yy5E5s/picture_464")
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_the_released_caption_table_per_split_is_that_of_section_11(captions: CaptionStatistics) -> None:
     assert [metrics.source for metrics in captions.per_split] == ["easy", "medium", "hard"]
     assert_captions(captions.per_split[0], (408, 17.06, 5.81, 797, 7.01))

@@ -9,7 +9,7 @@ from personal_viz.commands.episodes import validate
 from sim.episodes.validate import CheckResult, Measure, ValidationReport, validate_dataset
 from sim.types import SPLITS
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.release
 
 # Row: count in easy, medium, hard.
 PER_SPLIT = {

@@ -109,8 +109,13 @@ def test_a_storey_without_room_for_a_ramp_stays_an_island() -> None:
     assert np.isinf(floor.distances(np.array([[1.0, 0, 0]]), np.array([[2.0, 2.8, 0]]))[0])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", ["QaLdnwvtxbs", "CrMo8WxCyVb", "XB4GS9ShBRE"])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param("QaLdnwvtxbs", marks=pytest.mark.slow),
+        *(pytest.param(name, marks=pytest.mark.release) for name in ("CrMo8WxCyVb", "XB4GS9ShBRE")),
+    ],
+)
 def test_paths_of_a_released_home_are_as_long_as_recorded(dataset_root: Path, scene: str) -> None:
     recorded = recorded_facts(PersonalDataset(dataset_root), scene)
     heights = recorded.standing[:, 1]
