@@ -163,7 +163,8 @@ def test_points_snap_to_the_places_that_habitat_finds(house, grids, golden_root)
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_colours_are_habitats(house, golden_root):
+def test_colours_and_depth_are_habitats(house, golden_root):
+    stored = np.load(golden_root / f"{house}.depth.npz")
     raycaster = Raycaster(load_glb(golden_root / f"{house}.glb", up="y"))
     for pose in read(golden_root / f"{house}.poses.json")["poses"]:
         if pose["rgb"] is None:
@@ -172,4 +173,8 @@ def test_colours_are_habitats(house, golden_root):
         frame = raycaster.render(T_world_camera(where, Camera()), Camera())
         theirs = np.asarray(Image.open(golden_root / pose["rgb"]).convert("RGB")).astype(int)
         seen = frame.depth_m > 0
+        depth_m = stored["depth_u16"][pose["index"]] * stored["scale_m"]
+        off = np.abs(frame.depth_m - depth_m)[seen & (depth_m > 0)]
+        assert np.median(off) <= 1e-4
+        assert np.mean(off <= 1e-3) >= 0.9999
         assert np.mean(np.abs(frame.rgb - theirs).max(axis=-1)[seen] <= 2) >= 0.999
