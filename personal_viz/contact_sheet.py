@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
 
 from sim.files import write_whole
 from sim.frames import T_world_camera
 from sim.scenes.furniture.families import look_of
 from sim.scenes.furniture.portrait import portrait
+from sim.scenes.kind import scene_label
 from sim.scenes.labels import raycaster_of
 from sim.scenes.plan import HomePlan
 from sim.scenes.scene import Scene
@@ -57,7 +59,7 @@ def contact_sheet_picture(scene: Scene, plan: HomePlan | None) -> Image.Image:
     tiles = portraits(plan) if plan is not None else _cropped(scene, renderer)
     rows = [storeys, _views(scene, plan, renderer)]
     rows += [tiles[first : first + PER_ROW] for first in range(0, len(tiles), PER_ROW)]
-    return _stacked(scene.label, [row for row in rows if row])
+    return _stacked(scene.label, scene_label(scene.kind), [row for row in rows if row])
 
 
 def portraits(plan: HomePlan) -> list[Tile]:
@@ -95,20 +97,31 @@ def write_crops(folder: Path, scene: Scene, *, seed: int = 0) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     key = io.StringIO()
     rows = csv.writer(key, lineterminator="\n")
-    rows.writerow(("file", "category", "family", "object"))
+    rows.writerow(("file", "category", "family", "object", "scene_kind", "scene_label"))
     for number, index in enumerate(order, start=1):
         crop: Crop = crops[index]
         name = f"{scene.name}-{number:03d}.png"
         write_whole(folder / name, png_bytes(Image.fromarray(crop.rgb)))
-        rows.writerow((name, crop.item.category, look_of(crop.item.category)[0], crop.item.name))
+        rows.writerow(
+            (
+                name,
+                crop.item.category,
+                look_of(crop.item.category)[0],
+                crop.item.name,
+                scene.kind,
+                scene_label(scene.kind),
+            )
+        )
     write_whole(folder / f"{scene.name}-key.csv", key.getvalue())
     return len(crops)
 
 
-def png_bytes(picture: Image.Image) -> bytes:
-    """The picture as PNG; the same pixels give the same bytes."""
-    data = io.BytesIO()
-    picture.save(data, format="PNG", optimize=False)
+def png_bytes(picture: Image.Image, *, label: str = "") -> bytes:
+    """The picture as PNG, the label as its description; the same pixels give the same bytes."""
+    data, about = io.BytesIO(), PngInfo()
+    if label:
+        about.add_text("Description", label)
+    picture.save(data, format="PNG", optimize=False, pnginfo=about)
     return data.getvalue()
 
 
@@ -130,12 +143,13 @@ def _cropped(scene: Scene, renderer: Renderer) -> list[Tile]:
     return [(Image.fromarray(crop.rgb), crop.item.category) for crop in category_crops(scene, renderer)]
 
 
-def _stacked(title: str, rows: Sequence[Sequence[Tile]]) -> Image.Image:
-    """Rows of pictures under a title, the pictures of a row spread over the width."""
+def _stacked(title: str, label: str, rows: Sequence[Sequence[Tile]]) -> Image.Image:
+    """Rows of pictures under a title and a label beside it, the pictures of a row spread over the width."""
     heights = [max(picture.height for picture, _ in row) + _CAPTION for row in rows]
     sheet = Image.new("RGB", (WIDTH, _TITLE + sum(heights)), _PAPER)
     draw = ImageDraw.Draw(sheet)
     draw.text((16, _TITLE // 2), title, font=ImageFont.load_default(size=34), anchor="lm", fill=_INK)
+    draw.text((WIDTH - 16, _TITLE // 2), label, font=ImageFont.load_default(size=20), anchor="rm", fill=_INK)
     top = _TITLE
     for row, height in zip(rows, heights, strict=True):
         slot = WIDTH // max(len(row), PER_ROW if row[0][0].width <= CROP_SIDE else 1)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import rerun as rr
 
 from sim.episodes.schema import Episode
+from sim.scenes.kind import scene_label
 from sim.scenes.scene import Scene
 from sim.tasks.run_files import Answer, EpisodeRun
 
@@ -66,6 +67,7 @@ def task_markdown(
         *more,
         plain_text(episode.record.summary),
         f"{plain_text(scene.label)}, episode {episode.key}, scene digest {scene.digest[:12]}",
+        f"**{label}.**" if (label := scene_label(scene.kind)) else "",
         f"_{NOTICE}_" if has_scan_pixels else "",
     ]
     return "\n\n".join(part for part in parts if part)

@@ -7,6 +7,7 @@ import rerun.blueprint as rrb
 
 from grounding.memory import HomeMemory
 from sim.errors import RecordingError
+from sim.scenes.kind import scene_label
 from sim.scenes.scene import Scene
 
 from . import paths
@@ -56,7 +57,7 @@ def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | No
         parts = [memory_markdown(name, memory)]
         if scene is not None:
             parts.append(f"{plain_text(scene.label)}, scene digest {scene.digest[:12]}")
-            parts += [f"_{NOTICE}_"] if scene.kind == "scan" else []
+            parts += [f"_{NOTICE}_"] if scene.kind == "scan" else [f"**{scene_label(scene.kind)}.**"]
             log_scene(stream, scene, storeys=[shown.index for shown in maps])
         for shown in maps:
             log_map_picture(stream, shown)

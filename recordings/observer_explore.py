@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
+from sim.scenes.kind import scene_label
 from sim.scenes.scene import Scene
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
@@ -125,6 +126,7 @@ class ExplorationObserver:
             "Bright on the map: floor that was seen (researcher's side). The other map is what the robot thinks: green "
             "free, brown occupied; points are frontiers, the large one is where it goes.",
             f"{plain_text(scene.label)}, scene digest {scene.digest[:12]}",
+            f"**{label}.**" if (label := scene_label(scene.kind)) else "",
             f"_{NOTICE}_" if scene.kind == "scan" and self._may_show else "",
         ]
         text = rr.TextDocument("\n\n".join(part for part in parts if part), media_type=rr.MediaType.MARKDOWN)

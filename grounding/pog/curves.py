@@ -50,6 +50,7 @@ class KnobCurve(BaseModel):
     knob: str
     title: str
     """The map variant without the option."""
+    scene_kind: str
     dataset_digest: str
     name: str
     points: tuple[KnobPoint, ...]
@@ -77,7 +78,12 @@ def knob_curves(rows: Sequence[MethodTrials], *, seed: int) -> tuple[KnobCurve, 
             if len(values) > 1:
                 points = tuple(_knob_point(value, values[value], seed=seed) for value in sorted(values))
                 curve = KnobCurve(
-                    knob=knob, title=variant.title, dataset_digest=variant.dataset_digest, name=name, points=points
+                    knob=knob,
+                    title=variant.title,
+                    scene_kind=variant.scene_kind,
+                    dataset_digest=variant.dataset_digest,
+                    name=name,
+                    points=points,
                 )
                 curves.append(curve)
     return tuple(curves)

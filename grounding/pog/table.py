@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from sim.scenes.kind import scene_label
 from sim.tasks.run_files import Run
 
 from .curves import DistancePoint, KnobCurve, distance_curve, knob_curves
@@ -93,6 +94,8 @@ class PogTable(BaseModel):
     model_config = _MODEL
     title: str
     scene_kind: str
+    scene_label: str
+    """What must be said of results in homes of this kind; empty for scans and oracle maps."""
     dataset_digest: str
     options: dict[str, str | int | float | bool | None]
     num_homes: int
@@ -150,6 +153,7 @@ def _table(variant: MapVariant, rows: Sequence[MethodTrials], *, seed: int) -> P
     return PogTable(
         title=variant.title,
         scene_kind=variant.scene_kind,
+        scene_label=scene_label(variant.scene_kind),
         dataset_digest=variant.dataset_digest,
         options=dict(variant.options),
         num_homes=len({home for row in rows for home in row.homes}),

@@ -7,6 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from sim.scenes.kind import scene_labels
 from sim.types import SPLITS, TaskKind
 
 from .report import PersonOutcome, StudyReport
@@ -44,7 +45,7 @@ def person_dots_svg(report: StudyReport, task: TaskKind) -> str:
     axes.set_ylim(len(conditions) - 0.4, -0.9 - 0.02 * max((len(", ".join(n)) for n in by_rate.values()), default=0))
     axes.set_xlim(-3, 103)
     axes.set_xlabel("success rate of a person over their trials (%)")
-    return _svg(figure)
+    return _svg(figure, _kinds(report, task))
 
 
 def outcome_matrix_svg(report: StudyReport, task: TaskKind) -> str:
@@ -75,7 +76,7 @@ def outcome_matrix_svg(report: StudyReport, task: TaskKind) -> str:
     axes.set_xlim(-0.7, len(episodes) - 0.3)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_title("filled: success", fontsize=8, loc="left")
-    return _svg(figure)
+    return _svg(figure, _kinds(report, task))
 
 
 def effort_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
@@ -101,7 +102,7 @@ def effort_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
         axes.set_ylim(len(shown) - 0.4, -0.6)
     panels[0].set_yticks(range(len(shown)), [row_label(group.who, group.condition) for group in shown], fontsize=8)
     panels[0].set_title("filled: success", fontsize=8, loc="left")
-    return _svg(figure)
+    return _svg(figure, [group.scene_kind for group in shown])
 
 
 def order_svg(report: StudyReport, task: TaskKind) -> str:
@@ -126,7 +127,7 @@ def order_svg(report: StudyReport, task: TaskKind) -> str:
     panels[1].set_xlabel("home")
     panels[0].set_ylabel("success (%)")
     panels[0].legend(fontsize=7)
-    return _svg(figure)
+    return _svg(figure, _kinds(report, task))
 
 
 def flow_svg(report: StudyReport) -> str:
@@ -149,11 +150,16 @@ def flow_svg(report: StudyReport) -> str:
             f'<text x="140" y="{y + 19}" text-anchor="middle">{count.point}: {count.n}</text></g>'
         )
         at += 1
+    said = "".join(
+        f'<text x="15" y="{at * step + 18 + 16 * n}" font-size="11">{label}</text>'
+        for n, label in enumerate(report.scene_labels)
+    )
+    height = at * step + 12 + 16 * len(report.scene_labels)
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="860" height="{at * step + 12}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="860" height="{height}" '
         'font-family="sans-serif" font-size="12">'
         '<defs><marker id="tip" markerWidth="8" markerHeight="8" refX="6" refY="3" orient="auto">'
-        '<path d="M0 0 L6 3 L0 6 z" fill="#555"/></marker></defs>' + "".join(parts) + "</svg>\n"
+        '<path d="M0 0 L6 3 L0 6 z" fill="#555"/></marker></defs>' + "".join(parts) + said + "</svg>\n"
     )
 
 
@@ -170,8 +176,16 @@ def _rates(outcomes: Sequence[PersonOutcome]) -> list[float]:
     return [100 * float(np.mean([o.success for o in outcomes if o.participant == name])) for name in people]
 
 
-def _svg(figure: Figure) -> str:
-    """The same figure gives the same text."""
+def _kinds(report: StudyReport, task: TaskKind) -> list[str]:
+    return [row.scene_kind for row in report.rows if row.task == task]
+
+
+def _svg(figure: Figure, kinds: Sequence[str]) -> str:
+    """The same figure gives the same text; above it stands what must be said of these kinds of homes."""
+    labels = scene_labels(kinds)
+    if labels:
+        figure.set_figheight(figure.get_figheight() + 0.25 * len(labels))
+        figure.suptitle("\n".join(labels), fontsize=8)
     file = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": "personal-viz", "svg.fonttype": "none"}):
         figure.savefig(file, format="svg", metadata={"Date": None})

@@ -1,5 +1,8 @@
 """A report's rows for programs and for papers: CSV with every field, LaTeX in the layout of the paper's tables."""
 
+from collections.abc import Sequence
+
+from sim.scenes.kind import scene_label
 from sim.types import TaskKind
 
 from ..tables.csv_cells import csv_lines
@@ -28,19 +31,26 @@ def latex(report: StudyReport) -> str:
         body = []
         for who, condition in names_of(rows):
             cells = [find_row(rows, who, condition, split, measure) for split, measure in columns]
-            body.append(
-                f"{_tex(row_label(who, condition))} & " + " & ".join(_tex_cell(cell) for cell in cells) + r" \\"
-            )
-        caution = "" if kind in ("scan", "oracle-map") else "; no scans: no human baseline for PersONAL"
-        pilot = "; a pilot" if report.is_pilot else ""
+            body.append(f"{tex(row_label(who, condition))} & " + " & ".join(_tex_cell(cell) for cell in cells) + r" \\")
+        rule = report.rule if task == "pan" else "planar"
+        said = [
+            f"{TITLES[task]}, scenes: {kind}, rule {rule}; intervals at {LEVEL:g}, participants and episodes random",
+            *([label] if (label := scene_label(kind)) else []),
+            *(["A pilot"] if report.is_pilot else []),
+            *(report.warnings if task == "pan" else ()),
+        ]
         parts.append(
-            f"% {TITLES[task]}, scenes: {kind}, rule {report.rule if task == 'pan' else 'planar'}{caution}{pilot}; "
-            f"intervals at {LEVEL:g}, participants and episodes random\n"
             f"\\begin{{tabular}}{{l{'c' * len(columns)}}}\n\\hline\n & {heads} \\\\\n\\hline\n"
             + "\n".join(body)
-            + "\n\\hline\n\\end{tabular}\n"
+            + f"\n\\hline\n{tex_lines(said, num_columns=len(columns) + 1)}\\end{{tabular}}\n"
         )
     return "\n".join(parts)
+
+
+def tex_lines(texts: Sequence[str], *, num_columns: int) -> str:
+    """Rows below a table that print these texts: whoever copies the table copies what must be said of it."""
+    rows = [f"\\multicolumn{{{num_columns}}}{{l}}{{\\footnotesize {tex(text)}.}} \\\\\n" for text in texts]
+    return "".join(rows)
 
 
 def _tex_cell(row: ReportRow | None) -> str:
@@ -53,5 +63,6 @@ def _tex_cell(row: ReportRow | None) -> str:
     return f"${row.value:.{digits}f}$ {{\\scriptsize [${row.low:.{digits}f}$, ${row.high:.{digits}f}$]{count}}}"
 
 
-def _tex(text: str) -> str:
+def tex(text: str) -> str:
+    """Text as LaTeX prints it."""
     return "".join(f"\\{letter}" if letter in "#$%&_{}" else letter for letter in text)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+from sim.scenes.kind import scene_label, scene_labels
 from sim.types import SPLITS, TaskKind
 
 from ..tables.csv_cells import csv_lines
@@ -11,6 +12,7 @@ from .trial_groups import TrialGroup
 COLUMNS = (
     *("success", "condition", "split", "order", "prior_visits", "seconds_before"),
     *("participant", "episode", "house", "excluded"),
+    *("scene_kind", "scene_label"),
 )
 
 
@@ -32,6 +34,8 @@ def glmm_csv(people: Sequence[TrialGroup], task: TaskKind) -> str:
                     str(trial.key),
                     trial.key.scene,
                     ";".join(row.excluded) if row else None,
+                    group.scene_kind,
+                    scene_label(group.scene_kind),
                 )
             )
     return csv_lines(COLUMNS, sorted(lines, key=lambda line: (line[6], line[7], line[1])))
@@ -66,7 +70,7 @@ def glmm_script(people: Sequence[TrialGroup], task: TaskKind) -> str:
     terms = [term for term in fixed if term] or ["1"]
     terms += [f"(1 | {name})" for name, has_many in grouped.items() if has_many]
     parts = [
-        _head(task, left_out, used),
+        _head(task, left_out, used, scene_labels(group.scene_kind for group in groups)),
         _levels("condition", conditions) if crossed["condition"] else "",
         _levels("split", splits) + _SUMS.format(names=_texts(f"_{name}" for name in splits[:-1]))
         if crossed["split"]
@@ -113,7 +117,8 @@ for (name in names(rates)[-1]) {
 """
 
 
-def _head(task: TaskKind, left_out: Sequence[str], used: Sequence[str]) -> str:
+def _head(task: TaskKind, left_out: Sequence[str], used: Sequence[str], labels: Sequence[str]) -> str:
+    said = "".join(f'cat("{label}.\\n")\n' for label in labels)
     note = f"# Left out, because they do not vary here: {', '.join(left_out)}.\n" if left_out else ""
     complete = ""
     if used:
@@ -125,7 +130,7 @@ d <- d[has_all, ]
 # All trials of the report's tables; without those that a rule excludes: d <- d[is.na(d$excluded), ]
 {note}script <- sub("^--file=", "", grep("^--file=", commandArgs(), value = TRUE))
 d <- read.csv(file.path(if (length(script)) dirname(script) else ".", "{task}-trials.csv"), na.strings = "")
-{complete}"""
+{said}{complete}"""
 
 
 def _levels(name: str, levels: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.scenes.kind import scene_labels
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import EpisodeKey, GridSpec, TaskKind
 
@@ -17,8 +18,6 @@ _PIXELS = 640
 """Longer side of the drawing."""
 _MARGIN = 0.6
 """Metres around everything that is drawn."""
-_HOMES = {"schematic": " (schematic home, not HM3D)", "invented": " (invented home)"}
-"""Added to the title of homes that are no scans."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +51,7 @@ def overlay_keys(groups: Sequence[TrialGroup], task: TaskKind, *, most: int) -> 
 def overlay_svg(
     groups: Sequence[TrialGroup], key: EpisodeKey, task: TaskKind, *, floor: FloorPlan | None = None
 ) -> str:
-    """All paths (PAN) or marks (POG) of one episode, a shape and a colour per row; the title says which home it is.
+    """All paths (PAN) or marks (POG) of one episode, a shape and a colour per row, and what must be said of the home.
 
     Args:
         groups: People and agents, several runs of an agent included.
@@ -77,8 +76,9 @@ def overlay_svg(
     picture = (
         f"{_floor(view, floor)}{''.join(drawn)}{starts}{_targets(view, floor)}{scale_bar(view.scale, view.height - 10)}"
     )
-    home = next((label for group, _ in shown if (label := _HOMES.get(group.scene_kind))), "")
-    return framed(f"{task.upper()} {key}{home}", picture, below, size=(view.width, view.height))
+    labels = scene_labels(group.scene_kind for group, _ in shown)
+    below = [*below, *(f'<text x="34" y="4" font-weight="bold">{label}</text>' for label in labels)]
+    return framed(f"{task.upper()} {key}", picture, below, size=(view.width, view.height))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,8 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from sim.errors import StudyError
-from sim.tasks.metrics import metric_rows, require_comparable
+from sim.scenes.kind import scene_labels
+from sim.tasks.metrics import made_for_warning, metric_rows, require_comparable
 from sim.tasks.run_files import Run
 from sim.types import SuccessRule, TaskKind
 
@@ -81,7 +82,11 @@ class StudyReport(BaseModel):
     total: TotalKind
     weight: Weight
     scene_kinds: tuple[str, ...]
-    """A human baseline for PersonAL is claimed on scans only."""
+    """A human baseline for PersONAL is claimed on scans only."""
+    scene_labels: tuple[str, ...]
+    """What must be said of these homes; () for scans."""
+    warnings: tuple[str, ...]
+    """Runs that were made for another rule than the report's."""
     rows: tuple[ReportRow, ...]
     spreads: tuple[SpreadRow, ...]
     ends: tuple[EndRow, ...]
@@ -167,6 +172,8 @@ def study_report(
         total=aggregate.total,
         weight=aggregate.weight,
         scene_kinds=tuple(sorted({run.info.scene_kind for run in runs})),
+        scene_labels=scene_labels(run.info.scene_kind for run in runs),
+        warnings=_warnings(runs, rule),
         rows=tuple(rows),
         spreads=tuple(row for group in (*people, *groups.averaged) for row in spread_rows(group)),
         ends=tuple(row for group in (*people, *groups.agents) for row in end_rows(group)),
@@ -185,6 +192,15 @@ def study_report(
         versions=tuple(sorted(versions)),
         runs=tuple(run.info.run_id for run in runs),
     )
+
+
+def _warnings(runs: Sequence[Run], rule: SuccessRule) -> tuple[str, ...]:
+    """One line per row name whose PAN runs were made for another rule."""
+    others: dict[str, set[SuccessRule]] = {}
+    for run in runs:
+        if run.episodes and run.info.made_for not in (None, rule):
+            others.setdefault(run.info.who, set()).add(run.info.made_for)
+    return tuple(made_for_warning(who, sorted(rules), rule=rule) for who, rules in sorted(others.items()))
 
 
 def _rows(groups: ReportGroups, aggregate: Aggregate) -> list[ReportRow]:

@@ -8,10 +8,11 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from sim.errors import StudyError
+from sim.scenes.kind import scene_label
 from sim.types import SPLITS, TaskKind
 
 from .statistics import Estimate, Interval, Trials, Weight, mean, rate, trials_of
-from .trial_groups import CountedTrial, TrialGroup
+from .trial_groups import FAR, STRICT, CountedTrial, TrialGroup
 
 TOTAL = "total"
 TotalKind = Literal["mean_of_splits", "pooled", "dataset_weighted"]
@@ -52,14 +53,19 @@ class ReportRow(BaseModel):
     split: str
     """A split, or `total` over the splits present, as `aggregate` says."""
     measure: str
-    """`sr`, `spl`, `soft_spl`, `sr_within_K` in percent, `dtg`, `distance`, `path_m` in metres, `steps`, `t_s`."""
+    """`sr`, `spl`, `soft_spl`, `sr_within_K` in percent, `dtg`, `distance`, `path_m` in metres, `steps`, `t_s`.
+
+    `sr_strict` = success by rule `paper-strict` in percent, of the trials that have it; `far_from_view` = percent of
+    the successes by `paper` that end more than 1 m of walking from every view point. Trials that a rule excludes have
+    neither.
+    """
     value: float
     low: float | None
     high: float | None
     method: str
     """Of the interval, or why there is none."""
     bootstrap_low: float | None
-    """None also for `sr_within_K`, for which none is made."""
+    """None also for `sr_within_K`, `sr_strict` and `far_from_view`, for which none is made."""
     bootstrap_high: float | None
     k: int | None
     """Successes; None for other measures."""
@@ -70,6 +76,8 @@ class ReportRow(BaseModel):
     num_episodes: int
     share: float | None
     """What a split's cell counts in its total; None = the total is no mean of its cells (people's means over all)."""
+    scene_label: str
+    """What must be said of these homes; empty for scans."""
 
 
 def rows_of(
@@ -173,8 +181,8 @@ def _row(
     counted: Sequence[CountedTrial],
     aggregate: Aggregate,
 ) -> ReportRow:
-    is_rate = measure.startswith("sr") and kind is None
-    seed = None if measure.startswith("sr_within_") else 0
+    is_rate = measure.startswith(("sr", FAR)) and kind is None
+    seed = None if measure.startswith(("sr_within_", STRICT, FAR)) else 0
     estimate = estimate_of(found, measure, aggregate, is_share=is_rate, seed=seed)
     hits = [figure for trial in counted if (figure := trial.figures.get(measure)) is not None]
     interval, bootstrap = estimate.interval, estimate.bootstrap
@@ -199,6 +207,7 @@ def _row(
         num_participants=estimate.num_participants,
         num_episodes=estimate.num_episodes,
         share=None,
+        scene_label=scene_label(group.scene_kind),
     )
 
 

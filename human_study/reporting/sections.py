@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
+from sim.types import RULE_NOTES
+
 from .blocks import Block, Heading, Picture, Table, Text, html_text, markdown_text
 from .chosen_places import SUSPECT_SHARE
 from .person_effects import BlockRow, EffectRow
@@ -67,15 +69,16 @@ def _intro(report: StudyReport) -> list[Block]:
             f"Interim: {report.num_open} counted trials are not done. Do not let these figures decide when to stop."
         )
         blocks.append(Text(interim, is_strong=True))
-    if any(kind not in ("scan", "oracle-map") for kind in report.scene_kinds):
-        blocks.append(Text("These homes are no scans: the figures are no human baseline for PersONAL.", is_strong=True))
+    strong = (*(f"{label}." for label in report.scene_labels), *report.warnings)
+    rule = f" Success in PAN: rule {RULE_NOTES[report.rule]}." if any(row.task == "pan" for row in report.rows) else ""
     return [
         *blocks,
+        *(Text(text, is_strong=True) for text in strong),
         Text(
             f"Scenes: {', '.join(report.scene_kinds)}. Episode files: {report.dataset_digest[:12]}. Agents are shown "
             "on the episodes that people did, several runs of one agent averaged per episode; differences are people "
             f"minus agent, trial by trial on the same episodes. People have: {information}. "
-            f"Total = {_TOTALS[report.total]}; within a split {_WEIGHTS[report.weight]}."
+            f"Total = {_TOTALS[report.total]}; within a split {_WEIGHTS[report.weight]}.{rule}"
         ),
         Text(
             f"Brackets hold {LEVEL:.0%} intervals that take participants and episodes for random (two-way; success "

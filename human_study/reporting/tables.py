@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 
+from sim.tasks.run_files import FAR_FROM_VIEW
 from sim.types import SPLITS, EndReason, TaskKind
 
 from .blocks import Block, Heading, Table, Text
 from .report import StudyReport
 from .row_labels import row_label
 from .rows import TOTAL, ReportRow
+from .trial_groups import FAR, STRICT
 
 TITLES: dict[TaskKind, str] = {"pan": "PAN", "pog": "POG"}
 HEADS = {
@@ -20,6 +22,8 @@ HEADS = {
     "path_m": "path (m)",
     "t_s": "time to decision (s)",
     "t_look_s": "look at the home or its map before (s)",
+    STRICT: "SR by rule paper-strict (%)",
+    FAR: f"successes by rule paper that end more than {FAR_FROM_VIEW:g} m of walking from every view point (%)",
 }
 NOBODY = "no such trials"
 END_NAMES: dict[EndReason, str] = {

@@ -15,6 +15,8 @@ from .row_labels import is_first_condition, run_condition
 
 STEP_LIMITS = (25, 50, 100, 200, 300, 400, 500)
 """Of the anytime success rate: success within so many steps."""
+STRICT, FAR = "sr_strict", "far_from_view"
+"""Success by rule `paper-strict`; and whether a success by `paper` ends far from every view point."""
 Figures = dict[str, float | None]
 NEVER_ENDED = "begun, never ended (taken as abandoned)"
 """Of who left in mid-trial, where nobody else could take the episode; and of trials that still run."""
@@ -210,8 +212,11 @@ def _pan_figures(run: EpisodeRun, rule: SuccessRule) -> Figures | str:
         # run files have no time of the end but that of the last step, which ends no trial that was given up
         is_told = run.end.reason in ("stop", "steps") and run.steps
         figures["t_s"] = run.steps[-1].t_s if is_told else None
-    within = {f"sr_within_{limit}": 100.0 * (measures.success and num_steps <= limit) for limit in STEP_LIMITS}
-    return figures | within
+    figures |= {f"sr_within_{limit}": 100.0 * (measures.success and num_steps <= limit) for limit in STEP_LIMITS}
+    strict, is_far = run.end.measures.rules["paper-strict"], run.end.measures.ends_far_from_view
+    figures[STRICT] = None if strict is None else 100.0 * strict.success
+    figures[FAR] = None if is_far is None else 100.0 * is_far
+    return figures
 
 
 def _pog_figures(answer: Answer) -> Figures | str:
@@ -252,7 +257,7 @@ def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
         if trial.key in beside:
             theirs = beside[trial.key]
             apart: Figures = {}
-            for name in (name for name in trial.figures if name in theirs):
+            for name in (name for name in trial.figures if name in theirs and name != FAR):
                 one, other = trial.figures[name], theirs[name]
                 apart[name] = None if one is None or other is None else one - other
             trials.append(replace(trial, figures=apart))

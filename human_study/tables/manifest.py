@@ -65,6 +65,8 @@ class Manifest(BaseModel):
     """Hash of each attempt's last event; with the database it proves that nothing was changed since."""
     files: dict[str, ExportedFile] = Field(min_length=1)
     """By path inside the folder; all but this one."""
+    scene_labels: tuple[str, ...] = ()
+    """What must be said of results in these homes; () for scans, and in exports of older programs."""
 
 
 def exported_file(content: bytes, num_rows: int | None) -> ExportedFile:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict
 
+from sim.scenes.kind import scene_label
 from sim.types import EndReason, SceneKind, Split, TaskKind
 
 from ..events import Event
@@ -77,6 +78,8 @@ class TrialRow(TrialFigures, AssignedTrial):
     """Whether the person gave the episode back to others."""
     head_hash: str | None
     """Hash of the trial's last stored event, which stands for all before it."""
+    scene_label: str = ""
+    """What must be said of results in homes of this kind; empty for scans, and in exports of older programs."""
 
     @property
     def is_never_ended(self) -> bool:
@@ -166,6 +169,7 @@ def trial_row(
         [*context.excluded_people.get(status.code, ()), *context.excluded_trials.get(status.trial_id or "", ())]
     )
     figures = trial_figures(events, status.outcome, rule=context.config.success)
+    kind = context.plan.scene(status.key.scene).kind
     return TrialRow(
         **dict(figures),
         participant=code or status.code,
@@ -175,7 +179,8 @@ def trial_row(
         condition=status.condition,
         split=status.key.split,
         scene=status.key.scene,
-        scene_kind=context.plan.scene(status.key.scene).kind,
+        scene_kind=kind,
+        scene_label=scene_label(kind),
         episode_id=status.key.episode_id,
         rep=status.rep,
         attempt=status.attempt,

@@ -7,7 +7,7 @@ from sim.errors import PersonalVizError
 from sim.files import write_whole
 from sim.scenes.clutter import with_clutter
 from sim.scenes.invent import invent_plan
-from sim.scenes.kind import plan_of
+from sim.scenes.kind import plan_of, scene_label
 from sim.scenes.plan import HomePlan
 from sim.scenes.recover import recover_plan
 from sim.scenes.scene import Scene
@@ -49,7 +49,7 @@ def contact_sheet(
     home, plan = _home(scene=scene, dataset=dataset, scenes_dir=scenes_dir, invent=invent, clutter=clutter)
     picture = contact_sheet_picture(home, plan)
     try:
-        write_whole(out, png_bytes(picture))
+        write_whole(out, png_bytes(picture, label=scene_label(home.kind)))
         if crops is not None:
             num = write_crops(crops, home)
             print(f"{num} crops and their key written to {crops}")

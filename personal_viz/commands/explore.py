@@ -83,7 +83,10 @@ def explore(
         config={"max_steps": max_steps, "storeys": storeys, "homes": homes},
     )
     document = document_of(found, info=info, out=out)
-    write_whole(out / _PLOT, coverage_png(found, title=f"{len(found)} storeys of {len(todo)} {kind} homes"))
+    write_whole(
+        out / _PLOT,
+        coverage_png(found, title=f"{len(found)} storeys of {len(todo)} {kind} homes", label=info.scene_label),
+    )
     write_whole(out / _SUMMARY, json_module.dumps(document, indent=2) + "\n")
     if json:
         print(json_module.dumps(document, indent=2))
@@ -201,6 +204,7 @@ def document_of(found: Sequence[Exploration], *, info: RunInfo, out: Path) -> di
     camera = found[0].camera
     return {
         "scene_kind": info.scene_kind,
+        "scene_label": info.scene_label,
         "camera": {"width": camera.width, "height": camera.height, "hfov_deg": camera.hfov_deg},
         "seed": found[0].seed,
         "n": len(found),
@@ -218,7 +222,7 @@ def document_of(found: Sequence[Exploration], *, info: RunInfo, out: Path) -> di
     }
 
 
-def coverage_png(found: Sequence[Exploration], *, title: str) -> bytes:
+def coverage_png(found: Sequence[Exploration], *, title: str, label: str) -> bytes:
     """A PNG picture of coverage over steps: a thin line per exploration, a thick one for their mean."""
     import numpy as np
     from matplotlib.figure import Figure
@@ -237,9 +241,9 @@ def coverage_png(found: Sequence[Exploration], *, title: str) -> bytes:
     axes.set_xlim(0, longest)
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right", frameon=False)
-    axes.set_title(title, fontsize=11)
+    axes.set_title("\n".join([title, *([label] if label else [])]), fontsize=11 if not label else 9)
     file = io.BytesIO()
-    figure.savefig(file, format="png")
+    figure.savefig(file, format="png", metadata={"Description": label} if label else None)
     return file.getvalue()
 
 
@@ -257,6 +261,8 @@ def _print_table(found: Sequence[Exploration], document: dict) -> None:
         cells = (f"{item.storey_y:.2f}", f"{item.area_m2:.0f}", str(len(item.steps)), f"{100 * item.coverage[-1]:.1f}")
         table.add_row(item.scene, *cells, doors, missed, item.stop_reason)
     Console(file=sys.stdout).print(table)
+    if document["scene_label"]:
+        print(f"{document['scene_label']}.")
     coverage, steps = document["coverage"], document["steps"]
     print(
         f"Mean coverage {100 * coverage['mean']:.1f} %, least {100 * coverage['min']:.1f} %; mean {steps['mean']:.0f} "

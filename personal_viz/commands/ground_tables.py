@@ -29,6 +29,7 @@ def ground_document(
         "phrases_by_rules": phrases_by_rules if info.config["phrases"] == "llm" else None,
         "map": settings.map,
         "scene_kind": info.scene_kind,
+        "scene_label": info.scene_label,
         "condition": info.condition,
         "storey_given": not settings.all_storeys,
         "frame": info.config["frame"],
@@ -65,6 +66,8 @@ def print_ground_table(
     table.add_row("", "k/n", *(f"{rows[name].k}/{rows[name].n}" for name in names))
     table.add_row("", "top-3", *(_cell(rows[name].top3) for name in names))
     Console(file=sys.stdout).print(table)
+    if info.scene_label:
+        print(f"{info.scene_label}.")
     if phrases_by_rules:
         print(
             f"The language model gave no phrases for {phrases_by_rules} of {rows['total'].n} answers: rules read those."

@@ -168,6 +168,8 @@ def _print_tables(report: HomesReport) -> None:
         table.add_section()
         table.add_row("total", *_cells(report.total), style="bold")
     console.print(table)
+    for label in report.labels:
+        print(f"{label}.")
     print(
         "Ratios: our path length over the recorded one. Held out: recovered from two splits, episodes of the third. "
         "View points: standable and see their object. GLB: the whole home as one file."

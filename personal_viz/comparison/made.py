@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from sim.types import EpisodeKey
 
 MADE, RECORDING, SHEET, THUMBNAIL = "made.json", "replay.rrd", "sheet.png", "thumb.jpg"
-FORMAT = 1
+FORMAT = 2
 """Raised when the same runs make other files."""
 
 

@@ -16,7 +16,7 @@ def page_markdown(page: Page) -> str:
     for section in page.sections:
         parts += [f"## {section.title}"]
         parts += [f"> {section.remark}"] if section.remark else []
-        parts += [_summary(section), UNITS[section.task], _episodes(section)]
+        parts += [_summary(section), *(plain(note) for note in section.notes), UNITS[section.task], _episodes(section)]
     parts.append(f"Open a recording with `rerun FILE/{RECORDING}`.")
     return "\n\n".join(parts) + "\n"
 

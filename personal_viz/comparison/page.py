@@ -82,6 +82,7 @@ def _summary(section: Section) -> str:
         '<th rowspan="2" scope="col">Who</th>'
         f'<th rowspan="2" scope="col">Kind</th>{top}</tr><tr>{below}</tr></thead><tbody>{body}</tbody></table></div>'
         f"<p>{rule}. Total = plain mean of the splits. Technical failures are left out.</p>"
+        + "".join(f"<p>{escape(note)}</p>" for note in section.notes)
     )
 
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from sim.tasks.metrics import MetricRow, metric_rows
+from sim.scenes.kind import scene_label
+from sim.tasks.metrics import MetricRow, metric_rows, reading_notes, rule_warnings
 from sim.tasks.run_files import Run
 from sim.types import SPLITS, EpisodeKey, TaskKind, WhoKind
 
@@ -87,14 +88,16 @@ class Section:
                 "The grounders read maps made from the data set's own annotations, not from pictures: no row here "
                 "stands beside results in homes."
             )
-        return _REMARKS.get(self.setting.kind, "")
+        label = scene_label(self.setting.kind)
+        return f"{label}." if label else ""
+
+    @property
+    def notes(self) -> list[str]:
+        """For below the paper's figures: what the rule is, what it is worth, and runs made for another rule."""
+        return [*reading_notes(self.metrics), *rule_warnings(self.metrics)]
 
 
 _KINDS = {"scan": "scans", "schematic": "schematic homes", "invented": "invented homes"}
-_REMARKS = {
-    "schematic": "Schematic homes are recovered from the episode files: this is no human baseline for PersONAL.",
-    "invented": "Invented homes are made from a seed: this is no human baseline for PersONAL.",
-}
 
 
 def sections(

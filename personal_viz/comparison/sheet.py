@@ -13,12 +13,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from recordings.log_goal import GoalRegion, goal_region
 from recordings.log_run import Trace, path_lengths, times
 from recordings.log_text import NOTICE
 from sim.episodes.schema import Episode
 from sim.frames import T_world_camera
+from sim.scenes.kind import scene_label
 from sim.scenes.scene import Scene
 from sim.tasks.run_files import EpisodeRun
 from sim.types import Camera
@@ -113,7 +115,10 @@ def sheet_png(scene: Scene, episode: Episode, traces: Sequence[Trace], *, render
         _draw_part(sheet, head, scene, goal, group, floors, _map_height(floors, most))
     _draw_views(sheet, views, view_in)
     data = io.BytesIO()
-    _drawn(sheet.figure).save(data, "PNG", compress_level=4, dpi=(DPI, DPI))
+    about = PngInfo()
+    if label := scene_label(scene.kind):
+        about.add_text("Description", label)
+    _drawn(sheet.figure).save(data, "PNG", compress_level=4, dpi=(DPI, DPI), pnginfo=about)
     return data.getvalue()
 
 
@@ -132,9 +137,9 @@ def thumbnail_jpeg(scene: Scene, episode: Episode, traces: Sequence[Trace], *, h
 
 
 def _note(scene: Scene, *, has_map: bool) -> str:
-    """What holds for the sheet of a scan; empty for other homes."""
+    """What holds for the sheet of a scan, or what must be said of another home."""
     if scene.kind != "scan":
-        return ""
+        return scene_label(scene.kind)
     return NOTICE.replace("This recording holds", "This sheet holds") if has_map else LEFT_OUT
 
 

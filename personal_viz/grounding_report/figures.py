@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from grounding.pog.curves import KnobCurve
 from grounding.pog.statistics import Range
 from grounding.pog.table import TOTAL, PogTable
+from sim.scenes.kind import scene_label
 
 _KNOB_AXES = {
     "view_noise": "view noise: error of each patch's cosine in each view (standard deviation)",
@@ -58,10 +59,10 @@ def distance_figure(table: PogTable) -> Drawn:
     totals = [cell for row in table.rows for cell in row.cells if cell.split == TOTAL]
     counts = points_text([cell.n for cell in totals], [cell.num_homes for cell in totals])
     has_ranges = any(point.by_home or point.top3_by_home for row in table.rows for point in row.curve)
-    figure.suptitle(_over(table.title, counts, has_ranges=has_ranges, drawn="bands"), fontsize=10)
+    figure.suptitle(_over(table.title, table.scene_label, counts, has_ranges=has_ranges, drawn="bands"), fontsize=10)
     figure.supxlabel("d: planar distance from the right object's middle (m)", fontsize=10)
     figure.legend(fontsize=8, loc="outside right upper")
-    return _drawn(figure)
+    return _drawn(figure, table.scene_label)
 
 
 def methods_figure(table: PogTable) -> Drawn:
@@ -87,7 +88,9 @@ def methods_figure(table: PogTable) -> Drawn:
     axes.set_xlim(-1, 101)
     axes.grid(axis="x", color="#ddd", linewidth=0.6)
     axes.set_xlabel("within 1 m, mean of splits (%); filled: first answer, open: any of three")
-    return _drawn(figure)
+    if table.scene_label:
+        figure.suptitle(table.scene_label, fontsize=8)
+    return _drawn(figure, table.scene_label)
 
 
 def knob_figure(curves: Sequence[KnobCurve]) -> Drawn:
@@ -115,10 +118,13 @@ def knob_figure(curves: Sequence[KnobCurve]) -> Drawn:
     points = [point for curve in curves for point in curve.points]
     has_ranges = any(point.by_home or point.top3_by_home for point in points)
     counts = points_text([point.n for point in points], [point.num_homes for point in points])
-    figure.suptitle(_over(curves[0].title, counts, has_ranges=has_ranges, drawn="bars"), fontsize=10)
+    figure.suptitle(
+        _over(curves[0].title, scene_label(curves[0].scene_kind), counts, has_ranges=has_ranges, drawn="bars"),
+        fontsize=10,
+    )
     figure.supxlabel(knob_axis(curves[0].knob), fontsize=10)
     figure.legend(fontsize=8, loc="outside right upper")
-    return _drawn(figure)
+    return _drawn(figure, scene_label(curves[0].scene_kind))
 
 
 def _bars(
@@ -162,10 +168,10 @@ def points_text(episodes: Sequence[int], homes: Sequence[int]) -> str:
     return " in ".join(parts)
 
 
-def _over(title: str, counts: str, *, has_ranges: bool, drawn: str) -> str:
-    """What stands over a figure: the map, how much it is of, and what its intervals are."""
+def _over(title: str, label: str, counts: str, *, has_ranges: bool, drawn: str) -> str:
+    """What stands over a figure: the map, what must be said of the homes, how much it is of, and its intervals."""
     ranges = f"{drawn}: 95 % intervals by home" if has_ranges else "no intervals by home"
-    return f"{title}\nn = {counts}; {ranges}"
+    return "\n".join([title, *([label] if label else []), f"n = {counts}; {ranges}"])
 
 
 def _say(axes: Axes, text: str) -> None:
@@ -180,10 +186,10 @@ def _band(axes: Axes, places: Sequence[float], intervals: Sequence[Range | None]
         axes.fill_between(at, low, high, color=colour, alpha=0.15, linewidth=0)
 
 
-def _drawn(figure: Figure) -> Drawn:
-    """Both forms, without dates and versions."""
+def _drawn(figure: Figure, label: str) -> Drawn:
+    """Both forms, without dates and versions; the raster file's description says the label that is drawn too."""
     vector, raster = io.StringIO(), io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "personal-viz", "svg.fonttype": "none"}):
         figure.savefig(vector, format="svg", metadata={"Date": None, "Creator": None})
-    figure.savefig(raster, format="png", dpi=_DPI, metadata={"Software": None})
+    figure.savefig(raster, format="png", dpi=_DPI, metadata={"Software": None, "Description": label or None})
     return {"svg": vector.getvalue(), "png": raster.getvalue()}

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 
 from grounding.pog.table import PAPER_IS, TOTAL, PogReport, PogTable
 from human_study.reporting.blocks import html_text, markdown_text
+from human_study.reporting.files import tex, tex_lines
 from human_study.tables.csv_cells import csv_lines
+from sim.scenes.kind import scene_label
 
 from .figures import Drawn, distance_figure, knob_figure, methods_figure
 from .gallery import DrawnFailure, Gallery
@@ -58,7 +60,7 @@ def latex(tables: Sequence[PogTable]) -> str:
     parts = []
     for number, table in enumerate(tables, start=1):
         splits = [cell.split for cell in max(table.rows, key=lambda row: len(row.cells)).cells]
-        heads = " & ".join([*(split.capitalize() for split in splits), "Top-3", _tex(PAPER_IS)])
+        heads = " & ".join([*(split.capitalize() for split in splits), "Top-3", tex(PAPER_IS)])
         body = []
         for row in table.rows:
             cells = {cell.split: cell for cell in row.cells}
@@ -70,12 +72,14 @@ def latex(tables: Sequence[PogTable]) -> str:
             if by_home is not None:
                 shown[-1] += f" {{\\scriptsize [${by_home.low:.1f}$, ${by_home.high:.1f}$]}}"
             best = "--" if top3 is None else f"${top3:.1f}$"
-            body.append(" & ".join([_tex(row.name), *shown, best, _tex(paper_text(row)) or "--"]) + r" \\")
+            body.append(" & ".join([tex(row.name), *shown, best, tex(paper_text(row)) or "--"]) + r" \\")
+        said = [f"{table.title}, scenes: {table.scene_kind}; SR in percent within 1 m, 95% intervals by home"]
+        said += [table.scene_label] if table.scene_label else []
         parts.append(
-            f"% Table {number}: {_tex(table.title)}; SR in percent within 1 m, 95% intervals by home\n"
+            f"% Table {number}\n"
             f"\\begin{{tabular}}{{l{'c' * (len(splits) + 2)}}}\n\\hline\nMethod & {heads} \\\\\n\\hline\n"
             + "\n".join(body)
-            + "\n\\hline\n\\end{tabular}\n"
+            + f"\n\\hline\n{tex_lines(said, num_columns=len(splits) + 3)}\\end{{tabular}}\n"
         )
     return "\n".join(parts)
 
@@ -93,7 +97,7 @@ def _figures(report: PogReport) -> dict[str, Drawn]:
 def _csv_files(report: PogReport) -> dict[str, str]:
     cells, differences, distances, options = [], [], [], []
     for table in report.tables:
-        home = (table.title, table.scene_kind)
+        home = (table.title, table.scene_kind, table.scene_label)
         for row in table.rows:
             commits = " ".join(row.commits)
             for cell in row.cells:
@@ -110,8 +114,9 @@ def _csv_files(report: PogReport) -> dict[str, str]:
         for point in curve.points:
             firsts, threes = (point.sr, *_both(point.by_home)), (point.top3, *_both(point.top3_by_home))
             counts = (point.value, point.n, point.num_homes)
-            options.append((curve.title, curve.name, curve.knob, *counts, *firsts, *threes))
-    home = ("table", "scene_kind")
+            kind = (curve.scene_kind, scene_label(curve.scene_kind))
+            options.append((curve.title, *kind, curve.name, curve.knob, *counts, *firsts, *threes))
+    home = ("table", "scene_kind", "scene_label")
     of_homes = ("home_low", "home_high")
     found = ("split", "n", "k", "sr", "episode_low", "episode_high", *of_homes)
     top3 = ("top3", "top3_home_low", "top3_home_high")
@@ -121,7 +126,7 @@ def _csv_files(report: PogReport) -> dict[str, str]:
         "table.csv": csv_lines((*home, "method", *found, *top3, *source), cells),
         "differences.csv": csv_lines((*home, *pair), differences),
         "distance.csv": csv_lines((*home, "method", "metres", "sr", *of_homes, *top3), distances),
-        "options.csv": csv_lines(("table", "method", "option", "value", "n", "homes", "sr", *of_homes, *top3), options),
+        "options.csv": csv_lines((*home, "method", "option", "value", "n", "homes", "sr", *of_homes, *top3), options),
     }
 
 
@@ -137,6 +142,8 @@ _FAILURE_HEADS = (
     "object",
     "why",
     "picture",
+    "scene_kind",
+    "scene_label",
 )
 
 
@@ -156,12 +163,10 @@ def _failure_line(item: DrawnFailure) -> tuple[object, ...]:
         item.failure.object_name,
         " ".join(item.reasons),
         item.file_name,
+        item.info.scene_kind,
+        item.info.scene_label,
     )
 
 
 def _both(interval: tuple[float, float] | None) -> tuple[float | None, float | None]:
     return (None, None) if interval is None else (interval[0], interval[1])
-
-
-def _tex(text: str) -> str:
-    return "".join(f"\\{letter}" if letter in "#$%&_{}" else letter for letter in text)

@@ -55,10 +55,14 @@ def failure_svg(item: DrawnFailure) -> str:
     elif isinstance(memory, ObjectMap):
         parts += _boxes(view, memory, layers)
     parts += [*_others(view, item), *_targets(view, item), *_answers(view, item), _bar(view)]
+    label = item.info.scene_label
+    words = f'<text x="8" y="{view.height + 12}" font-size="9">{label}</text>' if label else ""
+    below = 18 if label else 0
     title = html.escape(f"{item.method}: {item.episode.key}")
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{view.width}" height="{view.height}" role="img" '
-        f'aria-label="{title}" font-family="sans-serif" font-size="11"><title>{title}</title>{"".join(parts)}</svg>\n'
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{view.width}" height="{view.height + below}" role="img" '
+        f'aria-label="{title}" font-family="sans-serif" font-size="11"><title>{title}</title>'
+        f"{''.join(parts)}{words}</svg>\n"
     )
 
 

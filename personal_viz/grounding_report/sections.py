@@ -119,6 +119,7 @@ def _table_blocks(table: PogTable, number: int) -> list[Block]:
     note = f"{homes}; dataset digest {table.dataset_digest[:12]}."
     if table.scene_kind == "oracle-map":
         note += f" {_ORACLE}"
+    note += f" {table.scene_label}." if table.scene_label else ""
     blocks: list[Block] = [Heading(f"Table {number}. {table.title}"), Table(heads, tuple(lines), note)]
     is_by_home = table.has_home_intervals
     lines_are = "by home" if is_by_home else f"by episode: fewer than {FEWEST_HOMES} homes"

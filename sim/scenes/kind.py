@@ -23,6 +23,11 @@ def scene_label(kind: str) -> str:
     return _LABELS.get(kind, "")
 
 
+def scene_labels(kinds: Iterable[str]) -> tuple[str, ...]:
+    """The label of each of these kinds once, in order of the kinds; () for scans alone."""
+    return tuple(label for kind in sorted(set(kinds)) if (label := scene_label(kind)))
+
+
 def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) -> SceneKind:
     """The kind of scene that `open_scene` makes of the same arguments.
 

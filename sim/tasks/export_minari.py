@@ -49,7 +49,7 @@ def write_minari_dataset(run: Run, folder: Path) -> None:
     data = folder / "data"
     for index, episode in enumerate(run.episodes):
         (data / str(index)).mkdir(parents=True)
-        batch = _episode_batch(index, episode, who=run.info.who)
+        batch = _episode_batch(index, episode, info=run.info)
         with pyarrow.ipc.new_file(str(data / str(index) / "part-0.arrow"), batch.schema) as file:
             file.write_batch(batch)
         write_whole(data / str(index) / "metadata.json", json.dumps(_episode_metadata(index, episode, run.info)))
@@ -82,7 +82,7 @@ def _observation_space() -> dict[str, Any]:
     return {"type": "Dict", "subspaces": boxes}
 
 
-def _episode_batch(index: int, episode: EpisodeRun, *, who: str) -> pa.RecordBatch:
+def _episode_batch(index: int, episode: EpisodeRun, *, info: RunInfo) -> pa.RecordBatch:
     """All rows of one episode; what belongs to steps has one row more than steps, as Minari pads it."""
     count, has_stopped = len(episode.steps), episode.end.reason == "stop"
     actions = [_NUMBERS[step.action] for step in episode.steps]
@@ -96,7 +96,7 @@ def _episode_batch(index: int, episode: EpisodeRun, *, who: str) -> pa.RecordBat
             "rewards": pa.array(rewards),
             "terminations": pa.array(is_last & has_stopped),
             "truncations": pa.array(is_last & (not has_stopped)),
-            "infos": _infos(episode, who=who),
+            "infos": _infos(episode, info=info),
         }
     )
 
@@ -118,7 +118,7 @@ def _observations(episode: EpisodeRun) -> pa.StructArray:
     return pa.StructArray.from_arrays(arrays, names=list(OBSERVATIONS))
 
 
-def _infos(episode: EpisodeRun, *, who: str) -> pa.StructArray:
+def _infos(episode: EpisodeRun, *, info: RunInfo) -> pa.StructArray:
     """Of each row: time and collision; and, repeated, the run's names and measures (NaN where there is none)."""
     count = len(episode.steps) + 1
     split, scene, episode_id = episode.key
@@ -126,9 +126,11 @@ def _infos(episode: EpisodeRun, *, who: str) -> pa.StructArray:
         "split": split,
         "scene": scene,
         "episode_id": episode_id,
-        "who": who,
+        "who": info.who,
         "participant": episode.start.participant or "",
         "reason": episode.end.reason,
+        "scene_kind": info.scene_kind,
+        "scene_label": info.scene_label,
         **{name: _paper(episode, name) for name in ("success", "spl", "soft_spl", "dtg")},
     }
     columns = {
@@ -153,5 +155,7 @@ def _episode_metadata(index: int, episode: EpisodeRun, info: RunInfo) -> dict[st
         **({} if info.seed is None else {"seed": info.seed}),
         "episode": episode.start.model_dump(mode="json"),
         "who": info.who,
+        "scene_kind": info.scene_kind,
+        "scene_label": info.scene_label,
         "end": episode.end.model_dump(mode="json"),
     }

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from sim.files import write_whole
 from sim.frames import quat_xyzw_from_yaw
+from sim.scenes.kind import scene_label
 
 from .run_files import EpisodeRun, Run
 
@@ -32,13 +33,13 @@ def write_tum_files(run: Run, folder: Path) -> list[Path]:
             name += "-" + re.sub(r"[^A-Za-z0-9_-]", "_", episode.start.participant)
         used[name] += 1
         path = folder / (name + (f"-{used[name]}" if used[name] > 1 else "") + ".tum")
-        write_whole(path, tum_text(episode, who=run.info.who))
+        write_whole(path, tum_text(episode, who=run.info.who, scene_kind=run.info.scene_kind))
         paths.append(path)
     return paths
 
 
-def tum_text(episode: EpisodeRun, *, who: str) -> str:
-    """The trajectory of one run: the start pose and the pose after each step.
+def tum_text(episode: EpisodeRun, *, who: str, scene_kind: str) -> str:
+    """The trajectory of one run: the start pose and the pose after each step; its head names the kind of home.
 
     Timestamps are seconds since the start where they were measured, else step numbers. The body's pose has no tilt.
     """
@@ -50,6 +51,8 @@ def tum_text(episode: EpisodeRun, *, who: str) -> str:
         "# world frame = Habitat's: metres, +y up; the robot looks along its own -z; quaternion x y z w",
         f"# the timestamp is the {said}",
         f"# episode: {episode.key}",
+        f"# scenes: {scene_kind}",
+        *([f"# {label}"] if (label := scene_label(scene_kind)) else []),
         f"# stopped: {'yes' if episode.end.reason == 'stop' else 'no'}",
         f"# allow_sliding: {'yes' if episode.start.allow_sliding else 'no'}",
         f"# {'timestamp' if is_measured else 'step'} tx ty tz qx qy qz qw",

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from sim.episodes.schema import Finite, Vector3
 from sim.errors import RunFileError, line_from_validation_error
+from sim.scenes.kind import scene_label
 from sim.types import SUCCESS_RULES, Action, EndReason, EpisodeKey, Pose, SceneKind, Split, SuccessRule, WhoKind
 
 Length = Annotated[Finite, Field(ge=0)]
@@ -49,14 +50,18 @@ class RunInfo(BaseModel):
     """ISO 8601."""
     made_for: SuccessRule | None = None
     """Success rule that an agent that knows the goal was made for, or that people were told; None = none, not known."""
+    scene_label: str = ""
+    """What must be said of results in homes of this kind; follows from `scene_kind`, empty for scans."""
 
     @model_validator(mode="before")
     @classmethod
     def _read_version_1(cls, raw: Any) -> Any:
-        """Version 1 had one agent that knows the goal, and it walked to where `paper` succeeds."""
-        if isinstance(raw, dict) and raw.get("schema_version") == 1 and raw.get("who") == "shortest-path":
-            return {"made_for": "paper"} | raw
-        return raw
+        """Version 1 said no label, and had one agent that knows the goal; it walked to where `paper` succeeds."""
+        if not isinstance(raw, dict):
+            return raw
+        is_old = raw.get("schema_version") == 1 and raw.get("who") == "shortest-path"
+        rule = {"made_for": "paper"} if is_old else {}
+        return rule | raw | {"scene_label": scene_label(str(raw.get("scene_kind")))}
 
 
 class Step(BaseModel):

@@ -165,7 +165,9 @@ def test_a_tum_file_is_imported_as_the_same_run(tmp_path: Path, dataset: Persona
 
 
 def test_a_tum_row_is_time_place_and_quaternion(tmp_path: Path) -> None:
-    timed, untimed = (export_tum.tum_text(episode_run(timed=timed), who="a\nb") for timed in (True, False))
+    timed, untimed = (
+        export_tum.tum_text(episode_run(timed=timed), who="a\nb", scene_kind="scan") for timed in (True, False)
+    )
     assert "# PersONAL run of a b: pose" in timed
     assert "# timestamp tx ty tz qx qy qz qw" in timed
     rows = np.loadtxt(timed.splitlines())

@@ -103,6 +103,7 @@ def verdict(*, number: int, pixels: int, alike: tuple[str, ...]) -> FindVerdict:
 def facts(name: str, ratios: list[float], **changes: Any) -> HomeFacts:
     fields: dict[str, Any] = {
         "name": name,
+        "scene_kind": "schematic",
         "is_playable": np.isfinite(ratios),
         "ratios": np.array(ratios),
         "held_out": None,

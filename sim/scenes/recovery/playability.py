@@ -14,12 +14,12 @@ from pydantic import BaseModel, ConfigDict
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.findable import FindVerdict, find_verdicts
 from sim.episodes.schema import Episode
-from sim.types import FORWARD_STEP
+from sim.types import FORWARD_STEP, SceneKind
 from sim.world.raycast import Raycaster
 
 from ..cells import cells_from_runs
 from ..glb_writer import glb_from_mesh
-from ..kind import plan_of
+from ..kind import plan_of, scene_label, scene_labels
 from ..plan import HomePlan
 from ..recover import recover_plan
 from ..scene import Scene
@@ -49,6 +49,7 @@ class HomeFacts:
     """Counts of one home, from which shares over any number of homes follow."""
 
     name: str
+    scene_kind: SceneKind
     is_playable: NDArray[np.bool_]
     """(N,) per episode: the start is on the map, the home has the target, and a path leads to it."""
     ratios: NDArray[np.float64]
@@ -105,6 +106,9 @@ class HomeFigures(Figures):
     build_s: float
     triangles: int
     glb_mb: float
+    scene_kind: SceneKind
+    scene_label: str
+    """What must be said of results in homes of this kind; empty for scans."""
     not_findable: tuple[str, ...]
     """SPLIT/SCENE/ID of each episode whose target cannot be told from its like, or is hardly seen."""
     why_not_findable: dict[str, str]
@@ -118,6 +122,11 @@ class HomesReport(BaseModel):
     total: Figures
     """Over all scenes together: pooled episodes, view points and areas, not means of the scenes' shares."""
     scenes: dict[str, HomeFigures]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What must be said of results in these homes."""
+        return scene_labels(home.scene_kind for home in self.scenes.values())
 
 
 def build_home(dataset: PersonalDataset, name: str) -> BuiltHome:
@@ -155,6 +164,7 @@ def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = Tru
     cells = None if plan.cells is None else cells_from_runs(plan.cells.walkable)
     return HomeFacts(
         name=plan.name,
+        scene_kind=scene.kind,
         is_playable=np.isfinite(ratios) & _starts_and_targets_exist(episodes, scene),
         ratios=ratios,
         held_out=held_out_ratios(dataset, plan.name) if folds and home.is_recovered else None,
@@ -203,6 +213,8 @@ def _home_figures(home: HomeFacts) -> HomeFigures:
         build_s=round(home.build_s, 2),
         triangles=home.triangles,
         glb_mb=round(home.glb_mb, 2),
+        scene_kind=home.scene_kind,
+        scene_label=scene_label(home.scene_kind),
         not_findable=tuple(missed),
         why_not_findable=missed,
     )

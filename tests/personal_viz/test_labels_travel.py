@@ -1,0 +1,167 @@
+"""Every file that a verb writes about homes that are no scans says so, and no file about scans does."""
+
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from rerun.chunk import RrdReader
+
+from human_study.export import export_study
+from personal_viz.commands.compare import compare
+from personal_viz.commands.contact_sheet import contact_sheet
+from personal_viz.commands.export import export
+from personal_viz.commands.homes import homes
+from personal_viz.commands.pog_report import pog_report
+from personal_viz.commands.recordings import replay
+from personal_viz.commands.report import report
+from personal_viz.commands.runs import metrics
+from sim.scenes.kind import scene_label
+from sim.types import SceneKind
+
+from ..human_study.finished import study_with_trials
+from .compared_runs import Compared
+
+INVENTED = "Invented homes, made from a seed: no human baseline for PersONAL"
+BASELINE = "no human baseline for PersONAL"
+NO_TABLE = {"thumb.jpg", "made.json", "steps.jsonl", "answers.jsonl", "namespace_metadata.json"}
+"""Written beside a file with the label: a small picture, digests, and a run's steps, whose run.json says the kind."""
+OF_PEOPLE = {"data_dictionary.md", "study.yaml", "participants", "exclusions", "events", "verifications", "stages"}
+"""Parts of a study's export that hold no result in a home."""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Compared:
+    """Runs of people, agents and grounders in an invented home."""
+    return _with_runs(tmp_path_factory.mktemp("invented"), "invented")
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory: pytest.TempPathFactory) -> Compared:
+    """The same runs, called runs on scans."""
+    return _with_runs(tmp_path_factory.mktemp("scan"), "invented", called="scan")
+
+
+def _with_runs(root: Path, kind: SceneKind, *, called: SceneKind | None = None) -> Compared:
+    found = Compared(root, kind=kind)
+    found.kind = called or kind
+    found.write_runs()
+    return found
+
+
+def home_runs(made: Compared) -> tuple[Path, ...]:
+    return tuple(made.runs / name for name in ("study", "idle", "evil"))
+
+
+def said_in(path: Path) -> str:
+    """What a reader finds in the file: text, a picture's description, a recording's document, a table's cells."""
+    if path.suffix in (".png", ".jpg"):
+        with Image.open(path) as picture:
+            return str(picture.info.get("Description", ""))
+    if path.suffix == ".rrd":
+        return " ".join(str(chunk.to_record_batch().to_pydict()) for chunk in RrdReader(str(path)).stream()
+                        if chunk.entity_path == "/task")  # fmt: skip
+    if path.suffix == ".parquet" or path.suffix == ".arrow":
+        import pyarrow.ipc
+        import pyarrow.parquet
+
+        if path.suffix == ".parquet":
+            return str(pyarrow.parquet.read_table(path).to_pydict())
+        with pyarrow.OSFile(str(path)) as file:
+            return str(pyarrow.ipc.open_file(file).read_all().to_pydict())
+    return path.read_text(encoding="utf-8", errors="replace")
+
+
+def silent_files(folder: Path, *, besides: set[str] = NO_TABLE) -> list[str]:
+    """Files that do not say the label."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    assert files
+    return [
+        str(path.relative_to(folder))
+        for path in files
+        if path.name not in besides and path.stem not in besides and INVENTED not in said_in(path)
+    ]
+
+
+def test_each_kind_has_one_label_and_scans_have_none() -> None:
+    assert scene_label("invented") == INVENTED
+    assert scene_label("schematic") == "Schematic homes, recovered from the episode files: " + BASELINE
+    assert [scene_label(kind) for kind in ("scan", "oracle-map")] == ["", ""]
+
+
+def test_metrics_say_it_below_the_table_and_in_every_row(
+    made: Compared, scans: Compared, capsys: pytest.CaptureFixture[str]
+) -> None:
+    metrics(runs=home_runs(made), rule="paper", json=False)
+    printed = capsys.readouterr().out
+    assert f"{INVENTED}." in printed
+    assert "Rule paper = our reading of the PersONAL paper" in printed
+    assert "evil" not in printed
+    metrics(runs=home_runs(made), rule="habitat", json=True)
+    rows = json.loads(capsys.readouterr().out)
+    assert {row["scene_label"] for row in rows} == {INVENTED}
+    assert {row["paper_strict"]["undefined"] for row in rows if row["task"] == "pan"} == {0}
+    metrics(runs=home_runs(scans), rule="paper", json=False)
+    assert BASELINE not in capsys.readouterr().out
+
+
+def test_every_file_of_a_study_report_says_it(made: Compared, scans: Compared, tmp_path: Path) -> None:
+    assert report(runs=home_runs(made), out=tmp_path / "invented", rule=None, json=False, dataset=made.data) == 0
+    names = {path.name for path in (tmp_path / "invented").iterdir()}
+    assert {"report.tex", "report.csv", "report.json", "pan-trials.csv", "pan-glmm.R", "pan-people.svg"} <= names
+    assert any(name.startswith("overlay-") for name in names)
+    assert silent_files(tmp_path / "invented") == []
+    latex = (tmp_path / "invented" / "report.tex").read_text()
+    assert "scenes: invented, rule paper" in latex
+    assert all("%" not in line or r"\%" in line for line in latex.splitlines())  # no comment carries it
+    assert report(runs=home_runs(scans), out=tmp_path / "scan", rule=None, json=False) == 0
+    assert [path.name for path in (tmp_path / "scan").iterdir() if BASELINE in said_in(path)] == []
+
+
+def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Compared, tmp_path: Path) -> None:
+    runs = [made.runs / "study", made.runs / "grounder"]
+    assert pog_report(runs=runs, out=tmp_path / "invented") == 0
+    empty = {"differences.csv", "options.csv"}  # heads alone
+    assert silent_files(tmp_path / "invented", besides=NO_TABLE | empty) == []
+    assert {"methods-1.png", "distance-1.svg", "table.tex"} <= {path.name for path in (tmp_path / "invented").iterdir()}
+    assert pog_report(runs=[scans.runs / "study", scans.runs / "grounder"], out=tmp_path / "scan") == 0
+    assert [path.name for path in (tmp_path / "scan").iterdir() if BASELINE in said_in(path)] == []
+
+
+@pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
+def test_every_export_of_runs_says_it(made: Compared, scans: Compared, tmp_path: Path, format: str) -> None:
+    assert export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format) == 0  # type: ignore[arg-type]
+    assert silent_files(tmp_path / "invented") == []
+    assert export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format) == 0  # type: ignore[arg-type]
+    found = [path for path in (tmp_path / "scan").rglob("*") if path.is_file()]
+    assert [path.name for path in found if BASELINE in said_in(path)] == []
+
+
+def test_every_table_of_a_study_export_says_it(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    export_study(tmp_path / "study", tmp_path / "out")
+    assert silent_files(tmp_path / "out", besides=NO_TABLE | OF_PEOPLE) == []
+
+
+@pytest.mark.slow
+def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> None:
+    assert compare(runs=(made.runs / "idle", made.runs / "evil"), dataset=made.data, out=tmp_path / "c") == 0
+    assert silent_files(tmp_path / "c") == []
+    page = (tmp_path / "c" / "index.html").read_text()
+    assert "Rule paper = our reading of the PersONAL paper" in page
+    assert "by paper-strict SR" in page
+    out = tmp_path / "r" / "one.rrd"
+    out.parent.mkdir()
+    key = str(made.episodes[0].key)
+    assert replay(runs=(made.runs / "idle",), out=out, dataset=made.data, scenes_dir=None, episode=key) == 0
+    assert silent_files(out.parent) == []
+
+
+@pytest.mark.slow
+def test_homes_and_contact_sheets_say_it(made: Compared, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for as_json in (False, True):
+        assert homes(dataset=made.data, scene=(), json=as_json, out=None, jobs=1, folds=False) == 0
+        assert INVENTED in capsys.readouterr().out
+    options = {"scene": "Demo", "dataset": made.data, "scenes_dir": None, "invent": None, "clutter": 0}
+    assert contact_sheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops") == 0  # type: ignore[arg-type]
+    assert silent_files(tmp_path, besides={path.stem for path in (tmp_path / "crops").glob("*.png")}) == []
