@@ -175,6 +175,7 @@ def _manifest(reader: StudyReader, collected: _Collected, files: Mapping[str, tu
         study_version=reader.study_version,
         plan_version=plan.plan_version,
         is_pilot=reader.is_pilot,
+        plan_changes=plan.changes,
         dataset_digest=config.dataset.sha256,
         app_version=reader.app_version,
         tasks=config.task,

@@ -81,11 +81,14 @@ class StudyPlan(BaseModel):
     is_pilot: bool = False
     """Whether the study may be served without an ethics id; its records say so for ever."""
     participants: tuple[PlannedParticipant, ...] = Field(min_length=1)
+    changes: tuple[str, ...] = ()
+    """What the study file asks for and the plan cannot give, and why; a sentence each, without its full stop."""
 
     @property
     def plan_version(self) -> str:
-        """sha256 of the plan: 64 hex digits."""
-        return hashlib.sha256(self.model_dump_json().encode()).hexdigest()
+        """sha256 of the plan: 64 hex digits; plans of earlier versions, which knew no `changes`, keep theirs."""
+        left_out = None if self.changes else {"changes"}
+        return hashlib.sha256(self.model_dump_json(exclude=left_out).encode()).hexdigest()
 
     def scene(self, name: str) -> StudyScene:
         """One of the plan's homes, also of practice.

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +45,6 @@ def make_plan(
     episodes: Sequence[EpisodeKey],
     *,
     practice: Practice | None = None,
-    texts: Mapping[str, str] | None = None,
     is_pilot: bool = False,
 ) -> StudyPlan:
     """The plan: the same one for the same arguments, in whatever order scenes and episodes come.
@@ -58,7 +57,6 @@ def make_plan(
         scenes: Its homes with their kinds.
         episodes: Its episodes (`sampling.sample_episodes`).
         practice: Practice and attention trials.
-        texts: sha256 of consent and instructions, by file name.
         is_pilot: Whether it may be served without an ethics id.
 
     Raises:
@@ -84,7 +82,6 @@ def make_plan(
         study_version=config.study_version,
         scenes=tuple(sorted(grouped, key=lambda scene: scene.name)),
         practice_scenes=practice.scenes,
-        texts=dict(texts or {}),
         is_pilot=is_pilot,
         participants=(PlannedParticipant(code="p01", task=config.task[0], trials=()),),
     )
@@ -93,7 +90,26 @@ def make_plan(
         order = in_order(slots, np.random.default_rng([config.dataset.seed, 2, number]), key=lambda slot: slot.key)
         trials = _trials(config, task, order, practice)
         planned.append(PlannedParticipant(code=f"p{number:02d}", task=task, arm=arm, trials=trials))
-    return draft.model_copy(update={"participants": tuple(planned)})
+    return draft.model_copy(update={"participants": tuple(planned), "changes": _changes(config, planned)})
+
+
+def _changes(config: StudyConfig, people: Sequence[PlannedParticipant]) -> tuple[str, ...]:
+    """What the study file asks for and these people do not get, with the reason."""
+    main = [[trial for trial in person.trials if trial.phase == "main"] for person in people]
+    counts = [len(trials) for trials in main if trials]
+    asked, every = config.design.trials_per_person, config.checks.every
+    changes = []
+    if asked is not None and set(counts) != {asked}:
+        planned = f"{max(counts)}" if len(set(counts)) == 1 else f"{min(counts)} to {max(counts)}"
+        per_home = Counter(key.scene for key in {trial.key for trials in main for trial in trials})
+        changes.append(
+            f"design.trials_per_person: {asked} asked, {planned} planned, because {len(counts)} people, the fewest "
+            f"among whom nobody meets a home twice, share {sum(counts)} counted trials evenly ({len(per_home)} homes, "
+            f"up to {max(per_home.values())} episodes in one)"
+        )
+    if every is not None and not any(trial.phase == "check" for person in people for trial in person.trials):
+        changes.append(f"checks.every: {every} asked, no attention trial planned, because nobody has so many trials")
+    return tuple(changes)
 
 
 def _people(

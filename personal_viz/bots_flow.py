@@ -3,11 +3,11 @@
 import time
 
 from human_study.study import StudyConfig
+from human_study.texts.quiz import questions_for
 from sim.types import TaskKind
 
 from .bots_page import BotPage
 from .bots_wire import BotConnection
-from .flow_quiz import questions_for
 
 DEVICE = {"webgl2": True, "width": 1280, "height": 800}
 """What a bot's browser says of itself."""

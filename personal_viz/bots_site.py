@@ -27,6 +27,7 @@ from human_study.study import (
     save_study,
 )
 from human_study.study_secrets import load_secrets
+from human_study.texts.participants import TEXT_FILES, TOLD_FOLDER
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.types import SPLITS, TaskKind
@@ -128,11 +129,12 @@ def copy_plan(study: Path, folder: Path) -> None:
     """
     load_plan(study, load_study(study))
     folder.mkdir(parents=True)
-    for name in (STUDY_FILE, PLAN_FILE, "consent.md", "instructions.md"):
+    for name in (STUDY_FILE, PLAN_FILE, *TEXT_FILES):
         if (study / name).is_file():
             shutil.copy(study / name, folder / name)
-    if (study / PRACTICE_FOLDER).is_dir():
-        shutil.copytree(study / PRACTICE_FOLDER, folder / PRACTICE_FOLDER)
+    for name in (PRACTICE_FOLDER, TOLD_FOLDER):
+        if (study / name).is_dir():
+            shutil.copytree(study / name, folder / name)
 
 
 @contextmanager

@@ -201,12 +201,11 @@ class StudyEthics:
 
     study: Positional[Path]
     out: Path = Path("runs/ethics")
-    fill: Annotated[bool, arg(help="Write consent.md and instructions.md of the study again from study.yaml.")] = False
 
     def work(self) -> int:
         from .commands.ethics import ethics
 
-        return ethics(study=self.study, out=self.out, fill=self.fill)
+        return ethics(study=self.study, out=self.out)
 
 
 @dataclass

@@ -4,12 +4,10 @@ import html
 from dataclasses import dataclass
 
 from human_study.study import Condition, StudyConfig
-from sim.tasks.run_files import Answer, EpisodeRun
+from human_study.texts.quiz import Question
 
 from .flow import FlowPlace
-from .flow_instructions import InstructionPage
 from .flow_markdown import html_from_markdown, title_of
-from .flow_quiz import Question
 from .page_script import Device
 from .panels import Card, Choice, paragraphs, progress_html
 
@@ -126,9 +124,8 @@ def consent_card(text: str) -> Card:
     return Card(title_of(text, otherwise="Before you begin"), body, choices)
 
 
-def instruction_card(pages: tuple[InstructionPage, ...], index: int, *, is_again: bool) -> Card:
-    """One page of the instructions."""
-    page = pages[index]
+def instruction_card(pages: tuple[str, ...], index: int, *, is_again: bool) -> Card:
+    """One page of the instructions, each of which is Markdown that begins with its heading."""
     again = ""
     if is_again and index == 0:
         again = (
@@ -137,7 +134,8 @@ def instruction_card(pages: tuple[InstructionPage, ...], index: int, *, is_again
     count = f'<p class="quiet">Page {index + 1} of {len(pages)}</p>'
     onward = Choice("next", "Next") if index + 1 < len(pages) else Choice("next", "I have read this")
     back = (Choice("back", "Back", "gray"),) if index else ()
-    return Card(page.title, again + page.body + count, (onward, *back))
+    body = again + html_from_markdown(pages[index]) + count
+    return Card(title_of(pages[index], otherwise="About this study"), body, (onward, *back))
 
 
 def question_card(question: Question, answers: tuple[str, ...], *, number: int, num_all: int, was_wrong: bool) -> Card:
@@ -145,8 +143,9 @@ def question_card(question: Question, answers: tuple[str, ...], *, number: int, 
     note = ""
     if was_wrong:
         note = (
-            f'<p class="note warn" role="alert"><strong>Not quite.</strong> {html.escape(question.because)} '
-            "Please answer again.</p>"
+            '<div class="note warn" role="alert">'
+            + html_from_markdown(f"**Not quite.** {question.because} Please answer again.")
+            + "</div>"
         )
     body = f'<p class="quiet">Question {number} of {num_all}</p><p>{html.escape(question.text)}</p>{note}'
     choices = tuple(Choice(answer, answer, "gray") for answer in answers)
@@ -158,7 +157,8 @@ def practice_card(num_practice: int) -> Card:
     what = "one search" if num_practice == 1 else f"{num_practice} searches"
     text = (
         f"You begin with {what} to practise, in a home that is not part of the study.\n"
-        "These are not counted. Take your time and try every key or button."
+        "These are not counted. Take your time and try every key or button.\n"
+        "After each of them you are told whether your answer was right."
     )
     return Card("Practice", paragraphs(text), (Choice("begin", "Begin to practise"),))
 
@@ -171,10 +171,11 @@ def real_card(place: FlowPlace, more_html: str = "") -> Card:
 
 
 def saved_card(place: FlowPlace, name: str, word: str = "") -> Card:
-    """Between two trials: which one is stored, and what is said of one that was practice."""
+    """Between two trials: which one is stored, and what is said (Markdown) of one that was practice."""
     bar = progress_html(place.num_done, place.num_all, unit="searches") if place.num_all else ""
-    text = f"{name} is stored." + (f"\n{word}" if word else "")
-    return Card("Saved", paragraphs(text) + bar, (Choice("next", "Next trial"),))
+    return Card(
+        "Saved", paragraphs(f"{name} is stored.") + html_from_markdown(word) + bar, (Choice("next", "Next trial"),)
+    )
 
 
 def interrupted_card(place: FlowPlace) -> Card:
@@ -182,20 +183,6 @@ def interrupted_card(place: FlowPlace) -> Card:
     bar = progress_html(place.num_done, place.num_all, unit="searches") if place.num_all else ""
     text = "This search was interrupted, so it does not count. Everything else that you did is stored."
     return Card("Interrupted", paragraphs(text) + bar, (Choice("next", "Go on"),))
-
-
-def practice_word(result: EpisodeRun | Answer | None) -> str:
-    """What somebody who practises is told of a trial; the only trials of which anything is said."""
-    if isinstance(result, EpisodeRun):
-        paper = result.end.measures.rules["paper"] if result.end.measures is not None else None
-        has_reached = paper is not None and paper.success
-        yes, no = "You stopped within one metre of it: that is how it is done.", "The robot did not stop next to it."
-    elif isinstance(result, Answer):
-        has_reached = result.measures is not None and result.measures.success
-        yes, no = "Your mark is on it: that is how it is done.", "Your mark is not on it."
-    else:
-        return "It was only practice."
-    return yes if has_reached else f"{no} It was only practice."
 
 
 def lost_picture_card() -> Card:

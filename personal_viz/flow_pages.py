@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from human_study.study import Condition, StudyConfig
+from human_study.texts.participants import CONSENT_FILE, INSTRUCTIONS_FILE, instruction_texts, told_text, welcome_text
+from human_study.texts.quiz import Question, QuizRound, questions_for
 
 from .desk import Chosen, Desk
 from .flow import (
@@ -34,17 +36,11 @@ from .flow_cards import (
     real_card,
     saved_card,
 )
-from .flow_instructions import WELCOME, instruction_pages
+from .flow_markdown import html_from_markdown, title_of
 from .flow_pauses import machine_time, steady_detail
-from .flow_quiz import Question, QuizRound, questions_for
 from .page_script import Device
 from .panels import Card, Choice, paragraphs
 from .store_link import PersonPlace, StoreLink, TrialPlace
-
-CONSENT_FILE = "consent.md"
-INSTRUCTIONS_FILE = "instructions.md"
-TEXTS = (CONSENT_FILE, INSTRUCTIONS_FILE)
-"""Files in a study's folder that participants read."""
 
 
 @dataclass(slots=True)
@@ -73,7 +69,7 @@ class FlowPages:
             desk: The participant's page and queue.
             link: To the store.
             config: The study.
-            texts: `consent.md` and `instructions.md`, by file name.
+            texts: Of the study, by file name (`told_text`).
             quizzes: Of the worker.
             label_of_home: What participants are told of a home, from its scene's name.
         """
@@ -182,7 +178,7 @@ class FlowPages:
                     return
 
     def _consent(self, person: PersonPlace, _: FlowPlace) -> None:
-        text = self._texts.get(CONSENT_FILE, "")
+        text = told_text(self._texts, CONSENT_FILE, person.task)
         answer = self._choose(consent_card(text), person, "consent")
         self._link.give_consent(self._desk.code, text, given=answer == "agree")
 
@@ -191,8 +187,8 @@ class FlowPages:
         if self._config.flow == ("instructions",):
             self._welcome(person)
         else:
-            text = self._texts.get(INSTRUCTIONS_FILE, "")
-            pages = instruction_pages(self._config, person.task, conditions, text=text)
+            own = told_text(self._texts, INSTRUCTIONS_FILE, person.task)
+            pages = (*([own] if own.strip() else []), *instruction_texts(self._config, person.task, conditions))
             index = 0
             while index < len(pages):
                 card = instruction_card(pages, index, is_again=place.failed_rounds > 0)
@@ -201,10 +197,13 @@ class FlowPages:
 
     def _welcome(self, person: PersonPlace) -> None:
         """The only page of a study that has no other before its trials."""
-        text = WELCOME[person.task].format(steps=self._config.steps)
+        text = welcome_text(self._config, person.task)
+        body = html_from_markdown(text)
         if person.trials:
-            text += f"\nThis home: {self._label_of_home(person.trials[0].key.scene)}."
-        self._choose(Card("Welcome", paragraphs(text), (Choice("next", "Start"),)), person, "instructions")
+            body += paragraphs(f"This home: {self._label_of_home(person.trials[0].key.scene)}.")
+        self._choose(
+            Card(title_of(text, otherwise="Welcome"), body, (Choice("next", "Start"),)), person, "instructions"
+        )
 
     def _quiz(self, person: PersonPlace, place: FlowPlace) -> None:
         """One round through the questions, in the second only those that were answered wrongly."""

@@ -14,7 +14,6 @@ from playwright.sync_api import BrowserContext, Page, expect
 from human_study.study import Condition, StudyMemory, StudyPog, StudyPractice
 
 from .browser import open_chromium
-from .flow_instructions import picture_name
 from .page_script import STATIC
 from .screenshots_study import served_study
 
@@ -22,6 +21,15 @@ SIZE = (760, 475)
 """Pixels of a picture: it is shown inside a card."""
 MAX_BYTES = 60_000
 """Of a picture: a page of the instructions holds up to three."""
+PICTURES: dict[Condition, str] = {
+    "none": "how-pan.jpg",
+    "topdown": "how-topdown.jpg",
+    "glb": "how-glb.jpg",
+    "map_open": "how-pog.jpg",
+    "map_first": "how-map-first.jpg",
+    "map_2d": "how-map-2d.jpg",
+}
+"""File in `static` that shows a condition, as the templates of `human_study.texts` name it."""
 _QUALITIES = range(86, 30, -4)
 _PAIRS: tuple[tuple[Condition, Condition], ...] = (("none", "map_open"), ("topdown", "map_first"), ("glb", "map_2d"))
 """Conditions of PAN and POG that are served together."""
@@ -53,8 +61,8 @@ def instruction_pictures(browser: BrowserContext, folder: Path) -> dict[str, byt
             "practice": StudyPractice(pan=0, pog=0),
         }
         with served_study(folder / f"{pan}-{pog}", **choices) as links:
-            pictures[picture_name(pan)] = _picture(browser, links["pan"], _WAYS[pan])
-            pictures[picture_name(pog)] = _picture(browser, links["pog"], _WAYS[pog])
+            pictures[PICTURES[pan]] = _picture(browser, links["pan"], _WAYS[pan])
+            pictures[PICTURES[pog]] = _picture(browser, links["pog"], _WAYS[pog])
     return pictures
 
 

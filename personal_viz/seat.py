@@ -17,11 +17,12 @@ from human_study.plan import StudyPlan
 from human_study.stages import has_reached, way_out
 from human_study.store import SupersededError, TrialEndedError
 from human_study.study import StudyConfig
+from human_study.texts.participants import practice_text
 from human_study.writer import StoreFullError
 
 from .desk import Desk, GoneError, Item, Signal, WithdrawnError
 from .flow import FlowPlace, last_detail, trial_name
-from .flow_cards import IN_3D, ON_LEAVE, lost_picture_card, practice_word
+from .flow_cards import IN_3D, ON_LEAVE, lost_picture_card
 from .flow_pages import FlowPages, QuizMemory
 from .home import Home
 from .homes import HomeLibrary
@@ -49,7 +50,7 @@ class Study:
     opened_s: float
     """`time.monotonic()` when this worker began to serve."""
     texts: Mapping[str, str] = field(default_factory=dict)
-    """`consent.md` and `instructions.md`, by file name; those that the study has."""
+    """What participants read, by file name; those that the study has."""
     quizzes: QuizMemory = field(default_factory=QuizMemory)
 
 
@@ -183,7 +184,9 @@ class Seat:
         self._link.next_trial(self.code)  # gives out what comes next, if anything: the pages before it know of it then
         self._warm_next(self._link.person(self.code))
         if not self._desk.has_lost_picture:
-            self._pages.after(place, word=practice_word(result) if place.phase == "practice" else "")
+            is_practice = place.phase == "practice"
+            word = practice_text(self._study.config, place.task, result) if is_practice else ""
+            self._pages.after(place, word=word)
 
     def _warm_next(self, person: PersonPlace) -> None:
         """Opens the next trial's home while the participant reads."""

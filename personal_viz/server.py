@@ -17,6 +17,7 @@ import viser
 
 from human_study.plan import PRACTICE_FOLDER, StudyScene, load_plan
 from human_study.study import StudyConfig, load_study
+from human_study.texts.participants import TEXT_FILES
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import MissingDependencyError, PersonalVizError, StudyError
 from sim.scenes.labels import renderer_of
@@ -24,7 +25,6 @@ from sim.scenes.sources import open_scene
 from sim.tasks.pog import PogScene
 from sim.tasks.rules import scene_storeys
 
-from .flow_pages import TEXTS
 from .frames import Frames, RenderThreads
 from .home import Home, pan_env
 from .homes import HomeLibrary
@@ -93,7 +93,8 @@ def open_study(
         watched = {"rerun": rerun, "with_pixels": with_pixels, "is_pilot": plan.is_pilot}
         return open_home(config, scene, counted, scenes_dir, threads=threads, **watched)
 
-    texts = {name: path.read_text("utf-8") for name in TEXTS if (path := folder / name).is_file()}
+    names = plan.texts or TEXT_FILES
+    texts = {name: path.read_text("utf-8") for name in names if (path := folder / name).is_file()}
     return Study(config, plan, HomeLibrary(open_one), time.monotonic(), texts)
 
 

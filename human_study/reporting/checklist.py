@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pydantic import BaseModel, ConfigDict
 
 from ..study import StudyConfig
+from ..texts.words import words_of
 from .record_summary import ExclusionCount, FlowCount
 from .rows import TOTAL, ReportRow
 
@@ -36,10 +37,11 @@ def checklist(
     flow: Sequence[FlowCount],
     exclusions: Sequence[ExclusionCount],
     is_pilot: bool,
+    plan_changes: Sequence[str] = (),
 ) -> list[ChecklistItem]:
     """All questions of both lists."""
     parts: list[tuple[str, str, Answers]] = [
-        (_WEI, "1 Design", _design(config, rows)),
+        (_WEI, "1 Design", _design(config, rows, plan_changes)),
         (_WEI, "2 People", _people(config, flow, is_pilot=is_pilot)),
         (_WEI, "3 Execution", _execution(config, exclusions)),
         (_WEI, "4 Analysis and sharing", _analysis(config)),
@@ -52,7 +54,7 @@ def checklist(
     ]
 
 
-def _design(config: StudyConfig, rows: Sequence[ReportRow]) -> Answers:
+def _design(config: StudyConfig, rows: Sequence[ReportRow], plan_changes: Sequence[str]) -> Answers:
     dataset = config.dataset
     sizes = ", ".join(f"{split} {size}" for split, size in dataset.splits.items())
     most = "any number" if dataset.max_per_scene is None else f"at most {dataset.max_per_scene}"
@@ -78,6 +80,7 @@ def _design(config: StudyConfig, rows: Sequence[ReportRow]) -> Answers:
             f"{', '.join(limits) or 'no limit'}; success within so many steps is tabulated; nothing is best of several"
         ),
         "Sample size justified?": f"study plan --power gives its precision; why this size is {NOT_IN_FILE}",
+        "Planned as asked for?": "; ".join(plan_changes) or "yes, or planned by an earlier version",
         "Hypotheses fixed before data?": ", ".join(config.primary) or "none named: everything is exploratory",
         "Piloted before?": NOT_IN_FILE,
     }
@@ -131,11 +134,13 @@ def _analysis(config: StudyConfig) -> Answers:
 
 def _robotics(config: StudyConfig, rows: Sequence[ReportRow]) -> Answers:
     has_several = any(len(config.conditions(task)) > 1 for task in config.task)
+    words = words_of(config)
     mixed = "conditions alternate within people" if has_several else "one condition per task"
     measures = {row.measure for row in rows if not row.measure.startswith("sr_within") and row.split == TOTAL}
     return {
-        "Success criterion, stated exactly?": (
-            f"PAN: rule {config.success}, after STOP; POG: the mark within 1 m of the target's middle on its storey"
+        "Success criterion, stated exactly?": " ".join(
+            f"{task.upper()}{f', rule {config.success}' if task == 'pan' else ''}: {words[f'board_{task}_rule']}"
+            for task in config.task
         ),
         "Initial conditions controlled?": "start pose, text and home are the episode's, the same for everybody",
         "Number of trials per condition?": "k/n in every cell",

@@ -242,7 +242,16 @@ def _of_records(records: StudyRecords | None, rows: Sequence[ReportRow], runs: S
         "attention": tuple(attention_counts(records.rows)),
         "hidden": hidden_count(records.rows, config.hidden_max_s),
         "exclusions": tuple(exclusions),
-        "checklist": tuple(checklist(config, rows=rows, flow=flow, exclusions=exclusions, is_pilot=records.is_pilot)),
+        "checklist": tuple(
+            checklist(
+                config,
+                rows=rows,
+                flow=flow,
+                exclusions=exclusions,
+                is_pilot=records.is_pilot,
+                plan_changes=records.plan_changes,
+            )
+        ),
     }
 
 

@@ -35,6 +35,8 @@ class StudyRecords:
     num_deleted: int = 0
     """People who withdrew and whose records were deleted."""
     is_pilot: bool = False
+    plan_changes: tuple[str, ...] = ()
+    """What the study file asked for and the plan could not give, and why."""
     head_hashes: tuple[str, ...] = ()
     """Of every attempt's last event, sorted."""
 
@@ -98,6 +100,7 @@ def read_records(folder: Path) -> StudyRecords:
         exclusions=_lines(folder / _EXCLUSIONS_FILE, ExclusionRow),
         num_deleted=manifest.num_deleted if manifest else 0,
         is_pilot=manifest.is_pilot if manifest else False,
+        plan_changes=manifest.plan_changes if manifest else (),
         head_hashes=tuple(sorted(manifest.head_hashes.values())) if manifest else (),
     )
 

@@ -46,6 +46,8 @@ class Manifest(BaseModel):
     plan_version: str
     is_pilot: bool
     """Served without an ethics id."""
+    plan_changes: tuple[str, ...] = ()
+    """What the study file asked for and the plan could not give, and why."""
     dataset_digest: str
     app_version: str
     """Of personal-viz, which took the records."""

@@ -1,39 +1,37 @@
-"""Verb `study ethics`: the documents for an ethics board and a registry, and texts for participants filled in."""
+"""Verb `study ethics`: the documents for an ethics board and a registry, and texts as participants will read them."""
 
 from collections import Counter
 from pathlib import Path
 
-from human_study.ethics.documents import ethics_documents
-from human_study.ethics.sheets import open_places, with_filled_places
-from human_study.plan import PLAN_FILE, StudyPlan, load_plan
-from human_study.records import DATABASE_FILE
-from human_study.study import StudyConfig, load_study, write_whole
-from sim.errors import StudyError
-
-CONSENT_FILE = "consent.md"
-TEXT_FILES = (CONSENT_FILE, "instructions.md")
-"""What participants read."""
+from human_study.plan import PLAN_FILE, load_plan
+from human_study.study import load_study, write_whole
+from human_study.texts.documents import ethics_documents
+from human_study.texts.participants import CONSENT_FILE, INSTRUCTIONS_FILE, TEXT_FILES, instruction_texts
+from human_study.texts.words import filled_text, open_places, words_of
 
 
-def ethics(*, study: Path, out: Path, fill: bool = False) -> int:
-    """Writes protocol, information sheet, consent, data flow, retention, time and pay, and preregistration.
+def ethics(*, study: Path, out: Path) -> int:
+    """Writes protocol, information sheet, consent, instructions, data flow, time and pay, and preregistration.
 
     Args:
         study: Folder with study.yaml, with or without a plan.
         out: Folder for the documents; files of these names are replaced.
-        fill: First put what study.yaml says by now in place of the marks in the study's own consent.md and
-            instructions.md; the plan must be made again after that.
 
     Raises:
-        StudyError: The study file cannot be read, the study has begun (`fill`), or `out` cannot be written.
+        StudyError: The study file or a text cannot be read, or `out` cannot be written.
     """
     config = load_study(study)
     plan = load_plan(study, config) if (study / PLAN_FILE).is_file() else None
-    if fill:
-        _fill(study, config, plan)
-    consent = study / CONSENT_FILE
-    text = consent.read_text(encoding="utf-8") if consent.is_file() else None
-    documents = ethics_documents(config, plan, consent=text)
+    own = {name: (study / name).read_text(encoding="utf-8") for name in TEXT_FILES if (study / name).is_file()}
+    consent = own.get(CONSENT_FILE)
+    if consent is not None:
+        consent = filled_text(consent, words_of(config, plan=plan), where=study / CONSENT_FILE)
+    documents = ethics_documents(config, plan, consent=consent)
+    for task in config.task:
+        words = words_of(config, plan=plan, task=task)
+        text = filled_text(own.get(INSTRUCTIONS_FILE, ""), words, where=study / INSTRUCTIONS_FILE)
+        pages = (text, *instruction_texts(config, task, config.conditions(task)))
+        documents[f"instructions-{task}.md"] = "\n".join(page for page in pages if page)
     for name, document in documents.items():
         write_whole(out / name, document)
     print(f"Written to {out}: {', '.join(documents)}")
@@ -46,26 +44,3 @@ def ethics(*, study: Path, out: Path, fill: bool = False) -> int:
     else:
         print("Nothing is left to be filled in. Read every document before you hand it on.")
     return 0
-
-
-def _fill(study: Path, config: StudyConfig, plan: StudyPlan | None) -> None:
-    """Replaces the marks in the study's own texts.
-
-    Raises:
-        StudyError: People have read them already.
-    """
-    if (study / DATABASE_FILE).exists():
-        raise StudyError(
-            f"{study / DATABASE_FILE}: the study has begun; expected one that nobody has read the texts of. Leave "
-            "--fill out."
-        )
-    for name in TEXT_FILES:
-        path = study / name
-        if not path.is_file():
-            continue
-        before = path.read_text(encoding="utf-8")
-        after = with_filled_places(before, config, plan=plan)
-        if after != before:
-            write_whole(path, after)
-            again = " Make the plan again: it holds the text's hash." if plan is not None else ""
-            print(f"Filled in {path}.{again}")

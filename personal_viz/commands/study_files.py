@@ -7,12 +7,13 @@ from typing import Literal
 
 import numpy as np
 
-from human_study.ethics.sheets import consent_text, instructions_text, open_places
 from human_study.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, StudyScene, save_plan
 from human_study.planning import Practice, make_plan
 from human_study.records import DATABASE_FILE
 from human_study.sampling import sample_episodes
-from human_study.study import STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, load_study, save_study, write_whole
+from human_study.study import STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, load_study, save_study
+from human_study.texts.participants import TEXT_FILES, freeze_texts, write_texts
+from human_study.texts.words import empty_fields
 from human_study.vault import write_private
 from personal_viz.recruit_codes import CODES_FILE
 from sim.episodes.dataset import PersonalDataset
@@ -20,8 +21,6 @@ from sim.errors import StudyError
 from sim.scenes.kind import scene_kind
 from sim.types import SPLITS, EpisodeKey, Split
 
-TEXTS = ("consent.md", "instructions.md")
-"""What participants read; frozen by their hashes when the plan is made."""
 CODES_TEMPLATE = """# Codes that the recruiting platform gave for this study; uncomment with
 # recruit.kind: prolific. Never share this file.
 # [prolific]
@@ -57,13 +56,10 @@ def init(
         design=StudyDesign(kind=design),
     )
     save_study(folder, config)
-    write_texts(folder, config)
+    write_texts(folder)
     write_private(folder / CODES_FILE, CODES_TEMPLATE)
-    left = sorted({field for text in TEXTS for field in open_places((folder / text).read_text(encoding="utf-8"))})
-    print(f"Written to {folder}: {STUDY_FILE}, {', '.join(TEXTS)}, {CODES_FILE}")
-    if left:
-        print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
-        print(f"Then put them into the texts: personal-viz study ethics {folder} --out sheets --fill")
+    print(f"Written to {folder}: {STUDY_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
+    print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(empty_fields(config))}")
     print(f"Next: personal-viz study plan {folder} --dataset {dataset}")
     return 0
 
@@ -90,6 +86,8 @@ def plan(*, folder: Path | None, dataset: Path | None, scenes_dir: Path | None, 
     print(f"{config.study}: {len(keys)} episodes in {homes}, design {config.design.kind}")
     sizes = ", ".join(f"{people} people x {number} trials" for number, people in sorted(per_person.items()))
     print(f"  {num_trials} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
+    for change in made.changes:
+        print(f"  Other than asked: {change}.")
     print(f"  most meetings of one person with one home: {_most_visits(made)}")
     kinds = Counter(scene.kind for scene in made.scenes)
     print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
@@ -118,22 +116,10 @@ def plan_study(folder: Path, dataset: Path, scenes_dir: Path | None, *, pilot: b
         for name in sorted({key.scene for key in keys})
         for kind in (scene_kind(episodes, name, scenes_dir),)
     ]
-    write_texts(folder, config)
-    texts = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in TEXTS}
-    made = make_plan(config, scenes, keys, practice=_practice(folder, config), texts=texts, is_pilot=pilot)
+    made = make_plan(config, scenes, keys, practice=_practice(folder, config), is_pilot=pilot)
+    made = made.model_copy(update={"texts": freeze_texts(folder, config, made)})
     save_plan(folder, made)
     return made
-
-
-def write_texts(folder: Path, config: StudyConfig) -> None:
-    """Writes what participants read where the researcher has not written it.
-
-    Raises:
-        StudyError: The folder cannot be written.
-    """
-    for name, text in zip(TEXTS, (consent_text(config), instructions_text(config)), strict=True):
-        if not (folder / name).exists():
-            write_whole(folder / name, text)
 
 
 def require_texts(folder: Path, made: StudyPlan) -> None:

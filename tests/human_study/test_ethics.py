@@ -2,22 +2,17 @@
 
 import datetime
 import re
+from pathlib import Path
 
 import pytest
 
-from human_study.ethics.documents import ethics_documents
-from human_study.ethics.estimate import announced_minutes, estimate_time
-from human_study.ethics.preregistration import hypothesis_sentence
-from human_study.ethics.sample import sample_of
-from human_study.ethics.sheets import (
-    consent_text,
-    instructions_for,
-    instructions_text,
-    open_places,
-    with_filled_places,
-    wrapped,
-)
 from human_study.study import StudyConfig, StudyPrivacy
+from human_study.texts.documents import ethics_documents
+from human_study.texts.estimate import announced_minutes, estimate_time
+from human_study.texts.participants import instruction_texts
+from human_study.texts.preregistration import hypothesis_sentence
+from human_study.texts.sample import sample_of
+from human_study.texts.words import filled, filled_text, open_places, words_of, wrapped
 
 from .small_world import plan, study
 
@@ -33,6 +28,10 @@ WHOLE = {
     "primary": ("human_minus_agent_SR", "memory_effect_SR"),
 }
 FULL_FLOW = ("device", "consent", "instructions", "quiz")
+
+
+def consent_text(config: StudyConfig) -> str:
+    return filled("consent.md", words_of(config))
 
 
 def config_of(**changes: object) -> StudyConfig:
@@ -133,36 +132,27 @@ def test_instructions_fit_the_study_file() -> None:
         pog={"conditions": ("map_first", "map_2d"), "look_max_s": 120.0, "answer_max_s": 300.0},
         checks={"every": 15},
     )
-    text = " ".join(instructions_text(config).split())
+
+    def text_of(config: StudyConfig) -> str:
+        pages = [page for task in config.task for page in instruction_texts(config, task, config.conditions(task))]
+        return " ".join(" ".join(pages).split())
+
     for part in (
-        "| R | Look up |",
-        "after 300 steps or after 4 minutes",
+        "| `R` | Look up |",
+        "after **300 steps** or after 4 minutes",
         "at least 10 seconds and at most 90 seconds",
-        "freely for at most 2 minutes",
-        "flat map from above",
+        "alone**, for at most 2 minutes",
+        "**map from above**",
         "A search ends by itself 5 minutes after the text appears",
         "Some questions about these rules come next.",
-        "A few of the later searches are easy on purpose",
+        "A few searches are easy on purpose",
         "twice within 2 seconds",
-        "moves 25 cm forward",
-        "turns 30° to the left",
+        "walks 25 cm forward",
+        "turns 30 degrees to the left",
     ):
-        assert part in text, part
-    plain = instructions_text(config_of(flow=("instructions",)))
+        assert part in text_of(config), part
     for part in ("Look up", "map of the home", "easy on purpose", "questions about these rules"):
-        assert part not in plain, part
-
-
-def test_each_task_gets_its_own_section() -> None:
-    both = instructions_text(config_of(task=("pan", "pog")))
-    assert instructions_for(both, "pan") == instructions_text(config_of(task=("pan",)))
-    assert instructions_for(both, "pog") == instructions_text(config_of(task=("pog",)))
-    assert instructions_for("# My own text\n", "pan") == "# My own text\n"
-
-
-def test_no_text_for_participants_holds_markup_that_pages_cannot_show() -> None:
-    for text in (consent_text(config_of(**WHOLE)), instructions_text(config_of(task=("pan", "pog")))):
-        assert not set("<>{}") & set(text)
+        assert part not in text_of(config_of(flow=("instructions",))), part
 
 
 def test_the_time_is_the_sum_of_its_stated_parts() -> None:
@@ -254,10 +244,10 @@ def test_the_data_flow_lists_everything_with_its_end() -> None:
         assert file in text
 
 
-def test_marks_are_filled_in_and_own_words_stay() -> None:
+def test_marks_of_an_earlier_version_are_filled_in_and_own_words_stay(tmp_path: Path) -> None:
     text = consent_text(config_of()) + "\nOur own sentence. [to be filled in: lunch]\n"
     config = config_of(**(WHOLE | {"ethics": WHOLE["ethics"] | {"pay": ""}}))  # type: ignore[operator]
-    filled = with_filled_places(text, config)
-    assert "Our own sentence." in filled
-    assert "study@anywhere.example" in filled
-    assert open_places(filled) == ("ethics.pay", "lunch")
+    filled_in = filled_text(text, words_of(config), where=tmp_path)
+    assert "Our own sentence." in filled_in
+    assert "study@anywhere.example" in filled_in
+    assert open_places(filled_in) == ("ethics.pay", "lunch")

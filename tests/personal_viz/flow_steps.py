@@ -7,7 +7,7 @@ from playwright.sync_api import Page, expect
 from human_study.record_types import ParticipantRecord, TrialStatus
 from human_study.records import read_study
 from human_study.study import load_study
-from personal_viz.flow_quiz import questions_for
+from human_study.texts.quiz import questions_for
 from sim.types import TaskKind
 
 from .flow_studies import PlannedStudy

@@ -89,7 +89,7 @@ def test_the_last_page_is_the_one_without_buttons() -> None:
 
 def test_bots_know_one_right_answer_to_each_question() -> None:
     answers = right_answers(study(task=("pan",)))
-    assert "Within one metre" in answers
+    assert "Within 1 metre of the middle of the object" in answers
     assert "Anywhere in the same room" not in answers
 
 

@@ -94,7 +94,7 @@ def test_bots_know_the_right_answers_of_their_own_task() -> None:
     config = study(task=("pan", "pog"))
     assert "Click again: the mark moves" in right_answers(config, "pog")
     assert "Click again: the mark moves" not in right_answers(config, "pan")
-    assert "Within one metre" not in right_answers(config, "pog")
+    assert "Press STOP (or Enter) twice" not in right_answers(config, "pog")
 
 
 def test_rays_go_down_through_the_place_and_no_two_are_the_same() -> None:

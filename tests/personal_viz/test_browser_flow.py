@@ -8,7 +8,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from human_study.events import Confidence
 from human_study.plan import load_plan
 from human_study.study import load_study
-from personal_viz.flow_quiz import questions_for
+from human_study.texts.quiz import questions_for
 from sim.episodes.dataset import PersonalDataset
 from sim.scenes.sources import open_scene
 from sim.tasks.agents import ShortestPathAgent
@@ -65,7 +65,7 @@ def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, bro
     expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
     page.keyboard.press("4", delay=HOLD_MS)
     expect(page.get_by_role("heading", name="Saved")).to_be_visible()
-    expect(page.get_by_text("within one metre of it: that is how it is done")).to_be_visible()
+    expect(page.get_by_text("That was right. An answer is right when the robot stops")).to_be_visible()
     page.get_by_role("button", name="Next trial").click()
     expect(page.get_by_role("heading", name="Now it counts")).to_be_visible()
     expect(page.get_by_text("0 of 2 searches done")).to_be_visible()

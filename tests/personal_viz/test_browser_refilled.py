@@ -10,8 +10,8 @@ from human_study.plan import load_plan
 from human_study.store import open_store
 from human_study.study import StudyDesign, load_study
 from human_study.study_secrets import make_secrets
+from human_study.texts.quiz import questions_for
 from human_study.tickets import token_hash
-from personal_viz.flow_quiz import questions_for
 
 from .flow_steps import HOLD_MS, press_by_keyboard, record, stages
 from .flow_studies import plan_small, served

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from human_study.ethics.sheets import open_places
 from human_study.study import StudyConfig, save_study
+from human_study.texts.words import open_places
 from personal_viz.commands.ethics import ethics
-from sim.errors import StudyError
 
 
 def config_of(**changes: object) -> StudyConfig:
@@ -31,14 +30,13 @@ def test_the_command_writes_all_documents_and_counts_open_places(
     assert (tmp_path / "out" / "consent.md").read_text().startswith("# Ours")
 
 
-def test_the_command_fills_the_texts_of_a_study_that_has_not_begun(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    save_study(tmp_path, config_of(ethics={"contact": "study@anywhere.example"}))
-    (tmp_path / "consent.md").write_text("Ask [to be filled in: ethics.contact].\n")
-    assert ethics(study=tmp_path, out=tmp_path / "out", fill=True) == 0
-    assert (tmp_path / "consent.md").read_text() == "Ask study@anywhere.example.\n"
-    assert "Filled in" in capsys.readouterr().out
-    (tmp_path / "study.db").touch()
-    with pytest.raises(StudyError, match="the study has begun"):
-        ethics(study=tmp_path, out=tmp_path / "out", fill=True)
+def test_the_command_writes_what_participants_of_each_task_read(tmp_path: Path) -> None:
+    save_study(tmp_path, config_of(task=("pan", "pog"), ethics={"contact": "study@anywhere.example"}))
+    (tmp_path / "consent.md").write_text("Ask {{ contact }}.\n")
+    (tmp_path / "instructions.md").write_text("# Ours\n\nYou have {{ study.steps }} steps.\n")
+    assert ethics(study=tmp_path, out=tmp_path / "out") == 0
+    assert (tmp_path / "out" / "consent.md").read_text() == "Ask study@anywhere.example.\n"
+    walking, pointing = ((tmp_path / "out" / f"instructions-{task}.md").read_text() for task in ("pan", "pog"))
+    assert walking.startswith("# Ours\n\nYou have 500 steps.\n\n# Your task")
+    assert "You steer a small robot" in walking
+    assert "You steer a small robot" not in pointing

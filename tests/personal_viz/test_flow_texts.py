@@ -12,11 +12,11 @@ import pytest
 from PIL import Image
 
 from human_study.study import Condition, StudyConfig, StudyDataset, StudyPrivacy
+from human_study.texts.participants import instruction_texts
+from human_study.texts.quiz import QuizRound, questions_for
 from personal_viz.flow import FlowPlace
-from personal_viz.flow_cards import DeviceReport, device_card, duration, end_card, pause_card
-from personal_viz.flow_instructions import conditions_html, instruction_pages
+from personal_viz.flow_cards import DeviceReport, device_card, duration, end_card, instruction_card, pause_card
 from personal_viz.flow_markdown import html_from_markdown, title_of
-from personal_viz.flow_quiz import QuizRound, questions_for
 from personal_viz.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in, script
 from personal_viz.panels import Card, card_html, progress_html
 from personal_viz.screenshots_instructions import MAX_BYTES, SIZE, small_jpeg
@@ -79,18 +79,20 @@ def test_nothing_in_a_text_can_become_a_script_or_a_link_elsewhere() -> None:
 @pytest.mark.parametrize("task", ["pan", "pog"])
 def test_instructions_and_questions_fit_task_and_conditions(task: TaskKind) -> None:
     conditions = ("none", "topdown") if task == "pan" else ("map_first",)
-    pages = instruction_pages(config(), task, conditions, text="# Our study\n\nHello.")
-    assert pages[0].title == "Our study"
-    words = " ".join(page.body for page in pages)
+    pages = ("# Our study\n\nHello.", *instruction_texts(config(), task, conditions))
+    cards = [instruction_card(pages, index, is_again=False) for index in range(len(pages))]
+    assert cards[0].title == "Our study"
+    words = " ".join(card.body for card in cards)
     assert ("500" in words) == (task == "pan")
     assert ("map of the home from above" in words) == (task == "pan")
-    for page in pages:
-        tags_in(page.body)
+    assert ("<table>" in words) == (task == "pan")
+    for card in cards:
+        tags_in(card.body)
     names = [question.name for question in questions_for(config(), task, conditions)]
     assert names == (
         ["distance", "stop", "whose", "gone", "feedback"]
         if task == "pan"
-        else ["mark", "confirm", "whose", "order", "feedback"]
+        else ["mark", "middle", "confirm", "whose", "order", "feedback"]
     )
 
 
@@ -109,15 +111,15 @@ def test_instructions_and_questions_fit_task_and_conditions(task: TaskKind) -> N
 def test_people_see_a_picture_of_every_condition_that_they_will_meet(
     task: TaskKind, conditions: tuple[Condition, ...], shown: list[str]
 ) -> None:
-    body = "".join(page.body for page in instruction_pages(config(), task, conditions, text=""))
+    body = "".join(html_from_markdown(page) for page in instruction_texts(config(), task, conditions))
     found = re.findall(r'<img src="data:image/jpeg;base64,([^"]+)" alt="([^"]+)">', body)
     assert [base64.b64decode(data) for data, _ in found] == [(STATIC / name).read_bytes() for name in shown]
     assert len({alt for _, alt in found}) == len(found)
 
 
 def test_who_never_sees_a_home_in_3d_is_not_told_how_to_turn_it() -> None:
-    words = "".join(page.body for page in instruction_pages(config(), "pog", ("map_2d",), text=""))
-    assert "<strong>Turn</strong>" not in words
+    words = " ".join("".join(instruction_texts(config(), "pog", ("map_2d",))).split())
+    assert "**Turn**" not in words
     assert "without its ceiling" not in words
     assert "from straight above" in words
     assert "Give up this search" in words
@@ -133,9 +135,9 @@ def test_pictures_are_small_and_of_one_size() -> None:
 
 
 def test_the_time_of_the_look_is_said() -> None:
-    assert "for one minute at most" in conditions_html(config(), ("glb",))
-    assert "for 2 minutes at most" in conditions_html(config(), ("map_first",))
-    assert conditions_html(config(), ("none",)) == ""
+    assert "for at most 1 minute." in " ".join("".join(instruction_texts(config(), "pan", ("glb",))).split())
+    assert "for at most 2 minutes," in " ".join("".join(instruction_texts(config(), "pog", ("map_first",))).split())
+    assert "What you see of a home" not in "".join(instruction_texts(config(), "pan", ("none",)))
 
 
 def test_a_wrong_answer_leaves_the_question_and_is_counted_once() -> None:

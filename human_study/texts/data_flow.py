@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..study import StudyConfig
-from .sheets import hashes_platform_ids
+from .words import hashes_platform_ids
 
 _TEAM = "the people with an account on the computer that runs the study"
 
@@ -135,17 +135,6 @@ def _copies(end: str) -> tuple[DataItem, ...]:
             "anybody, once it is published",
             "not at all, once it is published; made again without people who withdraw before that",
         ),
-    )
-
-
-def not_stored() -> str:
-    """What is never stored, as a sentence."""
-    return (
-        "Names, e-mail addresses, internet (IP) addresses, browser names and versions, fingerprints of devices, "
-        "places, pictures or sound of people, and answers in free text are not stored. The computer that runs the "
-        "study sees the address of each connection, as every web server does, and keeps it in memory only, to limit "
-        "abuse; the program writes no access log. A reverse proxy in front of it must have its access log switched "
-        "off. Pages load nothing from other servers."
     )
 
 

@@ -7,9 +7,8 @@ from sim.types import TaskKind
 
 from ..plan import PlannedParticipant, StudyPlan
 from ..study import StudyConfig
-from .board_texts import DESIGNS
 from .estimate import TimeEstimate, estimate_time
-from .sheets import open_place
+from .words import open_place
 
 _WORDS: dict[TaskKind, str] = {"pan": "steering", "pog": "pointing"}
 
@@ -72,11 +71,6 @@ def sample_of(config: StudyConfig, plan: StudyPlan) -> Sample:
         by_kind=dict(sorted(Counter(scene.kind for scene in plan.scenes).items())),
         most_visits=max(visits, default=0),
     )
-
-
-def design_text(config: StudyConfig) -> str:
-    """Who does which episode."""
-    return DESIGNS[config.design.kind].format(raters=_people(config.design.raters_per_episode))
 
 
 def people_text(sample: Sample | None) -> str:

@@ -1,1 +1,0 @@
-"""What participants and ethics boards read, written from the study file."""

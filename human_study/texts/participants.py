@@ -1,0 +1,108 @@
+"""What one participant reads: consent, instructions, a word on practice. Markdown; the pages show it.
+
+A study's own `consent.md` and `instructions.md` are filled in when the study is planned and frozen with it; the
+program's pages on task, keys and rules follow the instructions and need no file.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from sim.errors import StudyError
+from sim.tasks.run_files import Answer, EpisodeRun
+from sim.types import TaskKind
+
+from ..plan import StudyPlan
+from ..study import Condition, StudyConfig, write_whole
+from .agreement import disagreements
+from .words import filled, filled_text, open_places, source_of, words_of
+
+CONSENT_FILE = "consent.md"
+INSTRUCTIONS_FILE = "instructions.md"
+TEXT_FILES = (CONSENT_FILE, INSTRUCTIONS_FILE)
+"""Texts of a study's folder that a researcher may change before the plan."""
+TOLD_FOLDER = "told"
+"""Of a study's folder: the texts word for word as participants of each task read them."""
+
+
+def write_texts(folder: Path) -> None:
+    """Writes the texts that a study begins with where the researcher has not written them.
+
+    Raises:
+        StudyError: The folder cannot be written.
+    """
+    for name in TEXT_FILES:
+        if not (folder / name).exists():
+            write_whole(folder / name, source_of(name))
+
+
+def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str, str]:
+    """Fills in the study's texts for the participants of each task; returns the sha256 of all files by name.
+
+    Raises:
+        StudyError: A text that people would read has an open place, or says something else than the study file.
+    """
+    write_texts(folder)
+    told, problems = {}, []
+    for name in TEXT_FILES:
+        source = (folder / name).read_text(encoding="utf-8")
+        for task in config.task:
+            words = words_of(config, plan=plan, task=task, is_for_people=True)
+            text = filled_text(source, words, where=folder / name)
+            told[told_name(name, task)] = text
+            if config.flow != ("instructions",) and name.removesuffix(".md") in config.flow:
+                problems += [f"{name}: {problem}" for problem in _problems(text, config, plan, task)]
+    if problems:
+        raise StudyError(
+            f"{folder}: texts for participants do not fit study.yaml: {'; '.join(dict.fromkeys(problems))}. Expected "
+            "what study.yaml says and nothing to be filled in. Correct study.yaml or the text, then plan again."
+        )
+    for name, text in told.items():
+        write_whole(folder / name, text)
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in (*TEXT_FILES, *told)}
+
+
+def told_name(name: str, task: TaskKind) -> str:
+    """Path, within the study's folder, of a text as the participants of a task read it."""
+    return f"{TOLD_FOLDER}/{name.removesuffix('.md')}-{task}.md"
+
+
+def told_text(texts: Mapping[str, str], name: str, task: TaskKind) -> str:
+    """A frozen text for a task; studies that an earlier version planned have one for all. '' = the study has none."""
+    return texts.get(told_name(name, task), texts.get(name, ""))
+
+
+def instruction_texts(config: StudyConfig, task: TaskKind, conditions: Sequence[Condition]) -> tuple[str, ...]:
+    """The program's pages on task, keys and rules; each begins with its heading.
+
+    Args:
+        config: The study.
+        task: What the participant does.
+        conditions: All that the participant will meet, in any order.
+    """
+    text = filled("pages.md", words_of(config, task=task, conditions=conditions))
+    return tuple(f"# {page}" for page in f"\n{text}".split("\n# ")[1:])
+
+
+def welcome_text(config: StudyConfig, task: TaskKind) -> str:
+    """The whole instructions where a study has no other page before its trials."""
+    return filled("welcome.md", words_of(config, task=task))
+
+
+def practice_text(config: StudyConfig, task: TaskKind, result: EpisodeRun | Answer | None) -> str:
+    """What somebody who practises is told of a trial, by the study's rule; of other trials nothing is said."""
+    is_right = None
+    if isinstance(result, EpisodeRun) and result.end.measures is not None:
+        rule = result.end.measures.rules.get(config.success)
+        is_right = rule.success if rule is not None else None
+    elif isinstance(result, Answer) and result.measures is not None:
+        is_right = result.measures.success
+    if is_right is None:
+        return "It was only practice."
+    return filled("practice.md", words_of(config, task=task) | {"is_right": is_right})
+
+
+def _problems(text: str, config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[str]:
+    """What keeps a text from being shown, in words."""
+    problems = [f"{field} is to be filled in" for field in open_places(text)]
+    return problems + disagreements(text, config, plan=plan, task=task)

@@ -1,0 +1,230 @@
+"""The words of a study: what its file and plan say, as the values and passages that every template can name.
+
+Limits are the very values that trials are run and scored with (`sim.tasks.rules`, `trial_terms`), so that nobody is
+told another one. `templates/passages.md` holds every rule that more than one text tells.
+"""
+
+import math
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+import jinja2
+from jinja2.runtime import Macro
+from jinja2.sandbox import SandboxedEnvironment
+
+from sim.errors import StudyError
+from sim.tasks.rules import AUTHORS_DISTANCE, HABITAT_DISTANCE, RELAXED_RADIUS, SUCCESS_RADIUS
+from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
+
+from ..plan import StudyPlan
+from ..session import GIVE_UP_WITHIN_S, STOP_WITHIN_S
+from ..study import Condition, PanCondition, PogCondition, StudyConfig
+from ..trial_terms import terms_of
+from .estimate import announced_minutes
+
+WIDTH = 110
+_LIMITS: dict[SuccessRule, tuple[float, ...]] = {
+    "paper": (SUCCESS_RADIUS, RELAXED_RADIUS),
+    "habitat": (HABITAT_DISTANCE,),
+    "authors": (AUTHORS_DISTANCE,),
+    "paper-strict": (SUCCESS_RADIUS,),
+}
+"""Metres by which a rule of PAN tells right from wrong."""
+_IN_A_PILOT = {
+    "institution": "The team of this pilot study",
+    "contact": "the person who gave you your link",
+    "pay": "No pay is stated for this pilot study.",
+    "irb": "none is stated for this pilot study",
+    "retention_date": "a day that is not set yet",
+}
+"""What participants of a pilot read where the study file is empty."""
+_FIELDS = {
+    "ethics.institution": "institution",
+    "ethics.contact": "contact",
+    "ethics.pay": "pay",
+    "ethics.irb": "irb",
+    "ethics.duration_min": "minutes",
+    "privacy.retention": "retention_date",
+}
+"""Fields of the study file that may be empty, and the words that they fill."""
+_MARK = re.compile(r"\[to\s+be\s+filled\s+in:\s+([a-z_.]+)\]")
+_PASSAGES = "passages.md"
+_ENVIRONMENT = SandboxedEnvironment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
+
+
+def limits_m(config: StudyConfig, task: TaskKind) -> tuple[float, ...]:
+    """The distances in metres that decide whether an answer is right; one that is exactly as long decides too."""
+    return _LIMITS[config.success] if task == "pan" else (SUCCESS_RADIUS,)
+
+
+def words_of(
+    config: StudyConfig,
+    *,
+    plan: StudyPlan | None = None,
+    task: TaskKind | None = None,
+    conditions: Sequence[Condition] | None = None,
+    is_for_people: bool = False,
+) -> dict[str, Any]:
+    """Every value and passage that a template can name.
+
+    Args:
+        config: The study.
+        plan: Gives the announced time where the study file does not, and says whether this is a pilot.
+        task: What the reader does; None = a reader of the whole study.
+        conditions: All that the reader will meet; None = all of the task.
+        is_for_people: In a pilot, people read plain words and no mark where the study file is still empty.
+    """
+    said_instead = _IN_A_PILOT if is_for_people and plan is not None and plan.is_pilot else {}
+    values: dict[str, Any] = {
+        _FIELDS[field]: value or said_instead.get(_FIELDS[field]) or open_place(field)
+        for field, value in _stated(config, plan).items()
+    }
+    tasks = config.task if task is None else (task,)
+    met = conditions if conditions is not None else [name for each in tasks for name in config.conditions(each)]
+    met = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in met]
+    values |= {
+        "study": config,
+        "rule": config.success,
+        "task": task,
+        "tasks": tasks,
+        "conditions": met,
+        "actions": [action.name.lower() for action in config.action_set],
+        "limits": [length_text(limit) for limit in limits_m(config, "pan")],
+        "point_limit": length_text(SUCCESS_RADIUS),
+        "forward": f"{100 * FORWARD_STEP:.0f} cm",
+        "turn": f"{math.degrees(TURN_STEP):.0f} degrees",
+        "stop_within": duration_text(STOP_WITHIN_S),
+        "give_up_within": duration_text(GIVE_UP_WITHIN_S),
+        "resume": duration_text(config.resume_within_s),
+        "gap": duration_text(config.breaks.sitting_gap_s),
+        "pan_limit": _time_limit(config, "pan"),
+        "pog_limit": _time_limit(config, "pog"),
+        "looks": {name: _look_limit(config, name) for name in met},
+        "is_longer_than_a_sitting": _is_longer_than_a_sitting(config),
+        "has_platform_code": hashes_platform_ids(config),
+    }
+    passages = vars(_ENVIRONMENT.get_template(_PASSAGES).make_module(values))
+    return values | {name: str(words()).strip() for name, words in passages.items() if isinstance(words, Macro)}
+
+
+def empty_fields(config: StudyConfig, plan: StudyPlan | None = None) -> tuple[str, ...]:
+    """The fields of the study file that texts need and that it leaves empty."""
+    return tuple(field for field, value in _stated(config, plan).items() if not value)
+
+
+def filled(template: str, words: Mapping[str, Any]) -> str:
+    """One of our templates (`templates/<template>`) with these words, paragraphs filled to one width."""
+    return wrapped(_ENVIRONMENT.get_template(template).render(words))
+
+
+def source_of(template: str) -> str:
+    """The template itself, as a new study gets it to change."""
+    return (Path(__file__).parent / "templates" / template).read_text(encoding="utf-8")
+
+
+def filled_text(text: str, words: Mapping[str, Any], *, where: Path) -> str:
+    """A researcher's text with these words in place of its fields; a text without fields stays as it is.
+
+    Args:
+        text: May name any of the words in double braces, or mark a field of the study file as to be filled in.
+        words: From `words_of`.
+        where: Of the text, for a message.
+
+    Raises:
+        StudyError: The text names something that is no word of a study, or is no template.
+    """
+    text = _MARK.sub(lambda mark: words[_FIELDS[mark[1]]] if mark[1] in _FIELDS else mark[0], text)
+    if not re.search(r"\{\{|\{%|\{#", text):
+        return text
+    try:
+        return wrapped(_ENVIRONMENT.from_string(text).render(words))
+    except jinja2.TemplateSyntaxError as error:
+        problem, line = error.message, f", line {error.lineno}"
+    except (jinja2.TemplateError, ArithmeticError, TypeError, ValueError) as error:
+        problem, line = str(error), ""
+    names = ", ".join(sorted(name for name, word in words.items() if isinstance(word, str)))
+    raise StudyError(
+        f"{where}{line}: cannot be filled in ({problem}); expected only words of the study in double braces. "
+        f"Use: {names}."
+    )
+
+
+def open_place(field: str) -> str:
+    """The mark that stands where the study file leaves `field` empty."""
+    return f"[to be filled in: {field}]"
+
+
+def open_places(text: str) -> tuple[str, ...]:
+    """The fields that a text still marks as to be filled in, each once, in order of appearance."""
+    return tuple(dict.fromkeys(_MARK.findall(text)))
+
+
+def hashes_platform_ids(config: StudyConfig) -> bool:
+    """Whether an id of a recruiting platform reaches the study: people on the open link bring it."""
+    return config.recruit.kind == "prolific" or (config.recruit.kind == "link" and config.privacy.platform_id == "hmac")
+
+
+def wrapped(text: str) -> str:
+    """The Markdown with paragraphs filled to one width; headings, lists and tables stay as they are."""
+    blocks = [block for block in re.split(r"\n\s*\n", text.strip()) if block.strip()]
+    filled = [block if _is_kept(block) else textwrap.fill(" ".join(block.split()), WIDTH) for block in blocks]
+    return re.sub(r"[ \t]+\n", "\n", "\n\n".join(block.strip("\n") for block in filled) + "\n")
+
+
+def _is_kept(block: str) -> bool:
+    """Whether a block is no paragraph: heading, list, table, quotation, or a drawing (indented)."""
+    return block.lstrip()[0] in "#-|>" or block.startswith("    ") or bool(re.match(r"\d+\. ", block))
+
+
+def length_text(metres: float) -> str:
+    """A length as people say it: 1.5 metres, 10 centimetres."""
+    if metres < 1:
+        return f"{100 * metres:g} centimetres"
+    return f"{metres:g} metre" + ("s" if metres != 1 else "")
+
+
+def duration_text(seconds: float) -> str:
+    """Seconds as words: minutes where they are whole."""
+    if seconds >= 60 and seconds % 60 == 0:
+        minutes = round(seconds / 60)
+        return f"{minutes} minute" + ("s" if minutes != 1 else "")
+    return f"{seconds:g} second" + ("s" if seconds != 1 else "")
+
+
+def _stated(config: StudyConfig, plan: StudyPlan | None) -> dict[str, str]:
+    """What the study file says of the fields that texts need, the announced time by its plan; '' = nothing."""
+    ethics = config.ethics
+    given = (ethics.institution, ethics.contact, ethics.pay, ethics.irb, announced_minutes(config, plan))
+    values = (*given, config.privacy.retention)
+    return {field: str(value or "").strip() for field, value in zip(_FIELDS, values, strict=True)}
+
+
+def _time_limit(config: StudyConfig, task: TaskKind) -> str:
+    """How long a trial of the task may last; '' = as long as it takes."""
+    seconds = terms_of(config, config.conditions(task)[0]).task_max_s
+    return duration_text(seconds) if seconds is not None else ""
+
+
+def _look_limit(config: StudyConfig, condition: Condition) -> str:
+    """How long the look before a trial of the condition may last, as the end of a sentence; '' = there is none."""
+    look = terms_of(config, condition).look
+    if look is None:
+        return ""
+    least = f"at least {duration_text(look.min_s)}" if look.min_s > 0 else ""
+    most = f"at most {duration_text(look.max_s)}" if look.max_s is not None else ""
+    return " and ".join(part for part in (least, most) if part) or "as long as you like"
+
+
+def _is_longer_than_a_sitting(config: StudyConfig) -> bool:
+    """Whether somebody may have more counted trials than fit into one sitting."""
+    sitting, asked = config.breaks.sitting_max, config.design.trials_per_person
+    return sitting is not None and (asked is None or asked > sitting)
