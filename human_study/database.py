@@ -160,7 +160,7 @@ def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyC
         version, at_ns = package_version("personal-viz"), time.time_ns()
         database.execute(
             "INSERT INTO study(study_version, config, app_version, created_ns, plan) VALUES (?, ?, ?, ?, ?)",
-            (config.study_version, config.model_dump_json(), version, at_ns, plan.model_dump_json()),
+            (config.study_version, config.model_dump_json(), version, at_ns, plan.canonical_json()),
         )
         return
     for name, found, expected, file in (

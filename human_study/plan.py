@@ -86,9 +86,12 @@ class StudyPlan(BaseModel):
 
     @property
     def plan_version(self) -> str:
-        """sha256 of the plan: 64 hex digits; plans of earlier versions, which knew no `changes`, keep theirs."""
-        left_out = None if self.changes else {"changes"}
-        return hashlib.sha256(self.model_dump_json(exclude=left_out).encode()).hexdigest()
+        """sha256 of the canonical JSON: 64 hex digits."""
+        return hashlib.sha256(self.canonical_json().encode()).hexdigest()
+
+    def canonical_json(self) -> str:
+        """The text that is hashed and stored; without empty `changes`, as in plans of earlier versions."""
+        return self.model_dump_json(exclude=None if self.changes else {"changes"})
 
     def scene(self, name: str) -> StudyScene:
         """One of the plan's homes, also of practice.

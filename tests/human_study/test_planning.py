@@ -219,3 +219,24 @@ def test_every_house_once_plan_fills_all_places_and_keeps_the_rule(
         assert len({trial.scene for trial in trials}) == len(trials)
         filled.update((trial.condition, trial.key) for trial in trials)
     assert filled == {(arm, key): raters for arm in arms for key in keys}
+
+
+def test_a_plan_that_cannot_give_what_was_asked_says_so_and_why(tmp_path: Path) -> None:
+    asked = house_once(design={"kind": "house-once", "trials_per_person": 40})
+    drawn = planned(asked, sample_episodes(asked, POOL))
+    assert drawn.changes == (
+        "design.trials_per_person: 40 asked, 30 planned, because 25 people, the fewest among whom nobody meets a home "
+        "twice, share 750 counted trials evenly (31 homes, up to 5 episodes in one)",
+    )
+    save_plan(tmp_path, drawn)
+    assert load_plan(tmp_path, asked) == drawn
+    as_asked = house_once()
+    assert planned(as_asked, sample_episodes(as_asked, POOL)).changes == ()
+    without_checks = study(checks={"every": 15})
+    assert plan(without_checks).changes == (
+        "checks.every: 15 asked, no attention trial planned, because nobody has so many trials",
+    )
+
+
+def test_a_plan_without_changes_keeps_the_hash_of_earlier_versions() -> None:
+    assert plan(study()).plan_version == "393b93a07a21ee35099de0998e5d0f3a0b6bf7cbadb4b66ced06c3b2cc544fda"

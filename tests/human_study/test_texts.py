@@ -1,4 +1,4 @@
-"""What people are told is what is scored: every rule, limit and key of a study, in every text, and what `plan` refuses."""
+"""What people are told is what is scored: every rule, limit and key, in every text; and which texts `plan` refuses."""
 
 import itertools
 import re
@@ -86,9 +86,10 @@ def decides(config: StudyConfig, task: TaskKind, limit: float) -> bool:
     scored: Callable[[float], bool]
     if task == "pog":
         scored = lambda metres: score_answer(episode(), [(middle + metres, 0.0, 0.0)], storeys=[(0.0, 0.0)]).success  # noqa: E731
-    elif config.success == "paper":
-        of = seen_from(0.75 if limit == min(limits_m(config, task)) else 1.3)
-        scored = lambda metres: stops_at(of, middle + metres, "paper")  # noqa: E731
+    elif config.success in ("paper", "paper-strict"):
+        is_relaxed = config.success == "paper-strict" or limit != min(limits_m(config, task))
+        of = seen_from(1.3 if is_relaxed else 0.75)
+        scored = lambda metres: stops_at(of, middle + metres, config.success)  # noqa: E731
     else:
         of = seen_from(0.75)
         scored = lambda metres: stops_at(of, middle + 0.75 + metres, config.success)  # noqa: E731
@@ -102,17 +103,13 @@ def ended(task: TaskKind, *, config: StudyConfig, is_right: bool) -> EpisodeRun 
         measures = score_answer(episode(), [(x, 0.0, 0.0)], storeys=[(0.0, 0.0)])
         return Answer.model_construct(measures=measures)
     poses = [Pose((0.0, 0.0, 0.0), 0.0)] * 2
-    run = score_run(
-        episode(), poses, stopped=True, navigation=SquareRoom(), collisions=0, scene_digest=SCENE_DIGEST
-    )
+    run = score_run(episode(), poses, stopped=True, navigation=SquareRoom(), collisions=0, scene_digest=SCENE_DIGEST)
     rules = {
         name: figures.model_copy(update={"success": is_right if name == config.success else not is_right})
         for name, figures in run.rules.items()
         if figures is not None
     }
-    return EpisodeRun.model_construct(
-        end=EpisodeEnd(reason="stop", measures=run.model_copy(update={"rules": rules}))
-    )
+    return EpisodeRun.model_construct(end=EpisodeEnd(reason="stop", measures=run.model_copy(update={"rules": rules})))
 
 
 def texts_that_tell_the_rule(config: StudyConfig, task: TaskKind, conditions: tuple[Condition, ...]) -> dict[str, str]:
@@ -162,7 +159,9 @@ def test_no_wrong_answer_of_the_quiz_is_right_and_the_right_one_is_first(rule: S
 def test_practice_is_judged_by_the_rule_of_the_study(rule: SuccessRule) -> None:
     config = config_of(success=rule)
     for task in get_args(TaskKind):
-        right, wrong = (practice_text(config, task, ended(task, config=config, is_right=is_right)) for is_right in (True, False))
+        right, wrong = (
+            practice_text(config, task, ended(task, config=config, is_right=is_right)) for is_right in (True, False)
+        )
         assert right.startswith("That was right. An answer is right when")
         assert wrong.startswith("That was not right, but it was only practice. An answer is right when")
         assert practice_text(config, task, None) == "It was only practice."
@@ -313,7 +312,7 @@ def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path
         ("Rest after every 10 searches.", False),
         ("Rest after every 12 searches.", True),
         ("You do 3 searches.", False),
-        ("You do thirty searches.", True),
+        ("You do forty searches.", True),
         ("Records are deleted on 31 December 2027.", False),
         ("Records are deleted on 2030-01-01.", True),
         ("W walks 25 cm, D turns 30°.", False),
