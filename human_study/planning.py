@@ -104,8 +104,8 @@ def _changes(config: StudyConfig, people: Sequence[PlannedParticipant]) -> tuple
         per_home = Counter(key.scene for key in {trial.key for trials in main for trial in trials})
         changes.append(
             f"design.trials_per_person: {asked} asked, {planned} planned, because {len(counts)} people, the fewest "
-            f"among whom nobody meets a home twice, share {sum(counts)} counted trials evenly ({len(per_home)} homes, "
-            f"up to {max(per_home.values())} episodes in one)"
+            f"among whom nobody meets a home twice, share {sum(counts)} counted trials evenly ({len(per_home)} "
+            f"home{'s' if len(per_home) > 1 else ''}, up to {max(per_home.values())} episodes in one)"
         )
     if every is not None and not any(trial.phase == "check" for person in people for trial in person.trials):
         changes.append(f"checks.every: {every} asked, no attention trial planned, because nobody has so many trials")

@@ -104,5 +104,5 @@ def practice_text(config: StudyConfig, task: TaskKind, result: EpisodeRun | Answ
 
 def _problems(text: str, config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[str]:
     """What keeps a text from being shown, in words."""
-    problems = [f"{field} is to be filled in" for field in open_places(text)]
-    return problems + disagreements(text, config, plan=plan, task=task)
+    left = ", ".join(open_places(text))
+    return ([f"{left} to be filled in"] if left else []) + disagreements(text, config, plan=plan, task=task)

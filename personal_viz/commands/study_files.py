@@ -59,7 +59,8 @@ def init(
     write_texts(folder)
     write_private(folder / CODES_FILE, CODES_TEMPLATE)
     print(f"Written to {folder}: {STUDY_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
-    print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(empty_fields(config))}")
+    left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
+    print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
     print(f"Next: personal-viz study plan {folder} --dataset {dataset}")
     return 0
 
