@@ -59,6 +59,8 @@ class Shown(TrialEvent):
     step: int
     frame_hash: str | None
     """sha256 of the (H, W, 3) bytes; None when the environment does not render."""
+    blocked: bool = False
+    """Whether it came with the sign that the step before was blocked; older programs had neither sign nor field."""
 
 
 class Key(TrialEvent):

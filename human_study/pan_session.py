@@ -52,6 +52,8 @@ class PanSession(TrialSession[PanView]):
         self._env, self._looks_later = env, looks_later
         self._armed_s = -math.inf
         self._observation: Observation | None = None
+        self._was_blocked = False
+        """Whether something was in the way of the last step; forgotten when somebody comes back."""
 
     @property
     def observation(self) -> Observation | None:
@@ -80,9 +82,9 @@ class PanSession(TrialSession[PanView]):
         return SessionUpdate(events, self.view(now_s))
 
     def handle(self, command: Command, now_s: float, *, busy: bool = False) -> SessionUpdate[PanView]:
-        """As `TrialSession.handle`; an absence disarms STOP."""
+        """As `TrialSession.handle`; an absence disarms STOP and ends the sign that a step was blocked."""
         if isinstance(command, Resume):
-            self._armed_s = -math.inf
+            self._armed_s, self._was_blocked = -math.inf, False
         return super().handle(command, now_s, busy=busy)
 
     def _open_event(self, t_s: float) -> Open:
@@ -93,7 +95,7 @@ class PanSession(TrialSession[PanView]):
     def _show_task(self, t_s: float, *, again: bool = False) -> tuple[Event, ...]:
         rgb = self._observation.rgb if self._observation is not None else None
         digest = None if rgb is None else hashlib.sha256(np.ascontiguousarray(rgb).data).hexdigest()
-        return (Shown(t_s=t_s, step=len(self._env.steps), frame_hash=digest),)
+        return (Shown(t_s=t_s, step=len(self._env.steps), frame_hash=digest, blocked=self._was_blocked),)
 
     def _task_view(self, t_s: float) -> PanView:
         return PanView(
@@ -104,6 +106,7 @@ class PanSession(TrialSession[PanView]):
             is_over=self.is_over,
             is_giving_up=self._is_giving_up(t_s),
             left_s=self._left_s(t_s),
+            is_blocked=self._was_blocked and self._observation is not None and not self.is_over,
         )
 
     def _moments(self, t_s: float) -> list[float]:
@@ -144,6 +147,7 @@ class PanSession(TrialSession[PanView]):
         self._env.move(action, t_s=t_s - began_s)
         self._observation = None if self._looks_later else self._env.observe()
         step = self._env.steps[-1]
+        self._was_blocked = step.collided
         act = Act(t_s=t_s, action=action, position=step.position, yaw=step.yaw, tilt=step.tilt, collided=step.collided)
         if self._env.end_reason is not None:
             self._end(self._env.end_reason, act)

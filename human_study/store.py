@@ -79,6 +79,8 @@ class StudyStore(PeopleWrites):
         self._path = path
         self._database = database
         self._lock = lock
+        self._connections: dict[str, int] = {}
+        """The newest connection of each participant that has opened a trial; only the writer's thread looks."""
 
     def __enter__(self) -> "StudyStore":
         """The store itself."""
@@ -156,18 +158,31 @@ class StudyStore(PeopleWrites):
         with read_study(self.folder) as reader:
             return next(trial for trial in reversed(reader.trials(code)) if trial.order_no == number)
 
-    def open_trial(self, code: str, order_no: int) -> Trial:
+    def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
         """Begin a planned trial, or take it over: the newest opening writes, older ones are refused from now on.
 
         A trial that already has events gets the event `reconnect`.
 
+        Args:
+            code: The participant.
+            order_no: Of the trial.
+            connection: Number of the participant's connection, higher for each later one since the store was opened. A
+                home takes long to open: an older connection that gets so far later must not take over from a newer one.
+
         Raises:
+            SupersededError: A newer connection has opened a trial.
             TrialEndedError: It has its outcome.
             StudyError: The participant has no such trial.
         """
         now = self._now()
 
         def job(database: sqlite3.Connection) -> Trial:
+            newest = self._connections.get(code, 0)
+            if connection < newest:
+                raise SupersededError(
+                    f"participant {code!r}: asked from connection {connection}; expected {newest}, the newest tab's. "
+                    "Continue in that tab."
+                )
             row = database.execute(
                 "SELECT assignment_id, phase, task, condition, split, scene, episode_id FROM assignment"
                 " WHERE code = ? AND order_no = ?",
@@ -181,6 +196,7 @@ class StudyStore(PeopleWrites):
             assignment_id, phase, task, condition, *names = row
             key = EpisodeKey(*names)
             self._require_consent(database, code)
+            self._connections[code] = connection
             trial_id, attempt = self._latest_attempt(database, code, assignment_id, key, now.wall_ns)
             self._require_running(database, trial_id)
             last_epoch = database.execute("SELECT max(epoch) FROM sitting WHERE trial_id = ?", (trial_id,)).fetchone()

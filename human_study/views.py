@@ -43,6 +43,8 @@ class PanView:
     """Whether another press of giving up now ends the trial."""
     left_s: int | None = None
     """Seconds until the time is up, in coarse steps; None = there is no limit."""
+    is_blocked: bool = False
+    """Whether the picture is one after a step that something was in the way of: a sign comes with it."""
 
 
 @dataclass(frozen=True, slots=True)

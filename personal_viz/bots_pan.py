@@ -115,7 +115,7 @@ class PanBot(Bot):
         """STOP twice, at a person's pace and not before the last picture, and then the pages that follow."""
         await self._until(lambda: self._press is None or not self._page.is_walking)
         await self._send(Action.STOP, awaited=False)
-        await self._until(lambda: "again to finish" in self._page.text)
+        await self._until(lambda: self._page.button(r"^stop here: press again") is not None)
         await asyncio.sleep(PRESS_GAP_S)
         await self._send(Action.STOP, awaited=False)
         if not await self._until(lambda: not self._page.is_walking):

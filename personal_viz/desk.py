@@ -99,6 +99,13 @@ class Desk:
         if isinstance(item.content, Signal) or self._queue.qsize() < MAX_WAITING:
             self._queue.put(item)
 
+    def require_here(self) -> None:
+        """After work that took long: raises as `wait` where the browser has gone, or a newer tab has come."""
+        with self._queue.mutex:
+            waiting = [item.content for item in self._queue.queue]
+        for content in waiting:
+            self._end_on(content)
+
     def new_screen(self, *, hears: tuple[type, ...] = PAGE_COMMANDS) -> Send:
         """Begins a screen; returns where its callbacks send, and what older screens still send is dropped.
 
@@ -154,12 +161,7 @@ class Desk:
         until_s = None if timeout_s is None else time.monotonic() + timeout_s
         while True:
             item = self._queue.get(timeout=None if until_s is None else max(0.0, until_s - time.monotonic()))
-            if item.content is Signal.GONE:
-                raise GoneError
-            if item.content is Signal.SUPERSEDED:
-                raise SupersededError(f"{self.code} opened the study in another tab.")
-            if item.content is Signal.WITHDRAWN:
-                raise WithdrawnError
+            self._end_on(item.content)
             if isinstance(item.content, OwnKeys):
                 self.own_keys = item.content.keys
                 self.on_keys(item.content.keys)
@@ -196,6 +198,15 @@ class Desk:
         """Has the browser load the page again."""
         self.page.client.gui.add_html(when_shown("reload"))
         self.page.client.flush()
+
+    def _end_on(self, content: Any) -> None:
+        """Raises on the signals that end what a seat does."""
+        if content is Signal.GONE:
+            raise GoneError
+        if content is Signal.SUPERSEDED:
+            raise SupersededError(f"{self.code} opened the study in another tab.")
+        if content is Signal.WITHDRAWN:
+            raise WithdrawnError
 
     def _with_press(self, content: Any) -> Any:
         """The command of a key with what the browser told of that key: its place on the keyboard, and when."""

@@ -4,6 +4,7 @@ viser itself has no login and listens on loopback only; whatever a browser sends
 """
 
 import contextlib
+import itertools
 import random
 import sys
 import time
@@ -102,6 +103,8 @@ class Gateway:
         self._tell = tell or (lambda line: print(f"personal-viz: {line}", file=sys.stderr))
         self._guesses, self._joins, self._downloads = (AddressLimit(*rate) for rate in (GUESSES, JOINS, DOWNLOADS))
         self._people, self._sessions = Holds(), Holds()
+        self._numbers = itertools.count(1)
+        """Of connections, in the order in which they come."""
         self._probe = random.Random(0).randbytes(PROBE_BYTES)  # cannot be compressed on the way
 
     def app(self) -> Starlette:
@@ -192,6 +195,7 @@ class Gateway:
 
     async def websocket(self, socket: WebSocket) -> None:
         """A participant's connection, joined to viser."""
+        number = next(self._numbers)
         ticket_id = socket.path_params["ticket"]
         ticket = self._tickets.find(ticket_id)
         if ticket is None or not ticket.admits(socket.cookies.get(SESSION_COOKIE, "")):
@@ -215,7 +219,7 @@ class Gateway:
                 await socket.close(code=LATER)
                 return
             with self._present(ticket.code):
-                reason = await join(socket, door, ticket_id)
+                reason = await join(socket, door, ticket_id, number)
         if reason is not None:
             self._tell(f"a connection of {ticket.code} was closed: it sent {reason}")
             if self._note_error is not None:

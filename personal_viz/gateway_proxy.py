@@ -27,19 +27,20 @@ BAD, LATER, RESTART = 1008, 1013, 1012
 """Close codes: a message that is not allowed; come back in a moment; the worker behind it ended."""
 
 
-async def join(socket: WebSocket, door: WorkerDoor, ticket_id: str) -> str | None:
+async def join(socket: WebSocket, door: WorkerDoor, ticket_id: str, number: int) -> str | None:
     """Passes messages until either side leaves.
 
     Args:
         socket: The browser's, not accepted yet.
         door: Of the worker.
         ticket_id: Told to the worker, which asks whose it is.
+        number: Of the connection, told to the worker too: of a participant's connections the highest is the newest.
 
     Returns:
         Why we ended the connection, in words for the researcher; None when somebody left.
     """
     offered = [Subprotocol(name) for name in socket.scope.get("subprotocols", []) if _SUBPROTOCOL.match(name)][:1]
-    url = f"ws://127.0.0.1:{door.port}/?ticket={ticket_id}"
+    url = f"ws://127.0.0.1:{door.port}/?connection={number}&ticket={ticket_id}"
     try:
         upstream = await connect(
             url,

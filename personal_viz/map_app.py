@@ -11,7 +11,7 @@ from human_study.views import LookView
 
 from .camera_buttons import add_camera_buttons
 from .camera_samples import CameraSamples
-from .panels import Page, overlay_html
+from .panels import Page, overlay_html, roomy_html
 from .scene_view import SceneView, StoreyCopies
 from .top_view import TopView
 
@@ -27,6 +27,9 @@ _ADVICE: dict[MapKind, str] = {
     "home": "Drag to turn, scroll to zoom, right-drag to move. Afterwards you will read what to find, and point at it.",
 }
 _BEGIN: dict[MapKind, str] = {"topdown": "Start walking", "glb": "Start walking", "home": "Show what to find"}
+
+_LONGEST = "88:88 minutes left. You can go on in 88:88 minutes."
+"""The clock at its longest: what stands below it has its place from the beginning."""
 
 
 class LookApp:
@@ -91,11 +94,11 @@ class LookApp:
         if view.wait_s:
             clock += f" You can go on in {_seconds(view.wait_s)}."
         self._status.content = (
-            f'<div style="padding:.6em .8em 0;font-size:.9em;color:#555">{self._caption}</div>'
+            f'<div class="personal-caption">{self._caption}</div>'
             f'<div class="personal-text" style="padding:.3em .65rem">'
             f'<p style="font-size:1.2em;font-weight:600;margin:.2em 0">{_TITLES[view.what]}</p>'
             f'<p style="margin:.2em 0">{_ADVICE[view.what]}</p>'
-            f'<p role="timer" style="margin:.5em 0;font-weight:600">{clock}</p></div>'
+            f'<div role="timer" style="margin:.5em 0;font-weight:600">{roomy_html(clock, _LONGEST)}</div></div>'
         )
         self._page.client.flush()
 

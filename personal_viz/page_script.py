@@ -140,14 +140,28 @@ def style_sheet() -> str:
     return (STATIC / "page.css").read_text(encoding="utf-8")
 
 
-def page_html() -> str:
-    """HTML that puts style sheet and script into a page, once for each connection."""
-    return f"<style>{style_sheet()}</style>{_runs(script())}"
+def page_html(*, panel_width: int) -> str:
+    """HTML that puts style sheet and script into a page, once for each connection.
+
+    Args:
+        panel_width: Pixels of the side panel.
+    """
+    return f"<style>:root {{ --personal-panel: {panel_width}px; }}\n{style_sheet()}</style>{_runs(script())}"
 
 
 def when_shown(call: Literal["shown", "refresh", "reload"]) -> str:
     """HTML that calls one of the script's functions as soon as it is in the page."""
     return _runs(_call(f"{call}()"))
+
+
+def sign_html(text: str, number: int) -> str:
+    """HTML that has the script show a line over the picture; empty text = takes it away.
+
+    Args:
+        text: Plain text.
+        number: Another one has the same text shown and read aloud again.
+    """
+    return _runs(_call(f"sign({json.dumps(text)},{number})"))
 
 
 def _call(call: str) -> str:

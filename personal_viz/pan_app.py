@@ -1,4 +1,8 @@
-"""The PAN screen: the robot's present view, texts, step counter, buttons, keys. No mesh and no goal in the browser."""
+"""The PAN screen: the robot's present view, texts, step counter, buttons, keys. No mesh and no goal in the browser.
+
+What a press of STOP or of giving up asks for stands on the button itself and over the picture: nothing moves under the
+pointer between the first press and the second.
+"""
 
 import base64
 import html
@@ -14,7 +18,7 @@ from sim.types import Action
 
 from .frames import jpeg_bytes
 from .page_script import KeyAction
-from .panels import Page, overlay_html
+from .panels import AGAIN, GIVE_UP, GIVING_UP, Page, overlay_html, relabel, show_giving_up
 
 BUTTON_LABELS = {
     Action.FORWARD: ("Forward", "W or Up"),
@@ -36,8 +40,8 @@ HOTKEYS = {
     "F": ("KeyF", Action.LOOK_DOWN),
 }
 """viser's key names to (code that is logged, action); DESIGN.md, keys."""
+BLOCKED = "Blocked: something is in the way"
 STOP_ARMED = "Press Enter or STOP again to finish"
-GIVING_UP = "Press Give up again to end this search"
 Send = Callable[[PanCommand], Awaitable[None]]
 Encode = Callable[[NDArray[np.uint8]], bytes]
 
@@ -92,14 +96,21 @@ class PanApp:
         status = _status_html(self._caption, view)
         if status != self._status_html:
             self._status_html = self._status.content = status
+        self._show_sign(view)
         if view.rgb is not None and (view.rgb is not self._shown[0] or view.step != self._shown[1]):
             self._shown = (view.rgb, view.step)
             self._image.content = overlay_html(self._image_html(view))
         for action, button in self._buttons.items():
-            label = button_label(action, self._own_keys())
-            if button.label != label:
-                button.label = label
+            relabel(button, button_label(action, self._own_keys(), is_armed=view.is_armed))
+        show_giving_up(self._give_up, is_giving_up=view.is_giving_up)
         self._page.client.flush()
+
+    def _show_sign(self, view: PanView) -> None:
+        """What another press would end, or that the step before was blocked: again after each such step."""
+        if view.is_armed or view.is_giving_up:
+            self._page.sign(STOP_ARMED if view.is_armed else GIVING_UP)
+        else:
+            self._page.sign(BLOCKED if view.is_blocked else "", view.step if view.is_blocked else 0)
 
     def _add_controls(self, view: PanView, send: Send) -> None:
         """A button for every key, and the keys."""
@@ -110,7 +121,7 @@ class PanApp:
                 self._buttons[action] = page.button(button_label(action, self._own_keys()), press)
         stop = _sender(send, PressStop(code="button-stop"))
         self._buttons[Action.STOP] = page.button(button_label(Action.STOP, self._own_keys()), stop, color="red")
-        page.button("Give up this search", _sender(send, GiveUp()), color="gray")
+        self._give_up = page.button(GIVE_UP, _sender(send, GiveUp()), color="gray")
         for key, (code, action) in HOTKEYS.items():
             if action in view.task.actions:
                 page.hotkey(key, f"{action.value} ({code})", _sender(send, Move(action, code=code)))
@@ -122,20 +133,30 @@ class PanApp:
             return ""
         data = base64.b64encode(self._encode(view.rgb)).decode()
         height, width = view.rgb.shape[:2]
+        bump = ' class="personal-bump"' if view.is_blocked else ""
+        most = round(self._display_scale * width)
         return (
-            f'<img alt="What the robot sees" data-step="{view.step}" style="width:min(100%, calc(100vh * {width} / '
-            f'{height}));max-width:{round(self._display_scale * width)}px;height:auto" '
+            f'<img alt="What the robot sees" data-step="{view.step}"{bump} '
+            f'style="width:min(100%, calc(100vh * {width} / {height}));max-width:{most}px;height:auto" '
             f'src="data:image/jpeg;base64,{data}">'
         )
 
 
-def button_label(action: Action, own_keys: Mapping[KeyAction, str]) -> str:
-    """What a button says, with the keys that do the same: the participant's own where there are some."""
+def button_label(action: Action, own_keys: Mapping[KeyAction, str], *, is_armed: bool = False) -> str:
+    """What a button says, with the keys that do the same: the participant's own where there are some.
+
+    Args:
+        action: The button's.
+        own_keys: Action to `KeyboardEvent.code`.
+        is_armed: Whether STOP was pressed once.
+    """
     text, keys = BUTTON_LABELS[action]
     own = own_keys.get(action.value)
     if own is not None:
         keys = own.removeprefix("Key").removeprefix("Digit").removeprefix("Arrow")
-    return f"{text} ({keys}{' twice' if action is Action.STOP else ''})"
+    if action is not Action.STOP:
+        return f"{text} ({keys})"
+    return f"{text}{AGAIN} ({keys})" if is_armed else f"{text} ({keys} twice)"
 
 
 def _sender(send: Send, command: PanCommand) -> Callable[[], Awaitable[None]]:
@@ -146,18 +167,12 @@ def _sender(send: Send, command: PanCommand) -> Callable[[], Awaitable[None]]:
 
 
 def _status_html(caption: str, view: PanView) -> str:
-    """Trial, steps, time left, and what another press would end; read aloud when it changes."""
-    notice = STOP_ARMED if view.is_armed else GIVING_UP if view.is_giving_up else ""
+    """Trial, steps and time left: two lines, whatever they say; read aloud when they change."""
     left = "" if view.left_s is None else f" &middot; {_duration(view.left_s)} left"
-    marked = (
-        f'<span style="background:#8f1d17;color:#fff;padding:.1em .5em;border-radius:4px">{notice}</span>'
-        if notice
-        else "&nbsp;"
-    )
     return (
-        f'<div style="padding:.6em .65rem 0;font-size:14px;color:#57606a">{caption}</div>'
-        f'<div role="status" aria-live="polite" class="personal-text" style="padding:.2em .65rem">'
-        f"<b>Step {view.step} of {view.task.max_steps}</b>{left} {marked}</div>"
+        f'<div class="personal-caption">{caption}</div>'
+        f'<div role="status" aria-live="polite" class="personal-text personal-line">'
+        f"<b>Step {view.step} of {view.task.max_steps}</b>{left}</div>"
     )
 
 

@@ -9,10 +9,14 @@ import viser
 
 from sim.types import Task
 
-from .page_script import page_html, when_shown
+from .page_script import page_html, sign_html, when_shown
 
 PANEL_WIDTH = 400
 """Pixels of the side panel with texts and buttons."""
+GIVE_UP = "Give up this search"
+GIVING_UP = "Press Give up again to end this search"
+AGAIN = ": press again"
+"""What the button of STOP, or of giving up, says more after its first press."""
 _LAST = 1e6
 """Order of what stands below everything else."""
 Press = Callable[[], Awaitable[None]]
@@ -60,10 +64,12 @@ class Page:
         self._on_camera: CameraListener | None = None
         self._tools: viser.GuiHtmlHandle | None = None
         client.camera.on_update(self._camera_moved)
-        client.gui.add_html(page_html())
+        client.gui.add_html(page_html(panel_width=PANEL_WIDTH))
+        self._sign, self._signed = client.gui.add_html(""), ("", 0)
 
     def clear(self) -> None:
         """Removes everything of the present screen."""
+        self.sign("")
         for handle in self._handles:
             handle.remove()
         self._handles = []
@@ -117,6 +123,17 @@ class Page:
         handle = self.client.gui.add_html(overlay_html(content))
         self.add(handle)
         return handle
+
+    def sign(self, text: str, number: int = 0) -> None:
+        """Shows a line over the picture or the home, which is read aloud; nothing on the page moves for it.
+
+        Args:
+            text: What it says; empty takes it away.
+            number: Another one shows the same text once more.
+        """
+        if (text, number) != self._signed:
+            self._signed = text, number
+            self._sign.content = sign_html(text, number)
 
     def card(self, card: Card, chosen: Callable[[str], Awaitable[None]], *, hotkeys: Sequence[str] = ()) -> None:
         """Shows a card over the whole page.
@@ -175,12 +192,33 @@ class Page:
             await self._on_camera(camera)
 
 
+def relabel(button: viser.GuiButtonHandle, label: str, color: str | None = None) -> None:
+    """Changes what a button says, and its colour, where it stands."""
+    if button.label != label:
+        button.label = label
+    if color is not None and button.color != color:
+        button.color = color  # type: ignore[assignment]
+
+
+def show_giving_up(button: viser.GuiButtonHandle, *, is_giving_up: bool) -> None:
+    """The button of giving up, before and after its first press."""
+    relabel(button, GIVE_UP + AGAIN if is_giving_up else GIVE_UP, "red" if is_giving_up else "gray")
+
+
+def roomy_html(shown: str, *others: str) -> str:
+    """A text that takes as much room as each of the others would, so that nothing below moves when it changes.
+
+    Args:
+        shown: HTML.
+        others: Plain texts, at most two: those that stand there at other times.
+    """
+    before, after = (html.escape(text) for text in (*others, "", "")[:2])
+    return f'<div class="personal-room" data-before="{before}" data-after="{after}"><div>{shown}</div></div>'
+
+
 def overlay_html(content: str) -> str:
     """HTML that covers all but the side panel."""
-    return (
-        f'<div style="position:fixed;left:0;top:0;width:calc(100vw - {PANEL_WIDTH}px);height:100vh;z-index:1;'
-        f'background:#2b2b2b;display:flex;align-items:center;justify-content:center">{content}</div>'
-    )
+    return f'<div class="personal-overlay">{content}</div>'
 
 
 def card_html(card: Card) -> str:

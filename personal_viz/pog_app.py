@@ -16,10 +16,11 @@ from sim.tasks.run_files import ClickRay, Vector3
 from .camera_buttons import add_camera_buttons
 from .camera_samples import CameraSamples, four, three
 from .map_app import send_camera, sender
-from .panels import Page
+from .panels import GIVE_UP, GIVING_UP, Page, roomy_html, show_giving_up
 
 NUDGE_M = 0.1
 """How far one press moves the mark (metres): a tenth of the success radius."""
+_MARKED = "Click again to move your mark, or confirm it."
 _SIDES = {"Left": (-1, 0), "Up": (0, 1), "Down": (0, -1), "Right": (1, 0)}
 """Names of buttons to (right, up) on the screen."""
 
@@ -86,7 +87,7 @@ class PogApp:
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
         page.button("Confirm the mark", sender(send, Confirm()), color="green")
-        page.button("Give up this search", sender(send, GiveUp()), color="gray")
+        self._give_up = page.button(GIVE_UP, sender(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
         page.listen_to_camera(CameraSamples(send_camera(send)).moved)
         surface.show_storey(view.storey)
@@ -139,17 +140,15 @@ class PogApp:
 
     def _draw_status(self) -> None:
         view = self._shown
-        advice = (
-            f"{self._surface.advice} Click the object to mark it."
-            if view.marker is None
-            else "Click again to move your mark, or confirm it."
-        )
-        below = "" if view.left_s is None else f'<div role="timer">At most {left_text(view.left_s)} left</div>'
-        below += giving_up_html(view.is_giving_up)
+        advices = f"{self._surface.advice} Click the object to mark it.", _MARKED
+        advice = advices[view.marker is not None]
+        left = "" if view.left_s is None else f'<div role="timer">At most {left_text(view.left_s)} left</div>'
         self._status.content = (
-            f'<div style="padding:.6em .8em 0;font-size:.9em;color:#555">{self._caption}</div>'
-            f'<div style="padding:.2em .8em;font-size:1em"><b>{advice}</b>{below}</div>'
+            f'<div class="personal-caption">{self._caption}</div>'
+            f'<div class="personal-text personal-line"><b>{roomy_html(advice, *advices)}</b>{left}</div>'
         )
+        self._page.sign(GIVING_UP if view.is_giving_up else "")
+        show_giving_up(self._give_up, is_giving_up=view.is_giving_up)
         self._page.client.flush()
 
     async def _on_click(self, event: viser.SceneClickEvent) -> None:
@@ -162,16 +161,6 @@ class PogApp:
             storey_y=self._shown.storeys[self._shown.storey],
         )
         await self._send(ray)
-
-
-def giving_up_html(is_giving_up: bool) -> str:
-    """Asks once again after the first press of giving up; empty otherwise."""
-    if not is_giving_up:
-        return ""
-    return (
-        '<div role="alert" style="margin-top:.3em;background:#b00020;color:#fff;padding:.2em .5em;border-radius:4px">'
-        "Press &ldquo;Give up&rdquo; again to end this search without an answer</div>"
-    )
 
 
 def left_text(seconds: int) -> str:

@@ -58,10 +58,27 @@ class Seat:
     """Leads one participant through the study on one page until the connection closes or a newer one takes over."""
 
     def __init__(
-        self, client: viser.ClientHandle, code: str, link: StoreLink, study: Study, *, took_over: bool = False
+        self,
+        client: viser.ClientHandle,
+        code: str,
+        link: StoreLink,
+        study: Study,
+        *,
+        connection: int,
+        took_over: bool = False,
     ) -> None:
-        """Starts the seat's thread; `took_over` says that another tab of the participant was still open."""
-        self.code = code
+        """Starts the seat's thread.
+
+        Args:
+            client: The connection.
+            code: The participant.
+            link: To the store.
+            study: What all seats share.
+            connection: The gateway's number of it: of a participant's connections the one with the highest is the
+                newest, whichever comes first to what it waits for.
+            took_over: Whether another tab of the participant was still open.
+        """
+        self.code, self.connection = code, connection
         self._took_over = took_over
         self._client, self._link, self._study = client, link, study
         self._desk = Desk(Page(client), code)
@@ -170,7 +187,8 @@ class Seat:
     def _play(self, place: TrialPlace) -> None:
         """One trial to its stored outcome, then a word on it."""
         with self._study.homes.use(place.key.scene) as home:
-            trial = self._link.open_trial(self.code, place.order_no)
+            self._desk.require_here()  # nobody's trial begins: the page may have been left while the home was opened
+            trial = self._link.open_trial(self.code, place.order_no, connection=self.connection)
             progress = trial_name(self._link.person(self.code), place)
             # time in which the study was not served, or could not store, is not the participant's absence
             away_s = 0.0 if self._was_paused else min(trial.away_s, time.monotonic() - self._study.opened_s)

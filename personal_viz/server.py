@@ -148,15 +148,17 @@ def serve(study: Study, link: StoreLink) -> tuple[viser.ViserServer, WorkerDoor]
 
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:
-        ticket = ticket_of(server, client.client_id)
+        ticket, connection = address_of(server, client.client_id)
         code = await asyncio.get_running_loop().run_in_executor(None, link.code_of_ticket, ticket)
         if code is None or client.client_id not in server.get_clients():
             return  # unknown, or gone while we asked
         make_updates_safe(client)
-        older = [seat for seat in seats.values() if seat.code == code]
-        for seat in older:
+        others = [seat for seat in seats.values() if seat.code == code]
+        older = [seat for seat in others if seat.connection <= connection]
+        mine = Seat(client, code, link, study, connection=connection, took_over=bool(older))
+        for seat in older if len(older) == len(others) else (*older, mine):  # the ticket of a newer one was found first
             seat.supersede()
-        seats[client.client_id] = Seat(client, code, link, study, took_over=bool(older))
+        seats[client.client_id] = mine
 
     @server.on_client_disconnect
     async def _(client: viser.ClientHandle) -> None:
@@ -167,13 +169,13 @@ def serve(study: Study, link: StoreLink) -> tuple[viser.ViserServer, WorkerDoor]
     return server, door
 
 
-def ticket_of(server: viser.ViserServer, client_id: int) -> str:
-    """The ticket in a connection's URL (private API of the pinned viser; a test watches it); empty when it has none."""
+def address_of(server: viser.ViserServer, client_id: int) -> tuple[str, int]:
+    """Ticket and number in a connection's URL, `("", 0)` = none (private API of the pinned viser; a test watches)."""
     connection = server._websock_server._live_connections.get(client_id)
     request = connection.request if connection is not None else None
-    if request is None:
-        return ""
-    return parse_qs(urlsplit(request.path).query).get("ticket", [""])[0]
+    asked = parse_qs(urlsplit(request.path).query) if request is not None else {}
+    number = asked.get("connection", ["0"])[0]
+    return asked.get("ticket", [""])[0], int(number) if number.isdecimal() else 0
 
 
 if __name__ == "__main__":

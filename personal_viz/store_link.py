@@ -92,6 +92,7 @@ class OpenTrial(msgspec.Struct, tag=True, frozen=True):
 
     code: str
     order_no: int
+    connection: int = 0
 
 
 class ListEvents(msgspec.Struct, tag=True, frozen=True):
@@ -225,9 +226,9 @@ class StoreLink:
         """The trial that is due, None when there is nothing (more) to do (`StudyStore.next_trial`)."""
         return msgspec.json.decode(self._ask(NextTrial(code)), type=TrialPlace | None)
 
-    def open_trial(self, code: str, order_no: int) -> Trial:
+    def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
         """`StudyStore.open_trial`."""
-        return msgspec.json.decode(self._ask(OpenTrial(code, order_no)), type=Trial)
+        return msgspec.json.decode(self._ask(OpenTrial(code, order_no, connection)), type=Trial)
 
     def events(self, trial_id: str) -> list[Event]:
         """All stored events of a trial, in order."""
@@ -362,8 +363,8 @@ class StoreService:
             case NextTrial(code=code):
                 due = self._store.next_trial(code)
                 return None if due is None else _place(due)
-            case OpenTrial(code=code, order_no=order_no):
-                return self._store.open_trial(code, order_no)
+            case OpenTrial(code=code, order_no=order_no, connection=connection):
+                return self._store.open_trial(code, order_no, connection=connection)
             case ListEvents(trial_id=trial_id):
                 return [event_to_json(stored.event) for stored in self._store.events(trial_id)]
             case AppendEvents(trial_id=trial_id, epoch=epoch, events=lines):

@@ -152,8 +152,18 @@
   const lift = () => { state.isDown = false; hold(); };
   window.addEventListener('pointerup', lift, true);
   window.addEventListener('pointercancel', lift, true);
+  let pressed = null;  // the button of the last click
   window.addEventListener('click', (event) => {
     const target = event.target instanceof Element ? event.target : null;
+    const before = pressed;
+    pressed = target && target.closest('button');
+    if (event.detail > 1 && pressed && pressed !== before) {  // a double click that began on a screen that is gone
+      setTimeout(() => document.activeElement.blur(), 0);
+      pressed = before;
+      event.stopImmediatePropagation();
+      event.preventDefault();
+      return;
+    }
     const region = target && target.closest('.scroll');
     if (region) region.blur();  // so that arrows steer again and do not scroll the text that was clicked
     const button = target && target.closest('button');
@@ -209,7 +219,17 @@
   const dialog = document.createElement('dialog');
   dialog.className = 'personal-dialog';
   dialog.setAttribute('aria-label', 'Keys');
-  document.body.append(banner, dialog);
+  const sign = document.createElement('div');  // stays in the page, so that screen readers hear of each new text
+  sign.className = 'personal-sign';
+  sign.setAttribute('role', 'alert');
+  sign.setAttribute('aria-live', 'assertive');
+  document.body.append(banner, sign, dialog);
+  let signing = 0;
+  const showSign = (text) => {
+    clearTimeout(signing);
+    sign.textContent = '';
+    if (text) signing = setTimeout(() => { sign.textContent = text; }, 40);  // a text that comes again is new again
+  };
   let asking = '';
   const wordOf = (code) => code.replace(/^Key|^Digit/, '').replace(/^Arrow(.*)/, '$1 arrow').replace('NumpadEnter', 'Enter');
   const drawDialog = (note) => {
@@ -263,10 +283,12 @@
       if (state.seat === seat) return;
       Object.assign(state, { seat: seat, own: keys, actions: actions, sentNumber: 0, waitingSince: 0 });
       showBanner('');
+      showSign('');
       const hide = () => { if (field()) { tellDevice(); if (!document.hasFocus()) changed('blur'); } else setTimeout(hide, 30); };
       hide();
     },
     acknowledge: acknowledge,
+    sign: showSign,
     shown: () => {  // a new page to read: its heading is where screen readers and the Tab key go on
       const heading = document.querySelector('.personal-page h1');
       if (heading && document.activeElement !== heading) { heading.tabIndex = -1; heading.focus({ preventScroll: true }); }

@@ -14,6 +14,7 @@ from human_study.events import (
     MapOn,
     MapPixel,
     Open,
+    Shown,
     Superseded,
     TimedOut,
     event_from_json,
@@ -49,6 +50,7 @@ VERSION_1 = (
 )
 PIXEL = MapPixel(uv=(10.25, 3.5), origin_xz=(-2.0, 4.0), pixel_m=0.02, shape=(200, 300))
 NEW: list[Event] = [
+    Shown(t_s=0.0, step=4, frame_hash="a" * 64, blocked=True),
     MapOn(t_s=0.0, what="topdown", min_s=10.0, max_s=60.0),
     MapOn(t_s=0.0, what="home", min_s=0.0, max_s=None),
     Looking(t_s=5.0),

@@ -21,9 +21,10 @@ from human_study.commands import (
     Start,
     Tick,
 )
-from human_study.events import Cam, Event
+from human_study.events import Cam, Event, Shown, event_to_json
 from human_study.outcome import end_reason, pan_outcome, pog_outcome
 from human_study.session import PanSession, PogSession, pan_session_from_events, pog_session_from_events
+from human_study.views import PanView
 from sim.errors import StudyError, TaskStateError
 from sim.tasks.run_files import ClickRay
 from sim.types import Action
@@ -82,6 +83,37 @@ def test_a_wall_stops_the_robot_where_it_stands() -> None:
     steps = [event.step for event in events if event.kind == "act"]
     assert [step.collided for step in steps] == [False, False, False, True, True]
     assert steps[-1].position == pytest.approx((0.0, 0.0, -0.899))
+
+
+def test_a_blocked_step_comes_with_a_sign_and_the_record_says_so() -> None:
+    session = pan_session(with_pictures=True)
+    events = drive(session, [FORWARD] * 4)
+    shown = [event for event in events if isinstance(event, Shown)]
+    assert [event.blocked for event in shown] == [False, False, False, False, True]
+    assert event_to_json(shown[-1]).endswith('"blocked":true}')
+    blocked = session.view(102.1)
+    assert isinstance(blocked, PanView)
+    assert blocked.is_blocked
+    turned = session.handle(LEFT, 103.0)
+    assert not turned.view.is_blocked  # type: ignore[union-attr]
+    assert [event.blocked for event in turned.events if isinstance(event, Shown)] == [False]
+
+
+def test_the_sign_of_a_blocked_step_waits_for_its_picture_and_ends_with_an_absence() -> None:
+    world = env(with_pictures=True)
+    task = study().task_for(episode(), "pan")
+    names = {"key": episode().key, "task": task, "scene_digest": SCENE_DIGEST, "looks_later": True}
+    session = PanSession(world, **names)
+    events = list(session.handle(Start(), 0.0).events)
+    for number in range(1, 5):
+        stepped = session.handle(FORWARD, float(number))
+        looked = session.look(number + 0.1)
+        events += [*stepped.events, *looked.events]
+    assert (stepped.view.is_blocked, looked.view.is_blocked) == (False, True)  # type: ignore[union-attr]
+    again = pan_session_from_events(events, env(with_pictures=True), **names)
+    back = again.handle(Resume(1.0), 10.0)
+    assert not back.view.is_blocked  # type: ignore[union-attr]
+    assert [event.blocked for event in back.events if isinstance(event, Shown)] == [False]
 
 
 def test_a_held_key_and_a_press_while_busy_are_dropped_and_logged() -> None:

@@ -15,10 +15,12 @@ from human_study.views import LookView, PanView, PogView, RateView
 from human_study.writer import StoreFullError
 from personal_viz import play as play_module
 from personal_viz.desk import GoneError, Item, WithdrawnError
+from personal_viz.frames import Frames, RenderThreads
 from personal_viz.home import Home
 from personal_viz.play import TrialPlay
 from personal_viz.watch import Observers, Watches
 from sim.episodes.schema import Episode
+from sim.scenes.cut import StoreyCut
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import ClickRay, Vector3
 from sim.types import Camera, TaskKind
@@ -210,6 +212,45 @@ def fake_screens(monkeypatch: pytest.MonkeyPatch) -> tuple[list[View], list[str]
     return shown, screens
 
 
+class TwoStoreys(SquareRoom):
+    """The room, and another above it."""
+
+    storey_heights = (0.0, 3.0)
+
+
+class _TwoStoreyScene(FakeScene):
+    navigation = TwoStoreys()
+
+
+class EmptySurface:
+    """Stands for `SceneView`: shows nothing."""
+
+    advice = "Drag to turn, scroll to zoom, right-drag to move."
+    is_map = False
+
+    def __init__(self, *_: object) -> None: ...
+
+    def show_storey(self, index: int, *, move_camera: bool = True) -> None: ...
+
+    def show_mark(self, position: Vector3) -> None: ...
+
+    def remove(self) -> None: ...
+
+
+def meshless_home() -> Home:
+    """A home with two storeys for real screens: pictures of one colour, and a place for a mark."""
+    fields: dict[str, Any] = {
+        "scene": _TwoStoreyScene(),
+        "renderer": Frames(PoseColours(), RenderThreads(1)),
+        "pog_scene": Pointed(),
+        "copies": _Copies(),
+        "episodes": {episode(name).key: episode(name) for name in ("0", "1", "2")},
+        "storeys": [(0.0, 0.0), (3.0, 3.0)],
+        "watches": Watches(None, make_env=make_env),
+    }
+    return Home(**fields)
+
+
 @contextlib.contextmanager
 def _clock(clock: Clock) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
@@ -269,3 +310,8 @@ class _Copies:
     """Stands for `StoreyCopies`."""
 
     maps = ()
+    cuts = (StoreyCut(-0.1, 2.0), StoreyCut(2.9, 5.0))
+
+    def middle(self, index: int) -> tuple[float, float]:
+        """World (x, z)."""
+        return 0.0, 0.0

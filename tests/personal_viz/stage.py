@@ -95,8 +95,18 @@ def invented_home(folder: Path, config: StudyConfig) -> Home:
 
 
 @contextlib.contextmanager
-def staged(home: Home, task: TaskKind, condition: Condition, **choices: object) -> Iterator[Stage]:
-    """The stage until the end of the block; `choices` are the study's."""
+def staged(
+    home: Home, task: TaskKind, condition: Condition, *, again: bool = False, **choices: object
+) -> Iterator[Stage]:
+    """The stage until the end of the block.
+
+    Args:
+        home: In which the trial takes place.
+        task: Of the trial.
+        condition: Of the trial.
+        again: Whether two notices and the same trial follow, with a new link, and so on.
+        choices: The study's.
+    """
     config, key = study(**choices), min(home.episodes)
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     server.scene.set_up_direction("+y")
@@ -105,12 +115,20 @@ def staged(home: Home, task: TaskKind, condition: Condition, **choices: object) 
     def run(client: viser.ClientHandle) -> None:
         desk = Desk(Page(client), "p01")
         stage.desks.append(desk)
-        PageMessages(client, desk.heard, actions=()).begin({})
-        stage.link.epoch += 1
-        trial = Trial("t1", "p01", 1, "main", task, condition, key, 1, stage.link.epoch, 0.0)
-        play = TrialPlay(desk, cast(StoreLink, stage.link), home, config)
+        actions = ("forward", "left", "right", "stop") if task == "pan" else ()
+        PageMessages(client, desk.heard, actions=actions).begin({})
+        desk.page.tools(has_keys=task == "pan", on_leave="Your answers are deleted.")
         try:
-            play.play(trial, progress="Trial 1 of 1", away_s=1.0, took_over=stage.link.epoch > 1)
+            while True:
+                stage.link.epoch += 1
+                trial = Trial("t1", "p01", 1, "main", task, condition, key, 1, stage.link.epoch, 0.0)
+                play = TrialPlay(desk, cast(StoreLink, stage.link), home, config)
+                play.play(trial, progress="Trial 1 of 1", away_s=1.0, took_over=stage.link.epoch > 1)
+                if not again:
+                    break
+                desk.ask("Saved", "The trial is over.", "Once more")
+                desk.ask("Ready", "The trial begins.", "Begin")
+                stage.link = MemoryLink()
             desk.page.notice("Saved", "The trial is over.")
         except (GoneError, SupersededError):
             pass

@@ -258,7 +258,7 @@ def test_damaged_letters_are_dropped(text: str) -> None:
 
 
 def test_the_script_survives_being_an_attribute() -> None:
-    source = page_html()
+    source = page_html(panel_width=400)
     assert tags_in(source) == ["style", "img"]
 
     class _Attribute(HTMLParser):

@@ -1,5 +1,7 @@
 """One trial from its opening to its stored outcome: which screen comes when, and that storing comes before showing."""
 
+import dataclasses
+
 import pytest
 
 from human_study.commands import (
@@ -13,6 +15,7 @@ from human_study.commands import (
     ShowStorey,
 )
 from human_study.events import Clicked, Confidence, Event, Shown
+from human_study.plan import Phase
 from human_study.store import SupersededError
 from human_study.verify import verify_trial
 from human_study.views import LookView, PanView, PogView
@@ -44,6 +47,16 @@ def test_a_walk_without_a_map_is_one_screen(fake_screens: Fakes) -> None:
     assert isinstance(trial.link.outcome, EpisodeEnd)
     assert trial.link.outcome.reason == "stop"
     assert trial.raised is None
+
+
+@pytest.mark.parametrize("phase", ["practice", "main"])
+def test_a_blocked_step_is_shown_as_such_in_practice_too(fake_screens: Fakes, phase: Phase) -> None:
+    link = MemoryLink("pan")
+    link.trial = dataclasses.replace(link.trial, phase=phase)
+    trial = played(fake_screens, link, *[FORWARD] * 4, LEFT, *STOP)
+    signs = [(view.step, view.is_blocked) for view in trial.shown if isinstance(view, PanView) and view.rgb is not None]
+    assert {step for step, is_blocked in signs if is_blocked} == {4}
+    assert [event.step for event in link.stored if isinstance(event, Shown) and event.blocked] == [4]
 
 
 def test_every_step_is_stored_before_its_picture_is_shown(fake_screens: Fakes) -> None:

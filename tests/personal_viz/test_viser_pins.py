@@ -10,27 +10,27 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from personal_viz.first_camera import CAMERA
-from personal_viz.server import ticket_of
+from personal_viz.server import address_of
 from personal_viz.worker_door import SECRET_HEADER, open_door
 
 from .gateways import pack, raw
 
 
-def test_a_worker_knows_the_ticket_of_a_connection_and_opens_no_tunnel() -> None:
+def test_a_worker_knows_ticket_and_number_of_a_connection_and_opens_no_tunnel() -> None:
     server, door = open_door()
     asked, arrived, tickets = [], threading.Event(), []
     server.request_share_url = lambda *_, **__: asked.append(True)  # type: ignore[method-assign]
 
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:
-        tickets.append(ticket_of(server, client.client_id))
+        tickets.append(address_of(server, client.client_id))
         arrived.set()
 
     try:
         assert _messages.GuiUpdateMessage in server._websock_server._incoming_handlers
         assert not server._websock_server._incoming_handlers.get(_messages.ShareUrlRequest)
         with connect(
-            f"ws://127.0.0.1:{server.get_port()}/?ticket=abc-123",
+            f"ws://127.0.0.1:{server.get_port()}/?connection=7&ticket=abc-123",
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
             additional_headers={SECRET_HEADER: door.secret},
             proxy=None,
@@ -40,7 +40,7 @@ def test_a_worker_knows_the_ticket_of_a_connection_and_opens_no_tunnel() -> None
             assert arrived.wait(30)
     finally:
         server.stop()
-    assert tickets == ["abc-123"]
+    assert tickets == [("abc-123", 7)]
     assert asked == []
 
 
