@@ -161,6 +161,7 @@ class FakeScene:
     """What trials need of a scene."""
 
     label = "a room (invented)"
+    unnamed_label = "an invented room"
     digest = "d" * 64
     navigation = SquareRoom()
 
