@@ -1,0 +1,64 @@
+"""`study init` and `study plan`: texts are frozen with the plan, and nothing that was asked changes in silence."""
+
+from pathlib import Path
+
+import pytest
+
+from human_study.plan import PLAN_FILE, load_plan
+from human_study.study import STUDY_FILE, load_study
+from personal_viz.commands.study_files import init, plan, require_texts
+from sim.errors import StudyError
+
+from .invented import invented_dataset
+
+ETHICS = {
+    "irb": "2026-17",
+    "institution": "The University of Anywhere",
+    "contact": "study@anywhere.example",
+    "pay": "12 EUR",
+}
+
+
+def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_give(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, dataset = tmp_path / "study", tmp_path / "dataset"
+    invented_dataset(dataset, name="FlowHome", seed=5)
+    init(folder=study, dataset=dataset, name=None, task=("pan",), design="house-once", per_split=1, seed=0)
+    assert "ethics.institution, ethics.contact, ethics.pay, ethics.irb, privacy.retention\n" in capsys.readouterr().out
+    file = (study / STUDY_FILE).read_text(encoding="utf-8")
+    for asked, instead in (
+        ("trials_per_person: null", "trials_per_person: 4"),
+        ("  pan: 2\n  pog: 2", "  pan: 0\n  pog: 0"),
+        ("checks:\n  every: 15", "checks:\n  every: null"),
+    ):
+        assert asked in file
+        file = file.replace(asked, instead)
+    (study / STUDY_FILE).write_text(file, encoding="utf-8")
+    with pytest.raises(StudyError, match=r"consent\.md: ethics\.institution, .*Correct study\.yaml or the text"):
+        plan(folder=study, dataset=dataset, scenes_dir=None, pilot=False)
+    assert not (study / PLAN_FILE).exists()
+    for field, value in {**ETHICS, "retention": "2027-12-31"}.items():
+        file = file.replace(f"  {field}: ''", f"  {field}: {value}").replace(f"  {field}: null", f"  {field}: {value}")
+    (study / STUDY_FILE).write_text(file, encoding="utf-8")
+    capsys.readouterr()
+    assert plan(folder=study, dataset=dataset, scenes_dir=None, pilot=False) == 0
+    printed = capsys.readouterr().out
+    made = load_plan(study, load_study(study))
+    assert made.changes[0].startswith("design.trials_per_person: 4 asked, 1 planned, because")
+    assert f"  Other than asked: {made.changes[0]}.\n" in printed
+    assert set(made.texts) == {
+        "consent.md",
+        "instructions.md",
+        "told/consent-pan.md",
+        "told/instructions-pan.md",
+    }
+    told = study / "told" / "consent-pan.md"
+    assert "The University of Anywhere invites you" in told.read_text(encoding="utf-8")
+    for path in (told, study / "instructions.md"):
+        require_texts(study, made)
+        before = path.read_text(encoding="utf-8")
+        path.write_text(before + "More.\n", encoding="utf-8")
+        with pytest.raises(StudyError, match="the text that was planned"):
+            require_texts(study, made)
+        path.write_text(before, encoding="utf-8")
