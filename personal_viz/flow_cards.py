@@ -157,8 +157,8 @@ def practice_card(num_practice: int) -> Card:
     what = "one search" if num_practice == 1 else f"{num_practice} searches"
     text = (
         f"You begin with {what} to practise, in a home that is not part of the study.\n"
-        "These are not counted. Take your time and try every key or button.\n"
-        "After each of them you are told whether your answer was right."
+        "Practice is not counted. Take your time and try every key or button.\n"
+        "After each search of the practice you are told whether your answer was right."
     )
     return Card("Practice", paragraphs(text), (Choice("begin", "Begin to practise"),))
 
