@@ -1,0 +1,202 @@
+"""What is asked of the program, as JSON values that a literal can hold; record.py writes them, the tests ask again."""
+
+import hashlib
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .doors import Home, open_home, personal_viz, recording_rows
+
+DATA = Path(__file__).parent / "data"
+RUNS = DATA / "runs"
+STUDY = DATA / "study"
+AGENTS = DATA / "study-agents"
+RECOVERED = "TEEsavR23oF"
+SAMPLE = (RECOVERED, "CrMo8WxCyVb")
+"""Homes of the short test of `homes`; all of them take a quarter of an hour."""
+INVENT = ("--homes", "2", "--seed", "11")
+INVENTED = ("Invented11", "Invented12")
+METHODS = ("qs", "rpg", "phrase", "joint")
+NUM_PATHS, NUM_VIEWS = 50, 12
+_EDGE = 0.05
+"""Depth that differs by more than this among neighbours is left out: there half a pixel decides (metres)."""
+_EVERY = 4
+"""Of the pixels' rows and columns, these stand in the literal."""
+_REPORT_TABLES = {
+    "rows": ("task", "scene_kind", "who", "condition", "split", "measure"),
+    "spreads": ("task", "scene_kind", "who", "condition", "split", "measure"),
+    "ends": ("task", "scene_kind", "who", "condition", "reason"),
+    "hypotheses": ("name",),
+    "memory": ("task", "scene_kind", "what", "condition", "split", "measure"),
+    "order": ("task", "scene_kind", "what", "condition", "split", "measure"),
+    "blocks": ("task", "scene_kind", "condition", "by", "block", "measure"),
+    "agent_pairs": ("task", "scene_kind", "first", "second"),
+    "sensitivity": ("task", "scene_kind", "who", "condition", "way"),
+    "agreement": ("task", "scene_kind", "condition"),
+    "places": ("task", "scene_kind", "condition"),
+    "suspects": ("task", "scene_kind", "condition", "episode"),
+    "flow": ("point",),
+    "verification": ("task", "scene_kind", "condition"),
+    "exclusions": ("rule_id",),
+    "left_out": ("who", "task", "reason"),
+}
+"""Tables of the report and the columns that name a row of theirs."""
+
+
+def literal(name: str) -> Any:
+    """The values that `data/<name>.json` holds."""
+    return json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))["values"]
+
+
+def homes_totals(dataset: Path, *scenes: str, plans: Path | None = None) -> dict[str, Any]:
+    """`homes --json` without what only this machine or this mesh decides: seconds, triangles, megabytes."""
+    out = () if plans is None else ("--out", plans)
+    chosen = ("--scene", *scenes) if scenes else ()
+    report = json.loads(personal_viz("homes", "--dataset", dataset, *chosen, *out, "--json"))
+    of_the_mesh = ("build_s", "triangles", "glb_mb", "why_not_findable")
+    kept = {
+        name: {key: value for key, value in figures.items() if key not in of_the_mesh}
+        for name, figures in report["scenes"].items()
+    }
+    return {"total": report["total"], "scenes": kept}
+
+
+def ground_answers(dataset: Path, out: Path, method: str) -> dict[str, Any]:
+    """Figures of `ground` on oracle maps, and a digest of the answers in each home."""
+    run_id = f"frozen-{method}"
+    said = personal_viz(
+        "ground", "--dataset", dataset, "--method", method, "--encoder", "hashed", "--out", out,
+        "--run-id", run_id, "--json",
+    )  # fmt: skip
+    figures = {key: json.loads(said)[key] for key in ("n", "n_per_split", "sr", "top3", "pooled", "storey_given")}
+    lines = [json.loads(line) for line in (out / run_id / "answers.jsonl").read_text().splitlines()]
+    homes: dict[str, list[str]] = {}
+    for line in lines:
+        fields = ("split", "scene", "episode_id", "candidates", "scores", "storey_given", "reason", "phrases_fell_back")
+        measures = ("success", "top3_success", "planar_distance", "distance_3d", "planar_distances")
+        kept = [line[field] for field in fields] + [line["measures"][field] for field in measures]
+        homes.setdefault(line["scene"], []).append(json.dumps(kept))
+    return {"figures": figures, "digests": {scene: _digest(homes[scene]) for scene in sorted(homes)}}
+
+
+def habitat_agreement(golden: Path) -> dict[str, Any]:
+    """`check-habitat --json` without the files' hashes and the versions of programs."""
+    found = json.loads(personal_viz("check-habitat", "--golden", golden, "--json"))
+    left_out = ("files", "made_with", "compared_with")
+    return {key: value for key, value in found.items() if key not in left_out}
+
+
+def invented(out: Path) -> Path:
+    """The dataset of two invented homes."""
+    personal_viz("invent", *INVENT, "--out", out)
+    return out
+
+
+def home_poses(home: Home, plan: Path) -> dict[str, Any]:
+    """Middle and size of each object of the opened home, and the yaw that its plan file gives it, by name."""
+    yaws = {thing["name"]: thing.get("yaw", 0.0) for thing in json.loads(plan.read_text())["furniture"]}
+    return {
+        name: {"centre": _mm(centre), "size": _mm(size), "yaw": _rounded(yaws[name]) if name in yaws else None}
+        for name, (centre, size) in sorted(home.objects.items())
+    }
+
+
+def home_areas(home: Home) -> dict[str, Any]:
+    """Heights and walkable areas of the storeys."""
+    return {
+        "heights": _mm(home.storey_heights),
+        "square_metres": [_rounded(home.area(storey_y)) for storey_y in home.storey_heights],
+    }
+
+
+def chosen_paths(home: Home) -> list[list[list[float]]]:
+    """Start and goal of each path that a literal asks for, joined by one."""
+    rng = np.random.default_rng(1)
+    pairs = [[home.place(rng), home.place(rng)] for _ in range(4 * NUM_PATHS)]
+    return [pair for pair in pairs if np.isfinite(home.distance(*pair))][:NUM_PATHS]
+
+
+def path_lengths(home: Home, paths: Iterable[list[list[float]]]) -> list[float]:
+    """Geodesic metres."""
+    return [_rounded(home.distance(start, goal)) for start, goal in paths]
+
+
+def chosen_views(home: Home) -> list[list[Any]]:
+    """(position of the feet, yaw) of each depth picture."""
+    rng = np.random.default_rng(2)
+    return [[home.place(rng), _rounded(rng.uniform(-np.pi, np.pi))] for _ in range(NUM_VIEWS)]
+
+
+def depth_mm(home: Home, views: list[list[Any]], *, all_pixels: bool = False) -> list[list[float | None]]:
+    """Every fourth pixel of each picture, millimetres, row by row; None beside an edge unless `all_pixels`."""
+    edge = np.inf if all_pixels else _EDGE
+    return [_away_from_edges(depth_m, edge) for depth_m in home.depths([(place, yaw) for place, yaw in views])]
+
+
+def metrics_of_runs() -> dict[str, Any]:
+    """`metrics --json` of the stored runs under each rule, by row."""
+    runs = sorted(path.parent for path in RUNS.glob("*/run.json"))
+    found = {}
+    for rule in ("paper", "habitat", "authors"):
+        rows = json.loads(personal_viz("metrics", *runs, "--rule", rule, "--json"))
+        found[rule] = _by_name(rows, ("task", "who", "who_kind", "condition", "scene_kind", "split"))
+    return found
+
+
+def report_numbers(out: Path) -> dict[str, Any]:
+    """The numbers of `study report --json` on the stored study, by table and row."""
+    agents = sorted(path.parent for path in AGENTS.glob("*/run.json"))
+    report = json.loads(personal_viz("study", "report", STUDY, *agents, "--out", out, "--json"))
+    tables = {name: _by_name(report[name], keys) for name, keys in _REPORT_TABLES.items()}
+    successes = {"/".join(row[key] for key in ("task", "who", "condition", "participant", "episode")): row["success"]
+                 for row in report["outcomes"]}  # fmt: skip
+    return {name: rows for name, rows in tables.items() if rows} | {"outcomes": successes}
+
+
+def replayed_rows(dataset: Path, out: Path) -> dict[str, dict[str, int]]:
+    """Entities and rows of the recording of two stored runs of one episode."""
+    runs = sorted(path.parent for path in RUNS.glob("*/run.json"))
+    episode = f"easy/{RECOVERED}/240"
+    personal_viz("replay", "--dataset", dataset, "--runs", *runs, "--episode", episode, "--out", out)
+    return recording_rows(out)
+
+
+def _by_name(rows: list[dict[str, Any]], keys: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """The numbers of each row by its name."""
+    found: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        name = " | ".join(str(row[key]) for key in keys if key in row)
+        assert name not in found, f"two rows are named {name!r}"
+        found[name] = _numbers({key: value for key, value in row.items() if key not in keys})
+    return found
+
+
+def _numbers(row: dict[str, Any]) -> dict[str, Any]:
+    """The row without its texts."""
+    kept = {key: _numbers(value) if isinstance(value, dict) else value for key, value in row.items()}
+    return {key: value for key, value in kept.items() if value is None or isinstance(value, bool | int | float | dict)}
+
+
+def _away_from_edges(depth_m: np.ndarray, edge: float) -> list[float | None]:
+    kept: list[float | None] = []
+    height, width = depth_m.shape
+    for row in range(2, height - 1, _EVERY):
+        for col in range(2, width - 1, _EVERY):
+            near = depth_m[row - 1 : row + 2, col - 1 : col + 2]
+            kept.append(None if np.ptp(near) > edge else round(1000 * float(depth_m[row, col]), 1))
+    return kept
+
+
+def _digest(lines: list[str]) -> str:
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:32]
+
+
+def _mm(values: Iterable[float]) -> list[float]:
+    return [round(float(value), 4) for value in values]
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), 6)

@@ -1,0 +1,22 @@
+"""Fixtures of the release tests; all of them carry the marker `release`."""
+
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Every test of this folder runs with `make release`, not with `make test`."""
+    for item in items:
+        if item.path.is_relative_to(HERE) and item.get_closest_marker("bench") is None:
+            item.add_marker(pytest.mark.release)
+            item.add_marker(pytest.mark.timeout(900))
+
+
+def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
+    """Differences from a literal one below the other, all of them."""
+    if op == "==" and right == [] and isinstance(left, list):
+        return [f"{len(left)} values differ from the literal", *map(str, left)]
+    return None
