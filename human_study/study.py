@@ -32,6 +32,8 @@ from .hypothesis_names import require_hypothesis
 from .study_yaml import json_from_yaml
 
 STUDY_FILE = "study.yaml"
+MAX_STUDY_NAME = 32
+"""Characters of a study's name."""
 _MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _ADVICE = "Correct the field; personal-viz study init writes a valid file."
 OTHER_PROGRAM = "It was written by another version of personal-viz: use that one."
@@ -207,7 +209,7 @@ class StudyConfig(BaseModel):
     """All choices of a study that can change a result."""
 
     model_config = _MODEL
-    study: str = Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")
+    study: str = Field(pattern=rf"^[A-Za-z0-9_-]{{1,{MAX_STUDY_NAME}}}$")
     """Public name, part of every run id."""
     version: Literal[1] = 1
     """Of this format."""

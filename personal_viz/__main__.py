@@ -7,9 +7,12 @@ import os
 import select
 import sys
 
+from pydantic import ValidationError
+
 from sim.errors import PersonalVizError
 
 from .cli import parse
+from .printed import one_line, printable_streams
 
 READER_GONE = 141
 """What a shell reports of a program that SIGPIPE ended: 128 + 13."""
@@ -39,14 +42,20 @@ def work() -> int:
         The exit code.
     """
     verb = parse()
-    try:
-        return verb.work()
-    except PersonalVizError as error:
-        print(f"personal-viz: {' '.join(str(error).split())}", file=sys.stderr)  # one line, whatever a plug-in raised
+    with printable_streams():
+        try:
+            return verb.work()
+        except PersonalVizError as error:
+            line = str(error)
+        except ValidationError as error:
+            from .commands.options import line_from_refused_options
+
+            line = line_from_refused_options(type(verb).__name__.lower(), vars(getattr(verb, "verb", verb)), error)
+        except KeyboardInterrupt:
+            print("personal-viz: stopped", file=sys.stderr)
+            return 130
+        print(f"personal-viz: {one_line(line)}", file=sys.stderr)  # one line, whatever a plug-in raised
         return 1
-    except KeyboardInterrupt:
-        print("personal-viz: stopped", file=sys.stderr)
-        return 130
 
 
 def has_lost_reader() -> bool:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
+from personal_viz.printed import Console
 from sim.errors import PersonalVizError, StudyError
 from sim.files import write_whole
 

@@ -6,8 +6,7 @@ import sys
 import threading
 from pathlib import Path
 
-from rich.console import Console
-
+from personal_viz.printed import Console
 from sim.errors import MissingDependencyError
 from sim.types import ClutterLevel
 

@@ -4,11 +4,11 @@ import sys
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from personal_viz.bench.agreement import TARGETS, Agreement, Figures, agreement, targets_met
+from personal_viz.printed import Console
 
 MIN_WIDTH = 110
 """Columns that the table needs; narrower terminals wrap it, files and pipes do not."""

@@ -3,10 +3,10 @@
 import sys
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from personal_viz.compare_app import PICTURE_WIDTH, write_comparison
+from personal_viz.printed import Console
 from sim.errors import PersonalVizError
 
 from .options import check_options

@@ -7,10 +7,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from personal_viz.printed import Console
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.statistics import (
     NETWORK_FIELDS,

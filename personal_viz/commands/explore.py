@@ -12,12 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
 from grounding.explore import Exploration
 from grounding.exploring.jobs import ExploreJob, Storeys, invented_name, run_job
+from personal_viz.printed import Console
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
 from sim.files import write_whole

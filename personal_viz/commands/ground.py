@@ -18,7 +18,7 @@ from sim.scenes.code_digest import code_digest
 from sim.scenes.kind import common_kind
 from sim.tasks.metrics import metric_rows
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import RunInfo, read_run
+from sim.tasks.run_files import RunInfo, fitting_run_id, read_run
 from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS, Split
 
@@ -168,12 +168,12 @@ def _info(call: GroundCall, episodes: PersonalDataset, settings: GroundSettings)
 
 
 def run_name(settings: GroundSettings) -> str:
-    """Folder name of a run: what is usual stays unsaid."""
+    """Folder name of a run: what is usual stays unsaid; a long name is shortened with a digest."""
     storey = "all-storeys" if settings.all_storeys else "storey-given"
     parts = [settings.method, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
     if settings.phrases != "dataset":
         parts.append(settings.phrases + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
-    return f"ground-{'-'.join(parts)}-seed{settings.seed}"
+    return fitting_run_id(f"ground-{'-'.join(parts)}-seed{settings.seed}")
 
 
 def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
@@ -181,7 +181,7 @@ def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
     made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
     text = json.dumps([made_of, dataset_digest, kind, code_digest(), map_digest()], sort_keys=True)
     parts = [encoder_slug(settings.encoder), *_unusual(settings), kind]
-    return f"map-{'-'.join(parts)}-seed{settings.seed}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    return fitting_run_id(f"map-{'-'.join(parts)}-seed{settings.seed}-{hashlib.sha256(text.encode()).hexdigest()[:8]}")
 
 
 def _unusual(settings: GroundSettings) -> list[str]:
@@ -200,4 +200,4 @@ def _swept_id(call: GroundCall, settings: GroundSettings) -> str:
     if call.sweep is None:
         return str(call.run_id)
     name = call.sweep.partition("=")[0].strip().replace("-", "_")
-    return f"{call.run_id}-{name.replace('_', '-')}{getattr(settings, name)}"
+    return fitting_run_id(f"{call.run_id}-{name.replace('_', '-')}{getattr(settings, name)}")

@@ -5,11 +5,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.progress import Progress
 from rich.text import Text
 
 from grounding.exploring.notes import read_notes
+from personal_viz.printed import Console
 
 
 class _WithNotes(Progress):

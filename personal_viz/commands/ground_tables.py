@@ -4,10 +4,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from grounding.settings import GroundSettings
+from personal_viz.printed import Console
 from sim.tasks.metrics import MetricRow
 from sim.tasks.run_files import RunInfo
 from sim.types import SPLITS

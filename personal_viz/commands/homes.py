@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from personal_viz.printed import Console
 from sim.cache import VARIABLE
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
 from rich.progress import track
 
 from grounding.encoders import (
@@ -25,6 +24,7 @@ from grounding.maps.storeys import floors_of_frames
 from grounding.memory import HomeMemory, ObjectMap, StoreyMemory
 from grounding.object_mapping import ObjectMapBuilder
 from grounding.robot.frames import FrameCounts, RobotFrames, read_robot_frames
+from personal_viz.printed import Console
 from sim.errors import AgentError, PersonalVizError
 from sim.frames import CameraAxes
 from sim.scenes.up_axis import Up

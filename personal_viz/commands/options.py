@@ -1,9 +1,12 @@
 """Options that several verbs share, checked before any work is done."""
 
 import re
+from collections.abc import Mapping
 from typing import cast
 
-from sim.errors import PersonalVizError
+from pydantic import ValidationError
+
+from sim.errors import PersonalVizError, line_from_validation_error
 from sim.tasks.run_files import RUN_ID
 from sim.types import SPLITS, EpisodeKey, SceneKind, Split
 
@@ -30,6 +33,24 @@ def check_options(*, run_id: str | None, limit: int | None = None, jobs: int = 1
             f"--run-id is {run_id!r}; expected 1 to 80 letters, digits, '.', '_' or '-', not starting with '.'. "
             "Give another, or leave it out; --out says in which folder."
         )
+
+
+def line_from_refused_options(verb: str, options: Mapping[str, object], error: ValidationError) -> str:
+    """One line for a value that no file or run may hold, with the option that it came from.
+
+    Args:
+        verb: As the command line names it, for values that were made from several options.
+        options: Values by field name of the verb.
+        error: What pydantic raised.
+    """
+    first = error.errors()[0]
+    same_name = [name for name in options if name == (first["loc"] or ("",))[-1]]
+    same_value = [name for name, value in options.items() if value is not None and str(value) == str(first["input"])]
+    for name in (*same_name, *same_value):
+        option = f"--{name.replace('_', '-')}"
+        return line_from_validation_error(option, error, advice=f"Give another {option}.")
+    advice = "Change the options; where they are as they should be, please report this line with your command."
+    return line_from_validation_error(f"{verb}, {error.title}", error, advice=advice)
 
 
 def require_no_scan(kind: SceneKind, *, clutter: int) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from personal_viz.printed import Console
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, PersonalVizError
@@ -27,7 +27,7 @@ from sim.tasks.metrics import (
 )
 from sim.tasks.observers import Observer
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import RunInfo
+from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
 from sim.types import SPLITS, ClutterLevel, EpisodeKey, Split, SuccessRule
@@ -68,11 +68,10 @@ def run(
     by_scene = _by_scene(chosen, scenes_dir)
     level = f"-clutter{clutter}" if clutter else ""
     who = agent if made_for in (None, "paper") else f"{agent}-{made_for}"
-    run_id = run_id or f"{who.replace(':', '.')}-{kind}{level}-seed{seed}"
-    check_options(run_id=run_id)
+    run_id = run_id or fitting_run_id(f"{who.replace(':', '.')}-{kind}{level}-seed{seed}")
     info = make_run_info(
         run_id,
-        who=who,
+        who=fitting_name(who),
         who_kind="agent",
         condition=f"clutter {clutter}" if clutter else "none",
         scene_kind=kind,

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from rich import box
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -18,6 +18,7 @@ from human_study.database import MIN_FREE_MB
 from human_study.progress import StudyProgress, study_progress
 from human_study.progress_people import PersonProgress, State
 from human_study.records import read_study
+from personal_viz.printed import Console
 from personal_viz.progress_words import STATES, age_words, disk_words, place_words
 
 EVERY_S = 2.0

@@ -1,6 +1,7 @@
 """Verbs `study init` and `study plan`: the files of a study before anybody takes part."""
 
 import hashlib
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Literal
@@ -11,7 +12,15 @@ from human_study.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, StudyScene, 
 from human_study.planning import Practice, make_plan
 from human_study.records import DATABASE_FILE
 from human_study.sampling import sample_episodes
-from human_study.study import STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, load_study, save_study
+from human_study.study import (
+    MAX_STUDY_NAME,
+    STUDY_FILE,
+    StudyConfig,
+    StudyDataset,
+    StudyDesign,
+    load_study,
+    save_study,
+)
 from human_study.texts.participants import TEXT_FILES, freeze_texts, write_texts
 from human_study.texts.words import empty_fields
 from human_study.vault import write_private
@@ -50,7 +59,7 @@ def init(
     if (folder / STUDY_FILE).exists():
         raise StudyError(f"{folder / STUDY_FILE}: exists already; expected a new folder. Give another, or edit it.")
     config = StudyConfig(
-        study=name or folder.resolve().name,
+        study=name or _study_name(folder),
         dataset=StudyDataset(sha256=episodes.digest(), splits=splits, seed=seed),
         task=task,
         design=StudyDesign(kind=design),
@@ -63,6 +72,11 @@ def init(
     print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
     print(f"Next: personal-viz study plan {folder} --dataset {dataset}")
     return 0
+
+
+def _study_name(folder: Path) -> str:
+    """The folder's name as a study can have it."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", folder.resolve().name).strip("-")[:MAX_STUDY_NAME] or "study"
 
 
 def plan(*, folder: Path | None, dataset: Path | None, scenes_dir: Path | None, pilot: bool) -> int:

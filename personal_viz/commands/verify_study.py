@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import Progress
 
 from human_study.plan import PRACTICE_FOLDER, StudyPlan, StudyScene
@@ -15,6 +14,7 @@ from human_study.record_types import TrialStatus, VerificationEntry
 from human_study.records import read_study
 from human_study.tickets import new_id
 from personal_viz.commands.options import check_options
+from personal_viz.printed import Console
 from personal_viz.trial_homes import open_any_home, require_same_dataset, sim_hash
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError

@@ -202,7 +202,7 @@ def _run_info(
 ) -> RunInfo:
     digest = _digest(files)
     names = " ".join(path.name for path in files)
-    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", who).strip("-")[:60] or "run"
+    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", who).strip("-.")[:60] or "run"
     try:
         return make_run_info(
             run_id or f"{slug}-{digest[:8]}",

@@ -4,7 +4,9 @@
 `step`..., `end`), `answers.jsonl` (one line per POG answer). Blocks are appended whole; files are never edited.
 """
 
+import hashlib
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -24,6 +26,8 @@ FAR_FROM_VIEW = 1.0
 """Metres of walking to the nearest view point beyond which a success by `paper` is called far from view."""
 RUN_ID = r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$"
 """Pattern of a run's name, which is also its folder's: no slash, no leading dot."""
+MAX_NAME = 80
+"""Characters of a run's name and of a row's."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -33,7 +37,7 @@ class RunInfo(BaseModel):
     model_config = _MODEL
     schema_version: Literal[1, 2] = SCHEMA_VERSION
     run_id: str = Field(pattern=RUN_ID)
-    who: str = Field(min_length=1, max_length=80)
+    who: str = Field(min_length=1, max_length=MAX_NAME)
     """Row name in tables: an agent's or a grounder's name, or "human"."""
     who_kind: WhoKind
     condition: str = "none"
@@ -257,6 +261,26 @@ class Run(BaseModel):
     info: RunInfo
     episodes: tuple[EpisodeRun, ...] = ()
     answers: tuple[Answer, ...] = ()
+
+
+def fitting_run_id(name: str) -> str:
+    """The name as a run's folder can have it; a name that fits stays as it is.
+
+    What no folder may hold becomes `-`, and `fitting_name` shortens the rest; the digest keeps changed names apart.
+    """
+    if re.fullmatch(RUN_ID, name):
+        return name
+    kept = re.sub(r"[^A-Za-z0-9._-]+", "-", name).lstrip(".-") or "run"
+    return kept[: MAX_NAME - 9] + _digest_of(name)
+
+
+def fitting_name(name: str) -> str:
+    """The name, shortened to `MAX_NAME` characters with a digest of the whole where it is longer."""
+    return name if len(name) <= MAX_NAME else name[: MAX_NAME - 9] + _digest_of(name)
+
+
+def _digest_of(name: str) -> str:
+    return "-" + hashlib.sha256(name.encode(errors="backslashreplace")).hexdigest()[:8]
 
 
 _LINE_MODELS = {"episode": EpisodeStart, "step": Step, "end": EpisodeEnd, "answer": Answer}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .doors import Home, open_home, personal_viz, recording_rows
+from .doors import Home, personal_viz, recording_rows
 
 DATA = Path(__file__).parent / "data"
 RUNS = DATA / "runs"

@@ -54,7 +54,9 @@ def write_agents_runs(out: Path) -> None:
 
 def write_study() -> None:
     """The export and the agents' runs."""
-    rows = [row.model_copy(update={"scene_kind": KIND, "n_steps": 4 + (row.n_steps or 0) % 7}) for row in example_rows(5)]
+    rows = [
+        row.model_copy(update={"scene_kind": KIND, "n_steps": 4 + (row.n_steps or 0) % 7}) for row in example_rows(5)
+    ]
     rows[4] = rows[4].model_copy(update={"excluded": ("disturbed",)})
     nothing = dict.fromkeys(("success", "spl", "softspl", "dtg", "planar_distance"))
     again = rows[7]
@@ -85,9 +87,11 @@ def pointing_rows() -> list[TrialRow]:
         for order_no, at in enumerate(rng.permutation(len(KEYS)), start=1):
             row = trial_row(code, order_no, KEYS[at], "none", success=bool(rng.random() < 0.6), steps=1)
             far = float(rng.uniform(1.2, 6.0))
-            pointed = {"task": "pog", "scene_kind": KIND, "end_reason": "click", "n_steps": None, "path_m": None,
-                       "spl": None, "softspl": None, "dtg": None, "t_look_s": None, "t_total_s": float(rng.uniform(5, 60)),
-                       "planar_distance": 0.4 if row.success else far}  # fmt: skip
+            pointed = {
+                **dict.fromkeys(("n_steps", "path_m", "spl", "softspl", "dtg", "t_look_s")),
+                **{"task": "pog", "scene_kind": KIND, "end_reason": "click", "t_total_s": float(rng.uniform(5, 60))},
+                "planar_distance": 0.4 if row.success else far,
+            }
             rows.append(row.model_copy(update=pointed))
     return rows
 

@@ -1,0 +1,80 @@
+"""Options that no run or study can have end in one line, and names made from options always fit."""
+
+import random
+import re
+from pathlib import Path
+
+import pytest
+
+from personal_viz.__main__ import main
+from sim.tasks.run_files import MAX_NAME, RUN_ID, fitting_name, fitting_run_id, read_run
+
+ODD = ["x" * 200, "über alles", "../up", ".hidden", "a/b:c", "", "tab\there", "-", "\x1b[31mred", "ok-1.2_3", "Ж" * 100]
+
+
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
+    """Exit code and standard error of the command in this process."""
+    monkeypatch.setattr("sys.argv", ["personal-viz", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0), capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_any_name_can_be_made_a_folders(name: str) -> None:
+    assert re.fullmatch(RUN_ID, fitting_run_id(name))
+    assert len(fitting_name(name)) <= MAX_NAME
+    assert fitting_run_id("shortest-path-schematic-seed0") == "shortest-path-schematic-seed0"
+    assert fitting_run_id("a" * 80 + "b") != fitting_run_id("a" * 80 + "c")
+
+
+def test_run_names_itself_whatever_the_agent_is_called(
+    invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = "agent_" + "long_" * 15
+    (tmp_path / f"{module}.py").write_text(
+        "from sim.tasks.agents import RandomAgent\n\n\ndef make(**_):\n    return RandomAgent()\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    same = ["run", "--dataset", invented_root, "--scene", "Small", "--split", "easy", "--limit", 1, "--out", tmp_path]
+    code, said = call(monkeypatch, capsys, *same, "--agent", f"{module}:make", "--seed", 10**12)
+    assert (code, said) == (0, "")
+    (made,) = tmp_path.glob("*/run.json")
+    assert re.fullmatch(RUN_ID, made.parent.name)
+    assert len(read_run(made.parent).info.who) == MAX_NAME
+
+
+def test_names_drawn_at_random_are_taken_or_refused_in_one_line(
+    invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    draw = random.Random(7)
+    taken = 0
+    for number in range(60):
+        name = draw.choice(ODD)
+        out = tmp_path / str(number)
+        init = ["study", "init", out, "--dataset", invented_root]
+        arguments = draw.choice([
+            [*init, "--name", name],
+            [*init, "--per-split", draw.choice([-3, 0, 2, 10**30]), "--seed", draw.choice([-1, 0, 10**30])],
+            ["import", "no.jsonl", "--dataset", invented_root, "--who", name, "--run-id", draw.choice(ODD)],
+            ["ground", "--dataset", invented_root, "--method", "qs", "--run-id", name, "--limit", 1, "--out", out],
+            ["run", "--dataset", invented_root, "--agent", name, "--run-id", draw.choice(ODD), "--out", out],
+        ])  # fmt: skip
+        code, said = call(monkeypatch, capsys, *arguments)
+        assert code in (0, 1), (arguments, said)
+        assert len(said.splitlines()) == code, (arguments, said)
+        assert "\x1b" not in said
+        taken += code == 0
+    assert 5 < taken < 55
+
+
+def test_the_line_names_the_option_that_a_file_refused(
+    invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same = ["study", "init", tmp_path / "a study, with a long name and blanks", "--dataset", invented_root]
+    code, said = call(monkeypatch, capsys, *same, "--name", "two words")
+    assert code == 1
+    assert said.startswith("personal-viz: --name: study is 'two words'; expected: ")
+    assert said.endswith("Give another --name.\n")
+    assert call(monkeypatch, capsys, *same)[0] == 0  # the folder's name is made to fit
+    assert "study: a-study-with-a-long-name-and-bla" in (tmp_path / same[2] / "study.yaml").read_text()
