@@ -19,6 +19,7 @@ from .migrations import APPLICATION_ID, MIGRATIONS
 from .plan import PLAN_FILE, StudyPlan
 from .records import DATABASE_FILE, require_known_version, store_error
 from .study import STUDY_FILE, StudyConfig
+from .vault import PRIVATE_FILE, make_private, private_folder
 
 LOCK_FILE = "study.lock"
 BACKUP_FOLDER = "backups"
@@ -47,6 +48,7 @@ def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.C
         StudyError: It cannot be written, is damaged, of another program, of a newer version or of another study.
     """
     try:
+        _private_database(path)
         database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
         try:
             require_known_version(database, path)
@@ -59,6 +61,10 @@ def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.C
             raise
     except sqlite3.Error as error:
         raise store_error(path, error) from None
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be written ({error.strerror}); expected a file that you can write. Give another folder."
+        ) from None
     return database
 
 
@@ -110,8 +116,8 @@ def require_free_space(folder: Path, *, least_mb: int = MIN_FREE_MB) -> None:
 def take_lock(folder: Path) -> IO[str]:
     """The open lock file; closing it, or dying, lets go. Raises StudyInUseError when another process holds it."""
     path = folder / LOCK_FILE
+    private_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         lock = path.open("a+", encoding="utf-8")
     except OSError as error:
         raise StudyError(
@@ -124,10 +130,28 @@ def take_lock(folder: Path) -> IO[str]:
         holder = lock.read().strip() or "unknown"
         lock.close()
         raise StudyInUseError(folder, holder) from None
+    close_to_others(folder)
     lock.truncate(0)
     lock.write(str(os.getpid()))
     lock.flush()
     return lock
+
+
+def close_to_others(folder: Path) -> None:
+    """Makes a study's folder 0700, and its database, plan, lock and backups 0600, as earlier versions did not.
+
+    SQLite gives `-wal` and `-shm` the database's mode when it makes them.
+    """
+    files = [f"{DATABASE_FILE}{end}" for end in ("", "-wal", "-shm", "-journal")]
+    backups = folder / BACKUP_FOLDER
+    for path in (folder, backups, *(folder / name for name in (*files, PLAN_FILE, LOCK_FILE)), *backups.glob("*.db*")):
+        make_private(path)
+
+
+def _private_database(path: Path) -> None:
+    """An empty file that only its owner can read, where there is none; SQLite takes it for a new database."""
+    os.close(os.open(path, os.O_CREAT | os.O_RDWR, PRIVATE_FILE))
+    make_private(path)
 
 
 def _apply_settings(database: sqlite3.Connection, path: Path) -> None:
@@ -215,11 +239,12 @@ def backup(database: sqlite3.Connection, path: Path) -> None:
         OSError: The folder cannot be made, or the copy not be given its name.
         sqlite3.Error: The copy cannot be written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    private_folder(path.parent)
     for left in path.parent.glob(f"*{_PART}*"):  # of a copy that broke off
         left.unlink(missing_ok=True)
     beside = path.with_name(path.name + _PART)
     try:
+        _private_database(beside)
         with closing(sqlite3.connect(beside)) as copy:
             database.backup(copy)
         os.replace(beside, path)

@@ -30,6 +30,7 @@ from sim.types import (
 
 from .hypothesis_names import require_hypothesis
 from .study_yaml import json_from_yaml
+from .vault import private_folder
 
 STUDY_FILE = "study.yaml"
 MAX_STUDY_NAME = 32
@@ -324,6 +325,7 @@ def save_study(folder: Path, config: StudyConfig) -> Path:
         StudyError: The folder holds another study, or cannot be written.
     """
     path = folder / STUDY_FILE
+    private_folder(folder)
     if path.exists():
         found = load_study(folder)
         if found.study_version != config.study_version:

@@ -5,6 +5,7 @@ verifies after a key is gone.
 """
 
 import base64
+import errno
 import json
 import os
 import secrets
@@ -17,6 +18,8 @@ from sim.errors import StudyError
 
 KEYS_FILE = "keys.json"
 _NONCE_BYTES = 12
+PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
+"""Modes of a study's records and of its folder: their owner's only, whatever the umask is."""
 
 
 class Vault:
@@ -37,7 +40,7 @@ class Vault:
         try:
             self._keys = json.loads(self._path.read_bytes()) if self._path.exists() else {}
             self._ciphers = {code: AESGCM(base64.b64decode(key)) for code, key in self._keys.items() if key}
-        except (OSError, ValueError, TypeError, AttributeError) as error:
+        except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
             raise StudyError(
                 f"{self._path}: cannot be read ({error}); expected the keys of the participants. Restore the file: "
                 "without it nothing that they did can be read."
@@ -115,6 +118,39 @@ class Vault:
         self._keys = keys
 
 
+def make_private(path: Path) -> None:
+    """Give a file or folder to its owner alone, if it is there; what belongs to somebody else stays as it is.
+
+    Raises:
+        StudyError: Its mode cannot be changed for another reason.
+    """
+    try:
+        path.chmod(PRIVATE_FOLDER if path.is_dir() else PRIVATE_FILE)
+    except (FileNotFoundError, PermissionError):
+        return
+    except OSError as error:
+        if error.errno != errno.EROFS:  # a copy on a read-only disk can be read as it is
+            raise StudyError(
+                f"{path}: its mode cannot be changed ({error.strerror}); expected a file of your own. "
+                "Put the study on a disk that keeps modes."
+            ) from None
+
+
+def private_folder(folder: Path) -> None:
+    """Make a folder that only its owner can enter; one that is there is closed to others.
+
+    Raises:
+        StudyError: It cannot be made.
+    """
+    try:
+        folder.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
+    except OSError as error:
+        raise StudyError(
+            f"{folder}: cannot be made ({error.strerror}); expected a folder, or a place for one. Give another folder."
+        ) from None
+    make_private(folder)
+
+
 def write_private(path: Path, text: str) -> None:
     """Write a small file that only its owner can read, whole or not at all, on disk when this returns.
 
@@ -123,7 +159,8 @@ def write_private(path: Path, text: str) -> None:
     """
     beside = path.with_name(path.name + ".part")
     try:
-        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, PRIVATE_FILE), "w") as file:
+            os.fchmod(file.fileno(), PRIVATE_FILE)  # whatever the umask is, and whoever left a file of this name
             file.write(text)
             file.flush()
             os.fsync(file.fileno())

@@ -178,17 +178,19 @@ def serve_planned(
 
 
 def check_db(*, study: Path) -> int:
-    """Checks the database file and its hash chains; brings a database of an earlier version up to date first."""
-    from human_study.database import bring_up_to_date
-    from human_study.folder_check import require_same_files
+    """Checks the database file, its hash chains and the keys; brings an earlier version's up to date first."""
+    from human_study.database import bring_up_to_date, close_to_others
+    from human_study.folder_check import require_keys, require_same_files
     from human_study.records import read_study
 
     for version in bring_up_to_date(study):
         print(f"{study}: brought to schema version {version}; a copy of the earlier file is in backups")
     with read_study(study) as reader:
         num_events = reader.check()
+        require_keys(reader)
         require_same_files(reader)
-    print(f"{study}: {num_events} events, database and hash chains are whole")
+    close_to_others(study)
+    print(f"{study}: {num_events} events, database and hash chains are whole, and the keys open them")
     return 0
 
 

@@ -71,12 +71,16 @@ def ground_answers(dataset: Path, out: Path, method: str) -> dict[str, Any]:
         "ground", "--dataset", dataset, "--method", method, "--encoder", "hashed", "--out", out,
         "--run-id", run_id, "--json",
     )  # fmt: skip
-    figures = {key: json.loads(said)[key] for key in ("n", "n_per_split", "sr", "top3", "pooled", "storey_given")}
-    lines = [json.loads(line) for line in (out / run_id / "answers.jsonl").read_text().splitlines()]
+    return answers_in(json.loads(said), out / run_id)
+
+
+def answers_in(document: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Figures that `ground` printed, and a digest of each home's answers in its run folder."""
+    figures = {key: document[key] for key in ("n", "n_per_split", "sr", "top3", "pooled", "storey_given")}
+    fields = ("split", "scene", "episode_id", "candidates", "scores", "storey_given", "reason", "phrases_fell_back")
+    measures = ("success", "top3_success", "planar_distance", "distance_3d", "planar_distances")
     homes: dict[str, list[str]] = {}
-    for line in lines:
-        fields = ("split", "scene", "episode_id", "candidates", "scores", "storey_given", "reason", "phrases_fell_back")
-        measures = ("success", "top3_success", "planar_distance", "distance_3d", "planar_distances")
+    for line in map(json.loads, (folder / "answers.jsonl").read_text(encoding="utf-8").splitlines()):
         kept = [line[field] for field in fields] + [line["measures"][field] for field in measures]
         homes.setdefault(line["scene"], []).append(json.dumps(kept))
     return {"figures": figures, "digests": {scene: _digest(homes[scene]) for scene in sorted(homes)}}
