@@ -77,7 +77,7 @@ def main(names: list[str]) -> None:
 def _readable(value: Any, indent: str = "") -> str:
     """JSON with one line per value that is short enough."""
     line = json.dumps(value)
-    if len(indent) + len(line) <= 118 or not isinstance(value, dict | list):
+    if len(indent) + len(line) <= 300 or not isinstance(value, dict | list):
         return line
     deeper = indent + " "
     if isinstance(value, dict):
