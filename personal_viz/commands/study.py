@@ -166,7 +166,7 @@ def serve_planned(
     """Serves a study that `study plan` has planned, until Ctrl-C; goes on where it was."""
     config = load_study(folder)
     plan = load_plan(folder, config)
-    require_texts(folder, plan)
+    require_texts(folder, config, plan)
     digest = PersonalDataset(dataset).digest()
     if config.dataset.sha256 != digest:
         raise StudyError(

@@ -22,7 +22,7 @@ from human_study.study import (
     save_study,
 )
 from human_study.texts.participants import TEXT_FILES, freeze_texts, write_texts
-from human_study.texts.words import empty_fields
+from human_study.texts.words import empty_fields, open_places
 from human_study.vault import write_private
 from personal_viz.recruit_codes import CODES_FILE
 from sim.episodes.dataset import PersonalDataset
@@ -137,8 +137,10 @@ def plan_study(folder: Path, dataset: Path, scenes_dir: Path | None, *, pilot: b
     return made
 
 
-def require_texts(folder: Path, made: StudyPlan) -> None:
-    """Refuses texts that were changed after the plan.
+def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
+    """Refuses texts that were changed after the plan, and open places that an earlier version planned.
+
+    A study that has begun keeps its texts.
 
     Raises:
         StudyError: Names the file.
@@ -150,6 +152,12 @@ def require_texts(folder: Path, made: StudyPlan) -> None:
             raise StudyError(
                 f"{path}: sha256 is {found[:12]}; expected {expected[:12]}, the text that was planned. Restore it, or "
                 "make the plan again before anybody takes part."
+            )
+        left = open_places(path.read_text(encoding="utf-8"))
+        if left and path.stem in config.flow and name in TEXT_FILES and not (folder / DATABASE_FILE).exists():
+            raise StudyError(
+                f"{path}: {', '.join(left)} to be filled in; expected a text that people can read. Fill in study.yaml "
+                "and make the plan again."
             )
 
 

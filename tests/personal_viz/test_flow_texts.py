@@ -18,6 +18,7 @@ from personal_viz.flow import FlowPlace
 from personal_viz.flow_cards import DeviceReport, device_card, duration, end_card, instruction_card, pause_card
 from personal_viz.flow_markdown import html_from_markdown, title_of
 from personal_viz.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in, script
+from personal_viz.pan_app import BUTTON_LABELS
 from personal_viz.panels import Card, card_html, progress_html
 from personal_viz.screenshots_instructions import MAX_BYTES, SIZE, small_jpeg
 from sim.types import TaskKind
@@ -123,6 +124,22 @@ def test_who_never_sees_a_home_in_3d_is_not_told_how_to_turn_it() -> None:
     assert "without its ceiling" not in words
     assert "from straight above" in words
     assert "Give up this search" in words
+
+
+@pytest.mark.parametrize("actions", ["paper4", "paper6"])
+def test_the_table_of_keys_names_the_keys_and_buttons_that_work(actions: str) -> None:
+    study = config(actions=actions)
+    keys = dict(re.findall(r"(\w+): \[([^\]]+)\]", (STATIC / "page.js").read_text(encoding="utf-8")))
+    names = {"ArrowUp": "↑", "ArrowLeft": "←", "ArrowRight": "→", "Enter": "Enter", "NumpadEnter": None}
+    expected = []
+    for action in (action for action in BUTTON_LABELS if action in study.action_set):
+        codes = re.findall(r"'(\w+)'", keys[action.value])
+        shown = [name for code in codes if (name := names.get(code, code.removeprefix("Key")))]
+        expected.append((" or ".join(f"`{name}`" for name in shown), BUTTON_LABELS[action][0]))
+    text = "".join(instruction_texts(study, "pan", ("none",)))
+    rows = [row.split(" | ") for row in re.findall(r"^\| (`.*) \|$", text, flags=re.MULTILINE)]
+    found = [(key.split(", ")[0], button.split(", ")[0]) for key, button, _ in rows]
+    assert sorted(found) == sorted(expected)
 
 
 def test_pictures_are_small_and_of_one_size() -> None:

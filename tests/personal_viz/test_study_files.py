@@ -1,11 +1,12 @@
 """`study init` and `study plan`: texts are frozen with the plan, and nothing that was asked changes in silence."""
 
+import hashlib
 from pathlib import Path
 
 import pytest
 
-from human_study.plan import PLAN_FILE, load_plan
-from human_study.study import STUDY_FILE, load_study
+from human_study.plan import PLAN_FILE, PlannedParticipant, StudyPlan, StudyScene, load_plan
+from human_study.study import STUDY_FILE, StudyConfig, StudyDataset, load_study
 from personal_viz.commands.study_files import init, plan, require_texts
 from sim.errors import StudyError
 
@@ -56,9 +57,25 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
     told = study / "told" / "consent-pan.md"
     assert "The University of Anywhere invites you" in told.read_text(encoding="utf-8")
     for path in (told, study / "instructions.md"):
-        require_texts(study, made)
+        require_texts(study, load_study(study), made)
         before = path.read_text(encoding="utf-8")
         path.write_text(before + "More.\n", encoding="utf-8")
         with pytest.raises(StudyError, match="the text that was planned"):
-            require_texts(study, made)
+            require_texts(study, load_study(study), made)
         path.write_text(before, encoding="utf-8")
+
+
+def test_marks_that_an_earlier_version_planned_are_not_shown_to_anybody_new(tmp_path: Path) -> None:
+    text = "Ask [to be filled in: ethics.contact]."
+    (tmp_path / "consent.md").write_text(text, encoding="utf-8")
+    config = StudyConfig(study="old", dataset=StudyDataset(sha256="0" * 64), task=("pan",))
+    made = StudyPlan(
+        study_version=config.study_version,
+        scenes=(StudyScene(name="Home", kind="invented"),),
+        texts={"consent.md": hashlib.sha256(text.encode()).hexdigest()},
+        participants=(PlannedParticipant(code="p01", task="pan", trials=()),),
+    )
+    with pytest.raises(StudyError, match=r"consent\.md: ethics\.contact to be filled in"):
+        require_texts(tmp_path, config, made)
+    (tmp_path / "study.db").touch()  # it has begun, and keeps what people have read
+    require_texts(tmp_path, config, made)
