@@ -39,7 +39,7 @@ def test_after_kills_everything_acknowledged_is_there_and_people_are_where_they_
     assert found.steps_done_again >= found.acked_keys / 2
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_people_come_back_after_a_restart(tmp_path: Path, dataset: Path) -> None:
     settings = RestartSettings(restarts=1, bots=3, acted_keys=5, with_browser=False)
     found = measure_restarts(settings, folder=tmp_path, dataset=dataset, progress=print)
@@ -49,7 +49,7 @@ def test_people_come_back_after_a_restart(tmp_path: Path, dataset: Path) -> None
     assert found.browser_returns is None
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_nothing_is_left_of_people_who_left(tmp_path: Path, dataset: Path) -> None:
     settings = SoakSettings(seconds=5.0, bots=4)
     found = measure_soak(settings, folder=tmp_path, dataset=dataset, progress=print)

@@ -84,7 +84,7 @@ def served(made: Path) -> Iterator[tuple[Library, str]]:
 def opened(browser: BrowserContext, address: str) -> Page:
     """A page that shows its first home."""
     page = browser.new_page()
-    page.goto(f"{address}?fixedDpr=0.3")  # Chromium draws without a graphics card here
+    page.goto(f"{address}?fixedDpr=0.1")  # Chromium draws without a graphics card here
     expect(page.locator(".bw.home")).to_contain_text("invented home", timeout=120_000)
     return page
 

@@ -92,6 +92,7 @@ def test_there_is_one_portrait_of_each_category(plan: HomePlan) -> None:
         assert len(picture.getcolors(CROP_SIDE**2) or []) > 1
 
 
+@pytest.mark.slow
 def test_the_sheet_has_titles_views_and_portraits(scene: Scene, plan: HomePlan) -> None:
     sheet = contact_sheet_picture(scene, plan)
     assert sheet.width == WIDTH
