@@ -116,8 +116,8 @@ def require_free_space(folder: Path, *, least_mb: int = MIN_FREE_MB) -> None:
 def take_lock(folder: Path) -> IO[str]:
     """The open lock file; closing it, or dying, lets go. Raises StudyInUseError when another process holds it."""
     path = folder / LOCK_FILE
-    private_folder(folder)
     try:
+        private_folder(folder)
         lock = path.open("a+", encoding="utf-8")
     except OSError as error:
         raise StudyError(

@@ -11,7 +11,7 @@ from sim.errors import StudyError, line_from_validation_error
 from sim.types import ClutterLevel, EpisodeKey, SceneKind, Split, TaskKind
 
 from .study import OTHER_PROGRAM, Condition, StudyConfig
-from .vault import private_folder, write_private
+from .vault import write_private
 
 PLAN_FILE = "plan.json"
 PRACTICE_FOLDER = "practice"
@@ -136,7 +136,6 @@ def save_plan(folder: Path, plan: StudyPlan) -> Path:
         StudyError: The folder cannot be written.
     """
     path = folder / PLAN_FILE
-    private_folder(folder)
     write_private(path, plan.model_dump_json(indent=1) + "\n")
     return path
 

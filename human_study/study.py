@@ -30,7 +30,7 @@ from sim.types import (
 
 from .hypothesis_names import require_hypothesis
 from .study_yaml import json_from_yaml
-from .vault import private_folder
+from .vault import make_private
 
 STUDY_FILE = "study.yaml"
 MAX_STUDY_NAME = 32
@@ -325,7 +325,6 @@ def save_study(folder: Path, config: StudyConfig) -> Path:
         StudyError: The folder holds another study, or cannot be written.
     """
     path = folder / STUDY_FILE
-    private_folder(folder)
     if path.exists():
         found = load_study(folder)
         if found.study_version != config.study_version:
@@ -336,6 +335,7 @@ def save_study(folder: Path, config: StudyConfig) -> Path:
         return path
     choices = config.model_dump(mode="json")
     write_whole(path, yaml.safe_dump(choices, sort_keys=False, allow_unicode=True))
+    make_private(folder)
     return path
 
 

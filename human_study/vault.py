@@ -140,25 +140,23 @@ def private_folder(folder: Path) -> None:
     """Make a folder that only its owner can enter; one that is there is closed to others.
 
     Raises:
-        StudyError: It cannot be made.
+        OSError: It cannot be made.
     """
-    try:
-        folder.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
-    except OSError as error:
-        raise StudyError(
-            f"{folder}: cannot be made ({error.strerror}); expected a folder, or a place for one. Give another folder."
-        ) from None
+    folder.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
     make_private(folder)
 
 
 def write_private(path: Path, text: str) -> None:
     """Write a small file that only its owner can read, whole or not at all, on disk when this returns.
 
+    Its folder, a study's, is made where there is none, and closed to others.
+
     Raises:
         StudyError: It cannot be written.
     """
     beside = path.with_name(path.name + ".part")
     try:
+        private_folder(path.parent)
         with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, PRIVATE_FILE), "w") as file:
             os.fchmod(file.fileno(), PRIVATE_FILE)  # whatever the umask is, and whoever left a file of this name
             file.write(text)
