@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -83,8 +84,9 @@ def check_agent(
     return list(dict.fromkeys(checkup.problems))
 
 
+@cache
 def check_home() -> Scene:
-    """The small invented home in which agents are checked."""
+    """The small invented home in which agents are checked; made once per process."""
     return scene_from_plan(invent_plan("Check", seed=_HOME_SEED))
 
 

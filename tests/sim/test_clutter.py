@@ -136,6 +136,7 @@ def test_a_schematic_homes_floor_is_as_it_was_and_nothing_stands_on_it(schematic
         assert x0 > 1.6 or z0 > 1.6 or x1 < -1.6 or z1 < -1.6, piece
 
 
+@pytest.mark.slow
 def test_all_ways_of_an_invented_home_stay_as_long_as_they_were(invented: HomePlan) -> None:
     before, after = (scene_from_plan(plan).navigation for plan in (invented, with_clutter(invented, 2, seed=0)))
     rng = np.random.default_rng(0)

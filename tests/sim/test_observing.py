@@ -91,10 +91,10 @@ class Gives:
 
 
 @pytest.fixture(scope="module")
-def plain(demo_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[EpisodeRun, ...]:
+def plain(small_home_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[EpisodeRun, ...]:
     """Two episodes of Wanders that nobody watched."""
     out = tmp_path_factory.mktemp("runs") / "plain"
-    run_job(demo_root, out, agent=f"{__name__}:Wanders")
+    run_job(small_home_root, out, agent=f"{__name__}:Wanders")
     return read_run(out).episodes
 
 
@@ -102,8 +102,8 @@ def run_job(
     root: Path, out: Path, *, agent: str, number: int = 2, make_observer: Callable[[Scene], Any] | None = None
 ) -> None:
     """The first episodes of the home, into `out`."""
-    keys = tuple(episode.key for episode in PersonalDataset(root).episodes(scenes=("Demo",)))[:number]
-    job = AgentJob(root, "Demo", keys, scenes_dir=None, agent=agent, seed=0, make_observer=make_observer)
+    keys = tuple(episode.key for episode in PersonalDataset(root).episodes(scenes=("Small",)))[:number]
+    job = AgentJob(root, "Small", keys, scenes_dir=None, agent=agent, seed=0, make_observer=make_observer)
     info = make_run_info("a", who="a", who_kind="agent", scene_kind="invented", dataset_digest="d", seed=0)
     run_agent([job], RunWriter(out, info), processes=1)
 
@@ -118,9 +118,9 @@ def command(root: Path, out: Path, **changes: Any) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("agent", ["random", "shortest-path", f"{__name__}:Wanders"])
-def test_a_watched_run_has_the_same_bytes(demo_root: Path, tmp_path: Path, agent: str) -> None:
-    command(demo_root, tmp_path / "plain", agent=agent)
-    command(demo_root, tmp_path / "watched", agent=agent, rerun=str(tmp_path / "live"))
+def test_a_watched_run_has_the_same_bytes(small_home_root: Path, tmp_path: Path, agent: str) -> None:
+    command(small_home_root, tmp_path / "plain", agent=agent)
+    command(small_home_root, tmp_path / "watched", agent=agent, rerun=str(tmp_path / "live"))
     plain, watched = tmp_path / "plain" / "a", tmp_path / "watched" / "a"
     assert (plain / "steps.jsonl").read_bytes() == (watched / "steps.jsonl").read_bytes()
     assert sorted(path.name for path in plain.iterdir()) == sorted(path.name for path in watched.iterdir())
@@ -131,18 +131,18 @@ def test_a_watched_run_has_the_same_bytes(demo_root: Path, tmp_path: Path, agent
 
 
 @pytest.mark.slow
-def test_a_run_watched_in_two_processes_has_the_same_bytes(demo_root: Path, tmp_path: Path) -> None:
+def test_a_run_watched_in_two_processes_has_the_same_bytes(small_home_root: Path, tmp_path: Path) -> None:
     agent = f"{__name__}:Wanders"
-    command(demo_root, tmp_path / "plain", agent=agent)
-    command(demo_root, tmp_path / "watched", agent=agent, jobs=2, rerun=str(tmp_path / "live"))
+    command(small_home_root, tmp_path / "plain", agent=agent)
+    command(small_home_root, tmp_path / "watched", agent=agent, jobs=2, rerun=str(tmp_path / "live"))
     plain, watched = tmp_path / "plain" / "a" / "steps.jsonl", tmp_path / "watched" / "a" / "steps.jsonl"
     assert plain.read_bytes() == watched.read_bytes()
     assert len(list((tmp_path / "live").iterdir())) == 3
 
 
-def test_an_observer_is_told_of_each_step_with_pictures_and_reasons(demo_root: Path, tmp_path: Path) -> None:
+def test_an_observer_is_told_of_each_step_with_pictures_and_reasons(small_home_root: Path, tmp_path: Path) -> None:
     observer = Recorder()
-    run_job(demo_root, tmp_path / "a", agent=f"{__name__}:Wanders", number=1, make_observer=Gives(observer))
+    run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders", number=1, make_observer=Gives(observer))
     assert observer.told[0] == "reset 0 True"
     assert [text.split()[:2] for text in observer.told[1:17]] == [["step", str(number)] for number in range(1, 17)]
     assert all("I have seen" in text for text in observer.told[1:17])
@@ -150,63 +150,63 @@ def test_an_observer_is_told_of_each_step_with_pictures_and_reasons(demo_root: P
 
 
 @pytest.mark.parametrize("agent", ["random", "shortest-path"])
-def test_agents_without_eyes_are_shown_with_pictures_too(demo_root: Path, tmp_path: Path, agent: str) -> None:
+def test_agents_without_eyes_are_shown_with_pictures_too(small_home_root: Path, tmp_path: Path, agent: str) -> None:
     observer = Recorder()
-    run_job(demo_root, tmp_path / "a", agent=agent, number=1, make_observer=Gives(observer))
+    run_job(small_home_root, tmp_path / "a", agent=agent, number=1, make_observer=Gives(observer))
     assert observer.told[0] == "reset 0 True"
     assert observer.told[1].endswith("None")
 
 
 @pytest.mark.parametrize("moment", ["reset", "step 3", "end"])
 def test_an_episode_whose_observer_fails_is_still_finished_and_on_disk(
-    demo_root: Path, plain: tuple[EpisodeRun, ...], tmp_path: Path, moment: str
+    small_home_root: Path, plain: tuple[EpisodeRun, ...], tmp_path: Path, moment: str
 ) -> None:
     observer = Recorder(fails_at=moment)
     with pytest.raises(RecordingError, match=f"no space at {moment}"):
-        run_job(demo_root, tmp_path / "a", agent=f"{__name__}:Wanders", make_observer=Gives(observer))
+        run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders", make_observer=Gives(observer))
     assert read_run(tmp_path / "a").episodes == plain[:1]
     assert observer.told[-1].startswith(moment)  # it is not asked again
-    run_job(demo_root, tmp_path / "a", agent=f"{__name__}:Wanders")
+    run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders")
     assert read_run(tmp_path / "a").episodes == plain
 
 
-def test_an_agent_that_fails_when_asked_for_its_reason_is_named(demo_root: Path, tmp_path: Path) -> None:
+def test_an_agent_that_fails_when_asked_for_its_reason_is_named(small_home_root: Path, tmp_path: Path) -> None:
     observer = Recorder()
     with pytest.raises(AgentError, match=r"CannotExplain\.insight\(\) raised ValueError: no reason"):
-        run_job(demo_root, tmp_path / "a", agent=f"{__name__}:CannotExplain", make_observer=Gives(observer))
+        run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:CannotExplain", make_observer=Gives(observer))
     assert observer.told[-1] == "close"
-    run_job(demo_root, tmp_path / "b", agent=f"{__name__}:CannotExplain")  # unwatched, nobody asks
+    run_job(small_home_root, tmp_path / "b", agent=f"{__name__}:CannotExplain")  # unwatched, nobody asks
     assert len(read_run(tmp_path / "b").episodes) == 2
 
 
-def test_a_reason_that_is_no_insight_is_named(demo_root: Path, tmp_path: Path) -> None:
+def test_a_reason_that_is_no_insight_is_named(small_home_root: Path, tmp_path: Path) -> None:
     with pytest.raises(AgentError, match=r"ExplainsWrongly\.insight\(\) returned str; expected an Insight or None"):
-        run_job(demo_root, tmp_path / "a", agent=f"{__name__}:ExplainsWrongly", make_observer=Gives(Recorder()))
+        run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:ExplainsWrongly", make_observer=Gives(Recorder()))
 
 
-def test_one_file_for_several_episodes_is_refused_before_any_is_run(demo_root: Path, tmp_path: Path) -> None:
+def test_one_file_for_several_episodes_is_refused_before_any_is_run(small_home_root: Path, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="found 3 episodes for one file"):
-        command(demo_root, tmp_path / "out", rerun=str(tmp_path / "a.rrd"))
+        command(small_home_root, tmp_path / "out", rerun=str(tmp_path / "a.rrd"))
     assert not (tmp_path / "out" / "a").exists()
     assert not (tmp_path / "a.rrd").exists()
 
 
 def test_a_finished_episode_keeps_its_recording(
-    demo_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small_home_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first = next(iter(PersonalDataset(demo_root).episodes(scenes=("Demo",)))).key
+    first = next(iter(PersonalDataset(small_home_root).episodes(scenes=("Small",)))).key
     options = {"agent": "shortest-path", "episode": str(first), "rerun": str(tmp_path / "a.rrd")}
-    command(demo_root, tmp_path / "out", **options)
+    command(small_home_root, tmp_path / "out", **options)
     before = (tmp_path / "a.rrd").stat()
     capsys.readouterr()
-    command(demo_root, tmp_path / "out", **options)
+    command(small_home_root, tmp_path / "out", **options)
     assert "No episode is left to run, so nothing is recorded." in capsys.readouterr().out
     assert (tmp_path / "a.rrd").stat() == before
 
 
 def test_a_watched_job_is_a_key_like_any_other(tmp_path: Path) -> None:
     jobs = [
-        AgentJob(tmp_path, "Demo", (), scenes_dir=None, agent="random", seed=0, make_observer=maker)
+        AgentJob(tmp_path, "Small", (), scenes_dir=None, agent="random", seed=0, make_observer=maker)
         for maker in (ObserveRuns(LiveSink("folder", "a"), "{}"), ObserveRuns(LiveSink("folder", "a"), "{}"), None)
     ]
     assert len(set(jobs)) == 2

@@ -65,6 +65,7 @@ def test_episodes_before_an_agents_error_are_on_disk(demo_root: Path, tmp_path: 
     assert [run.key for run in read_run(tmp_path / "a").episodes] == list(work.keys[:2])
 
 
+@pytest.mark.slow
 def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(demo_root: Path, tmp_path: Path) -> None:
     work = job(demo_root, "Demo", agent="shortest-path")
     run_agent([work], writer_in(tmp_path / "a"), processes=1)
@@ -73,6 +74,7 @@ def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(demo_root:
     assert [str(run.key) for run in runs if not is_success(run)] == []
 
 
+@pytest.mark.slow
 def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(demo_root: Path, tmp_path: Path) -> None:
     options = {**OPTIONS, "agent": "shortest-path", "dataset": demo_root, "out": tmp_path, "limit": 4}
     assert run(**options, rule="habitat") == 0
