@@ -57,7 +57,7 @@ def outcome_matrix_svg(report: StudyReport, task: TaskKind) -> str:
     found = {(o.who, o.condition, o.participant) for o in outcomes}
     rows = sorted(found, key=lambda row: (names_of_rows.index(row[:2]), row[2]))
     width = max(5.0, 2.5 + _COLUMN_INCHES * len(episodes))
-    figure = Figure(figsize=(width, 1.2 + _ROW_INCHES * len(rows)), layout="constrained")
+    figure = Figure(figsize=(width, 1.8 + _ROW_INCHES * len(rows)), layout="constrained")
     axes = figure.subplots()
     place = {name: at for at, name in enumerate(episodes)}
     at = {name: number for number, name in enumerate(rows)}

@@ -37,7 +37,7 @@ def latex(report: StudyReport) -> str:
             f"{TITLES[task]}, scenes: {kind}, rule {rule}; intervals at {LEVEL:g}, participants and episodes random",
             *([label] if (label := scene_label(kind)) else []),
             *(["A pilot"] if report.is_pilot else []),
-            *(report.warnings if task == "pan" else ()),
+            *(warning.split(". ")[0] for warning in report.warnings if task == "pan"),
         ]
         parts.append(
             f"\\begin{{tabular}}{{l{'c' * len(columns)}}}\n\\hline\n & {heads} \\\\\n\\hline\n"

@@ -126,7 +126,8 @@ def rule_warnings(rows: Iterable[MetricRow]) -> list[str]:
 def made_for_warning(who: str, made_for: Sequence[str], *, rule: str) -> str:
     """One line: these runs were made for other rules than the one that counts here."""
     advice = f" personal-viz run --agent shortest-path --rule {rule} walks for it." if "shortest-path" in who else ""
-    return f"Warning: {who} was made for rule {', '.join(made_for)}, and is counted here by {rule}.{advice}"
+    verb = "was told" if who == "human" else "was made for"
+    return f"Warning: {who} {verb} rule {', '.join(made_for)}, and is counted here by {rule}.{advice}"
 
 
 def reading_notes(rows: Sequence[MetricRow]) -> list[str]:

@@ -56,6 +56,16 @@ def test_an_outcome_that_the_events_do_not_give_fails() -> None:
     assert found.detail == "outcome.measures.path_m is stored as 9.0, recomputed as 1.25"
 
 
+def test_an_outcome_of_a_program_that_did_not_know_paper_strict_still_agrees() -> None:
+    events, run = success()
+    raw = run.end.model_dump(mode="json")
+    assert raw["measures"]["rules"].pop("paper-strict") is not None
+    old = EpisodeEnd.model_validate(raw)
+    assert verify(events, old).status == "verified"
+    raw["measures"]["rules"]["paper"]["success"] = False
+    assert verify(events, EpisodeEnd.model_validate(raw)).status == "failed"
+
+
 def test_steps_after_the_end_fail() -> None:
     events, run = success()
     extra = next(event for event in events if isinstance(event, Act) and event.action is Action.LEFT)

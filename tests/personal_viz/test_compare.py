@@ -68,7 +68,7 @@ def test_the_page_says_who_succeeded_and_how_far_people_are_ahead(made: Compared
     text = (out / "index.md").read_text()
     assert text.count("## PAN ") == 1
     assert text.count("## POG ") == 2  # in the invented home, and on oracle maps
-    assert "this is no human baseline for PersONAL" in text
+    assert "no human baseline for PersONAL" in text
     key = made.episodes[0].key
     pan, home, oracle = (line for line in text.splitlines() if f"{key.split}/{key.scene}/{key.episode_id}" in line)
     assert "| 100 |" in pan
