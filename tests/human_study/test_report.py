@@ -255,6 +255,46 @@ def test_other_homes_are_no_human_baseline(runs: list[Run], found: StudyReport) 
     assert "no human baseline" in markdown(study_report(invented))
 
 
+def test_the_report_has_paper_strict_and_the_share_far_from_view_beside_paper_and_warns(runs: list[Run]) -> None:
+    def measured(run: Run) -> Run:
+        """In turn right by both rules beside a view point, and right by `paper` only and far from it."""
+        found = []
+        for number, item in enumerate(run.episodes):
+            measures = item.end.measures
+            assert measures is not None
+            rule = measures.rules["paper"]
+            assert rule is not None
+            is_far = number % 2 == 1
+            rules = {
+                **measures.rules,
+                "paper": rule.model_copy(update={"success": True}),
+                "paper-strict": rule.model_copy(update={"success": not is_far}),
+                "habitat": rule.model_copy(update={"success": False, "dtg": 1.2 if is_far else 0.3}),
+            }
+            end = item.end.model_copy(update={"measures": measures.model_copy(update={"rules": rules})})
+            found.append(item.model_copy(update={"end": end}))
+        info = run.info.model_copy(update={"made_for": "habitat" if run.info.who != "human" else "paper"})
+        return run.model_copy(update={"episodes": tuple(found), "info": info})
+
+    report = study_report([measured(run) for run in runs])
+    people = [row for row in report.rows if row.kind == "human"]
+    strict, far = (row(report, "human", "total", name) for name in ("sr_strict", "far_from_view"))
+    assert (strict.k, far.k, strict.n, far.n) == (strict.n // 2, far.n // 2, far.n, strict.n)
+    assert (strict.low or 0) < strict.value < (strict.high or 0)
+    assert {r.measure for r in people} >= {"sr_strict", "far_from_view"}
+    assert not [r for r in report.rows if r.kind == "difference" and r.measure == "far_from_view"]
+    text = markdown(report)
+    assert "| SR by rule paper-strict (%) |" in text
+    assert "| successes by rule paper that end more than 1 m of walking from every view point (%) |" in text
+    assert "rule paper = our reading of the PersONAL paper" in text
+    agents = {run.info.who for run in runs if run.info.who != "human"}
+    assert len(report.warnings) == len(agents)
+    assert all("was made for rule habitat, and is counted here by paper" in line for line in report.warnings)
+    assert all(f"**{line}**" in text for line in report.warnings)
+    assert "Warning: " in latex(report)
+    assert study_report(runs).warnings == ()
+
+
 def test_the_command_writes_all_files(runs: list[Run], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for run in runs:
         writer = RunWriter(tmp_path / "runs" / run.info.run_id, run.info)
