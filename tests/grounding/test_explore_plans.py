@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from grounding.agents import floor_memory
 from grounding.agents.floor_memory import FloorMemory
 from grounding.agents.plan_kernels import spread_costs, weigh
 from grounding.agents.seeking import Seeker, SeekSettings
-from grounding.posed_frames import Intrinsics
+from sim.frames import T_start_camera
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
-from sim.types import FORWARD_STEP, Action, Camera, GridSpec, Observation, Pose
+from sim.types import FORWARD_STEP, Action, Camera, Observation, Pose
 
 from .test_explore import CAMERA, observation
 
@@ -119,24 +118,6 @@ def test_exploring_ends_later_without_news_where_more_is_left() -> None:
     assert found == [False, False, False, True]
 
 
-def test_a_squeezing_robot_plans_over_thin_things_and_near_them_until_it_relaxes() -> None:
-    cells = np.full((40, 60), FREE, np.uint8)
-    cells[:, 20] = OCCUPIED  # thin
-    cells[:, 40:44] = OCCUPIED  # thick
-    grid, nothing = GridSpec((0.0, 0.0), 0.05, cells.shape), np.zeros(cells.shape, np.float32)
-    plain, tight = (
-        floor_memory._weights(
-            cells, cells, grid, clearance=clearance, touched=nothing, trail=nothing.astype(bool), bumps=()
-        )
-        for clearance in (floor_memory.CLEARANCE, floor_memory._TIGHT_CLEARANCE)
-    )
-    assert np.isnan(plain[20, 20])
-    assert np.isinf(plain[20, [18, 22]]).all()
-    assert np.isfinite(tight[20, 17:24]).all(), "a thin thing may be none"
-    assert tight[20, 20] > 10 * tight[20, 30], "but any other way is better"
-    assert np.isnan(tight[20, 41]), "a thick thing is one"
-
-
 def test_a_robot_squeezes_once_until_there_is_new_floor() -> None:
     memory = seen((0.0, 0.0))
     assert [memory.squeeze(), memory.squeeze()] == [True, False]
@@ -154,51 +135,21 @@ def test_squeezing_gives_the_robot_time_again() -> None:
     assert not seeker.squeeze(), "once, until there is new floor"
 
 
-def test_a_robot_that_goes_to_and_fro_between_its_collisions_frees_them() -> None:
-    seeker = Seeker(CAMERA, SeekSettings())
-    for step, collided in enumerate((False, True)):
-        view = observation(Pose((0.0, 0.0, -0.01 * step), 0.0), depth=20.0, step=step, collided=collided)
-        seeker.see(view)
-    shut = []
-    for _ in range(3):
-        seeker._counted(Action.LEFT)
-        seeker._counted(Action.FORWARD)
-        shut.append(bool(np.isnan(weight_at(seeker.memory, (0.0, -0.06)))))
-    assert shut == [True, True, False]
-
-
-@pytest.mark.parametrize(("width", "height"), [(96, 72), (160, 120), (200, 150), (640, 480), (1000, 700)])
-def test_wide_pictures_are_thinned_to_pixels_that_see_the_same(width: int, height: int) -> None:
-    rng = np.random.default_rng(width)
-    depth = rng.random((height, width), np.float32)
-    whole = Intrinsics.of(Camera(width, height))
-    thin, _, part = floor_memory._thinned(depth, np.eye(4), whole)
-    assert thin.shape == (part.height, part.width)
-    assert min(width, 160) <= part.width < 320
-    for row, col in rng.integers(thin.shape, size=(20, 2)):
-        across, down = (col + 0.5 - part.cx) / part.fx, (row + 0.5 - part.cy) / part.fy
-        u, v = across * whole.fx + whole.cx, down * whole.fy + whole.cy
-        assert (u % 1, v % 1) == (pytest.approx(0.5), pytest.approx(0.5)), "the middle of a pixel"
-        assert thin[row, col] == depth[int(v), int(u)]
-
-
-def test_what_fails_again_before_the_robot_moves_comes_back_a_few_times_only() -> None:
-    seeker = Seeker(CAMERA, SeekSettings(rounds=3))
-    seeker.see(on_floor(0.0, 0))
-    back = []
-    for _ in range(8):  # all of it is left alone again at the same step
-        seeker._banned_until[5, 5] = 1000
-        back.append(seeker.forgive())
-    assert back[0]
-    assert not any(back[4:]), "it would come back for ever"
-
-
-def test_the_robot_changes_its_ways_where_no_new_floor_comes() -> None:
-    seeker = Seeker(CAMERA, SeekSettings(dull_steps=30))
-    seeker.see(on_floor(0.0, 0))
-    seeker._tried[seeker._tried_key(0)] = 2
-    before = seeker._extra()[0]
-    seeker.choose(seeker.frontiers()[0])
-    seeker.see(on_floor(0.0, 31))
-    assert seeker.pursue() is None
-    assert seeker._extra()[0] > before
+@pytest.mark.parametrize(("width", "height"), [(200, 150), (640, 480), (1000, 700)])
+def test_a_wide_picture_gives_the_map_of_a_narrow_one(width: int, height: int) -> None:
+    start, known = Pose((0.0, 0.0, 0.0), 0.0), []
+    for camera in (Camera(160, 120), Camera(width, height)):
+        down = (np.arange(camera.height) + 0.5 - camera.height / 2) / camera.focal
+        depth = np.minimum(3.0, camera.mount_height / np.maximum(down, 0.01)).astype(np.float32)  # a wall at 3 m
+        view = dataclasses.replace(
+            observation(start, depth=20.0, step=0),
+            depth_m=np.repeat(depth[:, None], camera.width, axis=1),
+            camera=camera,
+            T_start_camera=T_start_camera(start, start, camera),
+        )
+        memory = FloorMemory(bump_steps=100)
+        memory.see(view)
+        places = [(x, z) for x in (-1.02, -0.52, 0.02, 0.52, 1.02) for z in (-1.02, -1.52, -2.02, -2.52, -3.0, -3.52)]
+        known.append([int(memory.cell_at(place)) for place in places])
+    assert known[0] == known[1]
+    assert set(known[0]) == {FREE, OCCUPIED, UNKNOWN}
