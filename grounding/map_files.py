@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from sim.errors import RunFileError, line_from_validation_error
-from sim.files import write_whole
+from sim.files import (
+    MAX_JSON_VALUES,
+    TooLargeError,
+    npy_array,
+    require_few_values,
+    require_small_archive,
+    write_whole,
+)
 from sim.types import GridSpec
 
 from .encoders import TextEncoder
@@ -25,8 +32,9 @@ from .maps.header import MapSource as MapSource
 from .memory import HomeMemory, ObjectMap, StoreyMemory
 from .types import require_same_encoder
 
-MAX_BYTES = 4 << 30
-"""Of all arrays of a file together; a map of 50 x 50 m in cells of 0.25 m with 768 numbers each holds 0.12 GB."""
+MAX_BYTES, MAX_RATIO = 128 << 20, 64
+"""Of all arrays of a file together: so many bytes, and that many for each byte of the file. A storey of 50 x 50 m in
+cells of 0.25 m with 768 numbers each unpacks to 117 MiB; of three such storeys 1 % may hold anything."""
 _HEADER = "header.json"
 _EXPECTED = "a map written by personal-viz (header.json and arrays)"
 _AGAIN = "Build the map again, e.g. with personal-viz map or explore."
@@ -146,18 +154,23 @@ def _opened(path: Path) -> zipfile.ZipFile:
         ) from None
     except zipfile.BadZipFile as error:
         raise RunFileError(f"{path}: is no .npz file ({error}); expected {_EXPECTED}. {_AGAIN}") from None
-    size = sum(info.file_size for info in archive.infolist())
-    if size > MAX_BYTES:
+    try:
+        require_small_archive(archive, most=MAX_BYTES + MAX_RATIO * path.stat().st_size)
+    except TooLargeError as error:
         archive.close()
-        raise RunFileError(f"{path}: unpacks to {size} bytes; expected at most {MAX_BYTES}. Build a smaller map.")
+        raise RunFileError(f"{path}: {error}; expected {_EXPECTED}. {_AGAIN}") from None
     return archive
 
 
 def _header(path: Path, archive: zipfile.ZipFile) -> MapHeader:
     data = _read(path, archive, _HEADER)
     try:
+        require_few_values(data, MAX_JSON_VALUES)
+    except TooLargeError as error:
+        raise RunFileError(f"{path}: {_HEADER} {error}; expected {_EXPECTED}. {_AGAIN}") from None
+    try:
         version = json.loads(data)["schema_version"]
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         version = None
     if version is not None and version != SCHEMA_VERSION:
         raise RunFileError(
@@ -171,9 +184,9 @@ def _header(path: Path, archive: zipfile.ZipFile) -> MapHeader:
 
 
 def _array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[np.generic]:
-    stream = io.BytesIO(_read(path, archive, f"{name}.npy"))
+    data = _read(path, archive, f"{name}.npy")
     try:
-        return np.lib.format.read_array(stream, allow_pickle=False)
+        return npy_array(data)
     except (ValueError, SyntaxError, TypeError, EOFError) as error:
         raise RunFileError(f"{path}: {name} is no plain array ({error}); expected {_EXPECTED}. {_AGAIN}") from None
 

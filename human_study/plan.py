@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import StudyError, line_from_validation_error
+from sim.files import bounded_json
 from sim.types import ClutterLevel, EpisodeKey, SceneKind, Split, TaskKind
 
 from .study import OTHER_PROGRAM, Condition, StudyConfig
@@ -140,6 +141,10 @@ def save_plan(folder: Path, plan: StudyPlan) -> Path:
     return path
 
 
+MAX_BYTES, MAX_VALUES = 256 << 20, 10_000_000
+"""Of `plan.json`: a thousand participants with 150 trials each have a tenth of it."""
+
+
 def load_plan(folder: Path, config: StudyConfig) -> StudyPlan:
     """Read `plan.json` of a study folder.
 
@@ -148,7 +153,7 @@ def load_plan(folder: Path, config: StudyConfig) -> StudyPlan:
     """
     path = folder / PLAN_FILE
     try:
-        plan = StudyPlan.model_validate_json(path.read_bytes(), strict=True)
+        plan = StudyPlan.model_validate_json(bounded_json(path, most=MAX_BYTES, most_values=MAX_VALUES), strict=True)
     except OSError as error:
         raise StudyError(
             f"{path}: cannot be read ({error.strerror}); expected a plan. Run personal-viz study plan first."

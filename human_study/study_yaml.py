@@ -7,7 +7,12 @@ from typing import Any
 import yaml
 
 from sim.errors import StudyError
+from sim.files import bounded_bytes
 
+MAX_BYTES = 128 << 10
+"""Of a file; a study has 3 kB, and a megabyte is read for seconds."""
+MAX_NODES = 20_000
+"""Values of a file, those that an alias repeats included."""
 _LONGEST_SHOWN = 40
 """Characters of a bad value in a message."""
 
@@ -24,7 +29,7 @@ def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
         OSError: The file cannot be read.
         StudyError: It is not YAML, names a field twice, has keys that are no text, or values that JSON cannot hold.
     """
-    content = path.read_bytes()
+    content = bounded_bytes(path, MAX_BYTES)
     try:
         choices = yaml.load(content, Loader=_StrictLoader)
         if not isinstance(choices, dict):
@@ -45,6 +50,20 @@ def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
 
 class _StrictLoader(yaml.SafeLoader):
     """YAML without what is taken in silence otherwise: a field that stands twice, a key that is no text."""
+
+    def get_single_node(self) -> yaml.Node | None:
+        """The whole document, if it is no larger than a person writes.
+
+        Raises:
+            yaml.YAMLError: Its aliases make it larger than that.
+        """
+        document = super().get_single_node()
+        if document is not None and _num_nodes(document, {}) > MAX_NODES:
+            raise yaml.constructor.ConstructorError(
+                problem=f"found more than {MAX_NODES} values, with what its aliases repeat",
+                problem_mark=document.start_mark,
+            )
+        return document
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """The mapping.
@@ -80,3 +99,13 @@ class _StrictLoader(yaml.SafeLoader):
             raise yaml.constructor.ConstructorError(
                 problem=f"found {found!r}, which cannot be read as a value", problem_mark=node.start_mark
             ) from None
+
+
+def _num_nodes(node: yaml.Node, known: dict[int, int]) -> int:
+    """How many values a node is when every alias is written out; `known` holds those that were counted before."""
+    if id(node) not in known:
+        known[id(node)] = 1  # of a list that holds itself, which JSON refuses
+        inner = node.value if isinstance(node, yaml.CollectionNode) else ()
+        parts = [part for item in inner for part in (item if isinstance(item, tuple) else (item,))]
+        known[id(node)] = 1 + sum(_num_nodes(part, known) for part in parts)
+    return known[id(node)]

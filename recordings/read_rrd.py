@@ -19,6 +19,7 @@ from pydantic import BaseModel, ValidationError
 from rerun.chunk import Chunk, RrdReader
 
 from sim.errors import RecordingError, line_from_validation_error
+from sim.files import TooLargeError
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo, Step
 
 from . import paths
@@ -29,6 +30,15 @@ _HEAD = b"RRF2"
 _HEAD_BYTES = 12
 _MESSAGE = Struct("<QQ")
 """Kind and length of what follows, before each message of an .rrd file (Rerun 0.41)."""
+_DATA_KIND = 2
+"""Of a message with rows, which are packed."""
+_UNPACKED_FIELD = 3
+"""Of such a message's protobuf fields: how many bytes its rows unpack to. Rerun believes it."""
+_MOST_FIELDS = 64
+MAX_MESSAGE, MAX_ALL = 64 << 20, 1 << 30
+"""Bytes that one message, and all of a file, may unpack to, and `MAX_RATIO` times the file's size; an episode of 500
+steps with pictures has a hundredth of it."""
+MAX_RATIO = 8
 _LAST_KIND = 0
 """Of the message that ends a recording; behind it stands only where it begins."""
 _ENTITY = re.compile(rf"({paths.RUNS}/(?:\\.|[^/\\])+)/{paths.RECORD}(?:/(?:{LINE}|{END}))?")
@@ -183,11 +193,49 @@ def _readable(path: Path) -> Iterator[tuple[Path, bool]]:
 
 def _end_of_messages(file: BinaryIO, size: int) -> tuple[int, bool]:
     """(Where the last whole message ends, whether it is the one that ends a recording), from behind the head."""
-    end, kind = _HEAD_BYTES, -1
+    end, kind, total = _HEAD_BYTES, -1, 0
     while kind != _LAST_KIND and len(message := file.read(_MESSAGE.size)) == _MESSAGE.size:
         kind_read, length = _MESSAGE.unpack(message)
         if end + _MESSAGE.size + length > size:
             break
+        if kind_read == _DATA_KIND:
+            unpacked = _announced(file, end + _MESSAGE.size, length)
+            total += unpacked
+            if unpacked > MAX_MESSAGE + MAX_RATIO * size or total > MAX_ALL + MAX_RATIO * size:
+                raise TooLargeError("unpacks to more than any recording of its size")
         end, kind = end + _MESSAGE.size + length, kind_read
         file.seek(end)
     return end, kind == _LAST_KIND
+
+
+def _announced(file: BinaryIO, start: int, length: int) -> int:
+    """How many bytes a message with rows says that they unpack to, read without its rows.
+
+    Raises:
+        TooLargeError: It has more fields than Rerun writes, or other ones.
+    """
+    at, end, largest = start, start + length, 0
+    for _ in range(_MOST_FIELDS):
+        if at >= end:
+            return largest
+        file.seek(at)
+        head = file.read(min(20, end - at))
+        tag, used = _varint(head, 0)
+        if tag & 7 == 1 or tag & 7 == 5:  # eight bytes, four bytes
+            at += used + (8 if tag & 7 == 1 else 4)
+            continue
+        value, used = _varint(head, used)
+        if tag >> 3 == _UNPACKED_FIELD and tag & 7 == 0:
+            largest = max(largest, value)
+        at += used + (value if tag & 7 == 2 else 0)
+    raise TooLargeError("has a message of more fields than any recording")
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """(number, where it ends) of protobuf; 7 bits a byte, the lowest first."""
+    value = 0
+    for used, byte in enumerate(data[at : at + 10]):
+        value |= (byte & 127) << (7 * used)
+        if byte < 128:
+            return value, at + used + 1
+    raise TooLargeError("has a message that is no row of a recording")

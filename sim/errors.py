@@ -4,6 +4,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+_MOST_PROBLEMS = 2000
+"""Of a pydantic error whose first one is shown."""
+
 
 class PersonalVizError(Exception):
     """Base of every error that the command line prints as one line with exit code 1."""
@@ -49,6 +52,10 @@ def line_from_validation_error(where: str | Path, error: ValidationError, *, adv
         error: What pydantic raised.
         advice: What the reader can do, a full sentence.
     """
+    if error.error_count() > _MOST_PROBLEMS:  # to look at them all would cost a kilobyte each
+        return (
+            f"{where}: found {error.error_count()} values that do not fit; expected the fields of its format. {advice}"
+        )
     first = error.errors()[0]
     field = ".".join(str(part) for part in first["loc"]) or "(top level)"
     found = "nothing" if first["type"] == "missing" else repr(first["input"])

@@ -1,7 +1,151 @@
-"""Files that are never half-written: whole new ones, and text added to the end of one."""
+"""Files that are never half-written, and files from elsewhere that are read up to a limit.
 
+A small file can announce or unpack to much. `bounded_bytes` and `bounded_json` are the door for such files: what is
+over a limit is a `TooLargeError`, an OSError, so whoever says that a file cannot be read says that too.
+"""
+
+import errno
+import io
+import math
 import os
+import stat
+import zipfile
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAX_JSON_BYTES = 32 << 20
+"""Of a JSON document when unpacked; the largest released content file has 1.2 MB."""
+MAX_JSON_VALUES = 250_000
+"""Values of a JSON document; the largest released content file has 37,000. One that fits no model costs 800 bytes."""
+MAX_LINE_BYTES = 4 << 20
+"""Of one line of JSON lines; a step has 300 bytes."""
+MAX_LINE_VALUES = 100_000
+_MAX_MEMBERS = 100
+"""Parts of a gzip file; programs write one."""
+
+
+class TooLargeError(OSError):
+    """A file holds, or unpacks to, more than any real one of its kind; the text is the reason only."""
+
+    def __init__(self, found: str) -> None:
+        """Says what is too much."""
+        super().__init__(errno.EFBIG, found)
+
+    def __str__(self) -> str:
+        """The reason, without a number."""
+        return str(self.strerror)
+
+
+def bounded_bytes(path: Path, most: int) -> bytes:
+    """All bytes of a file.
+
+    Raises:
+        TooLargeError: There are more than `most`, or it is no regular file and could have any number.
+        OSError: It cannot be read.
+    """
+    with open(path, "rb", opener=_open_at_once) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise TooLargeError("is no regular file")
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise TooLargeError(f"has more than {_amount(most)}")
+    return data
+
+
+def bounded_json(path: Path, *, most: int = MAX_JSON_BYTES, most_values: int = MAX_JSON_VALUES) -> bytes:
+    """The text of a JSON file, unpacked when its name ends in .gz; not parsed, but safe to parse.
+
+    Raises:
+        TooLargeError: It holds more bytes or values than that.
+        OSError: It cannot be read.
+        EOFError: It ends in the middle of what is packed.
+        zlib.error: It is no gzip.
+    """
+    data = bounded_bytes(path, most)
+    if path.suffix == ".gz":
+        data = _unpacked(data, most)
+    require_few_values(data, most_values)
+    return data
+
+
+def bounded_lines(path: Path) -> Iterator[bytes]:
+    """The lines of a file of JSON lines one after the other, each safe to parse.
+
+    Raises:
+        TooLargeError: A line holds more bytes or values than any real one.
+        OSError: The file cannot be read.
+    """
+    with path.open("rb") as file:
+        while line := file.readline(MAX_LINE_BYTES + 1):
+            if len(line) > MAX_LINE_BYTES:
+                raise TooLargeError(f"has a line of more than {_amount(MAX_LINE_BYTES)}")
+            require_few_values(line, MAX_LINE_VALUES)
+            yield line
+
+
+def require_few_values(data: bytes, most: int) -> None:
+    """Raises TooLargeError where JSON text holds more than `most` values; commas in texts count too."""
+    if sum(map(data.count, (b",", b"[", b"{"))) > most:
+        raise TooLargeError(f"holds more than {most} values")
+
+
+def npy_array(data: bytes) -> NDArray[np.generic]:
+    """The array of a `.npy` file's bytes, read-only and without a copy; its announced size must be that of its bytes.
+
+    Raises:
+        ValueError, SyntaxError, TypeError: It is no such file, or holds Python objects.
+    """
+    stream = io.BytesIO(data)
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, is_fortran, dtype = read(stream)
+    if dtype.hasobject:
+        raise ValueError("it is pickled; expected plain numbers")
+    left = len(data) - stream.tell()
+    if math.prod(shape) * dtype.itemsize != left:
+        raise ValueError(f"it announces {shape} x {dtype.itemsize} bytes and holds {left}")
+    if not dtype.itemsize:  # texts of no length
+        return np.zeros(shape, dtype)
+    values = np.frombuffer(data, dtype, offset=stream.tell())
+    return values.reshape(shape, order="F" if is_fortran else "C")
+
+
+def require_small_archive(archive: zipfile.ZipFile, *, most: int, most_members: int = 1000) -> None:
+    """Raises TooLargeError where a zip file announces more; what a member holds beyond its announcement is not read."""
+    members = archive.infolist()
+    if len(members) > most_members:
+        raise TooLargeError(f"has {len(members)} members")
+    if sum(member.file_size for member in members) > most:
+        raise TooLargeError(f"unpacks to more than {_amount(most)}")
+
+
+def _unpacked(data: bytes, most: int) -> bytes:
+    """What gzip made small: all members of the file, at most `most` bytes."""
+    parts: list[bytes] = []
+    for _ in range(_MAX_MEMBERS):
+        member = zlib.decompressobj(wbits=31)
+        parts.append(member.decompress(data, most + 1 - sum(map(len, parts))))
+        if sum(map(len, parts)) > most:
+            raise TooLargeError(f"unpacks to more than {_amount(most)}")
+        if not member.eof:
+            raise EOFError("it ends in the middle of what is packed")
+        data = member.unused_data.lstrip(b"\0")
+        if not data:
+            return b"".join(parts)
+    raise TooLargeError(f"has more than {_MAX_MEMBERS} gzip members")
+
+
+def _amount(size: int) -> str:
+    return f"{size >> 20} MB" if size >= 1 << 20 else f"{size >> 10} kB"
+
+
+def _open_at_once(name: str, flags: int) -> int:
+    """Opens without waiting for the other end of a pipe."""
+    return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

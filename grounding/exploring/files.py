@@ -8,7 +8,7 @@ from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError,
 
 from sim.episodes.schema import Vector3
 from sim.errors import RunFileError, line_from_validation_error
-from sim.files import write_whole
+from sim.files import bounded_json, write_whole
 from sim.tasks.run_files import Step
 from sim.types import Camera, Pose, SceneKind
 
@@ -94,7 +94,7 @@ def load_exploration(path: Path) -> Exploration:
         RunFileError: The file is missing, damaged, or of another version.
     """
     try:
-        content = path.read_bytes()
+        content = bounded_json(path)
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read ({error}); expected an exploration. {_ADVICE}") from None
     try:

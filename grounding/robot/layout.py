@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import SceneError, line_from_validation_error
+from sim.files import bounded_json
 
 from ..posed_frames import Intrinsics
 from .poses import MAX_APART
@@ -192,9 +193,9 @@ def _key(path: Path) -> str:
 def _json(path: Path) -> IntrinsicsFile:
     advice = "Write fx, fy, cx, cy, width and height, in pixels."
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(bounded_json(path))
         return IntrinsicsFile.model_validate(content.get("camera", content) if isinstance(content, dict) else content)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         if isinstance(error, ValidationError):
             raise SceneError(line_from_validation_error(str(path), error, advice=advice)) from None
         raise SceneError(f"{path}: cannot be read ({error}); expected JSON. {advice}") from None

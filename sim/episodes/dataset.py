@@ -1,20 +1,32 @@
 """Open a folder of PersONAL episode files and iterate over it; everything else gets its episodes here."""
 
-import gzip
 import hashlib
 import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import ValidationError
+from pydantic import FailFast, ValidationError
 
 from sim.errors import DatasetError, line_from_validation_error
+from sim.files import bounded_json
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .schema import NAME_PATTERN, Episode, Goal, SceneFile, resolve_episode, short_repr
+from .schema import NAME_PATTERN, Episode, EpisodeRecord, Goal, SceneFile, resolve_episode, short_repr
 
 _ADVICE = '"personal-viz validate" lists every problem.'
+MOST_OBJECTS = 50_000
+"""Of a content file, eight times the largest released one."""
+MANY_OBJECTS = 15_000
+"""Of a content file, three times the largest released one; what is wrong with larger ones is not all listed."""
+
+
+class _AtOnce(SceneFile):
+    """A content file that is refused at its first bad episode or goal: each problem costs half a kilobyte."""
+
+    goals_by_category: dict[str, Annotated[tuple[Goal, ...], FailFast()]]
+    episodes: Annotated[tuple[EpisodeRecord, ...], FailFast()]
 
 
 class PersonalDataset:
@@ -144,11 +156,10 @@ def read_bytes(path: Path) -> bytes:
     """The file's bytes, decompressed when its name ends in .gz.
 
     Raises:
-        DatasetError: The file cannot be read or is not valid gzip.
+        DatasetError: The file cannot be read, is not valid gzip, or holds more than any real one.
     """
     try:
-        data = path.read_bytes()
-        return gzip.decompress(data) if path.suffix == ".gz" else data
+        return bounded_json(path)
     except (OSError, EOFError, zlib.error) as error:
         raise DatasetError(
             f"{path}: found a file that cannot be read ({error}); expected gzip-compressed JSON. "
@@ -162,7 +173,15 @@ def read_scene_file(path: Path) -> SceneFile:
     Raises:
         DatasetError: The file is unreadable, not JSON, or not in the format.
     """
+    text = read_bytes(path)
+    num_objects = text.count(b"{")
+    if num_objects > MOST_OBJECTS:
+        raise DatasetError(
+            f"{path}: found {num_objects} JSON objects; expected at most {MOST_OBJECTS}. Give a file per scene."
+        )
     try:
-        return SceneFile.model_validate_json(read_bytes(path), strict=True)
+        if num_objects <= MANY_OBJECTS:
+            return SceneFile.model_validate_json(text, strict=True)
+        return SceneFile.model_construct(**dict(_AtOnce.model_validate_json(text, strict=True)))
     except ValidationError as error:
         raise DatasetError(line_from_validation_error(path, error, advice=_ADVICE)) from None

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from sim.errors import DatasetError
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .dataset import PersonalDataset, read_bytes
+from .dataset import MANY_OBJECTS, PersonalDataset, read_bytes
 from .ownership import parse_ownership
 from .schema import Episode, Goal, SceneFile, resolve_episode, scene_name_from_id, short_repr
 
@@ -178,7 +178,9 @@ def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
     """The line of the error, then one line for every further field that does not fit."""
     yield str(error)
     try:
-        SceneFile.model_validate_json(read_bytes(path), strict=True)
+        text = read_bytes(path)
+        if text.count(b"{") <= MANY_OBJECTS:
+            SceneFile.model_validate_json(text, strict=True)
     except DatasetError:
         return
     except ValidationError as invalid:

@@ -14,7 +14,7 @@ from .gltf.schema import Primitive
 from .gltf.textures import Look, TextureSet, look_of
 from .scene import FLAT, VERTEX_COLOURS, TriangleMesh
 
-MAX_PARTS = 1 << 17
+MAX_PARTS = 1 << 13
 MAX_EXTENT = 1e5
 """Metres from the origin: beyond, float32 has no centimetres, and no home lies there."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6

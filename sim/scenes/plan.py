@@ -9,6 +9,7 @@ from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError,
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from sim.errors import SceneError, line_from_validation_error
+from sim.files import bounded_json
 from sim.types import ClutterLevel
 
 from .cells import AreaRun, CellGrid, Metres, Positive, Xz
@@ -211,6 +212,10 @@ def _no_storey(last: int, highest: int) -> PydanticCustomError:
     return PydanticCustomError("no_storey", template, {"last": last, "above": above})
 
 
+MAX_PLAN_VALUES = 1_000_000
+"""Of a plan's file."""
+
+
 def load_plan(path: Path) -> HomePlan:
     """Read and check a plan.
 
@@ -218,7 +223,7 @@ def load_plan(path: Path) -> HomePlan:
         SceneError: The file is missing, damaged, or of another version.
     """
     try:
-        data = path.read_bytes()
+        data = bounded_json(path, most_values=MAX_PLAN_VALUES)
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error}); expected a home plan. {_ADVICE}") from None
     try:

@@ -16,6 +16,8 @@ _LISTS = ("steps", "trajectory", "agent_states", "states", "observations", "pose
 _NESTED = ("agent_state", "state", "body", "observation", "observations")
 """Fields of a record that hold a part of it."""
 _GROUPING = ("split", "scene", "episode_id", "episode")
+MAX_VALUES = 2_000_000
+"""Of a file: 500 episodes of 500 steps."""
 _SHAPES = (
     "a list of records ({'position': [...], 'rotation': [...], 'action': ...}), a list of poses "
     "([x,y,z,qx,qy,qz,qw]), or {'episodes': [{'split', 'scene', 'episode_id', 'poses' or 'positions' and 'rotations', "
@@ -29,8 +31,11 @@ def read_json_tables(path: Path) -> Iterator[PoseTable]:
     Raises:
         RunFileError: The file is unreadable or not of a shape that we know; says which element.
     """
+    text = read_text(path)
+    if sum(map(text.count, ",[{")) > MAX_VALUES:
+        raise RunFileError(f"{path}: holds more than {MAX_VALUES} values; expected fewer. Write a file per scene.")
     try:
-        document = json.loads(read_text(path))
+        document = json.loads(text)
     except (ValueError, RecursionError) as error:
         found = "too deep nesting" if isinstance(error, RecursionError) else str(error)
         raise RunFileError(f"{path}: is not JSON ({found}); expected {_SHAPES}. Write the file again.") from None

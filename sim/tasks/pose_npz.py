@@ -1,7 +1,6 @@
 """Pose files as NumPy archives: one episode per file; nothing pickled is ever loaded."""
 
 import io
-import math
 import zipfile
 import zlib
 from pathlib import Path
@@ -10,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import RunFileError
+from sim.files import TooLargeError, npy_array, require_small_archive
 
-from .pose_tables import MAX_BYTES, NAMES, SCALARS, PoseTable, canonical, read_limited, vector_columns, vector_name
+from .pose_tables import NAMES, SCALARS, PoseTable, canonical, read_limited, vector_columns, vector_name
 
+MAX_UNPACKED = 16 << 20
+"""Of all arrays of a file; an episode of 500 steps has 60 kB."""
+MAX_ARRAYS = 100
 _EXPECTED = (
     "arrays positions (T, 3) with rotations (T, 4) or yaw (T,), or poses (T, 7) or (T, 4, 4); and, if you have them, "
     "actions, t_s, tilt, stopped, split, scene, episode_id"
@@ -52,37 +55,24 @@ def read_npz_table(path: Path) -> PoseTable:
 def _read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     try:
         with zipfile.ZipFile(io.BytesIO(read_limited(path))) as archive:
+            require_small_archive(archive, most=MAX_UNPACKED, most_members=MAX_ARRAYS)
             return {info.filename.removesuffix(".npy"): _array(path, archive, info) for info in archive.infolist()}
+    except TooLargeError as error:
+        raise RunFileError(
+            f"{path}: {error}; expected one episode's poses, {MAX_UNPACKED >> 20} MB at most in {MAX_ARRAYS} arrays. "
+            "Save pictures elsewhere."
+        ) from None
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
         raise RunFileError(f"{path}: is no .npz file ({error}); expected {_EXPECTED}. Write it again.") from None
 
 
 def _array(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[np.generic]:
-    """One array; its announced size is compared with its bytes before anything is allocated."""
-    where = f"{path}: {info.filename}"
-    with archive.open(info) as member:
-        data = member.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise RunFileError(
-            f"{where} holds more than {MAX_BYTES >> 20} MiB; expected one episode's poses. Save pictures elsewhere."
-        )
-    stream = io.BytesIO(data)
     try:
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(stream)
-        if dtype.hasobject:
-            raise RunFileError(f"{where} is pickled; expected plain numbers or text. Save it without objects.")
-        left = len(data) - stream.tell()
-        if math.prod(shape) * dtype.itemsize != left:
-            raise RunFileError(
-                f"{where} announces {shape} x {dtype.itemsize} bytes but holds {left}; "
-                "expected as many. Write it again."
-            )
-        stream.seek(0)
-        return np.lib.format.read_array(stream, allow_pickle=False)
+        return npy_array(archive.read(info))
     except (ValueError, SyntaxError, TypeError) as error:
-        raise RunFileError(f"{where} is no NumPy array ({error}); expected {_EXPECTED}. Write it again.") from None
+        raise RunFileError(
+            f"{path}: {info.filename} is no NumPy array ({error}); expected {_EXPECTED}. Write it again."
+        ) from None
 
 
 def _column(where: str, array: NDArray[np.generic]) -> list[object]:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from sim.episodes.schema import Finite, Vector3
 from sim.errors import RunFileError, line_from_validation_error
+from sim.files import bounded_json, bounded_lines
 from sim.scenes.kind import scene_label
 from sim.types import SUCCESS_RULES, Action, EndReason, EpisodeKey, Pose, SceneKind, Split, SuccessRule, WhoKind
 
@@ -293,11 +294,7 @@ def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
     Raises:
         RunFileError: The file is unreadable or a line is not valid.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RunFileError(f"{path}: cannot be read ({error}); expected JSON lines. Check the path.") from None
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in _text_lines(path):
         if not line.strip():
             continue
         try:
@@ -313,6 +310,19 @@ def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
             yield number, _LINE_MODELS[kind].model_validate_json(line, strict=True)
         except ValidationError as error:
             raise RunFileError(line_from_validation_error(f"{path}:{number}", error, advice=_ADVICE)) from None
+
+
+def _text_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """(line number from 1, text) of each line, read one after the other.
+
+    Raises:
+        RunFileError: The file cannot be read, is no UTF-8, or has a line that no program of ours writes.
+    """
+    try:
+        for number, line in enumerate(bounded_lines(path), start=1):
+            yield number, line.decode("utf-8-sig" if number == 1 else "utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RunFileError(f"{path}: cannot be read ({error}); expected JSON lines. Check the path.") from None
 
 
 def read_episode_runs(path: Path) -> Iterator[tuple[list[int], EpisodeRun]]:
@@ -373,6 +383,8 @@ def read_run_info(folder: Path) -> RunInfo:
             "study export. Give the folder that holds run.json."
         )
     try:
-        return RunInfo.model_validate_json(path.read_bytes(), strict=True)
+        return RunInfo.model_validate_json(bounded_json(path), strict=True)
+    except OSError as error:
+        raise RunFileError(f"{path}: cannot be read ({error}); expected a run's settings. Restore the file.") from None
     except ValidationError as error:
         raise RunFileError(line_from_validation_error(path, error, advice="Restore the file.")) from None

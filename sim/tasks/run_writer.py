@@ -124,6 +124,6 @@ def _cut_incomplete_tail(path: Path) -> None:
 def _closes_a_block(line: str) -> bool:
     try:
         raw = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
     return isinstance(raw, dict) and raw.get("kind") in ("end", "answer")

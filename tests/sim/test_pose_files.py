@@ -349,12 +349,12 @@ HOSTILE: list[tuple[str, str, str | bytes, str]] = [
     ("no quaternion at all", "log.json", "[[1, 0.2, -2, 0, 0, 0, 0]]", "has length 0.0000; expected 1"),
     ("a roll", "log.json", f"[[1, 0.2, -2, 0, 0, {math.sin(0.1)}, {math.cos(0.1)}]]", "rolled by 11.5 degrees"),
     ("no archive", "log.npz", b"PK nothing", "log.npz: is no .npz file"),
-    ("pickled arrays", "log.npz", pickled(), "log.npz: positions.npy is pickled; expected plain numbers"),
+    ("pickled arrays", "log.npz", pickled(), "it is pickled; expected plain numbers"),
     (
         "10^8 rows announced",
         "log.npz",
         bomb(positions=(10**8, 3), yaw=(10**8,)),
-        "announces (100000000, 3) x 8 bytes but holds 240",
+        "announces (100000000, 3) x 8 bytes and holds 240",
     ),
     ("negative rows", "log.npz", bomb(positions=(-1, 3)), "log.npz: positions.npy"),
     (

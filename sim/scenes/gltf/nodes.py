@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .file import GltfFile
 from .schema import Node
 
-MAX_NODES = 1 << 18
+MAX_NODES = 1 << 16
 
 
 class PlacedMesh(NamedTuple):
