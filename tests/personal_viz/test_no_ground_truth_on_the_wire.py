@@ -190,7 +190,7 @@ def plan_marked(root: Path, dataset: Path) -> Path:
     return root / "study"
 
 
-@pytest.mark.slow
+@pytest.mark.release  # two minutes: every page of both tasks, by people who read
 def test_no_page_practice_or_answer_over_http_names_home_or_object(
     marked_dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
