@@ -32,16 +32,20 @@ MAX_NAME = 80
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
+_NO_CONTROLS = r"^[^\x00-\x1f\x7f-\x9f]*$"
+"""A name that tables print: one line, and nothing that a terminal obeys."""
+
+
 class RunInfo(BaseModel):
     """`run.json`: who ran, on which data, with which program."""
 
     model_config = _MODEL
     schema_version: Literal[1, 2] = SCHEMA_VERSION
     run_id: str = Field(pattern=RUN_ID)
-    who: str = Field(min_length=1, max_length=MAX_NAME)
+    who: str = Field(min_length=1, max_length=MAX_NAME, pattern=_NO_CONTROLS)
     """Row name in tables: an agent's or a grounder's name, or "human"."""
     who_kind: WhoKind
-    condition: str = "none"
+    condition: str = Field(default="none", pattern=_NO_CONTROLS)
     """`none` or `memory` for PAN; map and encoder for POG."""
     scene_kind: SceneKind | Literal["oracle-map"]
     """Where the results hold; tables never mix kinds."""

@@ -64,9 +64,13 @@ def test_names_of_files_and_names_in_files_are_printed_without_control_character
     assert "\\udcff" in call("validate", "--dataset", str(folder))
     assert "\\u001b" in call("show-map", str(folder / "map.npz"), "--out", str(tmp_path / "x.rrd"))
     run = tmp_path / "run"
-    write_run(run, who=CONTROL.replace("\x00", ""))
-    assert "owned" in call("metrics", str(run))
-    assert "owned" in call("pog-report", str(run), "--out", str(folder / "report"))
+    write_run(run, who="somebody")
+    for name, said in ((CONTROL.replace("\x00", ""), "who is"), ("two\nlines", "who is"), ("\u202etfel", "\\u202e")):
+        text = (run / "run.json").read_text()
+        (run / "run.json").write_text(text.replace('"who": "somebody"', f'"who": {json.dumps(name)}'))
+        for verb in (["metrics", str(run)], ["pog-report", str(run), "--out", str(folder / "report")]):
+            assert said in call(*verb)
+        (run / "run.json").write_text(text)
 
 
 def test_no_module_draws_tables_past_the_filter() -> None:
