@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
@@ -114,6 +113,7 @@ def select_jobs(
     splits: tuple[Split, ...] = SPLITS,
     scenes: tuple[str, ...] | None = None,
     limit: int | None = None,
+    sample_seed: int = 0,
     folders: MapFolders | None = None,
     model: ModelOptions | None = None,
 ) -> list[GroundJob]:
@@ -124,18 +124,16 @@ def select_jobs(
         settings: What to evaluate.
         splits: Which splits.
         scenes: Which scenes; None = all.
-        limit: The first so many episodes of each split in the dataset's order, after choosing scenes; None = all.
+        limit: At most this many episodes of each split, a sample spread over the scenes; None = all.
+        sample_seed: Of that sample.
         folders: Where maps are; None for oracle maps.
         model: As `SceneGrounder` takes it.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
     """
-    keys = [
-        episode.key
-        for split in dict.fromkeys(splits)
-        for episode in islice(dataset.episodes(splits=(split,), scenes=scenes), limit)
-    ]
+    found = dataset.sample(splits=splits, scenes=scenes, per_split=limit, seed=sample_seed)
+    keys = [episode.key for episode in found]
     names = sorted({key.scene for key in keys})
     return [
         GroundJob(dataset.root, name, tuple(key for key in keys if key.scene == name), settings, folders, model)

@@ -18,6 +18,7 @@ from .cli_options import (
     ModelBatch,
     ModelDevice,
     RunId,
+    SampleSeed,
     Scenes,
     ScenesDir,
     Splits,
@@ -77,6 +78,7 @@ class Ground:
     scene: Scenes = ()
     split: Splits = ()
     limit: Limit = None
+    sample_seed: SampleSeed = 0
     seed: int = 0
     jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
     run_id: RunId = None
@@ -130,6 +132,7 @@ class Ground:
                 scene=self.scene or None,
                 split=self.split or None,
                 limit=self.limit,
+                sample_seed=self.sample_seed,
                 jobs=self.jobs,
                 json=self.json,
                 sweep=self.sweep,

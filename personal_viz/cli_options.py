@@ -15,7 +15,10 @@ ScenesDir = Annotated[
 Json = Annotated[bool, arg(help="Print one JSON document instead of tables.")]
 Scenes = Annotated[tuple[str, ...], arg(help="Scene names; all by default.")]
 Splits = Annotated[tuple[Split, ...], arg(help="Splits; all by default.")]
-Limit = Annotated[int | None, arg(help="At most this many episodes per split, in dataset order.")]
+Limit = Annotated[
+    int | None, arg(help="At most this many episodes per split: a seeded sample, spread over the scenes.")
+]
+SampleSeed = Annotated[int, arg(help="Draws other episodes with --limit; the same for all runs that you compare.")]
 Clutter = Annotated[
     ClutterLevel, arg(help="How much furniture and small things without a caption stand in homes without a scan.")
 ]

@@ -9,7 +9,7 @@ from tyro.conf import Positional, arg
 from sim.frames import CameraAxes, PoseFrame
 from sim.types import RULE_NOTES, SuccessRule
 
-from .cli_options import Clutter, Dataset, Json, Limit, Rerun, RunId, Scenes, ScenesDir, Splits, WithPixels
+from .cli_options import Clutter, Dataset, Json, Limit, Rerun, RunId, SampleSeed, Scenes, ScenesDir, Splits, WithPixels
 
 StudyPart = Literal["store", "load", "browser", "kills", "people", "big-home", "restart", "soak"]
 
@@ -27,6 +27,7 @@ class Run:
     scene: Scenes = ()
     split: Splits = ()
     limit: Limit = None
+    sample_seed: SampleSeed = 0
     seed: int = 0
     jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
     run_id: RunId = None

@@ -49,6 +49,7 @@ class GroundCall:
     scene: tuple[str, ...] | None
     split: tuple[Split, ...] | None
     limit: int | None
+    sample_seed: int
     jobs: int
     json: bool
     sweep: str | None
@@ -61,7 +62,9 @@ def ground(call: GroundCall) -> int:
     Raises:
         PersonalVizError: Bad options, dataset or folder.
     """
-    check_options(run_id=call.run_id, limit=call.limit, jobs=call.jobs, seed=call.settings.seed)
+    check_options(
+        run_id=call.run_id, limit=call.limit, jobs=call.jobs, seed=call.settings.seed, sample_seed=call.sample_seed
+    )
     if call.model.batch_size < 1:
         raise PersonalVizError(f"--batch is {call.model.batch_size}; expected a whole number from 1. Leave it out.")
     if not is_model(call.settings.encoder):
@@ -136,6 +139,7 @@ def _work(call: GroundCall, episodes: PersonalDataset, settings: GroundSettings,
         splits=call.split or SPLITS,
         scenes=call.scene,
         limit=call.limit,
+        sample_seed=call.sample_seed,
         folders=folders,
         model=call.model,
     )

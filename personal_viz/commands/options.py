@@ -11,7 +11,9 @@ from sim.tasks.run_files import RUN_ID
 from sim.types import SPLITS, EpisodeKey, SceneKind, Split
 
 
-def check_options(*, run_id: str | None, limit: int | None = None, jobs: int = 1, seed: int = 0) -> None:
+def check_options(
+    *, run_id: str | None, limit: int | None = None, jobs: int = 1, seed: int = 0, sample_seed: int = 0
+) -> None:
     """Refuses what no run can be made with.
 
     Args:
@@ -19,11 +21,13 @@ def check_options(*, run_id: str | None, limit: int | None = None, jobs: int = 1
         limit: `--limit`; None = all episodes.
         jobs: `--jobs`.
         seed: `--seed`.
+        sample_seed: `--sample-seed`.
 
     Raises:
         PersonalVizError: Names the option, what was found and what was expected.
     """
-    for option, value, least in (("--limit", limit, 1), ("--jobs", jobs, 1), ("--seed", seed, 0)):
+    least_values = (("--limit", limit, 1), ("--jobs", jobs, 1), ("--seed", seed, 0), ("--sample-seed", sample_seed, 0))
+    for option, value, least in least_values:
         if value is not None and value < least:
             raise PersonalVizError(
                 f"{option} is {value}; expected a whole number from {least}. Leave it out for the default."

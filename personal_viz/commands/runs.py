@@ -52,6 +52,7 @@ def run(
     seed: int,
     jobs: int,
     run_id: str | None,
+    sample_seed: int = 0,
     clutter: ClutterLevel = 0,
     episode: str | None = None,
     rerun: str | None = None,
@@ -60,9 +61,9 @@ def run(
 ) -> int:
     """Runs an agent over episodes into `out/<run_id>`; a second call goes on. Tables keep clutter levels apart."""
     made_for = _made_for(agent, rule)
-    check_options(run_id=run_id, limit=limit, jobs=jobs, seed=seed)
+    check_options(run_id=run_id, limit=limit, jobs=jobs, seed=seed, sample_seed=sample_seed)
     episodes = PersonalDataset(dataset)
-    chosen = _chosen(episodes, episode, scenes=scene, splits=split, limit=limit)
+    chosen = _chosen(episodes, episode, scenes=scene, splits=split, limit=limit, sample_seed=sample_seed)
     kind = common_kind(episodes, {item.key.scene for item in chosen}, scenes_dir)
     require_no_scan(kind, clutter=clutter)
     by_scene = _by_scene(chosen, scenes_dir)
@@ -129,11 +130,12 @@ def _chosen(
     scenes: tuple[str, ...],
     splits: tuple[Split, ...],
     limit: int | None,
+    sample_seed: int,
 ) -> list[Episode]:
-    """The named episode, or those of splits and scenes; raises PersonalVizError where these hold none."""
+    """The named episode, or a sample of splits and scenes; raises PersonalVizError where these hold none."""
     if episode is not None:
         return [episodes.episode(key_from_text(episode))]
-    chosen = select_episodes(episodes, scenes=scenes, splits=splits, limit=limit)
+    chosen = episodes.sample(splits=splits or SPLITS, scenes=scenes or None, per_split=limit, seed=sample_seed)
     if not chosen:
         raise PersonalVizError(
             f"{episodes.root}: the chosen splits and scenes hold no episode; expected one. Choose others."
@@ -173,17 +175,6 @@ def _observing(
         yield ObserveRuns(sink, info.model_dump_json(), with_pixels=with_pixels)
         if sink.kind != "address":
             print(f"Recorded to {sink.where}; see it with: rerun {sink.where}")
-
-
-def select_episodes(
-    dataset: PersonalDataset, *, scenes: Sequence[str], splits: Sequence[Split], limit: int | None
-) -> list[Episode]:
-    """Episodes in dataset order, at most `limit` per split."""
-    chosen: list[Episode] = []
-    for split in dict.fromkeys(splits or SPLITS):
-        found = dataset.episodes(splits=(split,), scenes=tuple(scenes) or None)
-        chosen += [episode for number, episode in enumerate(found) if limit is None or number < limit]
-    return chosen
 
 
 def metrics(*, runs: tuple[Path, ...], rule: SuccessRule, json: bool) -> int:

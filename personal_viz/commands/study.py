@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from human_study.database import require_free_space
 from human_study.plan import PLAN_FILE, StudyPlan, StudyScene, load_plan, save_plan
 from human_study.planning import make_plan
@@ -30,7 +28,7 @@ from personal_viz.commands.options import check_options, require_no_scan
 from personal_viz.commands.serve_study import listen, require_many_recordings, serve_study
 from personal_viz.commands.study_files import require_texts
 from personal_viz.gateway_options import ServeOptions, require_may_serve
-from sim.episodes.dataset import PersonalDataset
+from sim.episodes.dataset import PersonalDataset, sample_keys
 from sim.errors import StudyError
 from sim.scenes.kind import scene_kind
 from sim.types import SPLITS, ClutterLevel, EpisodeKey, Split
@@ -259,9 +257,8 @@ def _kept_plan(
         StudyError: The folder's plan is not the one that is asked for.
     """
     save_study(folder, config)
-    pool = sorted(keys)
-    drawn = np.random.default_rng(config.dataset.seed).permutation(len(pool))[:limit]
-    plan = make_plan(config, [home], [pool[place] for place in drawn], is_pilot=True)
+    drawn = sample_keys(sorted(keys), per_split=limit, seed=config.dataset.seed)
+    plan = make_plan(config, [home], drawn, is_pilot=True)
     if not (folder / PLAN_FILE).is_file():
         save_plan(folder, plan)
         return plan

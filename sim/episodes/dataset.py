@@ -3,7 +3,8 @@
 import hashlib
 import re
 import zlib
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -104,6 +105,23 @@ class PersonalDataset:
                         where = f"{self.files[(split, scene)]}: episodes[{index}]"
                         raise DatasetError(f"{where}: {error.args[0]}. {_ADVICE}") from None
 
+    def sample(
+        self,
+        *,
+        splits: tuple[Split, ...] = SPLITS,
+        scenes: tuple[str, ...] | None = None,
+        per_split: int | None = None,
+        seed: int = 0,
+    ) -> list[Episode]:
+        """Episodes in the dataset's order: at most `per_split` of each split, drawn as in `sample_keys`; None = all.
+
+        Raises:
+            DatasetError: As `episodes`.
+        """
+        found = list(self.episodes(splits=tuple(dict.fromkeys(splits)), scenes=scenes))
+        drawn = set(sample_keys([episode.key for episode in found], per_split=per_split, seed=seed))
+        return [episode for episode in found if episode.key in drawn]
+
     def episode(self, key: EpisodeKey) -> Episode:
         """One episode by its key.
 
@@ -138,6 +156,29 @@ class PersonalDataset:
             total.update(f"{split}/{scene}\n".encode())
             total.update(read_bytes(path))
         return total.hexdigest()
+
+
+def sample_keys(keys: Sequence[EpisodeKey], *, per_split: int | None, seed: int) -> list[EpisodeKey]:
+    """At most `per_split` episodes of each split, spread evenly over its scenes, in the given order; None = all.
+
+    Each episode has a place in a seeded order of its own, so that a larger sample holds every smaller one of the same
+    seed (a run can be made longer), and other splits and scenes change nothing.
+    """
+    if per_split is None:
+        return list(keys)
+
+    def place(text: str) -> bytes:
+        return hashlib.sha256(f"{seed} {text}".encode()).digest()
+
+    by_scene: dict[tuple[Split, str], list[EpisodeKey]] = defaultdict(list)
+    for key in sorted(keys, key=lambda key: place(str(key))):
+        by_scene[key.split, key.scene].append(key)
+    drawn: set[EpisodeKey] = set()
+    for split in {split for split, _ in by_scene}:
+        scenes = [scene for of, scene in by_scene if of == split]
+        turns = [(turn, place(scene), key) for scene in scenes for turn, key in enumerate(by_scene[split, scene])]
+        drawn |= {key for _, _, key in sorted(turns)[:per_split]}
+    return [key for key in keys if key in drawn]
 
 
 def _require_distinct_ids(path: Path, content: SceneFile) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from sim.episodes.dataset import PersonalDataset
+from sim.episodes.dataset import PersonalDataset, sample_keys
 from sim.errors import DatasetError
 from sim.types import EpisodeKey
 from tests.sim.synthetic import (
@@ -237,3 +237,32 @@ def test_released_lists_of_objects_come_with_one_caption_list_each(release: Pers
     assert {len(episode.targets) for episode in lists} == {2}
     assert all(len(episode.record.captions_per_object) == 2 for episode in lists)
     assert all(all(captions) for episode in lists for captions in episode.record.captions_per_object)
+
+
+def many_keys() -> list[EpisodeKey]:
+    """Twenty episodes of each of three scenes in easy, five of one in hard, in file order."""
+    easy = [EpisodeKey("easy", scene, str(number)) for scene in ("A", "B", "C") for number in range(20)]
+    return easy + [EpisodeKey("hard", "A", str(number)) for number in range(5)]
+
+
+def test_a_sample_is_spread_over_scenes_and_splits_and_not_the_first_of_the_files() -> None:
+    drawn = sample_keys(many_keys(), per_split=7, seed=0)
+    counts = Counter((key.split, key.scene) for key in drawn)
+    assert sorted(counts[("easy", scene)] for scene in "ABC") == [2, 2, 3]
+    assert counts[("hard", "A")] == 5
+    assert drawn == [key for key in many_keys() if key in set(drawn)]  # in the given order
+    assert {key.episode_id for key in drawn if key.split == "easy"} - {"0", "1", "2"}
+
+
+def test_a_sample_is_the_same_for_a_seed_and_another_one_for_another() -> None:
+    assert sample_keys(many_keys(), per_split=9, seed=3) == sample_keys(many_keys(), per_split=9, seed=3)
+    assert sample_keys(many_keys(), per_split=9, seed=3) != sample_keys(many_keys(), per_split=9, seed=4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_larger_sample_holds_the_smaller_one_and_other_splits_change_nothing(seed: int) -> None:
+    small, large = (set(sample_keys(many_keys(), per_split=count, seed=seed)) for count in (4, 11))
+    assert small < large
+    easy = [key for key in many_keys() if key.split == "easy"]
+    assert set(sample_keys(easy, per_split=4, seed=seed)) == {key for key in small if key.split == "easy"}
+    assert sample_keys(many_keys(), per_split=None, seed=seed) == many_keys()
