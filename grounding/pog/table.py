@@ -17,21 +17,11 @@ from sim.tasks.run_files import Run
 
 from .curves import DistancePoint, KnobCurve, distance_curve, knob_curves
 from .rows import MapVariant, MethodTrials, method_trials, ordered_splits
+from .sources import PAPER_POG, pog_notes
 from .statistics import FEWEST_HOMES, HomeDraws, Range, mean_of_shares, mean_of_splits, percent, wilson
 
 TOTAL = "total"
 """Plain mean of the splits, as the paper's column."""
-PAPER_IS = "paper's HM3D maps"
-"""What the column of the paper's figures is called."""
-PAPER_POG: dict[str, tuple[float, float, float, float]] = {
-    "random": (0.5, 0.3, 0.4, 0.4),
-    "center": (1.2, 0.8, 1.0, 1.0),
-    "qs": (15.4, 12.7, 8.6, 11.9),
-    "rpg": (25.3, 23.6, 15.2, 16.8),
-    "human": (95.3, 89.1, 83.4, 87.0),
-}
-"""Easy, medium, hard, total in percent (paper, POG Results); people had the scans' GLB files. RPG's total is as
-printed, though its splits have mean 21.4."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -98,6 +88,8 @@ class PogTable(BaseModel):
     """What must be said of results in homes of this kind; empty for scans and oracle maps."""
     dataset_digest: str
     options: dict[str, str | int | float | bool | None]
+    notes: tuple[str, ...]
+    """What stands beside the figures in every form (`pog_notes`)."""
     num_homes: int
     rows: tuple[PogRow, ...]
     differences: tuple[PogDifference, ...]
@@ -156,6 +148,7 @@ def _table(variant: MapVariant, rows: Sequence[MethodTrials], *, seed: int) -> P
         scene_label=scene_label(variant.scene_kind),
         dataset_digest=variant.dataset_digest,
         options=dict(variant.options),
+        notes=pog_notes([info for row in rows for info in row.runs]),
         num_homes=len({home for row in rows for home in row.homes}),
         rows=tuple(_row(row, draws) for row in rows),
         differences=tuple(

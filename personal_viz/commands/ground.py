@@ -24,7 +24,7 @@ from sim.types import SPLITS, Split
 
 from .ground_maps import cell_of_maps
 from .ground_progress import ground_progress
-from .ground_tables import ground_document, print_ground_table
+from .ground_tables import GroundResult, ground_document, print_ground_table
 from .options import check_options
 
 EXPLORATIONS = "explorations"
@@ -72,19 +72,31 @@ def ground(call: GroundCall) -> int:
     episodes = PersonalDataset(call.dataset)
     documents = []
     for settings in [call.settings] if call.sweep is None else swept(call.settings, call.sweep):
-        info, folder = _ground_once(call, episodes, settings)
-        run = read_run(folder)
-        chosen = {key for job in _work(call, episodes, settings, info) for key in job.keys}
-        answers = tuple(answer for answer in run.answers if answer.key in chosen)
-        rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
-        fallbacks = sum(answer.phrases_fell_back for answer in answers)  # of all processes and earlier calls
+        found = [_grounded(call, episodes, each) for each in (settings, *_beside(settings))]
         if call.json:
-            documents.append(ground_document(settings, info, rows, folder, phrases_by_rules=fallbacks))
+            document, *beside = [ground_document(result) for result in found]
+            documents.append({**document, "with_rule_phrases": next(iter(beside), None)})
         else:
-            print_ground_table(settings, info, rows, folder, phrases_by_rules=fallbacks)
+            print_ground_table(found)
     if call.json:
         print(json.dumps(documents if call.sweep else documents[0], indent=2))
     return 0
+
+
+def _beside(settings: GroundSettings) -> list[GroundSettings]:
+    """The same with phrases read by rules, where they are the dataset's: ground truth never stands alone."""
+    uses_phrases = make_grounder(settings.method, make_encoder("hashed"), seed=settings.seed).uses_phrases
+    return [replace(settings, phrases="rules")] if uses_phrases and settings.phrases == "dataset" else []
+
+
+def _grounded(call: GroundCall, episodes: PersonalDataset, settings: GroundSettings) -> GroundResult:
+    info, folder = _ground_once(call, episodes, settings)
+    run = read_run(folder)
+    chosen = {key for job in _work(call, episodes, settings, info) for key in job.keys}
+    answers = tuple(answer for answer in run.answers if answer.key in chosen)
+    rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
+    fallbacks = sum(answer.phrases_fell_back for answer in answers)  # of all processes and earlier calls
+    return GroundResult(settings, info, rows, folder, phrases_by_rules=fallbacks)
 
 
 def swept(settings: GroundSettings, sweep: str) -> list[GroundSettings]:
@@ -200,8 +212,9 @@ def _unusual(settings: GroundSettings) -> list[str]:
 
 
 def _swept_id(call: GroundCall, settings: GroundSettings) -> str:
-    """The run's own name, with the value of the swept setting behind it."""
+    """The run's own name; behind it the value of the swept setting, and phrases that were not asked for."""
+    phrases = "" if settings.phrases == call.settings.phrases else f"-{settings.phrases}"
     if call.sweep is None:
-        return str(call.run_id)
+        return fitting_run_id(f"{call.run_id}{phrases}")
     name = call.sweep.partition("=")[0].strip().replace("-", "_")
-    return fitting_run_id(f"{call.run_id}-{name.replace('_', '-')}{getattr(settings, name)}")
+    return fitting_run_id(f"{call.run_id}-{name.replace('_', '-')}{getattr(settings, name)}{phrases}")

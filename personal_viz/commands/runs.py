@@ -11,6 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.progress import Progress
 from rich.table import Table
 
+from grounding.pog.sources import pog_notes
 from personal_viz.printed import Console
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
@@ -195,7 +196,9 @@ def metrics(*, runs: tuple[Path, ...], rule: SuccessRule, json: bool) -> int:
             shown = [row for row in rows if row.task == task and row.scene_kind == kind]
             console.print(_table(title, shown))
             label = scene_label(kind)
-            for line in [*([f"{label}."] if label else []), *reading_notes(shown)]:
+            answered = [run.info for run in found if run.answers and run.info.scene_kind == kind]
+            maps = pog_notes(answered) if task == "pog" else ()
+            for line in [*([f"{label}."] if label else []), *reading_notes(shown), *maps]:
                 print(line)
     for line in warnings:
         print(line)

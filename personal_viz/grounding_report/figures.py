@@ -1,6 +1,7 @@
 """Curves and dots of a POG report, as SVG for pages and PNG for slides; the same report gives the same bytes."""
 
 import io
+import textwrap
 from collections.abc import Sequence
 
 import matplotlib
@@ -8,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grounding.pog.curves import KnobCurve
+from grounding.pog.sources import PAPER_IS
 from grounding.pog.statistics import Range
 from grounding.pog.table import TOTAL, PogTable
 from sim.scenes.kind import scene_label
@@ -60,7 +62,8 @@ def distance_figure(table: PogTable) -> Drawn:
     counts = points_text([cell.n for cell in totals], [cell.num_homes for cell in totals])
     has_ranges = any(point.by_home or point.top3_by_home for row in table.rows for point in row.curve)
     figure.suptitle(_over(table.title, table.scene_label, counts, has_ranges=has_ranges, drawn="bands"), fontsize=10)
-    figure.supxlabel("d: planar distance from the right object's middle (m)", fontsize=10)
+    axis = "d: planar distance from the right object's middle (m)"
+    figure.supxlabel("\n".join([axis, *_lines(table.notes, 150)]), fontsize=8)
     figure.legend(fontsize=8, loc="outside right upper")
     return _drawn(figure, table.scene_label)
 
@@ -68,7 +71,7 @@ def distance_figure(table: PogTable) -> Drawn:
 def methods_figure(table: PogTable) -> Drawn:
     """Total success of each method, filled = first answer, open = any of three; lines are intervals by home."""
     rows = table.rows
-    figure = Figure(figsize=(7, 1.2 + 0.42 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(7, 1.7 + 0.42 * len(rows)), layout="constrained")
     axes = figure.subplots()
     for place, row in enumerate(rows):
         cell = next(cell for cell in row.cells if cell.split == TOTAL)
@@ -83,11 +86,14 @@ def methods_figure(table: PogTable) -> Drawn:
                 axes.plot(interval, [place + shift] * 2, color=colour, linewidth=1.4)
             face = colour if is_filled else "white"
             axes.plot([value], [place + shift], "o", color=colour, markerfacecolor=face, markersize=6)
+        if row.paper is not None:
+            axes.plot([row.paper[-1]], [place], "x", color="#666", markersize=6)
     axes.set_yticks(range(len(rows)), [row.name for row in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(-1, 101)
     axes.grid(axis="x", color="#ddd", linewidth=0.6)
-    axes.set_xlabel("within 1 m, mean of splits (%); filled: first answer, open: any of three")
+    axes.set_xlabel(f"within 1 m, mean of splits (%)\nfilled: first answer, open: any of three, x: {PAPER_IS}")
+    figure.supxlabel("\n".join(_lines(table.notes, 105)), fontsize=7)
     if table.scene_label:
         figure.suptitle(table.scene_label, fontsize=8)
     return _drawn(figure, table.scene_label)
@@ -172,6 +178,11 @@ def _over(title: str, label: str, counts: str, *, has_ranges: bool, drawn: str) 
     """What stands over a figure: the map, what must be said of the homes, how much it is of, and its intervals."""
     ranges = f"{drawn}: 95 % intervals by home" if has_ranges else "no intervals by home"
     return "\n".join([title, *([label] if label else []), f"n = {counts}; {ranges}"])
+
+
+def _lines(notes: Sequence[str], width: int) -> list[str]:
+    """Notes as lines of a figure."""
+    return [line for note in notes for line in textwrap.wrap(note, width)]
 
 
 def _say(axes: Axes, text: str) -> None:

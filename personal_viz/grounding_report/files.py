@@ -3,7 +3,8 @@
 import json
 from collections.abc import Sequence
 
-from grounding.pog.table import PAPER_IS, TOTAL, PogReport, PogTable
+from grounding.pog.sources import PAPER_IS
+from grounding.pog.table import TOTAL, PogReport, PogTable
 from human_study.reporting.blocks import html_text, markdown_text
 from human_study.reporting.files import tex, tex_lines
 from human_study.tables.csv_cells import csv_lines
@@ -80,6 +81,7 @@ def latex(tables: Sequence[PogTable]) -> str:
             f"\\begin{{tabular}}{{l{'c' * (len(splits) + 2)}}}\n\\hline\nMethod & {heads} \\\\\n\\hline\n"
             + "\n".join(body)
             + f"\n\\hline\n{tex_lines(said, num_columns=len(splits) + 3)}\\end{{tabular}}\n"
+            + "".join(f"\n{{\\footnotesize {tex(note)}}}\n" for note in table.notes)
         )
     return "\n".join(parts)
 
@@ -103,7 +105,8 @@ def _csv_files(report: PogReport) -> dict[str, str]:
             for cell in row.cells:
                 ranges = (*cell.by_episode, *_both(cell.by_home), cell.top3, *_both(cell.top3_by_home))
                 known = (cell.split, cell.n, cell.k, cell.sr, *ranges, cell.num_homes)
-                cells.append((*home, row.name, *known, paper_text(row), commits, " ".join(row.run_ids)))
+                runs = (commits, " ".join(row.run_ids), " ".join(table.notes))
+                cells.append((*home, row.name, *known, paper_text(row), *runs))
             for point in row.curve:
                 both = (point.sr, *_both(point.by_home), point.top3, *_both(point.top3_by_home))
                 distances.append((*home, row.name, point.metres, *both))
@@ -120,7 +123,7 @@ def _csv_files(report: PogReport) -> dict[str, str]:
     of_homes = ("home_low", "home_high")
     found = ("split", "n", "k", "sr", "episode_low", "episode_high", *of_homes)
     top3 = ("top3", "top3_home_low", "top3_home_high")
-    source = ("homes", "paper_hm3d_maps", "commits", "runs")
+    source = ("homes", "paper_hm3d_maps", "commits", "runs", "sources")
     pair = ("first", "second", "n", "first_minus_second", *of_homes, "only_first", "only_second")
     return {
         "table.csv": csv_lines((*home, "method", *found, *top3, *source), cells),

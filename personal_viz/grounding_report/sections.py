@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from grounding.methods.joint import FROZEN
 from grounding.pog.curves import KnobCurve
 from grounding.pog.failures import KINDS, NEAR_MISS, FailureKind
+from grounding.pog.sources import PAPER_IS
 from grounding.pog.statistics import FEWEST_HOMES, NUM_RESAMPLES, Range
-from grounding.pog.table import PAPER_IS, TOTAL, PogCell, PogDifference, PogReport, PogRow, PogTable
+from grounding.pog.table import TOTAL, PogCell, PogDifference, PogReport, PogRow, PogTable
 from human_study.reporting.blocks import Block, Heading, Picture, Table, Text
 
 from .figures import knob_axis, knob_ticks, points_text
@@ -23,7 +24,6 @@ _NOT_MIXED = (
     f"The column “{PAPER_IS}” repeats what the paper prints (easy / medium / hard / total): its maps were made from "
     "renders of HM3D, so no figure of ours is better or worse than those."
 )
-_ORACLE = "Oracle maps rank methods; they do not predict success on maps that a camera saw."
 
 
 def report_blocks(report: PogReport, gallery: Gallery | None) -> list[Block]:
@@ -116,9 +116,7 @@ def _table_blocks(table: PogTable, number: int) -> list[Block]:
         lines.append((row.name, *shown, best, paper_text(row)))
     heads = ("SR (%)", *splits, "top-3, total", PAPER_IS)
     homes = "1 home" if table.num_homes == 1 else f"{table.num_homes} homes"
-    note = f"{homes}; dataset digest {table.dataset_digest[:12]}."
-    if table.scene_kind == "oracle-map":
-        note += f" {_ORACLE}"
+    note = " ".join([f"{homes}; dataset digest {table.dataset_digest[:12]}.", *table.notes])
     note += f" {table.scene_label}." if table.scene_label else ""
     blocks: list[Block] = [Heading(f"Table {number}. {table.title}"), Table(heads, tuple(lines), note)]
     is_by_home = table.has_home_intervals
