@@ -56,6 +56,23 @@ def test_rpg_says_that_its_phrases_are_the_data_sets(small_root: Path, tmp_path:
     assert info.who == "rpg"
 
 
+def test_phrases_of_the_dataset_never_stand_without_those_read_by_rules(
+    small_root: Path, tmp_path: Path, capsys
+) -> None:
+    found = document(capsys, dataset=small_root, method="rpg", out=tmp_path, run_id="mine")
+    beside = found["with_rule_phrases"]
+    assert (found["phrases"], beside["phrases"], beside["n"]) == ("dataset", "rules", 11)
+    assert {path.name for path in tmp_path.iterdir()} == {"mine", "mine-rules"}
+    assert "dataset = the episode files' own (ground truth)" in found["notes"][0]
+    assert "rpg 25.3 / 23.6 / 15.2 / 16.8. Not comparable with the paper" in found["notes"][-1]
+    alone = document(capsys, dataset=small_root, method="rpg", out=tmp_path, phrases="rules")
+    assert alone["with_rule_phrases"] is None
+    assert ground(**{**DEFAULTS, "dataset": small_root, "method": "rpg", "out": tmp_path, "json": False}) == 0
+    printed = capsys.readouterr().out
+    assert "rpg (phrases dataset)" in printed
+    assert "rpg (phrases rules)" in printed
+
+
 def test_the_run_folder_can_be_tabled_by_metrics(small_root: Path, tmp_path: Path, capsys) -> None:
     found = document(capsys, dataset=small_root, method="qs", out=tmp_path)
     rows = {row.split: row for row in metric_rows([read_run(Path(found["run"]))])}
@@ -98,7 +115,9 @@ def test_the_table_shows_counts_and_where_it_was_written(small_root: Path, tmp_p
         "4/6",
         "100.0",
         "plain mean of the splits",
-        "phrases none",
+        "Map words: captions of the same episode files (circular). Target's storey: given.",
+        "paper's HM3D maps │ SR │ 15.4 │ 8.6 │ 11.9",
+        "Not comparable with the paper",
         "my-run",
     ):
         assert text in printed

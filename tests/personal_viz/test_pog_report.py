@@ -1,6 +1,8 @@
 """`personal-viz pog-report` on runs over a small data set: files, what they say, the same bytes, refusals."""
 
+import html
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -54,6 +56,24 @@ def test_every_file_is_written(written: Path) -> None:
     assert {"distance.csv", "options.csv", "failures.csv", "distance-1.svg", "distance-1.png"} <= names
     failures = {name for name in names if name.startswith("failure-")}
     assert any(name.startswith("failure-run-qs-hard-HomeTwo-1") for name in failures)
+
+
+@pytest.mark.parametrize(
+    "name", ["index.md", "index.html", "report.json", "table.tex", "table.csv", "methods-1.svg", "distance-1.svg"]
+)
+def test_every_form_of_the_table_says_what_its_figures_rest_on(written: Path, name: str) -> None:
+    text = " ".join((written / name).read_text().split())
+    if name.endswith(".svg"):
+        text = " ".join(re.sub("<[^>]*>", " ", text).split())
+    for words in (
+        "captions of the same episode files (circular)",
+        "Target's storey: given.",
+        "(ground truth)",
+        "No row with phrases read by rules for joint, rpg",
+        "rpg 25.3 / 23.6 / 15.2 / 16.8",
+        "Not comparable with the paper",
+    ):
+        assert words in html.unescape(text), words
 
 
 def test_the_curve_of_three_is_drawn_and_runs_that_lack_it_are_named(
