@@ -99,10 +99,11 @@ def methods_figure(table: PogTable) -> Drawn:
     return _drawn(figure, table.scene_label)
 
 
-def knob_figure(curves: Sequence[KnobCurve]) -> Drawn:
+def knob_figure(curves: Sequence[KnobCurve], notes: Sequence[str] = ()) -> Drawn:
     """Total success over the values of one option: first answers on the left, any of three on the right.
 
-    A line per method, all on one map variant but for the option; bars are 95 % intervals by home.
+    A line per method, all on one map variant but for the option; bars are 95 % intervals by home; `notes` of the
+    tables that the points come from stand below.
     """
     figure = Figure(figsize=(11.5, 4.3), layout="constrained")
     first, three = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -128,7 +129,7 @@ def knob_figure(curves: Sequence[KnobCurve]) -> Drawn:
         _over(curves[0].title, scene_label(curves[0].scene_kind), counts, has_ranges=has_ranges, drawn="bars"),
         fontsize=10,
     )
-    figure.supxlabel(knob_axis(curves[0].knob), fontsize=10)
+    figure.supxlabel("\n".join([knob_axis(curves[0].knob), *_lines(notes, 150)]), fontsize=8)
     figure.legend(fontsize=8, loc="outside right upper")
     return _drawn(figure, scene_label(curves[0].scene_kind))
 

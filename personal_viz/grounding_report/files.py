@@ -92,7 +92,9 @@ def _figures(report: PogReport) -> dict[str, Drawn]:
         drawn[methods_name(number)] = methods_figure(table)
         drawn[distance_name(number)] = distance_figure(table)
     for number, curves in enumerate(knob_groups(report), start=1):
-        drawn[knob_name(number, curves[0].knob)] = knob_figure(curves)
+        titles = {point.table for curve in curves for point in curve.points}
+        notes = dict.fromkeys(note for table in report.tables if table.title in titles for note in table.notes)
+        drawn[knob_name(number, curves[0].knob)] = knob_figure(curves, list(notes))
     return drawn
 
 
