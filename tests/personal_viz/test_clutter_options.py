@@ -32,6 +32,7 @@ def made(dataset: Path, out: Path, clutter) -> Path:
     return out / f"shortest-path-invented{f'-clutter{clutter}' if clutter else ''}-seed0"
 
 
+@pytest.mark.slow
 def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, tmp_path: Path) -> None:
     runs = [read_run(made(dataset, tmp_path, level)) for level in (0, 1)]
     assert [run.info.config["clutter"] for run in runs] == [0, 1]

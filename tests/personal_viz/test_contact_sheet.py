@@ -102,6 +102,7 @@ def test_the_sheet_has_titles_views_and_portraits(scene: Scene, plan: HomePlan) 
     assert np.array_equal(np.asarray(sheet), np.asarray(contact_sheet_picture(scene, plan)))
 
 
+@pytest.mark.slow
 def test_a_home_without_a_plan_gets_crops_instead_of_portraits(scene: Scene) -> None:
     crops = category_crops(scene, Raycaster(scene.mesh))
     categories = [crop.item.category for crop in crops]
@@ -124,6 +125,7 @@ def test_crops_are_numbered_in_an_order_that_tells_nothing(scene: Scene, tmp_pat
         assert Image.open(tmp_path / row["file"]).size == (CROP_SIDE, CROP_SIDE)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_picture_of_an_invented_home(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "sheet.png"
     options = {"scene": None, "dataset": None, "scenes_dir": None, "crops": None}
