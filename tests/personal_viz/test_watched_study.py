@@ -13,11 +13,10 @@ from human_study.records import read_study
 from human_study.tables.codes import exported_codes
 from personal_viz.commands.study import serve
 from personal_viz.served import start_study
-from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeStart, RunInfo, Step, read_run
 
-from .test_no_ground_truth_on_the_wire import assert_no_answer, marked_dataset  # noqa: F401 - a fixture
+from .test_no_ground_truth_on_the_wire import HOME, assert_no_answer, marked_dataset  # noqa: F401 - a fixture
 from .wire import enter
 
 pytestmark = pytest.mark.slow
@@ -43,8 +42,8 @@ def entities(path: Path) -> set[str]:
 
 
 def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
-    dataset, live = PersonalDataset(marked_dataset), tmp_path / "live"
-    home = ("--dataset", str(marked_dataset), "--scene", "Marked", "--limit", "1", "--workers", "1")
+    live = tmp_path / "live"
+    home = ("--dataset", str(marked_dataset), "--scene", HOME, "--limit", "1", "--workers", "1")
     study = start_study(tmp_path / "study", "study", "serve", *home, "--rerun", str(live))
     try:
         with enter(study.links["pan"]) as walker:
@@ -66,7 +65,7 @@ def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_datas
     finally:
         assert study.end() == 0
     for client in (walker, walker_again, pointer):
-        assert_no_answer(client, dataset)
+        assert_no_answer(client.messages, client.buffers, marked_dataset)
         sent = [data.decode("latin-1").lower() for data in client.buffers] + [str(client.messages).lower()]
         assert not any(word in text for text in sent for word in ("rerun", ".rrd"))
     assert_recordings_hold_what_is_stored(tmp_path / "study", live, tmp_path / "runs")
@@ -112,7 +111,7 @@ def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -
         serve(
             study=None,
             dataset=marked_dataset,
-            scene="Marked",
+            scene=HOME,
             scenes_dir=None,
             out=tmp_path / "study",
             split=(),
