@@ -62,7 +62,12 @@ def sees_the_room(raycaster: Raycaster) -> bool:
     return bool(np.allclose(frame.depth_m[20:28], 2.0, atol=1e-5) and (frame.rgb == (10, 20, 30)).all())
 
 
+VERSION = importlib.metadata.version
+
+
 def not_installed(name):
+    if name != "embreex":
+        return VERSION(name)
     raise importlib.metadata.PackageNotFoundError(name)
 
 
