@@ -111,9 +111,7 @@ def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, bro
     assert all(trial.has_ended for trial in trials)
     assert [event.value for event in events(full_study, who, 2) if isinstance(event, Confidence)] == [2]
     texts = load_plan(full_study.folder, load_study(full_study.folder)).texts
-    assert [(consent.text_hash, consent.given) for consent in person.consents] == [
-        (texts["told" / "consent-pan.md"], True)
-    ]
+    assert [(consent.text_hash, consent.given) for consent in person.consents] == [(texts["told/consent-pan.md"], True)]
 
 
 def test_a_whole_pog_participant_from_link_to_code(full_study: PlannedStudy, browser: BrowserContext) -> None:
