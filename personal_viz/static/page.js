@@ -152,11 +152,12 @@
   const lift = () => { state.isDown = false; hold(); };
   window.addEventListener('pointerup', lift, true);
   window.addEventListener('pointercancel', lift, true);
-  let pressed = null;  // the button of the last click
+  let pressed = null;  // the button of the last click: its id, which viser never gives twice, or the element
   window.addEventListener('click', (event) => {
     const target = event.target instanceof Element ? event.target : null;
     const before = pressed;
-    pressed = target && target.closest('button');
+    const at = target && target.closest('button');
+    pressed = at && (at.id || at);
     if (event.detail > 1 && pressed && pressed !== before) {  // a double click that began on a screen that is gone
       setTimeout(() => document.activeElement.blur(), 0);
       pressed = before;

@@ -146,9 +146,7 @@ def confirm_twice(page: Page, stage: Stage) -> None:
 
 def go_on(page: Page) -> None:
     """From the notice after a trial to the next trial; the second press of a double click presses no new button."""
-    expect(page.get_by_role("button", name="Once more")).to_be_visible()
-    place = next(button.middle for button in buttons(page) if button.label == "Once more")
-    page.mouse.click(*place, delay=HOLD_MS)
+    page.get_by_role("button", name="Once more").click(delay=HOLD_MS)
     expect(page.get_by_role("button", name="Begin")).to_be_visible()
     page.mouse.down(click_count=2)
     page.mouse.up(click_count=2)
