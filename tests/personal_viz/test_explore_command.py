@@ -78,11 +78,11 @@ def test_every_option_of_the_verb_says_what_it_is() -> None:
 
 def test_random_frontier_is_a_name_of_run_and_others_are_refused(tmp_path: Path) -> None:
     assert type(load_agent(SHORT_NAMES["random-frontier"])).__name__ == "RandomFrontierAgent"
-    from personal_viz.commands.runs import _require_agent
+    from personal_viz.commands.runs import _made_for
 
-    _require_agent("random-frontier")
+    _made_for("random-frontier", None)
     with pytest.raises(AgentError, match="random-frontier"):
-        _require_agent("frontier")
+        _made_for("frontier", None)
 
 
 def figures(out: Path) -> dict:
