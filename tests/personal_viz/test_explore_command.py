@@ -93,7 +93,7 @@ def figures(out: Path) -> dict:
 @pytest.mark.slow
 def test_two_worker_processes_give_the_documents_that_one_gives(tmp_path: Path, monkeypatch, capsys) -> None:
     write_small_dataset(tmp_path / "dataset")
-    monkeypatch.setattr(verb, "coverage_png", lambda found, *, title: b"")
+    monkeypatch.setattr(verb, "coverage_png", lambda found, *, title, label: b"")
     options = ["explore", "--dataset", str(tmp_path / "dataset"), "--storeys", "all", "--max-steps", "6"]
     for jobs in ("1", "2"):
         small = [*options, "--width", "32", "--height", "24", "--jobs", jobs, "--out", str(tmp_path / jobs)]
