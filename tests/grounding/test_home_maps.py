@@ -65,6 +65,7 @@ def test_a_folder_of_maps_gives_the_same_answers(
     assert [item.candidates for item in first.answers] == [item.candidates for item in again.answers]
 
 
+@pytest.mark.release  # the pictures of a whole exploration are drawn and mapped again: 44 s
 def test_exploration_is_not_done_twice_for_another_layout(runs: Path, small_home_root: Path) -> None:
     (exploration,) = (runs / "explorations").iterdir()
     before = exploration.stat().st_mtime_ns
