@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 from sim.errors import StudyError
 from sim.files import write_whole
-from sim.scenes.kind import scene_labels
+from sim.scenes.kind import scene_labels, scene_terms
 
 from .plan import PRACTICE_FOLDER
 from .record_types import StoredEvent, TrialStatus
@@ -190,6 +190,7 @@ def _manifest(reader: StudyReader, collected: _Collected, files: Mapping[str, tu
         head_hashes={row.attempt_name: row.head_hash for row in begun if row.head_hash is not None},
         files={name: exported_file(content, num_rows) for name, (content, num_rows) in sorted(files.items())},
         scene_labels=scene_labels(scene.kind for scene in plan.scenes),
+        scene_terms=tuple(dict.fromkeys(terms for scene in plan.scenes if (terms := scene_terms(scene.kind)))),
     )
 
 

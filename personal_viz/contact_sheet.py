@@ -16,7 +16,7 @@ from sim.files import write_whole
 from sim.frames import T_world_camera
 from sim.scenes.furniture.families import look_of
 from sim.scenes.furniture.portrait import portrait
-from sim.scenes.kind import scene_label
+from sim.scenes.kind import scene_label, scene_terms
 from sim.scenes.labels import raycaster_of
 from sim.scenes.plan import HomePlan
 from sim.scenes.scene import Scene
@@ -59,7 +59,7 @@ def contact_sheet_picture(scene: Scene, plan: HomePlan | None) -> Image.Image:
     tiles = portraits(plan) if plan is not None else _cropped(scene, renderer)
     rows = [storeys, _views(scene, plan, renderer)]
     rows += [tiles[first : first + PER_ROW] for first in range(0, len(tiles), PER_ROW)]
-    return _stacked(scene.label, scene_label(scene.kind), [row for row in rows if row])
+    return _stacked(scene.label, scene_label(scene.kind), scene_terms(scene.kind), [row for row in rows if row])
 
 
 def portraits(plan: HomePlan) -> list[Tile]:
@@ -143,10 +143,10 @@ def _cropped(scene: Scene, renderer: Renderer) -> list[Tile]:
     return [(Image.fromarray(crop.rgb), crop.item.category) for crop in category_crops(scene, renderer)]
 
 
-def _stacked(title: str, label: str, rows: Sequence[Sequence[Tile]]) -> Image.Image:
-    """Rows of pictures under a title and a label beside it, the pictures of a row spread over the width."""
+def _stacked(title: str, label: str, terms: str, rows: Sequence[Sequence[Tile]]) -> Image.Image:
+    """Rows of pictures, spread over the width, under a title with a label beside it; terms, if any, at the foot."""
     heights = [max(picture.height for picture, _ in row) + _CAPTION for row in rows]
-    sheet = Image.new("RGB", (WIDTH, _TITLE + sum(heights)), _PAPER)
+    sheet = Image.new("RGB", (WIDTH, _TITLE + sum(heights) + (_CAPTION if terms else 0)), _PAPER)
     draw = ImageDraw.Draw(sheet)
     draw.text((16, _TITLE // 2), title, font=ImageFont.load_default(size=34), anchor="lm", fill=_INK)
     draw.text((WIDTH - 16, _TITLE // 2), label, font=ImageFont.load_default(size=20), anchor="rm", fill=_INK)
@@ -161,6 +161,7 @@ def _stacked(title: str, label: str, rows: Sequence[Sequence[Tile]]) -> Image.Im
                 (index * slot + slot // 2, top + height - _CAPTION // 2), words, font=font, anchor="mm", fill=_INK
             )
         top += height
+    draw.text((16, top + _CAPTION // 2), terms, font=ImageFont.load_default(size=17), anchor="lm", fill=_INK)
     return sheet
 
 

@@ -140,7 +140,7 @@ class PogApp:
 
     def _draw_status(self) -> None:
         view = self._shown
-        advices = f"{self._surface.advice} Click the object to mark it.", _MARKED
+        advices = f"{self._surface.advice} Click the middle of the object.", _MARKED
         advice = advices[view.marker is not None]
         left = "" if view.left_s is None else f'<div role="timer">At most {left_text(view.left_s)} left</div>'
         self._status.content = (

@@ -64,7 +64,7 @@ def _picture_pog(browser: BrowserContext, link: str) -> None:
     page = browser.new_page()
     page.goto(link)
     page.get_by_role("button", name="Start").click()
-    expect(page.get_by_text("Click the object to mark it")).to_be_visible(timeout=60_000)
+    expect(page.get_by_text("Click the middle of the object")).to_be_visible(timeout=60_000)
     page.wait_for_timeout(3000)  # the home is drawn some time after it has arrived; nothing in the page tells when
     canvas = page.locator("canvas").last.bounding_box()
     assert canvas is not None

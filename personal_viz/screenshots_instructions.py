@@ -110,7 +110,7 @@ def _see_home(page: Page) -> None:
 
 def _point(page: Page) -> None:
     """A mark on the floor of the hall, where nothing hides it."""
-    expect(page.get_by_text("Click the object to mark it")).to_be_visible(timeout=_WAIT_MS)
+    expect(page.get_by_text("Click the middle of the object")).to_be_visible(timeout=_WAIT_MS)
     page.wait_for_timeout(4000)
     canvas = page.locator("canvas").last.bounding_box()
     assert canvas is not None

@@ -69,6 +69,8 @@ class Manifest(BaseModel):
     """By path inside the folder; all but this one."""
     scene_labels: tuple[str, ...] = ()
     """What must be said of results in these homes; () for scans, and in exports of older programs."""
+    scene_terms: tuple[str, ...] = ()
+    """Whose terms the homes may stand under; () for invented homes and scans, and in exports of older programs."""
 
 
 def exported_file(content: bytes, num_rows: int | None) -> ExportedFile:

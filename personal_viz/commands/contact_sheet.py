@@ -7,7 +7,7 @@ from sim.errors import PersonalVizError
 from sim.files import write_whole
 from sim.scenes.clutter import with_clutter
 from sim.scenes.invent import invent_plan
-from sim.scenes.kind import plan_of, scene_label
+from sim.scenes.kind import plan_of, scene_label, scene_terms
 from sim.scenes.plan import HomePlan
 from sim.scenes.recover import recover_plan
 from sim.scenes.scene import Scene
@@ -48,8 +48,9 @@ def contact_sheet(
         raise PersonalVizError(f"--out: found {str(out)!r}; expected a file that ends in .png. Give another name.")
     home, plan = _home(scene=scene, dataset=dataset, scenes_dir=scenes_dir, invent=invent, clutter=clutter)
     picture = contact_sheet_picture(home, plan)
+    said = (scene_label(home.kind), scene_terms(home.kind))
     try:
-        write_whole(out, png_bytes(picture, label=scene_label(home.kind)))
+        write_whole(out, png_bytes(picture, label=" ".join(filter(None, said))))
         if crops is not None:
             num = write_crops(crops, home)
             print(f"{num} crops and their key written to {crops}")

@@ -20,6 +20,7 @@ from personal_viz.printed import Console
 from sim.cache import VARIABLE
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
+from sim.scenes.kind import scene_terms
 from sim.scenes.plan import save_plan
 from sim.scenes.recovery.playability import (
     Figures,
@@ -170,6 +171,8 @@ def _print_tables(report: HomesReport) -> None:
     console.print(table)
     for label in report.labels:
         print(f"{label}.")
+    for terms in {scene_terms(figures.scene_kind) for figures in report.scenes.values()} - {""}:
+        print(terms)
     print(
         "Ratios: our path length over the recorded one. Held out: recovered from two splits, episodes of the third. "
         "View points: standable and see their object. GLB: the whole home as one file."

@@ -14,6 +14,21 @@ _LABELS = {
     "invented": "Invented homes, made from a seed: no human baseline for PersONAL",
 }
 
+_TERMS = {
+    "schematic": (
+        "Homes reconstructed from the CC BY episode files of PersONAL; HM3D's terms may apply to your use: "
+        "https://matterport.com/matterport-end-user-license-agreement-academic-use-model-data"
+    ),
+}
+
+
+def scene_terms(kind: str) -> str:
+    """Whose terms a picture or an export of homes of this kind may stand under; empty for invented homes and scans.
+
+    A scan's own licence is known to whoever brings it.
+    """
+    return _TERMS.get(kind, "")
+
 
 def scene_label(kind: str) -> str:
     """What every table, figure, export and recording says of results in homes of this kind; empty for scans.

@@ -157,5 +157,6 @@ def _episode_metadata(index: int, episode: EpisodeRun, info: RunInfo) -> dict[st
         "who": info.who,
         "scene_kind": info.scene_kind,
         "scene_label": info.scene_label,
+        "scene_terms": info.scene_terms,
         "end": episode.end.model_dump(mode="json"),
     }

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sim.files import write_whole
 from sim.frames import quat_xyzw_from_yaw
-from sim.scenes.kind import scene_label
+from sim.scenes.kind import scene_label, scene_terms
 
 from .run_files import EpisodeRun, Run
 
@@ -52,7 +52,7 @@ def tum_text(episode: EpisodeRun, *, who: str, scene_kind: str) -> str:
         f"# the timestamp is the {said}",
         f"# episode: {episode.key}",
         f"# scenes: {scene_kind}",
-        *([f"# {label}"] if (label := scene_label(scene_kind)) else []),
+        *(f"# {words}" for words in (scene_label(scene_kind), scene_terms(scene_kind)) if words),
         f"# stopped: {'yes' if episode.end.reason == 'stop' else 'no'}",
         f"# allow_sliding: {'yes' if episode.start.allow_sliding else 'no'}",
         f"# {'timestamp' if is_measured else 'step'} tx ty tz qx qy qz qw",

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from sim.episodes.schema import Finite, Vector3
 from sim.errors import RunFileError, line_from_validation_error
 from sim.files import bounded_json, bounded_lines
-from sim.scenes.kind import scene_label
+from sim.scenes.kind import scene_label, scene_terms
 from sim.types import SUCCESS_RULES, Action, EndReason, EpisodeKey, Pose, SceneKind, Split, SuccessRule, WhoKind
 
 Length = Annotated[Finite, Field(ge=0)]
@@ -61,6 +61,8 @@ class RunInfo(BaseModel):
     """Success rule that an agent that knows the goal was made for, or that people were told; None = none, not known."""
     scene_label: str = ""
     """What must be said of results in homes of this kind; follows from `scene_kind`, empty for scans."""
+    scene_terms: str = ""
+    """Whose terms homes of this kind may stand under; follows from `scene_kind`, empty for invented homes and scans."""
 
     @model_validator(mode="before")
     @classmethod
@@ -70,7 +72,8 @@ class RunInfo(BaseModel):
             return raw
         is_old = raw.get("schema_version") == 1 and raw.get("who") == "shortest-path"
         rule = {"made_for": "paper"} if is_old else {}
-        return rule | raw | {"scene_label": scene_label(str(raw.get("scene_kind")))}
+        kind = str(raw.get("scene_kind"))
+        return rule | raw | {"scene_label": scene_label(kind), "scene_terms": scene_terms(kind)}
 
 
 class Step(BaseModel):

@@ -111,7 +111,7 @@ def stop(page: Page) -> None:
 
 def point_somewhere(page: Page) -> None:
     """Clicks the home until a mark is there: it is drawn some time after it has arrived."""
-    expect(page.get_by_text("Click the object to mark it")).to_be_visible()
+    expect(page.get_by_text("Click the middle of the object")).to_be_visible()
     marked = page.get_by_text("Click again to move your mark")
     box = page.locator("canvas").last.bounding_box()
     assert box is not None

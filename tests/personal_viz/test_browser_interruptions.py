@@ -149,7 +149,7 @@ def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
     code = quick_study.newcomer("pog")
     page = browser.new_page()
     start(page, quick_study.links[code])
-    expect(page.get_by_text("Click the object to mark it")).to_be_visible()
+    expect(page.get_by_text("Click the middle of the object")).to_be_visible()
     expect(page.locator("canvas").last).to_be_visible()
     page.evaluate(
         """() => { const canvas = [...document.querySelectorAll('canvas')].pop();
@@ -157,7 +157,7 @@ def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
     )
     expect(page.get_by_role("heading", name="The 3-D picture was lost")).to_be_visible()
     page.get_by_role("button", name="Load the page again").click()
-    expect(page.get_by_text("Click the object to mark it")).to_be_visible()
+    expect(page.get_by_text("Click the middle of the object")).to_be_visible()
     trials = [trial for trial in record(quick_study, code)[1] if trial.trial_id is not None]
     assert any(isinstance(event, ContextLost) for event in _events_of(quick_study, trials[0]))
     assert trials[0].outcome is not None

@@ -133,5 +133,5 @@ def test_the_demo_lets_people_walk_and_point(tmp_path: Path) -> None:
             walker.see_step(0)
         with enter(study.links["pog"]) as pointer:
             pointer.press("Start")
-            pointer.receive_until(lambda message: "Click the object to mark it" in str(message))
+            pointer.receive_until(lambda message: "Click the middle of the object" in str(message))
         assert study.end() == 0

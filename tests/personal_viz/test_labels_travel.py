@@ -1,6 +1,7 @@
 """Every file that a verb writes about homes that are no scans says so, and no file about scans does."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -135,6 +136,18 @@ def test_every_export_of_runs_says_it(made: Compared, scans: Compared, tmp_path:
     assert export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format) == 0  # type: ignore[arg-type]
     found = [path for path in (tmp_path / "scan").rglob("*") if path.is_file()]
     assert [path.name for path in found if BASELINE in said_in(path)] == []
+
+
+@pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
+def test_exports_of_reconstructed_homes_name_whose_terms_may_apply(made: Compared, tmp_path: Path, format: str) -> None:
+    info = json.loads((made.runs / "idle" / "run.json").read_text())
+    shutil.copytree(made.runs / "idle", tmp_path / "idle")
+    (tmp_path / "idle" / "run.json").write_text(json.dumps(info | {"scene_kind": "schematic"}))
+    for run, is_named in ((tmp_path / "idle", True), (made.runs / "idle", False)):
+        out = tmp_path / f"out-{is_named}"
+        assert export(runs=(run,), out=out, format=format) == 0  # type: ignore[arg-type]
+        text = " ".join(said_in(path) for path in out.rglob("*") if path.is_file())
+        assert ("HM3D's terms may apply to your use: https://matterport.com/" in text) == is_named
 
 
 def test_every_table_of_a_study_export_says_it(tmp_path: Path) -> None:

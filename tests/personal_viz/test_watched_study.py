@@ -59,7 +59,7 @@ def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_datas
             walker_again.receive_until(lambda message: "Thank you" in str(message))
         with enter(study.links["pog"]) as pointer:
             pointer.press("Start")
-            pointer.receive_until(lambda message: "Click the object to mark it" in str(message))
+            pointer.receive_until(lambda message: "Click the middle of the object" in str(message))
             pointer.give_up()
             pointer.receive_until(lambda message: "Thank you" in str(message))
     finally:
