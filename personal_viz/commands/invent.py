@@ -1,4 +1,4 @@
-"""Verb `invent`: homes without a licence, each with its plan, GLB, semantics and episodes in the PersONAL format."""
+"""Verb `invent`: homes from a seed, each with its plan, GLB, semantics and episodes in the PersONAL format."""
 
 from pathlib import Path
 
