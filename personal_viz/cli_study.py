@@ -197,7 +197,7 @@ class StudyDoctor:
 
 @dataclass
 class StudyEthics:
-    """Write protocol, information sheet, consent, instructions, data-flow table, estimate and preregistration."""
+    """Write templates: protocol, information sheet, consent, instructions, data flow, estimate, preregistration."""
 
     study: Positional[Path]
     out: Path = Path("runs/ethics")

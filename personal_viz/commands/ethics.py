@@ -35,6 +35,7 @@ def ethics(*, study: Path, out: Path) -> int:
     for name, document in documents.items():
         write_whole(out / name, document)
     print(f"Written to {out}: {', '.join(documents)}")
+    print("They are templates: no ethics board has read them.")
     marks = Counter(field for document in documents.values() for field in open_places(document))
     if plan is None:
         print(f"The numbers of people and trials come with the plan: personal-viz study plan {study}")

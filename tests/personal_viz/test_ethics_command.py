@@ -23,6 +23,7 @@ def test_the_command_writes_all_documents_and_counts_open_places(
     assert ethics(study=tmp_path / "study", out=tmp_path / "out") == 0
     printed = capsys.readouterr().out
     assert "Written to" in printed
+    assert "They are templates: no ethics board has read them." in printed
     assert "come with the plan" in printed
     count = int(re.search(r"(\d+) places are to be filled in", printed)[1])  # type: ignore[index]
     texts = [path.read_text() for path in sorted((tmp_path / "out").iterdir())]
