@@ -173,7 +173,7 @@
     if (button.dataset.tool === 'keys') openDialog();
     if (button.dataset.tool === 'large') setLarge(!document.documentElement.classList.contains('personal-large'));
     if (button.dataset.tool === 'leave') openLeaving(button.dataset.text);
-  });
+  }, true);
 
   // --- what happens to the page -----------------------------------------------------------------------------------
   const changed = (what) => tell({ kind: 'page', what: what });
