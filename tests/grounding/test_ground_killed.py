@@ -35,7 +35,7 @@ parse(sys.argv[2:]).work()
 def test_a_killed_run_keeps_its_answers_and_a_second_call_gives_the_rest(
     small_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    options = ["ground", "--dataset", str(small_root), "--method", "rpg", "--run-id", "run"]
+    options = ["ground", "--dataset", str(small_root), "--method", "rpg", "--phrases", "rules", "--run-id", "run"]
     command = [sys.executable, "-c", KILLED_AFTER, "6", *options, "--out", str(tmp_path / "killed")]
     died = subprocess.run(command, capture_output=True, text=True, check=False)
     assert died.returncode == -signal.SIGKILL, died.stderr

@@ -77,5 +77,5 @@ def test_the_command_of_the_issue_writes_a_run(
     assert call(monkeypatch, *same, "--encoder", "hashed", "--sweep", "blur=0.25,1e20") == 0
     assert call(monkeypatch, *same, "--run-id", "r" * 80, "--sweep", "blur=0.25") == 0  # the value is cut, not refused
     folders = sorted(path.parent.name for path in tmp_path.glob("*/answers.jsonl"))
-    assert len(folders) == 3
+    assert len(folders) == 6, "each with a run by rules phrases beside it"
     assert all(re.fullmatch(RUN_ID, name) for name in folders)
