@@ -9,6 +9,7 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 from human_study.export import export_study
+from personal_viz.cli import parse
 from personal_viz.commands.compare import compare
 from personal_viz.commands.contact_sheet import contact_sheet
 from personal_viz.commands.export import export
@@ -178,3 +179,20 @@ def test_homes_and_contact_sheets_say_it(made: Compared, tmp_path: Path, capsys:
     options = {"scene": "Demo", "dataset": made.data, "scenes_dir": None, "invent": None, "clutter": 0}
     assert contact_sheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops") == 0  # type: ignore[arg-type]
     assert silent_files(tmp_path, besides={path.stem for path in (tmp_path / "crops").glob("*.png")}) == []
+
+
+@pytest.mark.slow
+def test_walks_explorations_and_their_recordings_say_it(
+    made: Compared, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, small = ["--dataset", str(made.data)], ["--width", "48", "--height", "36", "--max-steps", "20"]
+    key = str(made.episodes[0].key)
+    walk = ["run", *data, "--agent", "random", "--episode", key]
+    assert parse([*walk, "--out", str(tmp_path / "runs"), "--rerun", str(tmp_path / "live")]).work() == 0
+    explored = ["explore", *data, *small, "--rerun", str(tmp_path / "seen"), "--out", str(tmp_path / "explored")]
+    assert parse([*explored, "--json"]).work() == 0
+    assert INVENTED in capsys.readouterr().out
+    assert {path.suffix for path in tmp_path.rglob("*") if path.is_file()} >= {".rrd", ".png", ".json", ".jsonl"}
+    silent = [Path(name) for name in silent_files(tmp_path)]
+    assert {path.parent for path in silent} <= {Path("explored")}  # the walks themselves, beside explore.json
+    assert all(path.name.startswith("Demo-") for path in silent)
