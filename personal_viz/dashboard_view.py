@@ -136,7 +136,7 @@ def serving_of(pool: WorkerPool, keeper: LeaseKeeper) -> Serving:
 def _worker(worker: Worker) -> ShownWorker:
     process = worker.process
     is_alive = process is not None and process.poll() is None
-    state = "ended" if not is_alive else "serving" if worker.port is not None else "starting"
+    state = "ended" if not is_alive else "serving" if worker.door is not None else "starting"
     return ShownWorker(worker.number, state, len(worker.codes))
 
 

@@ -175,8 +175,8 @@ def sample_keys(keys: Sequence[EpisodeKey], *, per_split: int | None, seed: int)
         by_scene[key.split, key.scene].append(key)
     drawn: set[EpisodeKey] = set()
     for split in {split for split, _ in by_scene}:
-        scenes = [scene for of, scene in by_scene if of == split]
-        turns = [(turn, place(scene), key) for scene in scenes for turn, key in enumerate(by_scene[split, scene])]
+        scenes = [(place(scene), found) for (of, scene), found in by_scene.items() if of == split]
+        turns = [(turn, order, key) for order, found in scenes for turn, key in enumerate(found)]
         drawn |= {key for _, _, key in sorted(turns)[:per_split]}
     return [key for key in keys if key in drawn]
 
