@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from sim.tasks.run_files import RunInfo
 
-from ..encoders import ORACLE_SUFFIX, is_model
+from ..encoders import ORACLE_SUFFIX, TEXT_ENCODERS
 
 PAPER_IS = "paper's HM3D maps"
 """What a row or column of the paper's figures is called."""
@@ -55,13 +55,13 @@ def pog_notes(infos: Sequence[RunInfo]) -> tuple[str, ...]:
 
 def _words_line(options: Mapping[str, object]) -> str:
     encoder = str(options.get("encoder", "unknown"))
+    text_encoder = encoder.removesuffix(ORACLE_SUFFIX)
     if options.get("map") == "oracle":
         words = "captions of the same episode files (circular)"
-    elif is_model(encoder) or encoder == "unknown":
-        words = f"none, vectors of pictures ({encoder})"
-    else:
-        text_encoder = encoder.removesuffix(ORACLE_SUFFIX)
+    elif text_encoder in TEXT_ENCODERS:
         words = f"captions of the same episode files for what the camera saw (oracle perception, {text_encoder})"
+    else:
+        words = f"none, vectors of pictures (encoder {encoder})"
     return f"Map words: {words}. Target's storey: {'not given' if options.get('all_storeys') else 'given'}."
 
 
