@@ -18,6 +18,7 @@ from personal_viz.dashboard import LOOK_EVERY_S, PAGE, Dashboard, dashboard
 from personal_viz.dashboard_view import Serving, ShownPerson, ShownStudy, ShownWorker, serving_of
 from personal_viz.gateway import STATIC
 from personal_viz.lease_keeper import LeaseKeeper
+from personal_viz.worker_door import WorkerDoor
 from personal_viz.workers import Worker, WorkerPool
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials
@@ -203,8 +204,8 @@ def test_the_serving_process_tells_of_its_workers_and_open_pages(tmp_path: Path)
         keeper = LeaseKeeper(store, tell=print)
         pool = WorkerPool.__new__(WorkerPool)
         pool.workers = [Worker(number) for number in (1, 2, 3)]
-        for worker, code, port in zip(pool.workers, (None, None, 1), (9001, None, None), strict=True):
-            worker.process, worker.port = Process(code), port  # type: ignore[assignment]
+        for worker, code, door in zip(pool.workers, (None, None, 1), (WorkerDoor(9001, "s"), None, None), strict=True):
+            worker.process, worker.door = Process(code), door  # type: ignore[assignment]
         pool.workers[0].codes["p01"] = 2
         with keeper.present("p01"):
             found = serving_of(pool, keeper)
