@@ -43,7 +43,7 @@ def entities(path: Path) -> set[str]:
 
 def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
     live = tmp_path / "live"
-    home = ("--dataset", str(marked_dataset), "--scene", HOME, "--limit", "1", "--workers", "1")
+    home = ("--dataset", str(marked_dataset), "--scene", HOME, "--split", "easy", "--limit", "1", "--workers", "1")
     study = start_study(tmp_path / "study", "study", "serve", *home, "--rerun", str(live))
     try:
         with enter(study.links["pan"]) as walker:
@@ -114,7 +114,7 @@ def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -
             scene=HOME,
             scenes_dir=None,
             out=tmp_path / "study",
-            split=(),
+            split=("easy",),
             limit=1,
             seed=0,
             actions="paper4",
