@@ -223,6 +223,6 @@ def test_participants_views_have_no_field_for_what_observers_get() -> None:
     for view in (LookView, PanView, PogView, RateView):
         for kind in get_type_hints(view).values():
             assert kind not in (Observation, Episode, EpisodeRun, Answer, Watches)
-    seen = {"task", "rgb", "step", "is_armed", "is_over", "is_giving_up", "left_s"}
+    seen = {"task", "rgb", "step", "is_armed", "is_blocked", "is_over", "is_giving_up", "left_s"}
     assert set(get_type_hints(PanView)) == seen
     assert get_type_hints(PanView)["task"] is Task
