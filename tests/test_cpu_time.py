@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from .built_once import built_once
+from .cpu_time import CpuTimes
 
 pytest_plugins = ["pytester"]
 
@@ -81,6 +82,16 @@ def test_child():
         "test_child",
     }
     done.stdout.fnmatch_lines(["FAILED: 2 unmarked took *"])
+
+
+def test_a_child_of_an_earlier_fixture_that_ends_in_a_short_test_does_not_count_as_its_time() -> None:
+    times = CpuTimes(limit_s=1.0)
+    report = pytest.TestReport(
+        "test_short", ("", 0, ""), {}, "passed", None, "teardown", duration=0.01,
+        user_properties=[("cpu_s", 900.0), ("markers", "")],
+    )  # fmt: skip
+    times.pytest_runtest_logreport(report)
+    assert times._too_long() == set()
 
 
 def test_what_numba_compiles_does_not_count(pytester: pytest.Pytester) -> None:
