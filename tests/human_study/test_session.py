@@ -95,7 +95,8 @@ def test_a_blocked_step_comes_with_a_sign_and_the_record_says_so() -> None:
     assert isinstance(blocked, PanView)
     assert blocked.is_blocked
     turned = session.handle(LEFT, 103.0)
-    assert not turned.view.is_blocked  # type: ignore[union-attr]
+    assert isinstance(turned.view, PanView)
+    assert not turned.view.is_blocked
     assert [event.blocked for event in turned.events if isinstance(event, Shown)] == [False]
 
 
@@ -109,10 +110,14 @@ def test_the_sign_of_a_blocked_step_waits_for_its_picture_and_ends_with_an_absen
         stepped = session.handle(FORWARD, float(number))
         looked = session.look(number + 0.1)
         events += [*stepped.events, *looked.events]
-    assert (stepped.view.is_blocked, looked.view.is_blocked) == (False, True)  # type: ignore[union-attr]
+    before, after = stepped.view, looked.view
+    assert isinstance(before, PanView)
+    assert isinstance(after, PanView)
+    assert (before.is_blocked, after.is_blocked) == (False, True)
     again = pan_session_from_events(events, env(with_pictures=True), **names)
     back = again.handle(Resume(1.0), 10.0)
-    assert not back.view.is_blocked  # type: ignore[union-attr]
+    assert isinstance(back.view, PanView)
+    assert not back.view.is_blocked
     assert [event.blocked for event in back.events if isinstance(event, Shown)] == [False]
 
 

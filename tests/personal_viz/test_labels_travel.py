@@ -19,6 +19,7 @@ from personal_viz.commands.recordings import replay
 from personal_viz.commands.report import report
 from personal_viz.commands.runs import metrics
 from sim.scenes.kind import scene_label
+from sim.tasks.export_runs import ExportFormat
 from sim.types import SceneKind
 
 from ..human_study.finished import study_with_trials
@@ -131,22 +132,24 @@ def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Compared, tmp
 
 
 @pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
-def test_every_export_of_runs_says_it(made: Compared, scans: Compared, tmp_path: Path, format: str) -> None:
-    assert export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format) == 0  # type: ignore[arg-type]
+def test_every_export_of_runs_says_it(made: Compared, scans: Compared, tmp_path: Path, format: ExportFormat) -> None:
+    assert export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format) == 0
     assert silent_files(tmp_path / "invented") == []
-    assert export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format) == 0  # type: ignore[arg-type]
+    assert export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format) == 0
     found = [path for path in (tmp_path / "scan").rglob("*") if path.is_file()]
     assert [path.name for path in found if BASELINE in said_in(path)] == []
 
 
 @pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
-def test_exports_of_reconstructed_homes_name_whose_terms_may_apply(made: Compared, tmp_path: Path, format: str) -> None:
+def test_exports_of_reconstructed_homes_name_whose_terms_may_apply(
+    made: Compared, tmp_path: Path, format: ExportFormat
+) -> None:
     info = json.loads((made.runs / "idle" / "run.json").read_text())
     shutil.copytree(made.runs / "idle", tmp_path / "idle")
     (tmp_path / "idle" / "run.json").write_text(json.dumps(info | {"scene_kind": "schematic"}))
     for run, is_named in ((tmp_path / "idle", True), (made.runs / "idle", False)):
         out = tmp_path / f"out-{is_named}"
-        assert export(runs=(run,), out=out, format=format) == 0  # type: ignore[arg-type]
+        assert export(runs=(run,), out=out, format=format) == 0
         text = " ".join(said_in(path) for path in out.rglob("*") if path.is_file())
         assert ("HM3D's terms may apply to your use: https://matterport.com/" in text) == is_named
 
