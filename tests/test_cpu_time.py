@@ -136,7 +136,7 @@ def fill(folder: Path) -> None:
 
 
 def test_a_folder_is_built_once_however_many_ask(tmp_path: Path) -> None:
-    with get_context("fork").Pool(4) as pool:
+    with get_context("spawn").Pool(2) as pool:
         folders = pool.starmap(built_once, [(tmp_path, "home", fill)] * 8)
     assert set(folders) == {tmp_path / "home"}
     assert len(list((tmp_path / "home").iterdir())) == 1
