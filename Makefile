@@ -3,14 +3,15 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PORT ?= 8080
-WORKERS ?= 2
+# More than the cores of a small machine: tests with a browser or a served study wait as long as they compute.
+WORKERS ?= 3
 # Where pip looks for torch; name PyTorch's index of CPU builds here to save space on Linux without a GPU.
 TORCH_INDEX ?=
 export PORT TORCH_INDEX
 
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
-.PHONY: demo test release check bench screenshots locked tag clean
+.PHONY: demo test release check lint fast bench screenshots locked tag clean
 
 demo: $(VENV)/.demo
 	@exec $(BIN)/personal-viz demo
@@ -25,7 +26,12 @@ release: $(VENV)/.test
 	@$(PYTEST) -m release || test $$? = 5
 
 check: $(VENV)/.dev
+	@$(MAKE) --jobs=2 --output-sync --no-print-directory lint fast
+
+lint:
 	$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/pyright
+
+fast:
 	$(PYTEST) -m "not release and not bench and not gpu and not slow and not browser"
 
 bench: $(VENV)/.test

@@ -1,7 +1,8 @@
 """Installs into the venv that runs it what a target of the Makefile needs, and says in a few lines what it does.
 
 `install.py [EXTRA]` takes the pinned versions of constraints.txt, `install.py --locked` the files of the locks and no
-others. Everything that pip says goes to pip.log in the venv; its end is printed when pip fails. Standard library only.
+others. Everything that pip says goes to pip.log in the venv; its end is printed when pip fails. For tests our loops are
+compiled then. Standard library only.
 """
 
 import importlib.metadata
@@ -25,7 +26,10 @@ def main():
     locked, extra = "--locked" in sys.argv, "".join(sys.argv[1:2])
     how = "from the locks, every digest checked" if locked else extra or "about 3 GB, some minutes the first time"
     print(f"Installing into {LOG.parent} ({how})", flush=True)
-    return install_locked() if locked else install_constrained(f".[{extra}]" if extra else ".")
+    code = install_locked() if locked else install_constrained(f".[{extra}]" if extra else ".")
+    if code == 0 and (locked or extra == "test"):
+        code = compile_loops()
+    return code
 
 
 def install_constrained(project):
@@ -50,6 +54,11 @@ def install_locked():
     if code == 0 and wants_cuda():
         code = pip([*checked, "-r", "requirements-cuda.lock"])
     return code or pip(["--no-deps", "--no-build-isolation", "-e", "."])
+
+
+def compile_loops():
+    """Exit code of `compile_loops.py`."""
+    return subprocess.run([sys.executable, ".ci/compile_loops.py"]).returncode
 
 
 def cpu_build():

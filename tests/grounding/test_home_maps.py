@@ -36,6 +36,7 @@ def folders(runs: Path) -> MapFolders:
     return MapFolders(runs / str(info.config["maps"]), runs / "explorations")
 
 
+@pytest.mark.release
 def test_a_walked_home_answers_most_queries_and_its_run_says_how(runs: Path) -> None:
     run = read_run(runs / "first")
     assert run.info.scene_kind == "invented"

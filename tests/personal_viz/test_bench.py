@@ -248,6 +248,7 @@ def test_a_budget_counts_from_the_start_of_the_process() -> None:
     assert has_too_much == "False"
 
 
+@pytest.mark.slow
 def test_loads_end_when_there_is_no_time_for_one_more(house: TriangleMesh, tmp_path: Path) -> None:
     write_bench_glb(tmp_path / "house.glb", house)
     asked: list[float] = []

@@ -244,7 +244,7 @@ def test_too_few_participants_of_a_task_are_said_before_anybody_comes_in() -> No
         run_bots(site, participants=1, seconds=1, rate=1, kinds=("random",), seed=0, tasks=("pog",))
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path: Path) -> None:
     """The golden bot: practice, counted trials, a break, the question how sure; all that is stored does verify."""
     dataset = tmp_path / "dataset"

@@ -86,6 +86,7 @@ def change(folder: Path, name: str, edit: Change) -> None:
     write(path, content)
 
 
+@pytest.mark.slow
 def test_one_json_document_with_the_issues_keys_is_printed(few: Path) -> None:
     command = [sys.executable, "-m", "personal_viz", "check-habitat", "--golden", str(few), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)

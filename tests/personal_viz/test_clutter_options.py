@@ -44,6 +44,7 @@ def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, tm
     assert end.scene_digest == open_scene(PersonalDataset(dataset), "Demo", clutter=1).digest
 
 
+@pytest.mark.slow
 def test_a_recording_is_made_in_the_home_of_its_runs(dataset: Path, tmp_path: Path) -> None:
     plain, cluttered = (made(dataset, tmp_path, level) for level in (0, 1))
     common = {"dataset": dataset, "scenes_dir": None}

@@ -33,6 +33,7 @@ def test_a_port_in_use_is_one_line(demo_root: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "s").exists()
 
 
+@pytest.mark.slow
 def test_a_port_that_is_no_number_is_one_line(tmp_path: Path) -> None:
     assert_one_line(personal_viz("demo", "--out", str(tmp_path / "d"), PORT="eighty"), "PORT is 'eighty'; expected")
 
@@ -48,6 +49,7 @@ def test_an_unwritable_folder_is_one_line(demo_root: Path, tmp_path: Path) -> No
     assert_one_line(personal_viz("demo", "--out", out, "--port", "0"), f"{out}: cannot be written")
 
 
+@pytest.mark.slow
 def test_a_missing_scan_names_the_file(demo_root: Path, tmp_path: Path) -> None:
     scans = tmp_path / "scans"
     scans.mkdir()

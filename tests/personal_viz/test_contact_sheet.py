@@ -112,6 +112,7 @@ def test_a_home_without_a_plan_gets_crops_instead_of_portraits(scene: Scene) -> 
     assert sheet.width == WIDTH
 
 
+@pytest.mark.slow
 def test_crops_are_numbered_in_an_order_that_tells_nothing(scene: Scene, tmp_path: Path) -> None:
     count = write_crops(tmp_path, scene)
     with (tmp_path / "Demo-key.csv").open() as file:

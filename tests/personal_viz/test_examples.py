@@ -49,6 +49,7 @@ def test_no_example_is_longer_than_100_lines() -> None:
     assert not {name: length for name, length in lengths.items() if length > 100}
 
 
+@pytest.mark.slow
 def test_the_explaining_agent_looks_around_then_walks_to_frontiers(home: Scene) -> None:
     actions, insights = explore(home, 60)
     assert actions[:12] == [Action.LEFT] * 12
@@ -62,6 +63,7 @@ def test_the_explaining_agent_looks_around_then_walks_to_frontiers(home: Scene) 
     assert (last == OCCUPIED).any()
 
 
+@pytest.mark.slow
 def test_the_explaining_agent_keeps_the_contract() -> None:
     assert check_agent(ExplainingAgent) == []
 

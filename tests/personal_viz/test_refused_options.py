@@ -44,6 +44,7 @@ def test_run_names_itself_whatever_the_agent_is_called(
     assert len(read_run(made.parent).info.who) == MAX_NAME
 
 
+@pytest.mark.slow
 def test_names_drawn_at_random_are_taken_or_refused_in_one_line(
     invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

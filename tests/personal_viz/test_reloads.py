@@ -143,6 +143,7 @@ def walks(client: WireClient, *, step: int) -> None:
     assert not any("no longer used" in str(message) for message in client.messages)
 
 
+@pytest.mark.slow
 def test_a_hundred_reloads_at_random_moments_leave_the_trial_to_the_last_page(worker: Worker) -> None:
     rng = random.Random(7)
     with worker.connected():

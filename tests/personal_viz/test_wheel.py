@@ -41,7 +41,7 @@ def test_the_wheel_holds_every_file_of_the_packages_but_the_pictures(wheel: Path
     assert held == {name for name in ours if not name.startswith("personal_viz/pictures/")}
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.timeout(900)
 def test_the_demo_runs_from_the_wheel_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
     venv.create(tmp_path / "venv")

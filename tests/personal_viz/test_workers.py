@@ -114,6 +114,7 @@ def test_a_worker_that_cannot_start_says_why_and_the_others_end(tmp_path: Path) 
     assert not any(is_running(pid) for pid in pids(tmp_path))
 
 
+@pytest.mark.slow
 def test_a_worker_that_always_dies_is_given_up_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "PAUSES_S", (0.0,) * workers.MOST_FAILURES)
     told: list[str] = []
@@ -228,6 +229,7 @@ def test_a_slow_worker_is_left_alone(tmp_path: Path) -> None:
     assert told == []
 
 
+@pytest.mark.slow
 def test_a_worker_that_hangs_each_time_it_is_started_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

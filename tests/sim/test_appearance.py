@@ -95,6 +95,7 @@ def test_own_words_leave_out_the_surroundings() -> None:
     assert {"l", "grey"} <= own_words("grey L-shaped couch", "couch").all
 
 
+@pytest.mark.slow
 def test_colours_are_found_in_half_of_the_released_captions(dataset_root: Path) -> None:
     dataset = PersonalDataset(dataset_root)
     captions: dict[tuple[str, str], str] = {}

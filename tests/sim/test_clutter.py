@@ -62,6 +62,7 @@ def added(plan: HomePlan, full: HomePlan) -> tuple[Furniture, ...]:
     return full.furniture[len(plan.furniture) :]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["schematic", "invented"])
 def test_levels_grow_and_the_same_seed_gives_the_same_bytes(request, name: str) -> None:
     plan: HomePlan = request.getfixturevalue(name)

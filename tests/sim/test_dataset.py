@@ -206,6 +206,7 @@ def release(dataset_root: Path) -> PersonalDataset:
     return PersonalDataset(dataset_root)
 
 
+@pytest.mark.slow
 def test_all_2000_released_episodes_load(release: PersonalDataset) -> None:
     episodes = list(release.episodes())
     assert Counter(episode.key.split for episode in episodes) == {"easy": 600, "medium": 700, "hard": 700}

@@ -142,6 +142,7 @@ def test_the_scan_shows_the_same_objects_as_the_plan(root: Path, name: str) -> N
     assert scanned.navigation.storey_heights == pytest.approx(planned.navigation.storey_heights, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_in_another_process(root: Path) -> None:
     program = (
         "import hashlib\nfrom sim.episodes.generation import dataset_files\n"

@@ -233,6 +233,7 @@ def test_a_closed_environment_can_be_closed_again_and_reset(dataset: PersonalDat
     assert env.reset()[1]["collided"] is False
 
 
+@pytest.mark.slow
 def test_a_scene_is_let_go_before_the_next_one_is_opened(dataset: PersonalDataset, monkeypatch) -> None:
     casters: list[weakref.ref[Raycaster]] = []
     alive: list[int] = []

@@ -118,6 +118,7 @@ def test_pieces_stay_inside_their_rooms(plan: HomePlan) -> None:
         assert rect.grown(-0.05).holds_rect(piece.rect), piece.name
 
 
+@pytest.mark.slow
 def test_every_room_and_every_piece_can_be_walked_up_to(plan: HomePlan) -> None:
     navigation = scene_from_plan(plan).navigation
     assert navigation.storey_heights == pytest.approx((0.0, 2.8)[: len(plan.storeys)], abs=0.05)

@@ -51,6 +51,7 @@ def is_success(episode: EpisodeRun) -> bool:
     return rule is not None and rule.success
 
 
+@pytest.mark.slow
 def test_episodes_before_an_agents_error_are_on_disk(demo_root: Path, tmp_path: Path) -> None:
     work = job(demo_root, "Demo", agent=f"{__name__}:FailsAtTheThird")
     writer, on_disk = writer_in(tmp_path / "a"), []

@@ -37,6 +37,7 @@ def test_a_corrected_plan_of_a_schematic_home_does_not_make_a_scan_schematic(tmp
     assert scene_kind(dataset, SCENE, tmp_path / "scans") == "scan"
 
 
+@pytest.mark.slow
 def test_clutter_is_added_to_plans_and_schematic_homes_and_the_label_says_so(demo_root: Path, tmp_path: Path) -> None:
     dataset = PersonalDataset(write_dataset(tmp_path))
     for opened, name, label in (
