@@ -8,6 +8,8 @@ WORKERS ?= 3
 # Where pip looks for torch; name PyTorch's index of CPU builds here to save space on Linux without a GPU.
 TORCH_INDEX ?=
 export PORT TORCH_INDEX
+# Where it is set, every start of Python would compile all packages again: pip leaves that to the first start.
+unexport PYTHONDONTWRITEBYTECODE
 
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 

@@ -100,6 +100,7 @@ def _write(
     with open_recording(out, episode.key) as stream:
         # viewers show what they have while they read on; without a blueprint they arrange it by themselves, and play it
         stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded, memories=memories))
+        stream.flush()
         log_identity(stream, episode, scene)
         log_task(
             stream,
