@@ -46,7 +46,7 @@ bench: $(VENV)/.test
 
 screenshots: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests
-	$(BIN)/python -m personal_viz.screenshots
+	$(BIN)/python -m personal_viz.screenshots.make
 
 # The exact files that the tests ran with: every digest is checked, nothing else is looked for. .ci/lock makes the locks.
 locked: $(VENV)/.locked

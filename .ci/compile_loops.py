@@ -9,13 +9,13 @@ import tempfile
 import time
 from pathlib import Path
 
-from grounding.explore import explore, start_on_storey
+from grounding.agents.explore import explore, start_on_storey
+from sim.authoring.generation import invent_dataset
 from sim.cache import VARIABLE
+from sim.copies.browser_glb import browser_glb
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
-from sim.scenes.browser_glb import browser_glb
-from sim.scenes.recover import recover_plan
-from sim.scenes.sources import open_scene, scene_from_plan
+from sim.homes.open_home import open_scene, scene_from_plan
+from sim.homes.recovered.recover import recover_plan
 from sim.types import Camera
 
 NAME = "Loops"

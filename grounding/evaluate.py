@@ -12,12 +12,13 @@ from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .encoders import ModelOptions, make_encoder
-from .grounders import make_grounder
+from .encoders.by_name import make_encoder
+from .encoders.protocol import ModelOptions
 from .home_maps import HomeMaps, MapFolders
-from .memory import Memory
-from .oracle.source import OracleMaps
-from .phrases import make_phrases
+from .maps.home_map import Memory
+from .methods.by_name import make_grounder
+from .oracle_source import OracleMaps
+from .phrases.sources import make_phrases
 from .settings import GroundSettings as GroundSettings
 from .types import Grounding
 

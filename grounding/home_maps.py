@@ -12,19 +12,22 @@ from typing import TYPE_CHECKING
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import RunFileError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 
-from .encoders import ORACLE_SUFFIX, ModelOptions, TextEncoder, is_model, make_encoder, make_image_encoder
-from .encoding.oracle_perception import OraclePerception, PerceptionOptions
-from .exploring.notes import Say, scene_note
-from .map_files import MapSource, load_memory, read_map_header, save_memory
-from .memory import HomeMemory, Memory, merged_storeys
+from .agents.progress_notes import Say, scene_note
+from .encoders.by_name import is_model, make_encoder, make_image_encoder
+from .encoders.protocol import ORACLE_SUFFIX, ModelOptions, TextEncoder
+from .maps.files import MapSource, load_memory, read_map_header, save_memory
+from .maps.home_map import HomeMemory, Memory, merged_storeys
+from .perception.oracle_perception import OraclePerception, PerceptionOptions
 from .settings import CELLS, GroundSettings
 
 if TYPE_CHECKING:
-    from .encoders import DenseEncoder
-    from .mapping import MapBuilder
+    from .encoders.protocol import DenseEncoder
+    from .maps.grid_map import MapBuilder
 
+MAP_VERSION = 1
+"""Raised by whoever changes what is on the map of a walked home; maps of another number are made anew."""
 VIEWS_EVERY = 2
 """Of an exploration's views each second one is mapped: neighbours turn by 30 degrees of 79 or walk 25 cm."""
 
@@ -126,10 +129,10 @@ def make_home_map(
         RunFileError: A file is damaged or cannot be written.
         AgentError: The encoder cannot be loaded.
     """
-    from sim.scenes.sources import open_scene
+    from sim.homes.open_home import open_scene
 
-    from .explore import frames_of
-    from .exploring.storeys import storey_explorations
+    from .agents.explore import frames_of
+    from .agents.explored_storeys import storey_explorations
 
     scene = open_scene(dataset, scene_name, scenes_dir=folders.scenes_dir, clutter=settings.home_clutter)
     told = say if folders.notes is not None else None  # being told of steps costs the explorer some time
@@ -148,14 +151,14 @@ def make_home_map(
 
 
 def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions) -> "MapBuilder":
-    from .mapping import GridMapBuilder
-    from .oracle.oracle_map import oracle_home
+    from .maps.grid_map import GridMapBuilder
+    from .maps.oracle_map import oracle_home
 
     encoder = _image_encoder(dataset, scene, settings, model)
     centre_xz = oracle_home(dataset, scene.name).centre_xz  # the cells of the home's oracle map
     if settings.layout == "objects":
-        from .maps.segments import InstanceIds
-        from .object_mapping import ObjectMapBuilder
+        from .maps.object_map import ObjectMapBuilder
+        from .perception.segments import InstanceIds
 
         # captions as they are perceived: confusions show; a real encoder names nothing
         captions = encoder.perceived if isinstance(encoder, OraclePerception) else None
@@ -170,7 +173,7 @@ def _image_encoder(
 ) -> "DenseEncoder":
     if is_model(settings.encoder):
         return make_image_encoder(settings.encoder, options=model)
-    from .oracle.texts import object_texts
+    from .maps.object_texts import object_texts
 
     options = PerceptionOptions(
         view_noise=settings.view_noise,

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from sim.errors import PersonalVizError
 
-from .cli import parse
+from .cli.verbs import parse
 from .printed import one_line, printable_streams
 
 READER_GONE = 141
@@ -48,7 +48,7 @@ def work() -> int:
         except PersonalVizError as error:
             line = str(error)
         except ValidationError as error:
-            from .commands.options import line_from_refused_options
+            from .study_app.checked_options import line_from_refused_options
 
             line = line_from_refused_options(type(verb).__name__.lower(), vars(getattr(verb, "verb", verb)), error)
         except KeyboardInterrupt:

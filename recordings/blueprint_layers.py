@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.api import VisualizerLike
 from rerun.encodings import EntityPathLike
 
-from grounding.memory import StoreyMemory
+from grounding.maps.home_map import StoreyMemory
 
 from . import paths
 from .log_grounding import FINAL, GATE, PEAKS, SIMILARITY, Regrounded, home_entity, map_entity, places_of

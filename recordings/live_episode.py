@@ -11,12 +11,12 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from sim.frames import T_world_agent, T_world_camera
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.raycast import own_cores
+from sim.tasks.fog import SeenArea
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
 from sim.types import STOREY_GAP, Observation, Pose
-from sim.world.fog import SeenArea
-from sim.world.raycast import own_cores
 
 from .live import LiveRecording
 from .live_blueprint import live_blueprint

@@ -8,7 +8,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from sim.tasks.run_files import EpisodeRun
-from sim.world.navigation_map import NavigationMap
+from sim.walk.navigation_map import NavigationMap
 
 from . import paths
 from .divergence import Departure, Divergence

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode
 from sim.tasks.rules import success_radius, success_region
-from sim.world.navigation_map import NavigationMap
+from sim.walk.navigation_map import NavigationMap
 
 from . import paths
 from .log_maps import POINT, StoreyMap, storeys_of

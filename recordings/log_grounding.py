@@ -12,14 +12,14 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from grounding.memory import Memory
-from grounding.pog.asked_again import AskAgain
+from grounding.maps.home_map import Memory
+from grounding.report.asked_again import AskAgain
 from grounding.types import FeatureMap, Layers
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.tasks.run_files import Answer
 from sim.types import GridSpec
-from sim.world.navigation_map import NavigationMap
+from sim.walk.navigation_map import NavigationMap
 
 from . import paths
 from .carpets import carpet, heat_rgb, on_map

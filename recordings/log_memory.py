@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from grounding.memory import HomeMemory, ObjectInstance, OccupancyGrid, StoreyMemory
+from grounding.maps.home_map import HomeMemory, ObjectInstance, OccupancyGrid, StoreyMemory
 from grounding.types import FeatureMap
 from sim.tasks.observers import FREE, UNKNOWN
 from sim.types import STOREY_GAP
@@ -58,7 +58,7 @@ def named_memories(files: Sequence[Path]) -> list[NamedMemory]:
     Raises:
         RunFileError: A file is damaged.
     """
-    from grounding.map_files import load_memory
+    from grounding.maps.files import load_memory
 
     found = []
     for path in dict.fromkeys(files):

@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from grounding.memory import ObjectMap
+from grounding.maps.home_map import ObjectMap
 from grounding.types import Layers
 
 from .carpets import heat_rgb

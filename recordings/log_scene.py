@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import rerun as rr
 
+from sim.copies.browser_glb import browser_glb
 from sim.episodes.schema import Episode
-from sim.scenes.browser_glb import browser_glb
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 
 from . import paths
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import rerun as rr
 
 from sim.episodes.schema import Episode
-from sim.scenes.kind import scene_label
-from sim.scenes.scene import Scene
+from sim.homes.kind import scene_label
+from sim.mesh import Scene
 from sim.tasks.run_files import Answer, EpisodeRun
 
 from . import paths

@@ -5,10 +5,10 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from grounding.memory import HomeMemory
+from grounding.maps.home_map import HomeMemory
 from sim.errors import RecordingError
-from sim.scenes.kind import scene_label
-from sim.scenes.scene import Scene
+from sim.homes.kind import scene_label
+from sim.mesh import Scene
 
 from . import paths
 from .blueprint_layers import memory_views

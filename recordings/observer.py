@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import EpisodeRun, EpisodeStart, RunInfo, Step
 from sim.types import Camera, Observation

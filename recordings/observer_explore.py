@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from sim.scenes.kind import scene_label
-from sim.scenes.scene import Scene
+from sim.homes.kind import scene_label
+from sim.mesh import Scene
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
 from sim.types import Camera, Observation, Pose

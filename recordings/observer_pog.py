@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn
 
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.run_files import Answer, ClickRay, RunInfo, Vector3
 
 from . import paths

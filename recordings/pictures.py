@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from sim.frames import T_world_camera
+from sim.render.raycast import own_cores
+from sim.render.renderer import Renderer
 from sim.types import Camera, Pose
-from sim.world.raycast import own_cores
-from sim.world.renderer import Renderer
 
 from .log_run import jpeg_bytes
 

@@ -9,10 +9,10 @@ import rerun as rr
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.renderer import Renderer
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import Camera
-from sim.world.renderer import Renderer
 
 from . import paths
 from .blueprints import comparison_blueprint

@@ -8,17 +8,17 @@ it does not, its frontiers and its own map are left out and the way is shown alo
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from grounding.agents.explore import TASK, Exploration
 from grounding.agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
-from grounding.explore import TASK, Exploration
 from sim.errors import RecordingError
-from sim.scenes.labels import renderer_of
-from sim.scenes.scene import Scene
+from sim.homes.labels import renderer_of
+from sim.mesh import Scene
+from sim.render.renderer import Frame, Renderer
 from sim.tasks.agents import Agent
 from sim.tasks.observers import Explains, Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Step
 from sim.types import Camera, Pose
-from sim.world.renderer import Frame, Renderer
 
 from .live import LiveSink
 from .observer_explore import ExplorationObserver
@@ -74,7 +74,7 @@ class WatchedExploration:
 
 @dataclass(frozen=True, slots=True)
 class ObserveExplorations:
-    """Shows explorations where `personal-viz explore --rerun` says (a `Watch` of grounding.exploring.jobs)."""
+    """Shows explorations where `personal-viz explore --rerun` says (a `Watch` of grounding.agents.exploration_jobs)."""
 
     sink: LiveSink
     with_pixels: bool = False

@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 
 from sim.errors import RecordingError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey
 

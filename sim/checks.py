@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from sim.errors import AgentError
-from sim.scenes.invent import invent_plan
-from sim.scenes.scene import Scene
-from sim.scenes.sources import scene_from_plan
+from sim.homes.invented.invent import invent_plan
+from sim.homes.open_home import scene_from_plan
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.tasks.agents import Agent, load_agent
 from sim.tasks.pan import PanEnv
 from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Observation, Pose, Task
-from sim.world.raycast import Raycaster
 
 STEPS = 20
 """Actions of each of the agent's trial episodes, unless it stops before."""

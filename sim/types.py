@@ -8,6 +8,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+CUT_HEIGHT = 1.9
+"""Storeys without a ceiling, and those of homes that are built from plans with a rim on every wall there, are cut at
+most this far above the floor (metres)."""
 STOREY_GAP = 1.5
 """Two points are on one storey when their floor heights differ by less than this (metres, DESIGN.md)."""
 FORWARD_STEP = 0.25

@@ -86,6 +86,6 @@ def invented_root(shared_dir: Path, demo_root: Path, small_home_root: Path) -> P
 
 
 def _invent(name: str, seed: int, out: Path) -> None:
-    from sim.episodes.generation import invent_dataset
+    from sim.authoring.generation import invent_dataset
 
     invent_dataset(out, name=name, seed=seed)

@@ -16,6 +16,37 @@ ALLOWED = {
     "human_study": {"sim"},
     "personal_viz": {"sim", "grounding", "recordings", "human_study"},
 }
+ROOMS = {
+    "sim": """
+        types errors files cache compiled frames walk.navigation_map mesh
+        words render walk episodes scans
+        homes.cells homes.plan_versions homes.plan homes.kind homes.furniture homes.building homes.house homes.portrait
+        homes.invented homes.clutter homes.recovered homes
+        copies authoring tasks exchange checks
+    """,
+    "grounding": """
+        types extras posed_frames
+        encoders.protocol encoders phrases perception.segments perception.paraphrase maps perception encoders.by_name
+        methods agents robot settings oracle_source home_maps evaluate report checks
+    """,
+    "human_study": "private_files tickets design trial store texts export report",
+    "personal_viz": """
+        printed browser
+        study_app study_app.home study_app.gateway study_app.screens study_app.operator study_app.server
+        browse contact_sheet compare pog_report bots bench cli screenshots examples __main__
+    """,
+}
+"""Rooms of each package from the ground up, some with a part that stands lower or higher than the rest.
+
+A module belongs to the longest name that fits, and imports nothing that stands after it."""
+LARGE_ROOMS = {
+    "human_study/report": 27,
+    "personal_viz/cli": 29,
+    "recordings": 38,
+    "sim/homes/building": 24,
+    "sim/homes/furniture": 26,
+}
+"""Rooms that are still larger than 20 modules; none may grow."""
 HEAVY = ("viser", "rerun", "torch", "open3d", "trimesh")
 LIGHT_MODULES = (
     "sim.tasks.metrics",
@@ -23,13 +54,13 @@ LIGHT_MODULES = (
     "sim.episodes.dataset",
     "sim.episodes.validate",
     "sim.episodes.statistics",
-    "human_study.session",
-    "human_study.store",
-    "human_study.export",
-    "human_study.verify",
-    "human_study.reporting.report",
-    "personal_viz.cli",
-    "personal_viz.commands.runs",
+    "human_study.trial.session",
+    "human_study.store.store",
+    "human_study.export.study_export",
+    "human_study.export.verify",
+    "human_study.report.report",
+    "personal_viz.cli.verbs",
+    "personal_viz.cli.runs",
 )
 
 
@@ -45,6 +76,33 @@ def imports_of(path: Path) -> set[str]:
     return names
 
 
+def module_of(path: Path) -> str:
+    """Its dotted name."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def modules_imported(path: Path, known: set[str]) -> set[str]:
+    """Which of these modules a file imports, also inside functions."""
+    found: set[str] = set()
+    here = list(path.relative_to(ROOT).parent.parts)
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = here[: len(here) + 1 - node.level] if node.level else []
+            base = ".".join([*above, *([node.module] if node.module else [])])
+            found |= {name if (name := f"{base}.{alias.name}") in known else base for alias in node.names}
+    return found & known
+
+
+def rank_of(module: str, package: str) -> int:
+    """Where its room stands in ROOMS; the package itself may import all."""
+    rooms = ROOMS[package].split()
+    name = module.removeprefix(package).removeprefix(".")
+    fitting = [room for room in rooms if f"{name}.".startswith(f"{room}.")]
+    return rooms.index(max(fitting, key=len)) if fitting else len(rooms)
+
+
 @pytest.mark.parametrize("package", ALLOWED)
 def test_a_package_imports_only_from_below(package: str) -> None:
     files = sorted((ROOT / package).rglob("*.py"))
@@ -52,6 +110,26 @@ def test_a_package_imports_only_from_below(package: str) -> None:
     for path in files:
         ours = imports_of(path) & (set(ALLOWED) - {package})
         assert ours <= ALLOWED[package], f"{path.relative_to(ROOT)} imports {sorted(ours - ALLOWED[package])}"
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_a_room_imports_only_from_below(package: str) -> None:
+    files = {module_of(path): path for path in (ROOT / package).rglob("*.py")}
+    upwards = [
+        f"{module} imports {imported}"
+        for module, path in sorted(files.items())
+        for imported in sorted(modules_imported(path, set(files)))
+        if rank_of(imported, package) > rank_of(module, package)
+    ]
+    assert not upwards
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_a_room_says_its_purpose_and_has_at_most_20_modules(package: str) -> None:
+    for init in (ROOT / package).rglob("__init__.py"):
+        assert ast.get_docstring(ast.parse(init.read_text())), init
+        num_modules = len(list(init.parent.glob("*.py"))) - 1
+        assert num_modules <= LARGE_ROOMS.get(str(init.parent.relative_to(ROOT)), 20), init.parent
 
 
 @pytest.mark.parametrize("library", ["rerun"])

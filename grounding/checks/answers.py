@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from sim.errors import AgentError
 from sim.types import GridSpec, Task
 
-from ..encoders import TextEncoder
-from ..grounders import Grounder
-from ..memory import Memory, ObjectInstance, ObjectMap
+from ..encoders.protocol import TextEncoder
+from ..maps.home_map import Memory, ObjectInstance, ObjectMap
+from ..methods.by_name import Grounder
 from ..methods.object_matching import objects_grid
 from ..types import TIE, FeatureMap, Grounding, map_from_cells
 

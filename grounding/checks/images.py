@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.errors import AgentError
 
-from ..encoders import DenseEncoder, TextImageEncoder
+from ..encoders.protocol import DenseEncoder, TextImageEncoder
 from ..posed_frames import Intrinsics, PosedFrame
 from .answers import check_encoder
 

@@ -10,9 +10,9 @@ from sim.errors import AgentError
 from sim.tasks.observers import FREE, OCCUPIED
 from sim.types import CAMERA_HEIGHT
 
-from ..encoders import TextEncoder
-from ..mapping import MapBuilder
-from ..memory import HomeMemory, Memory, ObjectMap, OccupancyGrid, StoreyMemory
+from ..encoders.protocol import TextEncoder
+from ..maps.grid_map import MapBuilder
+from ..maps.home_map import HomeMemory, Memory, ObjectMap, OccupancyGrid, StoreyMemory
 from ..types import FeatureMap
 from .room import BOXES, ROOM, CheckView, check_views, is_free, is_solid
 

@@ -11,9 +11,9 @@ from sim.errors import RunFileError
 from sim.tasks.observers import OCCUPIED
 from sim.types import GridSpec
 
-from ..memory import ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from ..types import FeatureMap
 from .header import MapHeader, StoreyHeader
+from .home_map import ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 
 _UNIT_TOLERANCE = 1e-4
 _AGAIN = "The file is damaged: build the map again."

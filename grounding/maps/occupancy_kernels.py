@@ -1,6 +1,6 @@
 """Compiled loops over the pixels of a depth picture: which cells of the floor it shows free, and which blocked.
 
-Coordinates are grid units as in sim/world/grid_kernels.py: u = columns, v = rows; heights are metres above the floor.
+Coordinates are grid units as in sim/walk/grid_kernels.py: u = columns, v = rows; heights are metres above the floor.
 """
 
 import math

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from sim.errors import AgentError
 from sim.types import CAMERA_HEIGHT, STOREY_GAP
-from sim.world.storeys import storey_levels
+from sim.walk.storeys import storey_levels
 
-from ..memory import OccupancyGrid
 from ..posed_frames import PosedFrame
+from .home_map import OccupancyGrid
 from .occupancy import MAX_DEPTH, OccupancyMapper
 
 FLOOR_SLACK = 0.3

@@ -14,10 +14,10 @@ from torch import Tensor
 
 from sim.types import Task
 
-from ..baselines import candidates_at, rank_cells
-from ..encoders import TextEncoder
-from ..rpg import PRESETS, RpgOptions, RpgResult, one_thread, rpg_packed
+from ..encoders.protocol import TextEncoder
 from ..types import FeatureMap, Grounding
+from .baselines import candidates_at, rank_cells
+from .rpg import PRESETS, RpgOptions, RpgResult, one_thread, rpg_packed
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,12 +23,12 @@ from scipy import ndimage
 
 from sim.types import Task
 
-from ..baselines import NUM_CANDIDATES, QueryScoring
-from ..encoders import TextEncoder
-from ..memory import Memory
-from ..memory_kinds import MemoryKind, require_grid
-from ..phrasing.ownership_text import parse_phrase, parse_query, wanted_phrase
+from ..encoders.protocol import TextEncoder
+from ..maps.home_map import Memory
+from ..maps.kinds import MemoryKind, require_grid
+from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
 from ..types import FeatureMap, Grounding, Layers
+from .baselines import NUM_CANDIDATES, QueryScoring
 from .household_texts import household_texts
 from .matching import candidates_near, peaks_of
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from sim.errors import AgentError
 from sim.types import Task
 
-from ..baselines import NUM_CANDIDATES, QueryScoring, candidates_at, rank_cells
-from ..encoders import TextEncoder
-from ..memory import Memory
-from ..memory_kinds import MemoryKind, require_grid
-from ..phrasing.ownership_text import parse_phrase, parse_query, wanted_phrase
+from ..encoders.protocol import TextEncoder
+from ..maps.home_map import Memory
+from ..maps.kinds import MemoryKind, require_grid
+from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
 from ..types import Candidate, FeatureMap, Grounding, Layers
+from .baselines import NUM_CANDIDATES, QueryScoring, candidates_at, rank_cells
 
 DUAL_TEMPERATURE = 10.0
 """Scale of cosines in both softmaxes (GROUNDING.md, section 3: 10-20); of 10, 15, 20 best on noisy invented homes."""

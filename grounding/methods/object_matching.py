@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from sim.types import GridSpec, Task
 
-from ..baselines import NUM_CANDIDATES
-from ..encoders import TextEncoder
-from ..memory import Memory, ObjectMap
-from ..memory_kinds import MemoryKind, require_objects
-from ..phrasing.ownership_text import parse_phrase, parse_query, wanted_phrase
+from ..encoders.protocol import TextEncoder
+from ..maps.home_map import Memory, ObjectMap
+from ..maps.kinds import MemoryKind, require_objects
+from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
 from ..types import TIE, Candidate, Grounding, Layers
+from .baselines import NUM_CANDIDATES
 from .matching import DUAL_TEMPERATURE, dual_scores
 
 _CELL = 1.0

@@ -14,7 +14,7 @@ from PIL import Image
 
 from sim.errors import SceneError
 from sim.frames import CameraAxes
-from sim.scenes.up_axis import Up
+from sim.scans.up_axis import Up
 
 from ..posed_frames import Intrinsics, PosedFrame
 from .layout import RobotFiles, find_files, matching, read_intrinsics

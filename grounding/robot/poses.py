@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim.errors import SceneError
 from sim.frames import CameraAxes, R_agent_axes, R_agent_camera, Rs_from_quats_xyzw, T_world_glb_zup
-from sim.scenes.up_axis import Up
+from sim.scans.up_axis import Up
 
 BadPose = Literal["no pose", "pose not readable", "pose not finite", "pose not a rotation"]
 MAX_APART = 0.02

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from sim.types import FORWARD_STEP, TURN_STEP, TaskKind
 
-from ..plan import StudyPlan
-from ..session import GIVE_UP_WITHIN_S, STOP_WITHIN_S
-from ..study import StudyConfig
+from ..design.plan import StudyPlan
+from ..design.study import StudyConfig
+from ..trial.session import GIVE_UP_WITHIN_S, STOP_WITHIN_S
 from .estimate import announced_minutes
 from .words import limits_m
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..study import StudyConfig
+from ..design.study import StudyConfig
 from .words import hashes_platform_ids
 
 _TEAM = "the people with an account on the computer that runs the study"

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from ..plan import StudyPlan
-from ..study import StudyConfig
+from ..design.plan import StudyPlan
+from ..design.study import StudyConfig
 from .data_flow import data_items
 from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S
 from .preregistration import preregistration_text

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from sim.types import TaskKind
 
-from ..plan import StudyPlan
-from ..study import Condition, StudyConfig
+from ..design.plan import StudyPlan
+from ..design.study import Condition, StudyConfig
 
 TRIAL_S: dict[TaskKind, float] = {"pan": 120.0, "pog": 60.0}
 """Seconds from the text to the answer, assumed before the pilot; the pilot's own times replace them."""

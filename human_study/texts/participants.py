@@ -12,8 +12,8 @@ from sim.errors import StudyError
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import TaskKind
 
-from ..plan import StudyPlan
-from ..study import Condition, StudyConfig, write_whole
+from ..design.plan import StudyPlan
+from ..design.study import Condition, StudyConfig, write_whole
 from .agreement import disagreements
 from .words import filled, filled_text, open_places, source_of, words_of
 

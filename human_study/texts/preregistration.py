@@ -3,11 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ..exclusions import rules_before_data
-from ..hypothesis_names import HYPOTHESIS_NAME
-from ..reporting.hypotheses import ALPHA
-from ..reporting.statistics import LEVEL, NUM_RESAMPLES
-from ..study import StudyConfig
+from ..design.analysis import ALPHA, HYPOTHESIS_NAME, LEVEL, NUM_RESAMPLES
+from ..design.study import StudyConfig
+from ..store.exclusions import rules_before_data
 from .words import filled, open_place
 
 MEASURE_NAMES = {

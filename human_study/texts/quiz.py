@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.types import TaskKind
 
-from ..study import Condition, StudyConfig
+from ..design.study import Condition, StudyConfig
 from .words import filled, words_of
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from sim.types import TaskKind
 
-from ..plan import PlannedParticipant, StudyPlan
-from ..study import StudyConfig
+from ..design.plan import PlannedParticipant, StudyPlan
+from ..design.study import StudyConfig
 from .estimate import TimeEstimate, estimate_time
 from .words import open_place
 

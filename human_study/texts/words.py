@@ -19,10 +19,10 @@ from sim.errors import StudyError
 from sim.tasks.rules import AUTHORS_DISTANCE, HABITAT_DISTANCE, RELAXED_RADIUS, SUCCESS_RADIUS
 from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
 
-from ..plan import StudyPlan
-from ..session import GIVE_UP_WITHIN_S, STOP_WITHIN_S
-from ..study import Condition, PanCondition, PogCondition, StudyConfig
-from ..trial_terms import terms_of
+from ..design.plan import StudyPlan
+from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
+from ..trial.session import GIVE_UP_WITHIN_S, STOP_WITHIN_S
+from ..trial.terms import terms_of
 from .estimate import announced_minutes
 
 WIDTH = 110

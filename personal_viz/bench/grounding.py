@@ -18,16 +18,16 @@ import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict
 
-from grounding.encoders import make_encoder
+from grounding.encoders.by_name import make_encoder
 from grounding.methods.batch import MapBatch, solve_batch
-from grounding.phrasing.rules import RulePhrases
-from grounding.rpg import RegionGated, one_thread, rpg_dense, rpg_packed
+from grounding.methods.rpg import RegionGated, one_thread, rpg_dense, rpg_packed
+from grounding.phrases.rules import RulePhrases
+from sim.authoring.generation import invent_dataset
 from sim.cache import VARIABLE
-from sim.episodes.generation import invent_dataset
 
 from .grounding_inputs import RELEASE, InputKind, SceneInputs, random_map, scene_inputs
 from .literal_rpg import literal_rpg
-from .measure import interleaved
+from .sim.measure import interleaved
 
 MOST = {
     "b1.packed_ms": 1.0,

@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from grounding.encoders import TextEncoder
+from grounding.encoders.protocol import TextEncoder
+from grounding.maps.oracle_map import GRID_CELLS, oracle_home
+from grounding.maps.oracle_noise import OracleVariant, variant_map
 from grounding.methods.batch import MapBatch, make_batch
-from grounding.oracle.noise import OracleVariant, variant_map
-from grounding.oracle.oracle_map import GRID_CELLS, oracle_home
-from grounding.phrases import DatasetPhrases, without_owner
+from grounding.phrases.sources import DatasetPhrases, without_owner
 from grounding.types import FeatureMap, map_from_cells
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from grounding.rpg import PRESETS, RpgOptions, grown, nms_peaks
+from grounding.methods.rpg import PRESETS, RpgOptions, grown, nms_peaks
 
 _SHORTEST = 1e-12
 

@@ -17,16 +17,16 @@ from recordings.log_run import JPEG_QUALITY, jpeg_bytes
 from recordings.observer import RerunObserver
 from recordings.replay import log_comparison
 from sim.errors import MissingDependencyError
-from sim.scenes.labels import renderer_of
-from sim.scenes.scene import Scene
+from sim.homes.labels import renderer_of
+from sim.mesh import Scene
+from sim.render.renderer import Renderer
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Run
 from sim.types import Observation
-from sim.world.renderer import Renderer
 
 from ..browser import open_chromium
-from .measure import Timing, interleaved
 from .opening import recording_opening_s
+from .sim.measure import Timing, interleaved
 from .walkers import RecordedHome, recorded_home, walked
 
 LIMITS = {

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.authoring.generation import invent_dataset
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import invent_dataset
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
+from sim.mesh import Scene
 from sim.tasks.pan import PanEnv
 from sim.tasks.provenance import make_run_info
 from sim.tasks.rules import score_run

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from sim.scenes.furniture.captions import own_words
-from sim.scenes.plan import Material, Pattern
+from sim.words.captions import own_words
+from sim.words.finishes import Material, Pattern
 
 from .ownership import OwnershipEdge, parse_ownership
 from .schema import EpisodeRecord

@@ -1,0 +1,1 @@
+"""PAN and POG: environments, agents, the runner, success rules, measures and run files."""

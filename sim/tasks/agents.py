@@ -13,7 +13,7 @@ from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.frames import T_world_agent, forward_from_yaw, wrap_angle
 from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation, SuccessRule, Task
-from sim.world.navigation_map import NavigationMap
+from sim.walk.navigation_map import NavigationMap
 
 from .rules import reaches_goal, success_region
 

@@ -29,10 +29,10 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import DatasetError, TaskStateError
 from sim.frames import T_world_camera
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.renderer import Renderer
 from sim.types import MAX_STEPS, PAPER6, SPLITS, Action, Camera, ClutterLevel, EpisodeKey, Observation, Pose, Split
-from sim.world.navigation_map import NavigationMap
-from sim.world.renderer import Renderer
+from sim.walk.navigation_map import NavigationMap
 
 from .pan import PanEnv
 from .rules import reaches_target, success_region
@@ -216,7 +216,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
     def _opened(self, name: str) -> Scene:
         """The scene, opened if another one is open."""
         if self._scene is None or self._scene.name != name:
-            from sim.scenes.sources import open_scene
+            from sim.homes.open_home import open_scene
 
             self._scene = self._renderer = None  # two scans need not fit into memory
             self._scene = open_scene(self._dataset, name, scenes_dir=self._scenes_dir, clutter=self._clutter)
@@ -225,7 +225,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
     def _drawing(self, scene: Scene) -> Renderer:
         """What draws the open scene, made when something is to be drawn."""
         if self._renderer is None:
-            from sim.scenes.labels import renderer_of
+            from sim.homes.labels import renderer_of
 
             self._renderer = renderer_of(scene)
         return self._renderer

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sim.errors import RunFileError
 from sim.types import Action
-from sim.world.navigation_map import NavigationMap
+from sim.walk.navigation_map import NavigationMap
 
 MOVED = 1e-4
 """habitat-lab measures the distance anew when np.allclose(..., atol=MOVED) says that the position changed (metres)."""

@@ -6,11 +6,14 @@ import numpy as np
 
 from sim.errors import TaskStateError
 from sim.frames import T_start_camera, T_world_camera, forward_from_yaw, gps_from_poses, wrap_angle
+from sim.render.renderer import Renderer
 from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, Camera, EndReason, Observation, Pose
-from sim.world.navigation_map import NavigationMap
-from sim.world.renderer import Renderer
+from sim.walk.navigation_map import NavigationMap
 
 from .run_files import Step
+
+SIMULATOR_VERSION = 1
+"""Raised by whoever changes what a step or a measure gives; trials verified under another number are done again."""
 
 
 class PanEnv:

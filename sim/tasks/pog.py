@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sim.scenes.cut import storey_mesh
-from sim.scenes.scene import Scene, TriangleMesh
-from sim.world.renderer import Renderer
+from sim.copies.cut import storey_mesh
+from sim.mesh import Scene, TriangleMesh
+from sim.render.renderer import Renderer
 
 
 class PogScene:
@@ -17,7 +17,7 @@ class PogScene:
 
         Args:
             scene: The home.
-            make_renderer: Builds a renderer of a mesh (`sim.world.raycast.Raycaster`).
+            make_renderer: Builds a renderer of a mesh (`sim.render.raycast.Raycaster`).
 
         Raises:
             SceneError: A storey has no faces.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode, Goal, Vector3, ViewPoint
 from sim.types import STOREY_GAP, SUCCESS_RULES, Pose, SuccessRule
-from sim.world.navigation_map import NavigationMap, storey_clusters
+from sim.walk.navigation_map import NavigationMap, storey_clusters
 
 from .run_files import AnswerMeasures, Measures, RuleMeasures
 

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from sim.episodes.schema import Finite, Vector3
 from sim.errors import RunFileError, line_from_validation_error
 from sim.files import bounded_json, bounded_lines
-from sim.scenes.kind import scene_label, scene_terms
+from sim.homes.kind import scene_label, scene_terms
 from sim.types import SUCCESS_RULES, Action, EndReason, EpisodeKey, Pose, SceneKind, Split, SuccessRule, WhoKind
 
 Length = Annotated[Finite, Field(ge=0)]

@@ -9,9 +9,9 @@ from typing import Any, Protocol, runtime_checkable
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, RecordingError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.types import PAPER6, Action, Camera, ClutterLevel, EpisodeKey, Observation, SuccessRule, Task
-from sim.world.navigation_map import NavigationMap
+from sim.walk.navigation_map import NavigationMap
 
 from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent
 from .observers import Explains, Insight, Observer
@@ -164,7 +164,7 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
         SceneError: The scene cannot be opened.
         AgentError: The agent cannot be built; the function raises it too, when the agent fails.
     """
-    from sim.scenes.sources import open_scene
+    from sim.homes.open_home import open_scene
 
     dataset = PersonalDataset(job.dataset_root)
     scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.clutter)
@@ -173,7 +173,7 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
     observer = job.make_observer(scene) if job.make_observer else None
     renderer = None
     if plugin is not None or observer is not None:
-        from sim.scenes.labels import renderer_of
+        from sim.homes.labels import renderer_of
 
         renderer = renderer_of(scene)
 

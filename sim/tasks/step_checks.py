@@ -10,7 +10,7 @@ from sim.episodes.schema import Episode
 from sim.errors import RunFileError
 from sim.frames import forward_from_yaw, wrap_angle
 from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, Pose
-from sim.world.navigation_map import NavigationMap
+from sim.walk.navigation_map import NavigationMap
 
 from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from grounding.explore import explore, start_on_storey
-from grounding.exploring.files import save_exploration
-from grounding.exploring.storeys import exploration_name
+from grounding.agents.exploration_files import save_exploration
+from grounding.agents.explore import explore, start_on_storey
+from grounding.agents.explored_storeys import exploration_name
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
 from sim.types import Camera
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.encoders import make_encoder
+from grounding.encoders.by_name import make_encoder
+from grounding.maps.oracle_map import objects_map, oracle_home
 from grounding.methods.batch import ground_batch, make_batch, solve_batch
-from grounding.oracle.oracle_map import objects_map, oracle_home
-from grounding.phrases import DatasetPhrases
-from grounding.rpg import PRESETS, RegionGated, RpgOptions
+from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions
+from grounding.phrases.sources import DatasetPhrases
 from grounding.types import FeatureMap, Grounding, map_from_cells
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError

@@ -2,7 +2,7 @@
 
 import pytest
 
-from grounding.encoders import encoder_slug, make_encoder, make_image_encoder, parse_encoder_name
+from grounding.encoders.by_name import encoder_slug, make_encoder, make_image_encoder, parse_encoder_name
 from sim.errors import AgentError
 
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from grounding.agents.coverage import VisibleFloor
+from grounding.agents.exploration_files import load_exploration, save_exploration
+from grounding.agents.explore import TASK, Exploration, explore, frames_of, start_on_storey
 from grounding.agents.frontier import FrontierExplorer, FrontierSettings
 from grounding.agents.random_frontier import random_frontier
+from grounding.agents.rooms_found import RoomMap
 from grounding.agents.seeking import Seeker, SeekSettings
-from grounding.explore import TASK, Exploration, explore, frames_of, start_on_storey
-from grounding.exploring.coverage import VisibleFloor
-from grounding.exploring.files import load_exploration, save_exploration
-from grounding.exploring.rooms import RoomMap
 from sim.checks import check_agent
 from sim.errors import AgentError, RunFileError, SceneError
 from sim.frames import T_start_camera, T_world_agent

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from grounding.exploring import jobs
-from grounding.exploring.files import load_exploration, save_exploration
-from grounding.exploring.jobs import ExploreJob, run_job
+from grounding.agents import exploration_jobs as jobs
+from grounding.agents.exploration_files import load_exploration, save_exploration
+from grounding.agents.exploration_jobs import ExploreJob, run_job
 from sim.errors import RunFileError
 from sim.types import Camera
 

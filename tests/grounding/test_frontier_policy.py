@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from grounding.agents.explore import TASK, explore
 from grounding.agents.floor_memory import Ground
 from grounding.agents.frontier import FULL_TURN
 from grounding.agents.frontiers import Frontier, costs_from, find_frontiers
 from grounding.agents.random_frontier import RandomFrontierAgent, random_frontier
 from grounding.agents.seeking import Seeker, SeekSettings
-from grounding.explore import TASK, explore
+from sim.render.raycast import Raycaster
+from sim.render.renderer import Frame
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN, Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Step
 from sim.types import FORWARD_STEP, Action, Camera, GridSpec, Observation, Pose
-from sim.world.raycast import Raycaster
-from sim.world.renderer import Frame
 
 from .two_rooms import two_room_scene
 

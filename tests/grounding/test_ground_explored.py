@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from grounding import encoders
-from grounding.encoding import clip
-from grounding.encoding.pretrained import load_pretrained
-from grounding.exploring.notes import read_notes, scene_note
-from grounding.map_files import load_memory, read_map_header
-from grounding.oracle.oracle_map import oracle_home
+from grounding.agents.progress_notes import read_notes, scene_note
+from grounding.encoders import by_name as encoders
+from grounding.encoders import clip
+from grounding.encoders.pretrained import load_pretrained
+from grounding.maps.files import load_memory, read_map_header
+from grounding.maps.oracle_map import oracle_home
 from grounding.types import FeatureMap
-from personal_viz.cli_ground import Ground
-from personal_viz.commands.ground_progress import ground_progress
+from personal_viz.cli.ground_progress import ground_progress
+from personal_viz.cli.options_ground import Ground
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
 from sim.tasks.run_files import read_run

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.encoders import make_encoder
-from grounding.map_files import MapSource, save_memory
-from grounding.memory import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
-from grounding.oracle.oracle_map import oracle_home
+from grounding.encoders.by_name import make_encoder
+from grounding.maps.files import MapSource, save_memory
+from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
+from grounding.maps.oracle_map import oracle_home
 from grounding.settings import GroundSettings
 from grounding.types import map_from_cells
-from personal_viz.cli_ground import Ground
+from personal_viz.cli.options_ground import Ground
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, RunFileError
 from sim.tasks.run_files import read_run

@@ -6,12 +6,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from grounding.baselines import QueryScoring
 from grounding.checks import check_encoder, check_grounder
-from grounding.encoding.hashed import HashedWords
-from grounding.grounders import GrounderName, make_grounder
-from grounding.memory_kinds import MemoryKind
-from grounding.rpg import PRESETS, RegionGated, RpgOptions
+from grounding.encoders.hashed import HashedWords
+from grounding.maps.kinds import MemoryKind
+from grounding.methods.baselines import QueryScoring
+from grounding.methods.by_name import GrounderName, make_grounder
+from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions
 from grounding.types import Grounding
 from sim.errors import AgentError
 

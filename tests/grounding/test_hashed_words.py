@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from grounding.checks import check_encoder
-from grounding.encoders import CachedTextEncoder, make_encoder
-from grounding.encoding.hashed import STOP_WORDS, HashedWords, murmur3, terms
+from grounding.encoders.by_name import make_encoder
+from grounding.encoders.hashed import STOP_WORDS, HashedWords, murmur3, terms
+from grounding.encoders.protocol import CachedTextEncoder
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ import pytest
 
 from grounding.evaluate import SceneGrounder
 from grounding.home_maps import MapFolders
-from grounding.map_files import load_memory, read_map_header
-from grounding.memory import ObjectMap
+from grounding.maps.files import load_memory, read_map_header
+from grounding.maps.home_map import ObjectMap
 from grounding.settings import GroundSettings
 from grounding.types import FeatureMap
-from personal_viz.cli_ground import Ground
+from personal_viz.cli.options_ground import Ground
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, RunFileError
 from sim.tasks.run_files import read_run

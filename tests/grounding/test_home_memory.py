@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grounding.memory import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory, merged_storeys
+from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory, merged_storeys
 from grounding.types import FeatureMap, map_from_cells
 from sim.errors import AgentError
 from sim.types import GridSpec

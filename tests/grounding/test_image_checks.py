@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from grounding.checks import check_image_encoder
-from grounding.encoding.hashed import HashedWords
-from grounding.encoding.oracle_perception import OraclePerception
+from grounding.encoders.hashed import HashedWords
+from grounding.perception.oracle_perception import OraclePerception
 from sim.errors import AgentError
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grounding.baselines import QueryScoring
-from grounding.grounders import make_grounder
+from grounding.methods.baselines import QueryScoring
+from grounding.methods.by_name import make_grounder
 from grounding.methods.household_texts import household_texts
 from grounding.methods.joint import JointMatcher, JointOptions, background, contrasted, standard_scores
 from grounding.types import Grounding

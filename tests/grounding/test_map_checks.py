@@ -7,11 +7,11 @@ import pytest
 
 from grounding.checks import check_map_builder
 from grounding.checks.room import BOXES, check_views
-from grounding.mapping import GridMapBuilder
-from grounding.maps.segment_depth import DepthRegions
-from grounding.maps.segments import InstanceIds
-from grounding.memory import HomeMemory, OccupancyGrid
-from grounding.object_mapping import ObjectMapBuilder
+from grounding.maps.grid_map import GridMapBuilder
+from grounding.maps.home_map import HomeMemory, OccupancyGrid
+from grounding.maps.object_map import ObjectMapBuilder
+from grounding.perception.segment_depth import DepthRegions
+from grounding.perception.segments import InstanceIds
 from grounding.posed_frames import PosedFrame
 from sim.errors import AgentError
 from sim.types import GridSpec

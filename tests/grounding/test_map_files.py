@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.encoding.hashed import HashedWords
-from grounding.map_files import MapSource, load_memory, read_map_header, save_memory
-from grounding.memory import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
+from grounding.encoders.hashed import HashedWords
+from grounding.maps.files import MapSource, load_memory, read_map_header, save_memory
+from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.types import map_from_cells
 from sim.errors import AgentError, RunFileError
 from sim.types import GridSpec

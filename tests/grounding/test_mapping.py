@@ -6,22 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.baselines import MapCentre
-from grounding.mapping import GridMapBuilder
 from grounding.maps.cell_sums import CellSums
-from grounding.maps.segment_depth import DepthRegions
-from grounding.maps.segments import InstanceIds, Segments
+from grounding.maps.grid_map import GridMapBuilder
+from grounding.maps.home_map import HomeMemory, ObjectMap
+from grounding.maps.object_map import ObjectMapBuilder
 from grounding.maps.storeys import floors_of_frames
-from grounding.memory import HomeMemory, ObjectMap
-from grounding.object_mapping import ObjectMapBuilder
+from grounding.methods.baselines import MapCentre
+from grounding.perception.segment_depth import DepthRegions
+from grounding.perception.segments import InstanceIds, Segments
 from grounding.posed_frames import Intrinsics, PosedFrame
 from grounding.robot.frames import read_robot_frames
 from grounding.types import FeatureMap
 from sim.errors import AgentError
 from sim.frames import T_world_camera
-from sim.scenes.invent import invent_plan
-from sim.scenes.scene import Scene, SceneObject
-from sim.scenes.sources import scene_from_plan
+from sim.homes.invented.invent import invent_plan
+from sim.homes.open_home import scene_from_plan
+from sim.mesh import Scene, SceneObject
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import Camera, GridSpec, Pose, Task
 
@@ -56,7 +56,7 @@ class SeenHome:
 
 @pytest.fixture(scope="module")
 def home() -> SeenHome:
-    from sim.world.raycast import Raycaster
+    from sim.render.raycast import Raycaster
 
     scene = scene_from_plan(invent_plan("Mapped", seed=4))
     rng = np.random.default_rng(5)

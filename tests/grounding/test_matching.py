@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grounding.baselines import QueryScoring
-from grounding.grounders import GrounderName, make_grounder
+from grounding.methods.baselines import QueryScoring
+from grounding.methods.by_name import GrounderName, make_grounder
 from grounding.methods.matching import MatchOptions, PhraseMatcher, dual_scores, smoothed
 from grounding.types import Grounding
 from sim.errors import AgentError

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from grounding.checks import check_encoder
-from grounding.encoders import make_encoder
-from grounding.encoding.minilm import MiniLM, wheel_folder
+from grounding.encoders.by_name import make_encoder
+from grounding.encoders.minilm import MiniLM, wheel_folder
 from sim.errors import AgentError, MissingDependencyError
 
 TEXTS = ("A red wooden chair beside the window.", "oval mirror with a golden frame", "lamp")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grounding.grounders import make_grounder
-from grounding.memory import ObjectInstance, ObjectMap
+from grounding.maps.home_map import ObjectInstance, ObjectMap
+from grounding.methods.by_name import make_grounder
 from sim.errors import AgentError
 
 from .toy_maps import ToyEncoder, asks, toy_map, vector

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.encoding.hashed import HashedWords
-from grounding.oracle.oracle_map import objects_map, oracle_home
+from grounding.encoders.hashed import HashedWords
+from grounding.maps.oracle_map import objects_map, oracle_home
 from grounding.types import map_from_cells
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, SceneError

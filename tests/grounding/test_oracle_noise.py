@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.encoding.hashed import HashedWords
-from grounding.oracle.noise import OracleVariant, noisy, other_texts, variant_map
-from grounding.oracle.oracle_map import OracleHome, objects_map, oracle_home
+from grounding.encoders.hashed import HashedWords
+from grounding.maps.oracle_map import OracleHome, objects_map, oracle_home
+from grounding.maps.oracle_noise import OracleVariant, noisy, other_texts, variant_map
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, SceneError
 

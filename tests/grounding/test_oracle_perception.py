@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from grounding.checks import check_image_encoder
-from grounding.encoding.hashed import HashedWords
-from grounding.encoding.oracle_perception import CLUTTER_TEXTS, OraclePerception, PerceptionOptions, winning_ids
-from grounding.oracle.texts import object_texts
+from grounding.encoders.hashed import HashedWords
+from grounding.maps.object_texts import object_texts
+from grounding.perception.oracle_perception import CLUTTER_TEXTS, OraclePerception, PerceptionOptions, winning_ids
 from grounding.posed_frames import Intrinsics, PosedFrame
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError
-from sim.scenes.scene import SceneObject
+from sim.mesh import SceneObject
 
 WORDS = HashedWords()
 CAPTIONS = {1: "red wooden chair", 2: "large white sofa", 3: "oval mirror", 7: "copper lamp"}

@@ -2,8 +2,8 @@
 
 import pytest
 
-from grounding.encoding.hashed import HashedWords
-from grounding.phrasing.ownership_text import OwnedThing, Wanted, parse_phrase, parse_query, wanted_phrase
+from grounding.encoders.hashed import HashedWords
+from grounding.phrases.ownership_text import OwnedThing, Wanted, parse_phrase, parse_query, wanted_phrase
 
 from .small_homes import QUERIES
 

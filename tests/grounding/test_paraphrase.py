@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grounding.encoding.hashed import STOP_WORDS, HashedWords
-from grounding.encoding.paraphrase import _SYNONYMS, paraphrase
+from grounding.encoders.hashed import STOP_WORDS, HashedWords
+from grounding.perception.paraphrase import _SYNONYMS, paraphrase
 
 CAPTION = (
     "Small round wooden table located next to the grey couch and under the window. It has a red vase on top of it."

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from grounding.phrases import make_phrases
-from grounding.phrasing.llm import ChatPhrases, LlmOptions
-from grounding.phrasing.rules import RulePhrases
+from grounding.phrases.llm import ChatPhrases, LlmOptions
+from grounding.phrases.rules import RulePhrases
+from grounding.phrases.sources import make_phrases
 from sim.errors import AgentError
 from sim.types import Task
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.phrasing.ownership_text import parse_query
-from grounding.phrasing.rules import RulePhrases, phrases_in
-from grounding.phrasing.scores import phrase_scores
-from sim.episodes.captions import ownership_sentence
+from grounding.phrases.ownership_text import parse_query
+from grounding.phrases.rules import RulePhrases, phrases_in
+from grounding.phrases.scores import phrase_scores
+from sim.authoring.captions import ownership_sentence
+from sim.authoring.descriptions import OwnedItem, write_description
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.descriptions import OwnedItem, write_description
 from sim.types import Task
 
 RELEASE = Path(__file__).parents[3] / "shared/personal-dataset/split"

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.baselines import MapCentre, QueryScoring, RandomCell, rank_cells
-from grounding.encoding.hashed import HashedWords
-from grounding.phrases import DatasetPhrases
-from grounding.rpg import RegionGated, RpgOptions
+from grounding.encoders.hashed import HashedWords
+from grounding.methods.baselines import MapCentre, QueryScoring, RandomCell, rank_cells
+from grounding.methods.rpg import RegionGated, RpgOptions
+from grounding.phrases.sources import DatasetPhrases
 from grounding.types import FeatureMap, map_from_cells
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError

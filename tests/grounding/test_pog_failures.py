@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from grounding.evaluate import GroundSettings, SceneGrounder
-from grounding.pog.asked_again import AnswerAgain, AskAgain, settings_of
-from grounding.pog.failures import failure_of, reasons
+from grounding.report.asked_again import AnswerAgain, AskAgain, settings_of
+from grounding.report.failures import failure_of, reasons
 from grounding.types import Candidate, Grounding, Layers, map_from_cells
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grounding.pog.statistics import FEWEST_HOMES, HomeDraws, Range, mean_of_shares, wilson
+from grounding.report.statistics import FEWEST_HOMES, HomeDraws, Range, mean_of_shares, wilson
 
 
 def test_wilson_is_the_published_one() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from grounding.pog.rows import RADII, method_trials
-from grounding.pog.table import PAPER_POG, TOTAL, PogReport, PogRow, PogTable, pog_report
+from grounding.report.rows import RADII, method_trials
+from grounding.report.table import PAPER_POG, TOTAL, PogReport, PogRow, PogTable, pog_report
 from sim.errors import RunFileError
 from sim.types import EpisodeKey
 

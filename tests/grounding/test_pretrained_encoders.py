@@ -12,9 +12,10 @@ import pytest
 import torch
 import transformers
 
-from grounding import encoders
 from grounding.checks import check_image_encoder
-from grounding.encoders import DenseEncoder, ModelOptions, make_encoder, make_image_encoder
+from grounding.encoders import by_name as encoders
+from grounding.encoders.by_name import make_encoder, make_image_encoder
+from grounding.encoders.protocol import DenseEncoder, ModelOptions
 from grounding.posed_frames import PosedFrame
 from sim.errors import AgentError, MissingDependencyError
 

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from grounding.checks.room import check_views
-from grounding.mapping import GridMapBuilder
+from grounding.maps.grid_map import GridMapBuilder
+from grounding.maps.home_map import HomeMemory
 from grounding.maps.storeys import floors_of_frames
-from grounding.memory import HomeMemory
 from grounding.posed_frames import PosedFrame
 from grounding.robot.frames import read_robot_frames
 from sim.errors import SceneError

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grounding.rpg import PRESETS, RpgOptions, RpgResult, rpg_dense, rpg_packed
+from grounding.methods.rpg import PRESETS, RpgOptions, RpgResult, rpg_dense, rpg_packed
 from grounding.types import TIE, map_from_cells
 from sim.types import GridSpec
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from grounding.rpg import PRESETS, RpgOptions, nms_peaks, rpg_packed
+from grounding.methods.rpg import PRESETS, RpgOptions, nms_peaks, rpg_packed
 from sim.errors import AgentError
 
 

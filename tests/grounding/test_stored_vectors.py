@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from grounding.checks import check_encoder
-from grounding.encoding.hashed import HashedWords
-from grounding.encoding.stored_vectors import StoredTextEncoder
+from grounding.encoders.hashed import HashedWords
+from grounding.encoders.stored_vectors import StoredTextEncoder
 
 WORDS = HashedWords()
 
@@ -68,8 +68,8 @@ def test_few_new_vectors_are_written_in_the_end_and_many_at_once(tmp_path: Path)
 def test_what_a_process_has_left_to_write_is_written_when_it_ends(tmp_path: Path) -> None:
     program = f"""
 from pathlib import Path
-from grounding.encoding.hashed import HashedWords
-from grounding.encoding.stored_vectors import StoredTextEncoder
+from grounding.encoders.hashed import HashedWords
+from grounding.encoders.stored_vectors import StoredTextEncoder
 kept = StoredTextEncoder(HashedWords, name="{WORDS.name}", dim={WORDS.dim}, key="k", folder=Path({str(tmp_path)!r}))
 kept.encode_texts(["red chair"])
 """

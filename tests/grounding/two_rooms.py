@@ -2,9 +2,9 @@
 
 from functools import lru_cache
 
-from sim.scenes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
-from sim.scenes.scene import Scene
-from sim.scenes.sources import scene_from_plan
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
+from sim.mesh import Scene
 
 FINISH = Finish(rgb=(200, 190, 180))
 WEST, EAST = Rect(0, 0, 4, 4), Rect(4, 0, 8, 4)

@@ -4,8 +4,8 @@ from itertools import cycle
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from human_study.commands import Move, Resume, Start
-from human_study.session import PanSession, pan_session_from_events
+from human_study.trial.commands import Move, Resume, Start
+from human_study.trial.session import PanSession, pan_session_from_events
 from sim.types import Action
 
 from .small_world import SCENE_DIGEST, env, episode, study

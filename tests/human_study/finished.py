@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from human_study.commands import Click, Command, Confirm, Fail, Move, PressStop, Start
-from human_study.events import Event
-from human_study.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome
-from human_study.plan import StudyScene
-from human_study.session import PanSession, PogSession
-from human_study.store import StudyStore
-from human_study.study import StudyConfig
+from human_study.design.plan import StudyScene
+from human_study.design.study import StudyConfig
+from human_study.export.verify import TrialHome
+from human_study.store.store import StudyStore
 from human_study.tickets import token_hash
-from human_study.verify import TrialHome
+from human_study.trial.commands import Click, Command, Confirm, Fail, Move, PressStop, Start
+from human_study.trial.events import Event
+from human_study.trial.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome
+from human_study.trial.session import PanSession, PogSession
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import Action, EpisodeKey, TaskKind
 

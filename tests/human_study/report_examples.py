@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from human_study.reporting.row_labels import run_condition
-from human_study.stages import Stage
-from human_study.study import StudyConfig, StudyDataset, StudyMemory, save_study
-from human_study.tables.rows import ExclusionRow, ParticipantRow, StageRow
-from human_study.tables.trial_table import TrialRow
+from human_study.design.study import StudyConfig, StudyDataset, StudyMemory, save_study
+from human_study.export.rows import ExclusionRow, ParticipantRow, StageRow
+from human_study.export.trial_table import TrialRow
+from human_study.report.row_labels import run_condition
+from human_study.store.stages import Stage
 from sim.tasks.run_files import (
     EpisodeEnd,
     EpisodeRun,

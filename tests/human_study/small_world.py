@@ -6,14 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from human_study.plan import StudyPlan, StudyScene
-from human_study.planning import make_plan
-from human_study.study import StudyConfig
+from human_study.design.plan import StudyPlan, StudyScene
+from human_study.design.planning import make_plan
+from human_study.design.study import StudyConfig
 from sim.episodes.schema import AgentState, Episode, EpisodeInfo, EpisodeRecord, Goal, ViewPoint
+from sim.render.renderer import Frame, Hits
 from sim.tasks.pan import PanEnv
 from sim.types import Camera, EpisodeKey, GridSpec
-from sim.world.navigation_map import StepResult, TopDown
-from sim.world.renderer import Frame, Hits
+from sim.walk.navigation_map import StepResult, TopDown
 
 HALF = 3.0
 """The room is [-HALF, HALF] in x and z, metres."""

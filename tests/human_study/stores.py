@@ -3,10 +3,10 @@
 import sqlite3
 from pathlib import Path
 
-from human_study.events import Key, Open
-from human_study.store import StudyStore, Trial, open_store
-from human_study.study import StudyConfig
+from human_study.design.study import StudyConfig
+from human_study.store.store import StudyStore, Trial, open_store
 from human_study.tickets import token_hash
+from human_study.trial.events import Key, Open
 from sim.types import Action
 
 from .small_world import SCENE_DIGEST, plan, study

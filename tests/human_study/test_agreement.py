@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from human_study.reporting.agreement import common_place, counts_of, gwet_ac1, krippendorff_alpha
+from human_study.report.agreement import common_place, counts_of, gwet_ac1, krippendorff_alpha
 
 FOUR_CODERS = ("123321412...", "1233224125.3", ".3332342251.", "12332441251.")
 """Krippendorff, "Computing Krippendorff's alpha-reliability" (2011), section C: 12 units, 5 categories, gaps."""

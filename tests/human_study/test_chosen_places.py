@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from human_study.reporting.chosen_places import chosen_place, nearest_object, place_row, suspect_episodes
-from human_study.reporting.trial_groups import CountedTrial, TrialGroup
+from human_study.report.chosen_places import chosen_place, nearest_object, place_row, suspect_episodes
+from human_study.report.trial_groups import CountedTrial, TrialGroup
 from sim.tasks.run_files import Answer
 from sim.types import EpisodeKey
 

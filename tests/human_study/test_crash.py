@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.events import Act
-from human_study.records import read_study
-from human_study.session import pan_session_from_events
+from human_study.store.records import read_study
 from human_study.tickets import token_hash
+from human_study.trial.events import Act
+from human_study.trial.session import pan_session_from_events
 from sim.types import Pose
 
 from .crash_writer import WALK, walk_until_killed

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from human_study.study import StudyConfig, StudyPrivacy
+from human_study.design.study import StudyConfig, StudyPrivacy
 from human_study.texts.documents import ethics_documents
 from human_study.texts.estimate import announced_minutes, estimate_time
 from human_study.texts.participants import instruction_texts

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from human_study.events import (
+from human_study.trial.events import (
     EVENT_KINDS,
     Clicked,
     Confidence,
@@ -20,7 +20,7 @@ from human_study.events import (
     event_from_json,
     event_to_json,
 )
-from human_study.page_events import ContextLost, Net, Resized
+from human_study.trial.page_events import ContextLost, Net, Resized
 from sim.errors import StudyError
 from sim.types import GridSpec
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import pyarrow.parquet as parquet
 import pytest
 
-from human_study.commands import GiveUp, Move, Start
-from human_study.export import TABLES, export_study
-from human_study.outcome import pan_outcome
-from human_study.record_types import VerificationEntry
-from human_study.tables.data_dictionary import columns_of
-from human_study.tables.manifest import read_manifest, require_unchanged
-from human_study.tables.rows import EventRow
+from human_study.export.data_dictionary import columns_of
+from human_study.export.manifest import read_manifest, require_unchanged
+from human_study.export.rows import EventRow
+from human_study.export.study_export import TABLES, export_study
+from human_study.store.record_types import VerificationEntry
+from human_study.trial.commands import GiveUp, Move, Start
+from human_study.trial.outcome import pan_outcome
 from sim.errors import StudyError
 from sim.tasks.run_files import read_run
 from sim.types import Action

@@ -10,8 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, JsonValue
 
-from human_study.tables.data_dictionary import Unit, columns_of, dictionary_text
-from human_study.tables.formats import table_bytes
+from human_study.export.data_dictionary import Unit, columns_of, dictionary_text
+from human_study.export.formats import table_bytes
 
 
 class Row(BaseModel):

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from human_study.events import Resized
-from human_study.export import export_study
-from human_study.records import DATABASE_FILE, read_study
-from human_study.tables.manifest import read_manifest
+from human_study.export.manifest import read_manifest
+from human_study.export.study_export import export_study
+from human_study.store.records import DATABASE_FILE, read_study
+from human_study.trial.events import Resized
 
 from .finished import POINT, SUCCESS, do_trial, events_of, register, study_with_trials
 from .small_world import CANARY, study

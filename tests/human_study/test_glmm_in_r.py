@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.reporting.glmm import glmm_csv, glmm_script
-from human_study.reporting.person_effects import memory_effects
-from human_study.reporting.trial_groups import CountedTrial, Figures, TrialGroup
+from human_study.report.glmm import glmm_csv, glmm_script
+from human_study.report.person_effects import memory_effects
+from human_study.report.trial_groups import CountedTrial, Figures, TrialGroup
 from sim.types import SPLITS, EpisodeKey, TaskKind
 
 from .r_program import lacks, told_by

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from human_study.export import export_study
-from human_study.import_check import import_check
-from human_study.tables.manifest import exported_file, read_manifest
+from human_study.export.import_check import import_check
+from human_study.export.manifest import exported_file, read_manifest
+from human_study.export.study_export import export_study
 from sim.errors import StudyError
 
 from .finished import room, study_with_trials

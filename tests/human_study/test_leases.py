@@ -5,7 +5,7 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from human_study.leases import Leases
+from human_study.store.leases import Leases
 
 
 def test_who_stays_away_longer_than_the_lease_is_expired() -> None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from human_study.commands import Click, CloseMap, Confirm, GiveUp, Move, PressStop, Rate, ShowStorey, Start, Tick
-from human_study.events import MapKind, event_to_json
-from human_study.session import PanSession, PogSession
-from human_study.trial_terms import Look, TrialTerms
-from human_study.views import LookView, PanView, PogView, RateView
+from human_study.trial.commands import Click, CloseMap, Confirm, GiveUp, Move, PressStop, Rate, ShowStorey, Start, Tick
+from human_study.trial.events import MapKind, event_to_json
+from human_study.trial.session import PanSession, PogSession
+from human_study.trial.terms import Look, TrialTerms
+from human_study.trial.views import LookView, PanView, PogView, RateView
 from sim.episodes.schema import Episode, Goal
 from sim.tasks.run_files import Measures, RuleMeasures
 from sim.types import Action, Task, TaskKind

@@ -4,11 +4,18 @@ import math
 
 import pytest
 
-from human_study.commands import Click, Confirm, ShowStorey, Start
-from human_study.events import Abandoned, Clicked, Error, Event, GaveUp, MapPixel
-from human_study.outcome import largest_click_error, pan_outcome, pog_outcome, task_began_s, trial_end, walked_steps
-from human_study.trial_terms import TrialTerms
-from human_study.verify import verify_trial
+from human_study.export.verify import verify_trial
+from human_study.trial.commands import Click, Confirm, ShowStorey, Start
+from human_study.trial.events import Abandoned, Clicked, Error, Event, GaveUp, MapPixel
+from human_study.trial.outcome import (
+    largest_click_error,
+    pan_outcome,
+    pog_outcome,
+    task_began_s,
+    trial_end,
+    walked_steps,
+)
+from human_study.trial.terms import TrialTerms
 from sim.errors import StudyError
 from sim.tasks.run_files import ClickRay
 from sim.types import TaskKind

@@ -7,9 +7,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from human_study.reporting.overlay_marks import DASHES
-from human_study.reporting.overlays import FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
-from human_study.reporting.trial_groups import CountedTrial, TrialGroup
+from human_study.report.overlay_marks import DASHES
+from human_study.report.overlays import FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
+from human_study.report.trial_groups import CountedTrial, TrialGroup
 from sim.tasks.run_files import Answer
 from sim.types import EpisodeKey, GridSpec
 

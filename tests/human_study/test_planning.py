@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from human_study.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, load_plan, save_plan
-from human_study.planning import Practice, make_plan
-from human_study.sampling import sample_episodes
-from human_study.study import StudyConfig
+from human_study.design.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, load_plan, save_plan
+from human_study.design.planning import Practice, make_plan
+from human_study.design.sampling import sample_episodes
+from human_study.design.study import StudyConfig
 from sim.errors import StudyError
 from sim.types import SPLITS, EpisodeKey
 

@@ -6,18 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, save_plan
-from human_study.reporting.power import (
-    PowerAssumptions,
-    PowerDesign,
-    PowerRow,
-    alternatives,
-    design_of,
-    power_row,
-)
-from human_study.study import StudyDataset, StudyDesign, StudyMemory, save_study
-from personal_viz.cli import parse
-from personal_viz.commands.power import power
+from human_study.design.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, save_plan
+from human_study.design.study import StudyDataset, StudyDesign, StudyMemory, save_study
+from human_study.report.power import PowerAssumptions, PowerDesign, PowerRow, alternatives, design_of, power_row
+from personal_viz.cli.study.power import power
+from personal_viz.cli.verbs import parse
 from sim.errors import StudyError
 from sim.types import SPLITS
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.reporting.agreement import counts_of, gwet_ac1, krippendorff_alpha
-from human_study.reporting.statistics import (
+from human_study.report.agreement import counts_of, gwet_ac1, krippendorff_alpha
+from human_study.report.statistics import (
     Trials,
     mcnemar_p,
     mean_interval,
@@ -18,7 +18,7 @@ from human_study.reporting.statistics import (
     two_way_variance,
     wilson_interval,
 )
-from human_study.reporting.within_effects import WithinDesign, holm
+from human_study.report.within_effects import WithinDesign, holm
 
 from .r_program import lacks, told_by
 

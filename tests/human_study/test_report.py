@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from human_study.reporting.figures import outcome_matrix_svg, person_dots_svg
-from human_study.reporting.files import csv_text, latex
-from human_study.reporting.report import StudyReport, study_report
-from human_study.reporting.rows import require_totals
-from human_study.reporting.sections import markdown
-from human_study.reporting.statistics import wilson_interval
-from personal_viz.commands.report import report as report_command
+from human_study.report.figures import outcome_matrix_svg, person_dots_svg
+from human_study.report.files import csv_text, latex
+from human_study.report.report import StudyReport, study_report
+from human_study.report.rows import require_totals
+from human_study.report.sections import markdown
+from human_study.report.statistics import wilson_interval
+from personal_viz.cli.study.report import report as report_command
 from sim.errors import RunFileError, StudyError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import (

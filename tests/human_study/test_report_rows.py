@@ -2,9 +2,9 @@
 
 import pytest
 
-from human_study.reporting.rows import Aggregate, ReportRow, require_totals, rows_of
-from human_study.reporting.statistics import mean, pigeonhole_interval, trials_of, two_way_variance
-from human_study.reporting.trial_groups import CountedTrial, TrialGroup
+from human_study.report.rows import Aggregate, ReportRow, require_totals, rows_of
+from human_study.report.statistics import mean, pigeonhole_interval, trials_of, two_way_variance
+from human_study.report.trial_groups import CountedTrial, TrialGroup
 from sim.errors import StudyError
 from sim.types import EpisodeKey, Split
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from human_study.record_types import VerificationEntry
-from human_study.reporting.report import StudyReport, study_report
-from human_study.reporting.sections import markdown
-from human_study.reporting.source import read_source
-from personal_viz.commands.report import report as report_command
+from human_study.report.report import StudyReport, study_report
+from human_study.report.sections import markdown
+from human_study.report.source import read_source
+from human_study.store.record_types import VerificationEntry
+from personal_viz.cli.study.report import report as report_command
 from sim.errors import StudyError
 
 from .finished import TOO_FAR, do_trial, study_with_trials

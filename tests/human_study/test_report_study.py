@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.reporting.record_summary import flow_counts
-from human_study.reporting.report import StudyReport, study_report
-from human_study.reporting.sections import html_page, markdown
-from human_study.reporting.source import StudyRecords, read_source
-from human_study.reporting.trial_groups import trial_groups
-from human_study.study import StudyAggregate
-from human_study.tables.trial_table import TrialRow
-from personal_viz.commands.report import report as report_command
+from human_study.design.study import StudyAggregate
+from human_study.export.trial_table import TrialRow
+from human_study.report.record_summary import flow_counts
+from human_study.report.report import StudyReport, study_report
+from human_study.report.sections import html_page, markdown
+from human_study.report.source import StudyRecords, read_source
+from human_study.report.trial_groups import trial_groups
+from personal_viz.cli.study.report import report as report_command
 from sim.errors import RunFileError, StudyError
 
 from .report_examples import (

@@ -7,11 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from human_study.plan import PlannedTrial, save_plan
-from human_study.records import read_study
-from human_study.requests import REQUEST_FOLDER, Exclusion, UndoneExclusion, Withdrawal, change_study, take_requests
-from human_study.store import StudyStore, TrialEndedError, open_store
-from human_study.study import save_study
+from human_study.design.plan import PlannedTrial, save_plan
+from human_study.design.study import save_study
+from human_study.store.records import read_study
+from human_study.store.requests import (
+    REQUEST_FOLDER,
+    Exclusion,
+    UndoneExclusion,
+    Withdrawal,
+    change_study,
+    take_requests,
+)
+from human_study.store.store import StudyStore, TrialEndedError, open_store
 from human_study.tickets import token_hash
 from sim.errors import StudyError
 

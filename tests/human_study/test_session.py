@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from human_study.commands import (
+from human_study.trial.commands import (
     Click,
     Confirm,
     Fail,
@@ -21,10 +21,10 @@ from human_study.commands import (
     Start,
     Tick,
 )
-from human_study.events import Cam, Event, Shown, event_to_json
-from human_study.outcome import end_reason, pan_outcome, pog_outcome
-from human_study.session import PanSession, PogSession, pan_session_from_events, pog_session_from_events
-from human_study.views import PanView
+from human_study.trial.events import Cam, Event, Shown, event_to_json
+from human_study.trial.outcome import end_reason, pan_outcome, pog_outcome
+from human_study.trial.session import PanSession, PogSession, pan_session_from_events, pog_session_from_events
+from human_study.trial.views import PanView
 from sim.errors import StudyError, TaskStateError
 from sim.tasks.run_files import ClickRay
 from sim.types import Action

@@ -2,7 +2,7 @@
 
 import pytest
 
-from human_study.commands import (
+from human_study.trial.commands import (
     Click,
     CloseMap,
     Confirm,
@@ -16,10 +16,10 @@ from human_study.commands import (
     Start,
     Tick,
 )
-from human_study.events import Act, MapOff, MapOn, TimedOut
-from human_study.outcome import pan_outcome, pog_outcome, task_began_s
-from human_study.trial_terms import Look, TrialTerms, terms_of
-from human_study.views import LookView, PanView, PogView
+from human_study.trial.events import Act, MapOff, MapOn, TimedOut
+from human_study.trial.outcome import pan_outcome, pog_outcome, task_began_s
+from human_study.trial.terms import Look, TrialTerms, terms_of
+from human_study.trial.views import LookView, PanView, PogView
 from sim.types import Action, TaskKind
 
 from .small_world import SquareRoom, episode, study

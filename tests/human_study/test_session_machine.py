@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from human_study.commands import (
+from human_study.trial.commands import (
     Click,
     CloseMap,
     Command,
@@ -25,10 +25,10 @@ from human_study.commands import (
     Start,
     Tick,
 )
-from human_study.events import Act, Clicked, Confidence, Event, MapOff, Shown, event_from_json, event_to_json
-from human_study.outcome import end_reason, trial_end
-from human_study.trial_terms import Look, TrialTerms
-from human_study.views import LookView, PanView, PogView, RateView
+from human_study.trial.events import Act, Clicked, Confidence, Event, MapOff, Shown, event_from_json, event_to_json
+from human_study.trial.outcome import end_reason, trial_end
+from human_study.trial.terms import Look, TrialTerms
+from human_study.trial.views import LookView, PanView, PogView, RateView
 from sim.types import Action
 
 from .test_session import RAY

@@ -2,7 +2,7 @@
 
 import pytest
 
-from human_study.commands import (
+from human_study.trial.commands import (
     Click,
     Confirm,
     Fail,
@@ -16,10 +16,10 @@ from human_study.commands import (
     Start,
     Tick,
 )
-from human_study.events import Confidence, Net, Resized
-from human_study.outcome import end_reason, pan_outcome, pog_outcome
-from human_study.trial_terms import TrialTerms
-from human_study.views import PanView, PogView, RateView
+from human_study.trial.events import Confidence, Net, Resized
+from human_study.trial.outcome import end_reason, pan_outcome, pog_outcome
+from human_study.trial.terms import TrialTerms
+from human_study.trial.views import PanView, PogView, RateView
 
 from .small_world import SquareRoom, episode
 from .test_session import LEFT, RAY

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from human_study.reporting.statistics import (
+from human_study.report.statistics import (
     Trials,
     mcnemar_p,
     mean,

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from human_study.events import GaveUp, Reconnect
-from human_study.people import KEPT_BACKUPS
-from human_study.records import read_study
+from human_study.store.people import KEPT_BACKUPS
+from human_study.store.records import read_study
+from human_study.trial.events import GaveUp, Reconnect
 from sim.tasks.run_files import EpisodeEnd
 
 from .stores import KEY, OPEN, open_small, opened
@@ -42,7 +42,7 @@ def clocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clocks]:
     found = Clocks()
     monkeypatch.setattr("time.time_ns", lambda: found.wall_ns)
     monkeypatch.setattr("time.monotonic_ns", lambda: found.mono_ns)
-    monkeypatch.setattr("human_study.store._boot_id", lambda: found.boot)
+    monkeypatch.setattr("human_study.store.store._boot_id", lambda: found.boot)
     return found
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from human_study import database as database_module
-from human_study.database import bring_up_to_date, migrate
-from human_study.events import GaveUp, Shown
-from human_study.migrations import MIGRATIONS
-from human_study.records import read_study
+from human_study.store import database as database_module
+from human_study.store.database import bring_up_to_date, migrate
+from human_study.store.migrations import MIGRATIONS
+from human_study.store.records import read_study
+from human_study.trial.events import GaveUp, Shown
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from human_study import people as people_module
-from human_study.record_types import VerificationEntry
-from human_study.records import read_study
-from human_study.stages import has_reached
-from human_study.store import StudyStore, Trial, TrialEndedError
-from human_study.writer import StoreFullError
+from human_study.store import people as people_module
+from human_study.store.record_types import VerificationEntry
+from human_study.store.records import read_study
+from human_study.store.stages import has_reached
+from human_study.store.store import StudyStore, Trial, TrialEndedError
+from human_study.store.writer import StoreFullError
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
 

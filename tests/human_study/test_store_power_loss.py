@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study import database as database_module
-from human_study import store as store_module
-from human_study.events import Shown
-from human_study.records import read_study
-from human_study.stages import has_reached
-from human_study.store import Trial
-from human_study.vault import KEYS_FILE, Vault
+from human_study.store import database as database_module
+from human_study.store import store as store_module
+from human_study.store.records import read_study
+from human_study.store.stages import has_reached
+from human_study.store.store import Trial
+from human_study.store.vault import KEYS_FILE, Vault
+from human_study.trial.events import Shown
 from sim.tasks.run_files import EpisodeEnd
 
 from .stores import open_small, opened

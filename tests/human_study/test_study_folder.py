@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from human_study.plan import save_plan
-from human_study.study import save_study
-from personal_viz.commands.study import check_db
+from human_study.design.plan import save_plan
+from human_study.design.study import save_study
+from personal_viz.cli.study.folder import check_db
 from sim.errors import StudyError
 
 from .finished import BEGUN, events_of, study_with_trials

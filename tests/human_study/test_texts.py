@@ -8,8 +8,8 @@ from typing import get_args
 
 import pytest
 
-from human_study.plan import StudyPlan
-from human_study.study import Condition, PanCondition, PogCondition, StudyConfig
+from human_study.design.plan import StudyPlan
+from human_study.design.study import Condition, PanCondition, PogCondition, StudyConfig
 from human_study.texts.agreement import disagreements
 from human_study.texts.documents import ethics_documents
 from human_study.texts.participants import (
@@ -23,7 +23,7 @@ from human_study.texts.participants import (
 )
 from human_study.texts.quiz import questions_for
 from human_study.texts.words import limits_m, open_places
-from human_study.trial_terms import terms_of
+from human_study.trial.terms import terms_of
 from sim.episodes.schema import Episode, Goal
 from sim.errors import StudyError
 from sim.tasks.rules import score_answer, score_run

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from human_study.commands import Move, Start
-from human_study.events import Confidence, Event, Hidden, Looking, MapOff, MapOn, Open, Reconnect, Shown, Visible
-from human_study.plan import PlannedTrial, StudyPlan
-from human_study.records import read_study
-from human_study.store import open_store
-from human_study.tables.data_dictionary import columns_of
-from human_study.tables.trial_figures import trial_figures
-from human_study.tables.trial_table import TrialRow, trial_rows
+from human_study.design.plan import PlannedTrial, StudyPlan
+from human_study.export.data_dictionary import columns_of
+from human_study.export.trial_figures import trial_figures
+from human_study.export.trial_table import TrialRow, trial_rows
+from human_study.store.records import read_study
+from human_study.store.store import open_store
 from human_study.tickets import token_hash
+from human_study.trial.commands import Move, Start
+from human_study.trial.events import Confidence, Event, Hidden, Looking, MapOff, MapOn, Open, Reconnect, Shown, Visible
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import Action
 

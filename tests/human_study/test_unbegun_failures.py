@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from human_study.events import Error, Event, GaveUp
-from human_study.export import export_study
-from human_study.import_check import import_check
-from human_study.outcome import has_begun, technical_outcome
-from human_study.records import read_study
-from human_study.reporting.report import study_report
-from human_study.reporting.source import read_source
-from human_study.tables.trial_table import trial_rows
-from human_study.verify import verify_trial
+from human_study.export.import_check import import_check
+from human_study.export.study_export import export_study
+from human_study.export.trial_table import trial_rows
+from human_study.export.verify import verify_trial
+from human_study.report.report import study_report
+from human_study.report.source import read_source
+from human_study.store.records import read_study
+from human_study.trial.events import Error, Event, GaveUp
+from human_study.trial.outcome import has_begun, technical_outcome
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import TaskKind
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from human_study.events import Act, Error, Event
-from human_study.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome
-from human_study.verify import FAR_OFF, TrialHome, Verification, verify_trial
+from human_study.export.verify import FAR_OFF, TrialHome, Verification, verify_trial
+from human_study.trial.events import Act, Error, Event
+from human_study.trial.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import Action
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from human_study.commands import Command, Resume
-from human_study.events import Event
-from human_study.pan_session import PanSession, pan_session_from_events
-from human_study.pog_session import PogSession, pog_session_from_events
-from human_study.trial_terms import Look, TrialTerms
+from human_study.trial.commands import Command, Resume
+from human_study.trial.events import Event
+from human_study.trial.pan_session import PanSession, pan_session_from_events
+from human_study.trial.pog_session import PogSession, pog_session_from_events
+from human_study.trial.terms import Look, TrialTerms
 from sim.types import TaskKind
 
 from .small_world import SCENE_DIGEST, env, episode, study

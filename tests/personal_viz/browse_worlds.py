@@ -1,4 +1,4 @@
-"""Small made-up episodes for the tests of `personal_viz.browsing`: no file, no home."""
+"""Small made-up episodes for the tests of `personal_viz.browse`: no file, no home."""
 
 from sim.episodes.schema import Episode, EpisodeRecord, Goal
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo, Step

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from human_study.events import Error, GaveUp, Shown
-from human_study.plan import StudyScene
-from human_study.planning import make_plan
-from human_study.store import StudyStore, open_store
+from human_study.design.plan import StudyScene
+from human_study.design.planning import make_plan
+from human_study.store.store import StudyStore, open_store
 from human_study.tickets import token_hash
-from personal_viz.dashboard_view import Serving, ShownWorker
+from human_study.trial.events import Error, GaveUp, Shown
+from personal_viz.study_app.operator.dashboard_view import Serving, ShownWorker
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import SPLITS, EpisodeKey
 from tests.human_study.small_world import study

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
+from sim.mesh import Scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
 from sim.tasks.rules import scene_storeys, score_answer, score_run

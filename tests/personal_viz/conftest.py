@@ -23,7 +23,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
-from human_study.study import StudyBreaks, StudyDesign, StudyPog, StudyPractice
+from human_study.design.study import StudyBreaks, StudyDesign, StudyPog, StudyPractice
 from personal_viz.browser import find_chromium, launch_chromium
 from sim.cache import cache_dir
 

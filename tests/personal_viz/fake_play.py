@@ -8,23 +8,23 @@ from typing import Any
 
 import pytest
 
-from human_study.events import Event, event_to_json
-from human_study.store import SupersededError, Trial, TrialEndedError
-from human_study.study import Condition
-from human_study.views import LookView, PanView, PogView, RateView
-from human_study.writer import StoreFullError
-from personal_viz import play as play_module
-from personal_viz.desk import GoneError, Item, WithdrawnError
-from personal_viz.frames import Frames, RenderThreads
-from personal_viz.home import Home
-from personal_viz.play import TrialPlay
-from personal_viz.watch import Observers, Watches
+from human_study.design.study import Condition
+from human_study.store.store import SupersededError, Trial, TrialEndedError
+from human_study.store.writer import StoreFullError
+from human_study.trial.events import Event, event_to_json
+from human_study.trial.views import LookView, PanView, PogView, RateView
+from personal_viz.study_app.home.frames import Frames, RenderThreads
+from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.screens import play as play_module
+from personal_viz.study_app.screens.desk import GoneError, Item, WithdrawnError
+from personal_viz.study_app.screens.play import TrialPlay
+from personal_viz.study_app.watch import Observers, Watches
+from sim.copies.cut import StoreyCut
 from sim.episodes.schema import Episode
-from sim.scenes.cut import StoreyCut
+from sim.render.renderer import Frame, Hits
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import ClickRay, Vector3
 from sim.types import Camera, TaskKind
-from sim.world.renderer import Frame, Hits
 
 from ..human_study.small_world import PoseColours, SquareRoom, episode, study
 

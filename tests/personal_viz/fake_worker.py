@@ -14,8 +14,8 @@ from pathlib import Path
 from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
-from personal_viz.store_link import StoreLink
-from personal_viz.worker_door import SECRET_HEADER, WorkerDoor
+from personal_viz.study_app.store_link import StoreLink
+from personal_viz.study_app.worker_door import SECRET_HEADER, WorkerDoor
 
 
 def main() -> None:

@@ -4,9 +4,9 @@ import re
 
 from playwright.sync_api import Page, expect
 
-from human_study.record_types import ParticipantRecord, TrialStatus
-from human_study.records import read_study
-from human_study.study import load_study
+from human_study.design.study import load_study
+from human_study.store.record_types import ParticipantRecord, TrialStatus
+from human_study.store.records import read_study
 from human_study.texts.quiz import questions_for
 from sim.types import TaskKind
 

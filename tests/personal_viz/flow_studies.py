@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
-from human_study.plan import PRACTICE_FOLDER, load_plan
-from human_study.study import (
+from human_study.design.plan import PRACTICE_FOLDER, load_plan
+from human_study.design.study import (
     StudyBreaks,
     StudyChecks,
     StudyConfig,
@@ -24,7 +24,7 @@ from human_study.study import (
     load_study,
     save_study,
 )
-from personal_viz.commands.study_files import PRACTICE_HOME, plan_study
+from personal_viz.study_app.study_files import PRACTICE_HOME, plan_study
 from sim.episodes.dataset import PersonalDataset
 from sim.types import TaskKind
 

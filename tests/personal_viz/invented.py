@@ -3,8 +3,8 @@
 import shutil
 from pathlib import Path
 
+from sim.authoring.generation import dataset_files, invent_dataset, write_files
 from sim.cache import cache_dir
-from sim.episodes.generation import dataset_files, invent_dataset, write_files
 
 from ..built_once import built_once
 

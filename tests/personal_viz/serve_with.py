@@ -7,9 +7,9 @@ import json
 import sys
 from pathlib import Path
 
-from personal_viz.commands.study import serve_planned
-from personal_viz.gateway_options import ServeOptions
-from personal_viz.heartbeat import Heartbeat
+from personal_viz.cli.study.folder import serve_planned
+from personal_viz.study_app.gateway.heartbeat import Heartbeat
+from personal_viz.study_app.gateway.options import ServeOptions
 
 
 def main() -> None:

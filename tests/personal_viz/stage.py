@@ -10,19 +10,19 @@ from typing import cast
 
 import viser
 
-from human_study.events import Event, event_from_json, event_to_json
-from human_study.outcome import Outcome
-from human_study.plan import StudyScene
-from human_study.store import SupersededError, Trial
-from human_study.study import Condition, StudyConfig
-from personal_viz.desk import Desk, GoneError, Item, Signal
-from personal_viz.frames import RenderThreads
-from personal_viz.home import Home
-from personal_viz.page_script import PageMessages
-from personal_viz.panels import Page
-from personal_viz.play import TrialPlay
-from personal_viz.server import open_home
-from personal_viz.store_link import StoreLink
+from human_study.design.plan import StudyScene
+from human_study.design.study import Condition, StudyConfig
+from human_study.store.store import SupersededError, Trial
+from human_study.trial.events import Event, event_from_json, event_to_json
+from human_study.trial.outcome import Outcome
+from personal_viz.study_app.home.frames import RenderThreads
+from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.page_script import PageMessages
+from personal_viz.study_app.screens.desk import Desk, GoneError, Item, Signal
+from personal_viz.study_app.screens.panels import Page
+from personal_viz.study_app.screens.play import TrialPlay
+from personal_viz.study_app.server import open_home
+from personal_viz.study_app.store_link import StoreLink
 from sim.episodes.dataset import PersonalDataset
 from sim.types import EpisodeKey, TaskKind
 

@@ -6,11 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from human_study.stages import Stage
-from human_study.study import StudyPrivacy, StudyRecruit, save_study
-from personal_viz.admission import PAY_FILE, SESSIONS_FILE, Admission, Arrival, DeviceProfile, PayFile, Tickets
-from personal_viz.commands.purge_ids import purge_ids
-from personal_viz.recruit_codes import EndCode, ProlificCodes, RecruitCodes, end_code, load_recruit_codes
+from human_study.design.study import StudyPrivacy, StudyRecruit, save_study
+from human_study.store.stages import Stage
+from personal_viz.cli.study.purge_ids import purge_ids
+from personal_viz.study_app.gateway.admission import (
+    PAY_FILE,
+    SESSIONS_FILE,
+    Admission,
+    Arrival,
+    DeviceProfile,
+    PayFile,
+    Tickets,
+)
+from personal_viz.study_app.recruit_codes import EndCode, ProlificCodes, RecruitCodes, end_code, load_recruit_codes
 from sim.errors import StudyError
 
 from .gateways import KEY, admission_for, few_people, small_config

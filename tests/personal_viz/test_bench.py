@@ -10,26 +10,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import personal_viz.commands.bench as command
-from personal_viz.bench.house import STOREY_HEIGHT
-from personal_viz.bench.loading import LoadFigures, measured_loads
-from personal_viz.bench.measure import interleaved
-from personal_viz.bench.parts import browser_part
-from personal_viz.bench.raw_trace import RawTrace
-from personal_viz.bench.rendering import WallFigures
-from personal_viz.bench.report import SimReport, SizeFigures, growth, size_name, targets
-from personal_viz.bench.scenes import bench_mesh, write_bench_glb
-from personal_viz.bench.simulator import BenchSettings, BenchSize
-from personal_viz.bench.walking import camera_starts
+import personal_viz.cli.bench as command
+from personal_viz.bench.sim.house import STOREY_HEIGHT
+from personal_viz.bench.sim.loading import LoadFigures, measured_loads
+from personal_viz.bench.sim.measure import interleaved
+from personal_viz.bench.sim.parts import browser_part
+from personal_viz.bench.sim.raw_trace import RawTrace
+from personal_viz.bench.sim.rendering import WallFigures
+from personal_viz.bench.sim.report import SimReport, SizeFigures, growth, size_name, targets
+from personal_viz.bench.sim.scenes import bench_mesh, write_bench_glb
+from personal_viz.bench.sim.simulator import BenchSettings, BenchSize
+from personal_viz.bench.sim.walking import camera_starts
 from sim.errors import PersonalVizError
 from sim.frames import T_world_camera
-from sim.scenes.glb import load_glb
-from sim.scenes.scene import TriangleMesh
+from sim.mesh import TriangleMesh
+from sim.render.embree import EmbreeScene
+from sim.render.raycast import Raycaster
+from sim.render.raycast_kernels import TILES
+from sim.scans.glb import load_glb
 from sim.types import Camera
-from sim.world.embree import EmbreeScene
-from sim.world.floor_grid import floor_grid_from_mesh
-from sim.world.raycast import Raycaster
-from sim.world.raycast_kernels import TILES
+from sim.walk.floor_grid import floor_grid_from_mesh
 
 KEYS = [
     *("raw_ms", "depth_ms", "rgbd_ms", "open3d_rays_ms", "rgbd_over_raw", "depth_over_raw", "open3d_over_rgbd"),
@@ -237,7 +237,7 @@ def test_a_full_disk_leaves_the_old_picture_and_no_part_of_a_new_one(tmp_path: P
 
 def test_a_budget_counts_from_the_start_of_the_process() -> None:
     code = (
-        "import time; from personal_viz.bench.budget import *; Budget(None).has(1e9) or exit(1)\n"
+        "import time; from personal_viz.bench.sim.budget import *; Budget(None).has(1e9) or exit(1)\n"
         "budget = Budget(60.0); print(time.time() - since_process_start_s(), budget.left_s, budget.has(61.0))"
     )
     before = time.time()

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import torch
 
-from grounding.encoders import make_encoder
+from grounding.encoders.by_name import make_encoder
 from grounding.methods.batch import solve_batch
-from grounding.rpg import RpgOptions, rpg_dense
+from grounding.methods.rpg import RpgOptions, rpg_dense
 from personal_viz.bench import grounding as bench
 from personal_viz.bench import grounding_inputs as inputs
 from personal_viz.bench.grounding import CaseFigures, GroundingFigures, GroundingSettings
 from personal_viz.bench.grounding_inputs import random_map, scene_inputs
 from personal_viz.bench.grounding_table import figure_rows, markdown, missed
 from personal_viz.bench.literal_rpg import literal_rpg
-from personal_viz.commands import bench as command
+from personal_viz.cli import bench as command
 
 TINY = GroundingSettings(
     size=8, dim=16, cells=10, phrases=2, batch=3, calls=2, repeats=1, scenes=1, encoders=("hashed",), cold=False

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 import personal_viz.bench.recordings as bench
-import personal_viz.commands.bench as command
+import personal_viz.cli.bench as command
 from personal_viz.bench.recordings import LIMITS, RecordingFigures, RecordingSettings, figure_rows, markdown
 from personal_viz.bench.walkers import RecordedHome, recorded_home, walked
 from sim.errors import PersonalVizError

@@ -9,10 +9,10 @@ from typing import get_args
 
 import pytest
 
-import personal_viz.commands.bench as command
-from personal_viz.bench import study as bench
-from personal_viz.bench.study_delay import delayed
-from personal_viz.bench.study_figures import (
+import personal_viz.cli.bench as command
+from personal_viz.bench.study import parts as bench
+from personal_viz.bench.study.delay import delayed
+from personal_viz.bench.study.figures import (
     LIMITS,
     PARTS,
     StoreFigures,
@@ -22,10 +22,10 @@ from personal_viz.bench.study_figures import (
     markdown,
     missed,
 )
-from personal_viz.bench.study_kills import KillFigures
-from personal_viz.bench.study_online import BrowserFigures
-from personal_viz.bench.study_soak import SoakFigures
-from personal_viz.bench.study_store import store_acks_ms
+from personal_viz.bench.study.kills import KillFigures
+from personal_viz.bench.study.online import BrowserFigures
+from personal_viz.bench.study.soak import SoakFigures
+from personal_viz.bench.study.store import store_acks_ms
 from sim.errors import PersonalVizError, StudyError
 
 KEYS = {

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.bench.study_big_home import BigHomeSettings, measure_big_home
-from personal_viz.bench.study_kills import KillSettings, measure_kills
-from personal_viz.bench.study_people import PeopleSettings, measure_people
-from personal_viz.bench.study_restart import RestartSettings, measure_restarts
-from personal_viz.bench.study_soak import SoakSettings, measure_soak
-from personal_viz.bots_site import HOME
+from personal_viz.bench.study.big_home import BigHomeSettings, measure_big_home
+from personal_viz.bench.study.kills import KillSettings, measure_kills
+from personal_viz.bench.study.people import PeopleSettings, measure_people
+from personal_viz.bench.study.restart import RestartSettings, measure_restarts
+from personal_viz.bench.study.soak import SoakSettings, measure_soak
+from personal_viz.bots.site import HOME
 
 from .invented import invented_dataset
 

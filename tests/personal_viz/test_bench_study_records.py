@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.events import Act, Event, Key
-from human_study.store import StudyStore, Trial
-from personal_viz.bench.study_big_scan import divided
-from personal_viz.bench.study_crowd import StayingBot
-from personal_viz.bench.study_processes import children, held_by, is_running
-from personal_viz.bench.study_records import first_other_step, key_tally, missing_steps, resumed_elsewhere
-from personal_viz.bots_log import Press
+from human_study.store.store import StudyStore, Trial
+from human_study.trial.events import Act, Event, Key
+from personal_viz.bench.study.big_scan import divided
+from personal_viz.bench.study.crowd import StayingBot
+from personal_viz.bench.study.processes import children, held_by, is_running
+from personal_viz.bench.study.records import first_other_step, key_tally, missing_steps, resumed_elsewhere
+from personal_viz.bots.log import Press
 from sim.errors import StudyError
-from sim.scenes.scene import FLAT, TriangleMesh
+from sim.mesh import FLAT, TriangleMesh
 from sim.types import Action
 from tests.human_study.small_world import env
 from tests.human_study.stores import edit, opened

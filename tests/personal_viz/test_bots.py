@@ -4,18 +4,18 @@ from pathlib import Path
 
 import pytest
 
-from human_study.events import Act, Dropped, Key, Open
-from human_study.plan import load_plan
-from human_study.store import open_store
-from human_study.study import load_study
+from human_study.design.plan import load_plan
+from human_study.design.study import load_study
+from human_study.store.store import open_store
 from human_study.tickets import token_hash
-from personal_viz.bots import BotLog, Press
-from personal_viz.bots_count import count_keys
-from personal_viz.bots_flow import is_the_end, right_answers
-from personal_viz.bots_page import BotPage
-from personal_viz.bots_run import quantile
-from personal_viz.bots_site import copy_plan, cpu_seconds, make_bot_study
-from personal_viz.commands.bots import bots
+from human_study.trial.events import Act, Dropped, Key, Open
+from personal_viz.bots.count import count_keys
+from personal_viz.bots.flow import is_the_end, right_answers
+from personal_viz.bots.page import BotPage
+from personal_viz.bots.run import quantile
+from personal_viz.bots.site import copy_plan, cpu_seconds, make_bot_study
+from personal_viz.bots.walker import BotLog, Press
+from personal_viz.cli.study.bots import bots
 from sim.errors import StudyError
 from sim.types import PAPER4, Action
 from tests.human_study.small_world import SCENE_DIGEST, plan, study

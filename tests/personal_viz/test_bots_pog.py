@@ -9,27 +9,27 @@ import msgspec
 import numpy as np
 import pytest
 
-from human_study.commands import Click, Confirm, Start
-from human_study.events import ShownStorey
-from human_study.plan import StudyScene
-from human_study.planning import make_plan
-from human_study.pog_session import PogSession
-from human_study.records import read_study
-from human_study.store import open_store
+from human_study.design.plan import StudyScene
+from human_study.design.planning import make_plan
+from human_study.store.records import read_study
+from human_study.store.store import open_store
 from human_study.tickets import token_hash
-from personal_viz.bots_count import KeyCount, count_keys
-from personal_viz.bots_flow import is_the_end, is_the_pause, right_answers
-from personal_viz.bots_log import KINDS, BotLog, Confirmed, Pointed
-from personal_viz.bots_mouse import ABOVE, Ray, click, look_down, ray_to, screen_pos
-from personal_viz.bots_page import BotPage
-from personal_viz.bots_run import run_bots
-from personal_viz.bots_site import Site, make_bot_study, served
-from personal_viz.commands.bots import bots
-from personal_viz.commands.verify_study import verify
-from personal_viz.flow import FlowPlace
-from personal_viz.flow_cards import end_card
-from personal_viz.gateway_filter import ScenePointerMessage, browser_message
-from personal_viz.panels import card_html
+from human_study.trial.commands import Click, Confirm, Start
+from human_study.trial.events import ShownStorey
+from human_study.trial.pog_session import PogSession
+from personal_viz.bots.count import KeyCount, count_keys
+from personal_viz.bots.flow import is_the_end, is_the_pause, right_answers
+from personal_viz.bots.log import KINDS, BotLog, Confirmed, Pointed
+from personal_viz.bots.mouse import ABOVE, Ray, click, look_down, ray_to, screen_pos
+from personal_viz.bots.page import BotPage
+from personal_viz.bots.run import run_bots
+from personal_viz.bots.site import Site, make_bot_study, served
+from personal_viz.cli.study.bots import bots
+from personal_viz.cli.study.verify import verify
+from personal_viz.study_app.gateway.filter import ScenePointerMessage, browser_message
+from personal_viz.study_app.screens.cards import end_card
+from personal_viz.study_app.screens.panels import card_html
+from personal_viz.study_app.screens.place import FlowPlace
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay
 from sim.types import EpisodeKey
@@ -290,7 +290,9 @@ def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path:
 def test_every_kind_takes_part_in_both_tasks_and_nothing_is_lost(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("personal_viz.bots.DROP_CHANCE", 0.2)  # the disconnecting ones, many times in a few seconds
+    monkeypatch.setattr(
+        "personal_viz.bots.walker.DROP_CHANCE", 0.2
+    )  # the disconnecting ones, many times in a few seconds
     assert bots(participants=10, seconds=8.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["tasks"] == {"pan": 5, "pog": 5}

@@ -17,13 +17,13 @@ from ..sim.gltf_files import plain_square
 LIMIT_S, LIMIT_MB = 2.0, 200
 READERS = {
     "content": "from sim.episodes.dataset import read_scene_file as read",
-    "study": "from human_study.study import load_study as read",
-    "plan": "from sim.scenes.plan import load_plan as read",
-    "scene": "from sim.scenes.glb import load_glb as read",
-    "npz": "from sim.tasks.pose_npz import read_npz_table as read",
-    "json": "from sim.tasks.pose_json import read_json_tables; read = lambda path: list(read_json_tables(path))",
-    "map": "from grounding.map_files import load_memory as read",
-    "exploration": "from grounding.exploring.files import load_exploration as read",
+    "study": "from human_study.design.study import load_study as read",
+    "plan": "from sim.homes.plan import load_plan as read",
+    "scene": "from sim.scans.glb import load_glb as read",
+    "npz": "from sim.exchange.pose_npz import read_npz_table as read",
+    "json": "from sim.exchange.pose_json import read_json_tables; read = lambda path: list(read_json_tables(path))",
+    "map": "from grounding.maps.files import load_memory as read",
+    "exploration": "from grounding.agents.exploration_files import load_exploration as read",
     "run": "from sim.tasks.run_files import read_run as read",
     "recording": "from recordings.read_rrd import read_recorded as read",
 }

@@ -1,9 +1,9 @@
 """The list of episodes, its filter, and the runs that are shown beside an episode."""
 
-from personal_viz.browsing.catalogue import PAGE, Catalogue, ListPage, Wanted, list_page, neighbour
-from personal_viz.browsing.episode_texts import facts_html, head_html, list_html, runs_html, story_html
-from personal_viz.browsing.messages import MessageQueue, Said, Slid, Stepped
-from personal_viz.browsing.shown_runs import RunIndex
+from personal_viz.browse.catalogue import PAGE, Catalogue, ListPage, Wanted, list_page, neighbour
+from personal_viz.browse.episode_texts import facts_html, head_html, list_html, runs_html, story_html
+from personal_viz.browse.messages import MessageQueue, Said, Slid, Stepped
+from personal_viz.browse.shown_runs import RunIndex
 from recordings.palette import RUN_COLORS
 from sim.episodes.ownership import ownership_graph
 

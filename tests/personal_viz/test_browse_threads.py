@@ -8,10 +8,10 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from personal_viz import browse_app
-from personal_viz.browsing.library import open_library
-from personal_viz.browsing.visitor import Visitor
-from personal_viz.first_camera import CAMERA
+from personal_viz.browse import app as browse_app
+from personal_viz.browse.library import open_library
+from personal_viz.browse.visitor import Visitor
+from personal_viz.study_app.first_camera import CAMERA
 
 from .gateways import pack
 from .invented import invented_dataset

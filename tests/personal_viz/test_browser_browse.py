@@ -14,14 +14,14 @@ import pytest
 import viser
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.events import Cam
-from personal_viz.browse_app import browser_app, is_own_page
-from personal_viz.browsing.catalogue import Wanted
-from personal_viz.browsing.layers import Layers, Outlined
-from personal_viz.browsing.library import Library, open_library
-from personal_viz.commands.browse import browse
-from personal_viz.commands.runs import run
-from personal_viz.page_version import VISER_CLIENT
+from human_study.trial.events import Cam
+from personal_viz.browse.app import browser_app, is_own_page
+from personal_viz.browse.catalogue import Wanted
+from personal_viz.browse.layers import Layers, Outlined
+from personal_viz.browse.library import Library, open_library
+from personal_viz.cli.browse import browse
+from personal_viz.cli.runs import run
+from personal_viz.study_app.page_version import VISER_CLIENT
 from sim.episodes.ownership import ownership_graph
 from sim.errors import PersonalVizError
 
@@ -233,7 +233,7 @@ def test_another_websites_page_gets_nothing(
         judged.append((origin, is_own_page(origin, port)))
         return judged[-1][1]
 
-    monkeypatch.setattr("personal_viz.browse_app.is_own_page", judge)
+    monkeypatch.setattr("personal_viz.browse.app.is_own_page", judge)
     page = browser.new_page()
     page.goto(f"{website}?websocket={served[1].replace('http', 'ws')}")
     until(page, lambda: judged != [])

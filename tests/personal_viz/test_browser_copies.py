@@ -16,12 +16,12 @@ from PIL import Image
 from playwright.sync_api import BrowserContext, Page
 
 from personal_viz.bench.opening import opening
-from personal_viz.bench.scenes import bench_mesh
-from personal_viz.scene_view import SceneView, StoreyCopies
-from personal_viz.screenshots_rerun import screenshot_rrd
+from personal_viz.bench.sim.scenes import bench_mesh
+from personal_viz.screenshots.rerun_page import screenshot_rrd
+from personal_viz.study_app.home.scene_view import SceneView, StoreyCopies
 from recordings.log_scene import log_scene
-from sim.scenes.scene import FLAT, VERTEX_COLOURS, Scene, TriangleMesh
-from sim.world.floor_grid import floor_grid_from_mesh
+from sim.mesh import FLAT, VERTEX_COLOURS, Scene, TriangleMesh
+from sim.walk.floor_grid import floor_grid_from_mesh
 
 pytestmark = pytest.mark.browser
 GREEN, BLUE, MAGENTA = (60, 160, 60), (60, 60, 170), (255, 0, 255)

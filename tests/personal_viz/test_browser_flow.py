@@ -5,12 +5,12 @@ import re
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.events import Confidence
-from human_study.plan import load_plan
-from human_study.study import load_study
+from human_study.design.plan import load_plan
+from human_study.design.study import load_study
 from human_study.texts.quiz import questions_for
+from human_study.trial.events import Confidence
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
 from sim.types import PAPER4, Action

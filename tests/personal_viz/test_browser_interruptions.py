@@ -3,9 +3,9 @@
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.events import Act, ContextLost, Key, Reconnect
-from human_study.record_types import TrialStatus
-from human_study.records import read_study
+from human_study.store.record_types import TrialStatus
+from human_study.store.records import read_study
+from human_study.trial.events import Act, ContextLost, Key, Reconnect
 from sim.types import Action
 
 from .flow_steps import HOLD_MS, events, record, see_step, stages, start

@@ -1,5 +1,6 @@
 """Looks, the map that is pointed at, and the question about the answer, in real Chromium."""
 
+import contextlib
 import io
 import math
 from collections.abc import Callable, Iterator
@@ -10,11 +11,11 @@ import pytest
 from PIL import Image
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.events import Act, Cam, Clicked, Confidence, Event, MapOff, MapOn, Shown
-from human_study.outcome import end_reason
-from personal_viz.home import Home
-from personal_viz.scene_view import MARK_COLOR
-from personal_viz.top_view import STRIP
+from human_study.trial.events import Act, Cam, Clicked, Confidence, Event, MapOff, MapOn, Shown
+from human_study.trial.outcome import end_reason
+from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.home.scene_view import MARK_COLOR
+from personal_viz.study_app.home.top_view import STRIP
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey
 
@@ -46,9 +47,15 @@ def texts_of(stage: Stage, key: EpisodeKey) -> tuple[str, str]:
 
 
 def stop_twice(page: Page) -> None:
-    """Stops as a person does: the second press follows the question."""
-    page.keyboard.press("Enter", delay=HOLD_MS)
-    expect(page.get_by_text("Press Enter or STOP again to finish")).to_be_visible()
+    """Stops as a person does: the second press follows the question.
+
+    A press that follows a step too soon is dropped, as a person's is, who then presses again.
+    """
+    for _ in range(3):
+        page.keyboard.press("Enter", delay=HOLD_MS)
+        with contextlib.suppress(AssertionError):
+            expect(page.get_by_text("Press Enter or STOP again to finish")).to_be_visible(timeout=5000)
+            break
     page.keyboard.press("Enter", delay=HOLD_MS)
 
 
@@ -78,7 +85,7 @@ def test_a_walk_begins_after_a_look_at_the_map(home: Home, browser: BrowserConte
         assert isinstance(stage.link.outcome, EpisodeEnd)
         assert stage.link.outcome.reason == "stop"
     expected = "open map_on storey map_off shown key act shown key stop_armed key act stop confidence"
-    assert kinds(events) == expected.split()
+    assert [kind for kind in kinds(events) if kind != "dropped"] == expected.split()
     off = next(event for event in events if isinstance(event, MapOff))
     assert (off.reason, off.what) == ("left", "topdown")
     assert 6 <= off.look_s < 120

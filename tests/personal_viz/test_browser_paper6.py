@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import BrowserContext, Page
 
-from human_study.events import Act
-from human_study.verify import TrialHome, verify_trial
-from personal_viz.home import Home
+from human_study.export.verify import TrialHome, verify_trial
+from human_study.trial.events import Act
+from personal_viz.study_app.home.home import Home
 from sim.types import TURN_STEP, Action
 
 from ..human_study.small_world import study

@@ -7,9 +7,9 @@ from typing import Literal
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.events import Shown
-from personal_viz import play as play_module
-from personal_viz.home import Home
+from human_study.trial.events import Shown
+from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.screens import play as play_module
 
 from .fake_play import EmptySurface, meshless_home
 from .flow_steps import HOLD_MS

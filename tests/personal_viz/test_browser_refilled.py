@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.plan import load_plan
-from human_study.store import open_store
-from human_study.study import StudyDesign, load_study
-from human_study.study_secrets import make_secrets
+from human_study.design.plan import load_plan
+from human_study.design.secrets import make_secrets
+from human_study.design.study import StudyDesign, load_study
+from human_study.store.store import open_store
 from human_study.texts.quiz import questions_for
 from human_study.tickets import token_hash
 

@@ -9,15 +9,15 @@ import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.events import Act, Cam, Clicked, Dropped, Key
-from human_study.plan import StudyPlan
-from human_study.records import TrialStatus, read_study
-from human_study.verify import TrialHome, verify_trial
+from human_study.design.plan import StudyPlan
+from human_study.export.verify import TrialHome, verify_trial
+from human_study.store.records import TrialStatus, read_study
+from human_study.trial.events import Act, Cam, Clicked, Dropped, Key
+from sim.copies.cut import storey_mesh
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.scenes.cut import storey_mesh
-from sim.scenes.scene import Scene
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
+from sim.mesh import Scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
 from sim.tasks.rules import scene_storeys, storey_of

@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
-from human_study.events import Act
-from human_study.progress import study_progress
-from human_study.records import read_study
+from human_study.store.progress import study_progress
+from human_study.store.records import read_study
+from human_study.trial.events import Act
 
 from .flow_steps import HOLD_MS, see_step, start
 from .flow_studies import children, free_port, started

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from personal_viz.camera_buttons import ELEVATIONS, TURN, ZOOM, orbit, shift, zoom
+from personal_viz.study_app.screens.camera_buttons import ELEVATIONS, TURN, ZOOM, orbit, shift, zoom
 
 
 class Camera:

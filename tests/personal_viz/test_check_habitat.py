@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from personal_viz.bench.agreement import TARGETS, agreement, targets_met
-from personal_viz.commands.check_habitat import check_habitat
+from personal_viz.bench.habitat.agreement import TARGETS, agreement, targets_met
+from personal_viz.cli.check_habitat import check_habitat
 from sim.errors import SceneError
 from sim.frames import glb_zup_from_world
 
@@ -210,7 +210,7 @@ def test_rows_on_a_navmesh_that_nobody_knows_are_refused(rows_only: Path) -> Non
 
 MEMORY_CODE = """
 import pathlib, sys
-from personal_viz.bench.golden import *
+from personal_viz.bench.habitat.golden import *
 before = int(pathlib.Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
 house = read_houses(pathlib.Path(sys.argv[1]))[0]
 try: house.part("steps", Steps); house.depth(house.part("poses", Poses))

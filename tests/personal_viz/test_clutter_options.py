@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from human_study.study import StudyConfig, StudyDataset
-from personal_viz.cli import Run, Study, parse
-from personal_viz.cli_study import StudyServe
-from personal_viz.commands.options import require_no_scan
-from personal_viz.commands.recordings import replay
-from personal_viz.commands.runs import run
+from human_study.design.study import StudyConfig, StudyDataset
+from personal_viz.cli.recordings import replay
+from personal_viz.cli.runs import run
+from personal_viz.cli.study.options_study import StudyServe
+from personal_viz.cli.verbs import Run, Study, parse
+from personal_viz.study_app.checked_options import require_no_scan
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RecordingError
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import read_run
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.served import served_demo
+from personal_viz.study_app.operator.served import served_demo
 
 from .program import assert_one_line, personal_viz
 from .wire import enter

@@ -11,8 +11,8 @@ from PIL import Image
 from playwright.sync_api import BrowserContext, Page
 from rerun.chunk import RrdReader
 
-from personal_viz.commands.compare import compare
-from personal_viz.compare_app import write_comparison
+from personal_viz.cli.compare import compare
+from personal_viz.compare.app import write_comparison
 from sim.errors import PersonalVizError, RecordingError, RunFileError
 from sim.tasks.run_files import Run
 

@@ -6,10 +6,10 @@ from html.parser import HTMLParser
 
 import pytest
 
-from personal_viz.comparison.markdown import page_markdown, plain
-from personal_viz.comparison.page import FIRST, page_html
-from personal_viz.comparison.rows import Row, Section, difference, means
-from personal_viz.comparison.wording import Page, facts, written
+from personal_viz.compare.markdown import page_markdown, plain
+from personal_viz.compare.page import FIRST, page_html
+from personal_viz.compare.rows import Row, Section, difference, means
+from personal_viz.compare.wording import Page, facts, written
 from sim.types import EpisodeKey
 
 from .test_compare_rows import HOME, trial

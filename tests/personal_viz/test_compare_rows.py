@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.comparison.gathered import Setting, Trial, gather
-from personal_viz.comparison.rows import difference, means, sections
+from personal_viz.compare.gathered import Setting, Trial, gather
+from personal_viz.compare.rows import difference, means, sections
 from sim.errors import RunFileError
 from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
 from sim.types import EpisodeKey

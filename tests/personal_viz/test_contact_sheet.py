@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from personal_viz.commands.contact_sheet import contact_sheet
-from personal_viz.contact_plan import storey_picture
-from personal_viz.contact_sheet import PER_ROW, WIDTH, contact_sheet_picture, portraits, write_crops
-from personal_viz.contact_views import CROP_SIDE, category_crops, object_crop, room_views
+from personal_viz.cli.contact_sheet import contact_sheet
+from personal_viz.contact_sheet.plan import storey_picture
+from personal_viz.contact_sheet.sheet import PER_ROW, WIDTH, contact_sheet_picture, portraits, write_crops
+from personal_viz.contact_sheet.views import CROP_SIDE, category_crops, object_crop, room_views
 from sim.errors import PersonalVizError
 from sim.frames import T_world_camera
-from sim.scenes.invent import invent_plan
-from sim.scenes.plan import HomePlan
-from sim.scenes.scene import Scene
-from sim.scenes.sources import scene_from_plan
+from sim.homes.invented.invent import invent_plan
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import HomePlan
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.types import Camera
-from sim.world.raycast import Raycaster
 
 from .program import assert_one_line, personal_viz
 

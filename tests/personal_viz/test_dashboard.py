@@ -12,14 +12,14 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from starlette.testclient import TestClient
 
-from human_study.stages import has_reached
-from human_study.store import StudyStore
-from personal_viz.dashboard import LOOK_EVERY_S, PAGE, Dashboard, dashboard
-from personal_viz.dashboard_view import Serving, ShownPerson, ShownStudy, ShownWorker, serving_of
-from personal_viz.gateway import STATIC
-from personal_viz.lease_keeper import LeaseKeeper
-from personal_viz.worker_door import WorkerDoor
-from personal_viz.workers import Worker, WorkerPool
+from human_study.store.stages import has_reached
+from human_study.store.store import StudyStore
+from personal_viz.study_app.gateway.app import STATIC
+from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
+from personal_viz.study_app.gateway.workers import Worker, WorkerPool
+from personal_viz.study_app.operator.dashboard import LOOK_EVERY_S, PAGE, Dashboard, dashboard
+from personal_viz.study_app.operator.dashboard_view import Serving, ShownPerson, ShownStudy, ShownWorker, serving_of
+from personal_viz.study_app.worker_door import WorkerDoor
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials
 from tests.human_study.small_world import CANARY
@@ -139,7 +139,7 @@ def test_no_outcome_is_on_the_page(tmp_path: Path) -> None:
 
 def test_the_database_is_looked_at_once_for_many_pages(busy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [100.0]
-    monkeypatch.setattr("personal_viz.dashboard.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("personal_viz.study_app.operator.dashboard.time.monotonic", lambda: clock[0])
     with let_in(busy) as client:
         first = client.get("/progress").json()["now_ms"]
         assert client.get("/progress").json()["now_ms"] == first

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 import personal_viz
-from personal_viz.doctor import examine
-from personal_viz.gateway_options import ServeOptions
+from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.operator.doctor import examine
 
 from .gateways import running, wait_until
 from .tls_proxy import self_signed

@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 from websockets.sync.client import connect
 
-from personal_viz.commands.doctor import doctor
-from personal_viz.doctor import CHECKS, examine
-from personal_viz.doctor_site import Check, site_from_url
-from personal_viz.gateway_options import ServeOptions, require_may_serve
+from personal_viz.cli.study.doctor import doctor
+from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
+from personal_viz.study_app.operator.doctor import CHECKS, examine
+from personal_viz.study_app.operator.doctor_site import Check, site_from_url
 from sim.errors import StudyError
 
 from .gateways import PRESS, Running, enter, pack, running, small_config

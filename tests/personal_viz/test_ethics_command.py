@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from human_study.study import StudyConfig, save_study
+from human_study.design.study import StudyConfig, save_study
 from human_study.texts.words import open_places
-from personal_viz.commands.ethics import ethics
+from personal_viz.cli.study.ethics import ethics
 
 
 def config_of(**changes: object) -> StudyConfig:

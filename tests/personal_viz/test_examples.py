@@ -7,11 +7,11 @@ import pytest
 
 from personal_viz.examples.example_1_explaining_agent import GRID, ExplainingAgent, make
 from sim.checks import check_agent, check_home
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.tasks.observers import FREE, OCCUPIED, Insight
 from sim.tasks.pan import PanEnv
 from sim.types import Action, Pose, Task
-from sim.world.raycast import Raycaster
 
 from .invented import invented_dataset
 
@@ -72,7 +72,7 @@ def test_the_explaining_agent_keeps_the_contract() -> None:
 def test_the_explaining_agent_is_shown_with_all_that_it_explains(tmp_path: Path) -> None:
     from rerun.chunk import RrdReader
 
-    from personal_viz.commands.runs import run
+    from personal_viz.cli.runs import run
 
     invented_dataset(tmp_path / "homes", name="Demo", seed=1)
     run(

@@ -10,14 +10,14 @@ from typing import get_type_hints
 
 import pytest
 
-from grounding.code_digest import policy_digest
-from grounding.exploring import jobs as jobs_module
-from grounding.exploring.files import load_exploration
+from grounding.agents import exploration_jobs as jobs_module
+from grounding.agents.exploration_files import load_exploration
+from grounding.agents.explore import EXPLORER_VERSION
 from personal_viz.__main__ import main
-from personal_viz.cli import parse
-from personal_viz.cli_grounding import Explore
-from personal_viz.commands import explore as verb
-from personal_viz.commands.runs import SHORT_NAMES
+from personal_viz.cli import explore as verb
+from personal_viz.cli.options_grounding import Explore
+from personal_viz.cli.runs import SHORT_NAMES
+from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError, RunFileError
 from sim.tasks.agents import load_agent
@@ -51,7 +51,7 @@ def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(
     assert document["created_utc"].endswith("+00:00")
     assert json.loads((tmp_path / "explore.json").read_text()) == document
     (path,) = tmp_path.glob("Invented0*.json")
-    assert (row["scene_digest"], document["policy"]) == (load_exploration(path).scene_digest, policy_digest())
+    assert (row["scene_digest"], document["policy"]) == (load_exploration(path).scene_digest, EXPLORER_VERSION)
     written = path.stat().st_mtime_ns
     assert len(load_exploration(path).steps) == 30
     assert parse([*OPTIONS, "--out", str(tmp_path)]).work() == 0
@@ -78,7 +78,7 @@ def test_every_option_of_the_verb_says_what_it_is() -> None:
 
 def test_random_frontier_is_a_name_of_run_and_others_are_refused(tmp_path: Path) -> None:
     assert type(load_agent(SHORT_NAMES["random-frontier"])).__name__ == "RandomFrontierAgent"
-    from personal_viz.commands.runs import _made_for
+    from personal_viz.cli.runs import _made_for
 
     _made_for("random-frontier", None)
     with pytest.raises(AgentError, match="random-frontier"):

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from personal_viz.commands.export import export
-from personal_viz.commands.import_runs import import_files
+from personal_viz.cli.export import export
+from personal_viz.cli.import_runs import import_files
 from sim.errors import PersonalVizError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import Run, read_run

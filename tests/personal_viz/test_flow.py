@@ -4,11 +4,19 @@ from typing import Any
 
 import pytest
 
-from human_study.stages import Stage, StageEntry
-from human_study.study import StudyBreaks, StudyConfig, StudyDataset
-from personal_viz.flow import FlowPlace, ended_trial, flow_place, has_rested, parts_of, trial_before, trial_name
-from personal_viz.flow_pauses import MachineTime
-from personal_viz.store_link import PersonPlace, TrialPlace
+from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset
+from human_study.store.stages import Stage, StageEntry
+from personal_viz.study_app.screens.pauses import MachineTime
+from personal_viz.study_app.screens.place import (
+    FlowPlace,
+    ended_trial,
+    flow_place,
+    has_rested,
+    parts_of,
+    trial_before,
+    trial_name,
+)
+from personal_viz.study_app.store_link import PersonPlace, TrialPlace
 from sim.types import EpisodeKey
 
 NOW_NS = 1_800_000_000 * 10**9

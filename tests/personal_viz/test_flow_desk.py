@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from human_study.commands import GiveUp, Measure, Move, PageChanged, PressStop, Resize
-from human_study.store import SupersededError
-from personal_viz.desk import MAX_WAITING, Chosen, Desk, GoneError, Item, Signal, WithdrawnError
-from personal_viz.page_script import Device, OwnKeys, PageTold, Pressed, RoundTrip, Told
-from personal_viz.panels import Card, Choice
+from human_study.store.store import SupersededError
+from human_study.trial.commands import GiveUp, Measure, Move, PageChanged, PressStop, Resize
+from personal_viz.study_app.page_script import Device, OwnKeys, PageTold, Pressed, RoundTrip, Told
+from personal_viz.study_app.screens.desk import MAX_WAITING, Chosen, Desk, GoneError, Item, Signal, WithdrawnError
+from personal_viz.study_app.screens.panels import Card, Choice
 from sim.types import Action
 
 CARD = Card("Title", "<p>text</p>", (Choice("yes", "Yes"),))

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import pytest
 
-from human_study.stages import StageEntry
-from human_study.study import StudyBreaks, StudyConfig, StudyDataset
-from personal_viz import flow_pauses
-from personal_viz.flow import FlowPlace, flow_place
-from personal_viz.flow_pauses import machine_time, pause_left_s, steady_detail
-from personal_viz.store_link import PersonPlace, TrialPlace
+from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset
+from human_study.store.stages import StageEntry
+from personal_viz.study_app.screens import pauses as flow_pauses
+from personal_viz.study_app.screens.pauses import machine_time, pause_left_s, steady_detail
+from personal_viz.study_app.screens.place import FlowPlace, flow_place
+from personal_viz.study_app.store_link import PersonPlace, TrialPlace
 from sim.types import EpisodeKey
 
 S = 10**9

@@ -4,12 +4,12 @@ from typing import cast
 
 import pytest
 
-from human_study.stages import StageEntry
-from human_study.study import StudyBreaks, StudyConfig, StudyDataset
-from personal_viz.desk import Desk
-from personal_viz.flow_pages import FlowPages, QuizMemory
-from personal_viz.panels import Card
-from personal_viz.store_link import PersonPlace, StoreLink, TrialPlace
+from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset
+from human_study.store.stages import StageEntry
+from personal_viz.study_app.screens.desk import Desk
+from personal_viz.study_app.screens.pages import FlowPages, QuizMemory
+from personal_viz.study_app.screens.panels import Card
+from personal_viz.study_app.store_link import PersonPlace, StoreLink, TrialPlace
 from sim.types import EpisodeKey
 
 PLAYED = TrialPlace(2, "main", "pan", "none", EpisodeKey("easy", "Home", "2"), True, False)

@@ -11,16 +11,23 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from human_study.study import Condition, StudyConfig, StudyDataset, StudyPrivacy
+from human_study.design.study import Condition, StudyConfig, StudyDataset, StudyPrivacy
 from human_study.texts.participants import instruction_texts
 from human_study.texts.quiz import QuizRound, questions_for
-from personal_viz.flow import FlowPlace
-from personal_viz.flow_cards import DeviceReport, device_card, duration, end_card, instruction_card, pause_card
-from personal_viz.flow_markdown import html_from_markdown, title_of
-from personal_viz.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in, script
-from personal_viz.pan_app import BUTTON_LABELS
-from personal_viz.panels import Card, card_html, progress_html
-from personal_viz.screenshots_instructions import MAX_BYTES, SIZE, small_jpeg
+from personal_viz.screenshots.instructions import MAX_BYTES, SIZE, small_jpeg
+from personal_viz.study_app.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in, script
+from personal_viz.study_app.screens.cards import (
+    DeviceReport,
+    device_card,
+    duration,
+    end_card,
+    instruction_card,
+    pause_card,
+)
+from personal_viz.study_app.screens.markdown import html_from_markdown, title_of
+from personal_viz.study_app.screens.pan import BUTTON_LABELS
+from personal_viz.study_app.screens.panels import Card, card_html, progress_html
+from personal_viz.study_app.screens.place import FlowPlace
 from sim.types import TaskKind
 
 

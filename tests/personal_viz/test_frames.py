@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from human_study.commands import Move, Start
-from human_study.events import Act, Event, Key, Shown
-from human_study.session import PanSession
-from personal_viz.frames import RENDER_NICE, Frames, RenderThreads, jpeg_bytes, successors
+from human_study.trial.commands import Move, Start
+from human_study.trial.events import Act, Event, Key, Shown
+from human_study.trial.session import PanSession
+from personal_viz.study_app.home.frames import RENDER_NICE, Frames, RenderThreads, jpeg_bytes, successors
 from sim.errors import SceneError
 from sim.frames import T_world_camera
+from sim.render.renderer import Frame
 from sim.tasks.pan import PanEnv
 from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Pose
-from sim.world.renderer import Frame
 from tests.human_study.small_world import CAMERA, SCENE_DIGEST, PoseColours, SquareRoom, episode, study
 
 HERE, THERE = Pose((0.0, 0.0, 0.0), 0.0), Pose((0.5, 0.0, 1.0), 0.3)

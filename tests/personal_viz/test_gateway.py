@@ -7,10 +7,10 @@ import pytest
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from personal_viz.admission import DeviceProfile, Tickets
-from personal_viz.gateway import SESSION_COOKIE, Gateway
-from personal_viz.gateway_options import ServeOptions
-from personal_viz.page_version import page_version
+from personal_viz.study_app.gateway.admission import DeviceProfile, Tickets
+from personal_viz.study_app.gateway.app import SESSION_COOKIE, Gateway
+from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.page_version import page_version
 
 from .gateways import FewPeople, OnePort, admission_for, few_people
 

@@ -7,8 +7,8 @@ import msgspec
 import pytest
 from viser import _messages
 
-from personal_viz.first_camera import CAMERA
-from personal_viz.gateway_filter import (
+from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.gateway.filter import (
     ACTION_RATE,
     CommandTriggerMessage,
     GuiUpdateMessage,

@@ -17,9 +17,9 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from personal_viz.first_camera import CAMERA
-from personal_viz.gateway_filter import browser_message, viser_bytes
-from personal_viz.home import Home
+from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.gateway.filter import browser_message, viser_bytes
+from personal_viz.study_app.home.home import Home
 
 from ..human_study.small_world import study
 from .gateways import PRESS, connected, pack, raw, running, says

@@ -16,8 +16,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from personal_viz.first_camera import CAMERA
-from personal_viz.gateway_options import ServeOptions
+from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.gateway.options import ServeOptions
 
 from .gateways import KEY_PRESS, PRESS, Running, connected, enter, pack, raw, running, says, wait_until
 

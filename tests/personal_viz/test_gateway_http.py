@@ -8,9 +8,9 @@ from starlette.applications import Starlette
 from starlette.types import Message, Receive, Scope, Send
 from uvicorn.server import ServerState
 
-from personal_viz import gateway_http
-from personal_viz.gateway_http import Guard, PromptProtocol, host_name, uvicorn_server
-from personal_viz.gateway_options import ServeOptions
+from personal_viz.study_app.gateway import http as gateway_http
+from personal_viz.study_app.gateway.http import Guard, PromptProtocol, host_name, uvicorn_server
+from personal_viz.study_app.gateway.options import ServeOptions
 
 
 def scope_from(peer: str, *, forwarded_for: str = "", kind: str = "http") -> Scope:

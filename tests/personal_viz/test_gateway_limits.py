@@ -2,7 +2,7 @@
 
 import pytest
 
-from personal_viz.gateway_limits import AddressLimit, Holds, client_address, is_forwarded
+from personal_viz.study_app.gateway.limits import AddressLimit, Holds, client_address, is_forwarded
 
 PROXY = "10.0.0.9"
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from human_study.study import StudyEthics
-from personal_viz.gateway_options import ServeOptions, require_may_serve
+from human_study.design.study import StudyEthics
+from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
 from sim.errors import StudyError
 
 from .gateways import small_config

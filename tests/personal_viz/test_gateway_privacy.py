@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from human_study.store import open_store
+from human_study.store.store import open_store
 from human_study.tickets import new_token, token_hash
-from personal_viz.admission import PAY_FILE, Admission, PayFile, Tickets
-from personal_viz.gateway import Gateway
-from personal_viz.gateway_options import ServeOptions
+from personal_viz.study_app.gateway.admission import PAY_FILE, Admission, PayFile, Tickets
+from personal_viz.study_app.gateway.app import Gateway
+from personal_viz.study_app.gateway.options import ServeOptions
 from tests.human_study.small_world import plan, study
 
 from .gateways import KEY, OnePort

@@ -9,8 +9,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from personal_viz.gateway_options import ServeOptions
-from personal_viz.page_version import SUBPROTOCOL, is_other_viser, page_of, page_version
+from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.page_version import SUBPROTOCOL, is_other_viser, page_of, page_version
 
 from .gateways import PRESS, Running, enter, pack, running
 

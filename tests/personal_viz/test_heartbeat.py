@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 import viser
 
-from personal_viz.heartbeat import Heartbeat, answers
+from personal_viz.study_app.gateway.heartbeat import Heartbeat, answers
 
 NEVER = threading.Event()
 LONG_S, SHORT_S = 120.0, 0.3

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.cli import ContactSheet, Homes, parse
-from personal_viz.commands.homes import homes
-from personal_viz.commands.recordings import replay
-from personal_viz.commands.runs import metrics, run
+from personal_viz.cli.homes import homes
+from personal_viz.cli.recordings import replay
+from personal_viz.cli.runs import metrics, run
+from personal_viz.cli.verbs import ContactSheet, Homes, parse
+from sim.authoring.generation import dataset_files, write_files
 from sim.cache import VARIABLE
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import dataset_files, write_files
 from sim.errors import DatasetError, PersonalVizError, RecordingError, RunFileError, SceneError
-from sim.scenes.plan import load_plan, save_plan
-from sim.scenes.recover import recover_plan
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
+from sim.homes.plan import load_plan, save_plan
+from sim.homes.recovered.recover import recover_plan
 from tests.sim.synthetic import SCENE, example_content, example_goal, example_view_point, write_dataset
 
 from .program import assert_one_line, personal_viz
@@ -53,7 +53,7 @@ def test_the_json_has_each_scene_and_the_total(schematic: Path, capsys: pytest.C
 def test_build_times_are_those_of_a_first_visit(
     schematic: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import personal_viz.commands.homes as module
+    import personal_viz.cli.homes as module
 
     used = []
     built = module.build_home

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from personal_viz.homes import HomeLibrary
+from personal_viz.study_app.home.homes import HomeLibrary
 from sim.errors import SceneError
 
 TIMEOUT_S = 10.0

@@ -8,18 +8,18 @@ import pytest
 from PIL import Image
 from rerun.chunk import RrdReader
 
-from human_study.export import export_study
-from personal_viz.cli import parse
-from personal_viz.commands.compare import compare
-from personal_viz.commands.contact_sheet import contact_sheet
-from personal_viz.commands.export import export
-from personal_viz.commands.homes import homes
-from personal_viz.commands.pog_report import pog_report
-from personal_viz.commands.recordings import replay
-from personal_viz.commands.report import report
-from personal_viz.commands.runs import metrics
-from sim.scenes.kind import scene_label
-from sim.tasks.export_runs import ExportFormat
+from human_study.export.study_export import export_study
+from personal_viz.cli.compare import compare
+from personal_viz.cli.contact_sheet import contact_sheet
+from personal_viz.cli.export import export
+from personal_viz.cli.homes import homes
+from personal_viz.cli.pog_report import pog_report
+from personal_viz.cli.recordings import replay
+from personal_viz.cli.runs import metrics
+from personal_viz.cli.study.report import report
+from personal_viz.cli.verbs import parse
+from sim.exchange.export_runs import ExportFormat
+from sim.homes.kind import scene_label
 from sim.types import SceneKind
 
 from ..human_study.finished import study_with_trials

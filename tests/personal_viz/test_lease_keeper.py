@@ -6,19 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from human_study.database import require_free_space
-from human_study.plan import StudyScene, save_plan
-from human_study.planning import make_plan
-from human_study.progress import study_progress
-from human_study.records import read_study
-from human_study.stages import has_dropped_out
-from human_study.store import StudyStore, open_store
-from human_study.study import save_study
+from human_study.design.plan import StudyScene, save_plan
+from human_study.design.planning import make_plan
+from human_study.design.study import save_study
+from human_study.store.database import require_free_space
+from human_study.store.progress import study_progress
+from human_study.store.records import read_study
+from human_study.store.stages import has_dropped_out
+from human_study.store.store import StudyStore, open_store
 from human_study.tickets import token_hash
-from personal_viz.commands.exclude import exclude
-from personal_viz.commands.study import withdraw
-from personal_viz.lease_keeper import LeaseKeeper
-from personal_viz.upkeep import Backups, Upkeep, upkeep
+from personal_viz.cli.study.exclude import exclude
+from personal_viz.cli.study.folder import withdraw
+from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
+from personal_viz.study_app.gateway.upkeep import Backups, Upkeep, upkeep
 from sim.errors import StudyError
 from sim.types import EpisodeKey
 from tests.human_study.small_world import study
@@ -243,7 +243,7 @@ def test_what_fails_in_a_round_stops_neither_the_rest_of_it_nor_the_next_one(
             raise FileNotFoundError("study.db-wal")
 
         monkeypatch.setattr(rounds._backups, "tick", vanished)
-        monkeypatch.setattr("personal_viz.upkeep.free_mb", lambda _: 3)
+        monkeypatch.setattr("personal_viz.study_app.gateway.upkeep.free_mb", lambda _: 3)
         rounds.tick()
         rounds.tick()
     assert [line.split("failed")[0].split(":")[1].strip() for line in told] == [
@@ -257,7 +257,7 @@ def test_a_disk_that_gets_full_is_told_once(tmp_path: Path, monkeypatch: pytest.
     with started(tmp_path, **HOUSE_ONCE) as store:
         keeper, _, told = kept(store)
         rounds = Upkeep(store, keeper, tell=told.append)
-        monkeypatch.setattr("personal_viz.upkeep.free_mb", lambda _: 3)
+        monkeypatch.setattr("personal_viz.study_app.gateway.upkeep.free_mb", lambda _: 3)
         rounds.tick()
         rounds.tick()
     assert told == [f"{tmp_path}: its disk has 3 MB free; free some space soon. The study goes on."]

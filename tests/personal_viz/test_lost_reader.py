@@ -10,9 +10,9 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from personal_viz import cli
 from personal_viz.__main__ import main
-from personal_viz.cli_study import Study
+from personal_viz.cli import verbs as cli
+from personal_viz.cli.study.options_study import Study
 from sim.errors import DatasetError
 
 COMMAND = [sys.executable, "-m", "personal_viz"]

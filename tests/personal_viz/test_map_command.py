@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from grounding.checks.room import check_views
-from grounding.map_files import load_memory, read_map_header
-from grounding.memory import ObjectMap
+from grounding.maps.files import load_memory, read_map_header
+from grounding.maps.home_map import ObjectMap
 from personal_viz.__main__ import main
-from personal_viz.cli import parse
+from personal_viz.cli.verbs import parse
 from sim.errors import AgentError, PersonalVizError
 from tests.grounding.mapped_views import ColourEncoder, write_recording
 

@@ -19,8 +19,8 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from human_study.plan import PRACTICE_FOLDER, StudyScene
-from human_study.study import (
+from human_study.design.plan import PRACTICE_FOLDER, StudyScene
+from human_study.design.study import (
     StudyBreaks,
     StudyChecks,
     StudyConfig,
@@ -29,20 +29,20 @@ from human_study.study import (
     StudyPractice,
     save_study,
 )
-from personal_viz.bots_page import BotPage, decoded
-from personal_viz.bots_run import run_bots
-from personal_viz.bots_site import Site
-from personal_viz.commands.study_files import PRACTICE_HOME, plan_study
-from personal_viz.first_camera import CAMERA
-from personal_viz.frames import RenderThreads
-from personal_viz.home import Home
-from personal_viz.page_script import STATIC
-from personal_viz.server import open_home
+from personal_viz.bots.page import BotPage, decoded
+from personal_viz.bots.run import run_bots
+from personal_viz.bots.site import Site
+from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.home.frames import RenderThreads
+from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.page_script import STATIC
+from personal_viz.study_app.server import open_home
+from personal_viz.study_app.study_files import PRACTICE_HOME, plan_study
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
+from sim.render.raycast import Raycaster
 from sim.tasks.pan import PanEnv
 from sim.types import Action
-from sim.world.raycast import Raycaster
 
 from ..human_study.small_world import study
 from .flow_studies import served

@@ -2,7 +2,7 @@
 
 import pytest
 
-from personal_viz.pan_app import button_label
+from personal_viz.study_app.screens.pan import button_label
 from sim.types import Action
 
 

@@ -4,23 +4,14 @@ import dataclasses
 
 import pytest
 
-from human_study.commands import (
-    CloseMap,
-    Confirm,
-    GiveUp,
-    Move,
-    PageChanged,
-    PressStop,
-    Rate,
-    ShowStorey,
-)
-from human_study.events import Clicked, Confidence, Event, Shown
-from human_study.plan import Phase
-from human_study.store import SupersededError
-from human_study.verify import verify_trial
-from human_study.views import LookView, PanView, PogView
-from human_study.writer import StoreFullError
-from personal_viz.desk import GoneError, WithdrawnError
+from human_study.design.plan import Phase
+from human_study.export.verify import verify_trial
+from human_study.store.store import SupersededError
+from human_study.store.writer import StoreFullError
+from human_study.trial.commands import CloseMap, Confirm, GiveUp, Move, PageChanged, PressStop, Rate, ShowStorey
+from human_study.trial.events import Clicked, Confidence, Event, Shown
+from human_study.trial.views import LookView, PanView, PogView
+from personal_viz.study_app.screens.desk import GoneError, WithdrawnError
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import Action
 
@@ -194,7 +185,7 @@ def test_a_failure_before_the_trial_begins_is_technical_with_one_event(
     def broken(*_: object) -> None:
         raise RuntimeError("the home cannot be walked in")
 
-    monkeypatch.setattr("personal_viz.play.pan_env", broken)
+    monkeypatch.setattr("personal_viz.study_app.screens.play.pan_env", broken)
     trial = played(fake_screens, MemoryLink("pan"), FORWARD)
     assert kinds(trial) == ["error"]
     assert trial.link.outcome == EpisodeEnd(reason="technical")
@@ -210,7 +201,7 @@ def test_a_trial_that_cannot_be_scored_says_so_in_its_record(
     def broken(*_: object, **__: object) -> None:
         raise RuntimeError("no way to the target")
 
-    monkeypatch.setattr(f"personal_viz.play.{name}", broken)
+    monkeypatch.setattr(f"personal_viz.study_app.screens.play.{name}", broken)
     link = MemoryLink("pan" if name == "pan_outcome" else "pog")
     trial = played(fake_screens, link, *([FORWARD, *STOP] if name == "pan_outcome" else [RAY, Confirm()]))
     assert link.outcome.reason == "technical"

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from human_study.outcome import HIT_TOLERANCE
-from human_study.views import PogView
-from personal_viz.map_view import map_click
-from personal_viz.play_clicks import click_of
-from personal_viz.pog_app import Nudge
-from personal_viz.top_view import TopView
-from sim.scenes.cut import StoreyCut
+from human_study.trial.outcome import HIT_TOLERANCE
+from human_study.trial.views import PogView
+from personal_viz.study_app.home.map_view import map_click
+from personal_viz.study_app.home.top_view import TopView
+from personal_viz.study_app.screens.play_clicks import click_of
+from personal_viz.study_app.screens.pog import Nudge
+from sim.copies.cut import StoreyCut
 from sim.tasks.run_files import ClickRay, Vector3
 from sim.types import GridSpec
 

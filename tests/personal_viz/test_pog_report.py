@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from grounding.evaluate import evaluate, select_jobs
-from grounding.grounders import GrounderName
+from grounding.methods.by_name import GrounderName
 from grounding.settings import GroundSettings
-from personal_viz.cli import parse
-from personal_viz.commands.pog_report import pog_report
+from personal_viz.cli.pog_report import pog_report
+from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RunFileError
 from sim.tasks.provenance import make_run_info

@@ -12,9 +12,9 @@ import pytest
 import viser
 from websockets.sync.client import connect
 
-from human_study.export import export_study
-from human_study.study import StudyPractice, StudyPrivacy, StudyRecruit
-from personal_viz.recruit_codes import CODES_FILE
+from human_study.design.study import StudyPractice, StudyPrivacy, StudyRecruit
+from human_study.export.study_export import export_study
+from personal_viz.study_app.recruit_codes import CODES_FILE
 
 from .flow_studies import plan_small, started
 from .wire import CAMERA, WireClient

@@ -14,17 +14,17 @@ import viser
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from human_study.record_types import TrialStatus
-from human_study.store import StudyStore, SupersededError, open_store
+from human_study.store.record_types import TrialStatus
+from human_study.store.store import StudyStore, SupersededError, open_store
 from human_study.tickets import token_hash
-from personal_viz.first_camera import CAMERA
-from personal_viz.home import Home
-from personal_viz.homes import HomeLibrary
-from personal_viz.recruit_codes import EndCode
-from personal_viz.seat import Study
-from personal_viz.server import serve
-from personal_viz.store_link import StoreLink, StoreService
-from personal_viz.worker_door import SECRET_HEADER, WorkerDoor
+from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.home.homes import HomeLibrary
+from personal_viz.study_app.recruit_codes import EndCode
+from personal_viz.study_app.screens.seat import Study
+from personal_viz.study_app.server import serve
+from personal_viz.study_app.store_link import StoreLink, StoreService
+from personal_viz.study_app.worker_door import SECRET_HEADER, WorkerDoor
 
 from ..human_study.small_world import plan, study
 from .fake_play import meshless_home

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from human_study.events import Act
-from human_study.records import read_study
-from human_study.store import StudyStore, open_store
-from personal_viz.commands.serve_study import ended_by_sigterm, listen, serve_study, shown_live
-from personal_viz.gateway_options import ServeOptions
+from human_study.store.records import read_study
+from human_study.store.store import StudyStore, open_store
+from human_study.trial.events import Act
+from personal_viz.cli.study.serve import ended_by_sigterm, listen, serve_study, shown_live
+from personal_viz.study_app.gateway.options import ServeOptions
 from sim.errors import StudyError
 from tests.human_study.small_world import plan, study
 

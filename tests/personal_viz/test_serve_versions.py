@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from human_study.plan import load_plan
-from human_study.store import open_store
-from human_study.study import StudyPractice, load_study
+from human_study.design.plan import load_plan
+from human_study.design.study import StudyPractice, load_study
+from human_study.store.store import open_store
 from personal_viz.__main__ import main
 
 from .flow_studies import plan_small

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from grounding.explore import Exploration, explore, start_on_storey
-from grounding.exploring.files import load_exploration, save_exploration
-from personal_viz.cli import parse
-from personal_viz.commands import same_home
-from personal_viz.commands.show_exploration import show_exploration
+from grounding.agents.exploration_files import load_exploration, save_exploration
+from grounding.agents.explore import Exploration, explore, start_on_storey
+from personal_viz.cli import same_home
+from personal_viz.cli.show_exploration import show_exploration
+from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
-from sim.scenes.scene import Scene
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
+from sim.mesh import Scene
 from sim.types import Camera
 
 from ..grounding.small_homes import write_small_dataset

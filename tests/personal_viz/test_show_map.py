@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.map_files import MapSource, save_memory
-from grounding.memory import HomeMemory, OccupancyGrid, StoreyMemory
+from grounding.maps.files import MapSource, save_memory
+from grounding.maps.home_map import HomeMemory, OccupancyGrid, StoreyMemory
 from grounding.types import map_from_cells
-from personal_viz.cli import parse
-from personal_viz.commands.show_map import show_map
+from personal_viz.cli.show_map import show_map
+from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
 from sim.tasks.observers import FREE
 from sim.types import GridSpec
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from human_study.progress_people import PersonProgress, Place, State
-from personal_viz.commands.status import MIN_WIDTH, page, progress_now, status
-from personal_viz.progress_words import age_words, disk_words, place_words
+from human_study.store.progress_people import PersonProgress, Place, State
+from personal_viz.cli.study.status import MIN_WIDTH, page, progress_now, status
+from personal_viz.study_app.progress_words import age_words, disk_words, place_words
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials
 from tests.human_study.small_world import CANARY
@@ -22,7 +22,7 @@ from tests.human_study.stores import KEY, opened
 
 from .busy_studies import busy_study
 
-SHOW = "import sys; from pathlib import Path; from personal_viz.commands.status import status; "
+SHOW = "import sys; from pathlib import Path; from personal_viz.cli.study.status import status; "
 SHOW += "sys.exit(status(study=Path(sys.argv[1]), json=True, watch=True))"
 
 

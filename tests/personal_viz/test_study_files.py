@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from human_study.plan import PLAN_FILE, PlannedParticipant, StudyPlan, StudyScene, load_plan
-from human_study.study import STUDY_FILE, StudyConfig, StudyDataset, load_study
-from personal_viz.commands.study_files import init, plan, require_texts
+from human_study.design.plan import PLAN_FILE, PlannedParticipant, StudyPlan, StudyScene, load_plan
+from human_study.design.study import STUDY_FILE, StudyConfig, StudyDataset, load_study
+from personal_viz.study_app.study_files import init, plan, require_texts
 from sim.errors import StudyError
 
 from .invented import invented_dataset

@@ -7,19 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from human_study.commands import Click, Command, Confirm, GiveUp, Move, PressStop, Start
-from human_study.outcome import pan_outcome, pog_outcome
-from human_study.plan import PRACTICE_FOLDER, StudyPlan
-from human_study.records import read_study
-from human_study.session import PanSession, PogSession, terms_of
-from human_study.store import StudyStore, Trial, open_store
-from human_study.study import StudyConfig, StudyDataset, load_study, save_study
+from human_study.design.plan import PRACTICE_FOLDER, StudyPlan
+from human_study.design.study import StudyConfig, StudyDataset, load_study, save_study
+from human_study.store.records import read_study
+from human_study.store.store import StudyStore, Trial, open_store
 from human_study.tickets import token_hash
-from personal_viz.commands.exclude import exclude
-from personal_viz.commands.export_study import export, import_check
-from personal_viz.commands.study_files import plan_study
-from personal_viz.commands.verify_study import verify
-from personal_viz.trial_homes import open_any_home
+from human_study.trial.commands import Click, Command, Confirm, GiveUp, Move, PressStop, Start
+from human_study.trial.outcome import pan_outcome, pog_outcome
+from human_study.trial.session import PanSession, PogSession, terms_of
+from personal_viz.cli.study.exclude import exclude
+from personal_viz.cli.study.export import export, import_check
+from personal_viz.cli.study.verify import verify
+from personal_viz.study_app.home.trial_homes import open_any_home
+from personal_viz.study_app.study_files import plan_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.pan import PanEnv

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.events import Act
-from human_study.progress import study_progress
-from human_study.progress_people import PersonProgress
-from human_study.records import read_study
+from human_study.store.progress import study_progress
+from human_study.store.progress_people import PersonProgress
+from human_study.store.records import read_study
+from human_study.trial.events import Act
 
 from .flow_steps import HOLD_MS, see_step, start
 from .flow_studies import PlannedStudy, children, free_port, is_running, served

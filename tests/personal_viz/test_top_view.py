@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from human_study.events import Clicked, event_from_json, event_to_json
-from personal_viz.top_view import PAPER, PIXELS_PER_METRE, STRIP, TopView, map_grid, top_views
-from sim.scenes.scene import FLAT, Scene, SceneObject, TriangleMesh
+from human_study.trial.events import Clicked, event_from_json, event_to_json
+from personal_viz.study_app.home.top_view import PAPER, PIXELS_PER_METRE, STRIP, TopView, map_grid, top_views
+from sim.mesh import FLAT, Scene, SceneObject, TriangleMesh
 from sim.types import GridSpec
 
 from ..human_study.small_world import HALF, SquareRoom

@@ -9,9 +9,9 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from personal_viz.first_camera import CAMERA
-from personal_viz.server import address_of
-from personal_viz.worker_door import SECRET_HEADER, open_door
+from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.server import address_of
+from personal_viz.study_app.worker_door import SECRET_HEADER, open_door
 
 from .gateways import pack, raw
 

@@ -6,12 +6,12 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 
-from human_study.commands import CloseMap, Confirm, GiveUp, Move, PressStop, ShowStorey
-from human_study.events import Act, Clicked
-from human_study.outcome import walked_steps
-from human_study.store import Trial
-from human_study.views import LookView, PanView, PogView, RateView
-from personal_viz.watch import MAX_WAITING, Watches
+from human_study.store.store import Trial
+from human_study.trial.commands import CloseMap, Confirm, GiveUp, Move, PressStop, ShowStorey
+from human_study.trial.events import Act, Clicked
+from human_study.trial.outcome import walked_steps
+from human_study.trial.views import LookView, PanView, PogView, RateView
+from personal_viz.study_app.watch import MAX_WAITING, Watches
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
 from sim.tasks.observers import Insight

@@ -7,12 +7,12 @@ import pyarrow as pa
 import pytest
 from rerun.chunk import RrdReader
 
-from human_study.events import Act
-from human_study.export import export_study
-from human_study.records import read_study
-from human_study.tables.codes import exported_codes
-from personal_viz.commands.study import serve
-from personal_viz.served import start_study
+from human_study.export.codes import exported_codes
+from human_study.export.study_export import export_study
+from human_study.store.records import read_study
+from human_study.trial.events import Act
+from personal_viz.cli.study.folder import serve
+from personal_viz.study_app.operator.served import start_study
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeStart, RunInfo, Step, read_run
 

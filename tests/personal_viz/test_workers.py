@@ -14,16 +14,16 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from human_study.store import StudyStore
-from personal_viz import workers
-from personal_viz.admission import Tickets
-from personal_viz.commands.serve_study import listen
-from personal_viz.gateway import Gateway
-from personal_viz.gateway_http import uvicorn_server
-from personal_viz.gateway_options import ServeOptions
-from personal_viz.heartbeat import Heartbeat
-from personal_viz.recruit_codes import EndCode
-from personal_viz.workers import WorkerPool, worker_command
+from human_study.store.store import StudyStore
+from personal_viz.cli.study.serve import listen
+from personal_viz.study_app.gateway import workers
+from personal_viz.study_app.gateway.admission import Tickets
+from personal_viz.study_app.gateway.app import Gateway
+from personal_viz.study_app.gateway.heartbeat import Heartbeat
+from personal_viz.study_app.gateway.http import uvicorn_server
+from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.gateway.workers import WorkerPool, worker_command
+from personal_viz.study_app.recruit_codes import EndCode
 from sim.errors import StudyError
 
 from .gateways import PRESS, admission_for, enter, few_people, pack, wait_until
@@ -243,7 +243,7 @@ def test_a_worker_that_hangs_each_time_it_is_started_is_given_up(
 
 def test_the_program_of_a_worker_names_what_it_needs() -> None:
     command = worker_command(Path("study"), Path("data"), Path("scans"), rerun="live", with_pixels=True)(7)
-    assert command[1:5] == ["-m", "personal_viz.server", "--fd", "7"]
+    assert command[1:5] == ["-m", "personal_viz.study_app.server", "--fd", "7"]
     assert command[5:9] == ["--study", "study", "--dataset", "data"]
     assert command[9:] == ["--scenes-dir", "scans", "--rerun", "live", "--with-pixels"]
     assert worker_command(Path("s"), Path("d"), None)(3)[3:] == ["--fd", "3", "--study", "s", "--dataset", "d"]

@@ -14,7 +14,7 @@ import zstandard
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from personal_viz.first_camera import CAMERA
+from personal_viz.study_app.first_camera import CAMERA
 
 
 class WireClient:

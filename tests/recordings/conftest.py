@@ -8,13 +8,13 @@ import pytest
 import rerun as rr
 
 from sim.episodes.schema import Episode, EpisodeRecord, Goal
-from sim.scenes.scene import Scene, TriangleMesh
+from sim.mesh import Scene, TriangleMesh
+from sim.render.raycast import Raycaster
 from sim.tasks.pan import PanEnv
 from sim.tasks.rules import score_run
 from sim.tasks.run_files import Answer, AnswerMeasures, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo
 from sim.types import Action, EpisodeKey
-from sim.world.floor_grid import floor_grid_from_mesh
-from sim.world.raycast import Raycaster
+from sim.walk.floor_grid import floor_grid_from_mesh
 
 KEY = EpisodeKey("easy", "BoxHouse", "7")
 BOXES = [  # low corner, high corner, colour

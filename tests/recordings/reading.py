@@ -9,7 +9,7 @@ from rerun.chunk import RrdReader
 
 from recordings.replay import log_comparison
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.run_files import Run
 from sim.types import Camera
 

@@ -12,10 +12,10 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 
 from sim.frames import T_world_camera, forward_from_yaw, yaw_from_quat_xyzw
-from sim.scenes.glb import load_glb
+from sim.render.raycast import Raycaster
+from sim.scans.glb import load_glb
 from sim.types import Camera, Pose
-from sim.world.navmesh import load_navmesh
-from sim.world.raycast import Raycaster
+from sim.walk.navmesh import load_navmesh
 
 
 class PathFinder:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from personal_viz.bench.agreement import Agreement, agreement
+from personal_viz.bench.habitat.agreement import Agreement, agreement
 from recordings import habitat_golden
 from tests.recordings.stand_in_habitat import PathFinder, habitat_lab, habitat_sim
 

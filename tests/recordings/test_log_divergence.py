@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.tasks.run_files import Run
-from sim.world.raycast import Raycaster
 
 from .conftest import info
 from .reading import Tables, record

@@ -8,7 +8,7 @@ import pytest
 
 from recordings.log_goal import goal_region
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.run_files import Run
 
 from .reading import record

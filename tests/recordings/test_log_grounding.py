@@ -9,16 +9,16 @@ import pytest
 from PIL import Image
 
 from grounding.evaluate import GroundSettings, SceneGrounder
-from grounding.pog.asked_again import settings_of
+from grounding.report.asked_again import settings_of
 from recordings.carpets import on_map
 from recordings.log_grounding import outline, reground
 from recordings.log_maps import StoreyMap
 from recordings.traces import select_traces
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.run_files import Run
 from sim.types import EpisodeKey, GridSpec
-from sim.world.floor_grid import FloorGrid
+from sim.walk.floor_grid import FloorGrid
 
 from ..grounding.small_homes import write_small_dataset
 from .conftest import info

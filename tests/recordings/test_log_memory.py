@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from grounding.memory import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
+from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.types import map_from_cells
 from recordings.log_memory import memory_markdown, storeys_of_memory
 from recordings.map_colours import GREY, vector_rgb
 from recordings.memory_recording import record_memory
 from sim.errors import RecordingError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import GridSpec
-from sim.world.floor_grid import FloorGrid
+from sim.walk.floor_grid import FloorGrid
 
 from .reading import Tables, tables
 

@@ -21,12 +21,12 @@ from recordings.map_pictures import HEAT_PALETTE, SEEN_PALETTE
 from recordings.observer import ObserveRuns, RerunObserver
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.tasks.observers import FREE, OCCUPIED, Detection, Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import EpisodeRun, RunInfo
 from sim.types import Action, Camera, GridSpec
-from sim.world.raycast import Raycaster
 
 from .conftest import info, to_the_table, walk
 

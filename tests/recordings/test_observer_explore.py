@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-from grounding.explore import Exploration, explore
-from grounding.exploring import jobs
-from grounding.exploring.jobs import ExploreJob, run_job
-from personal_viz.commands.explore import watching
+from grounding.agents import exploration_jobs as jobs
+from grounding.agents.exploration_jobs import ExploreJob, run_job
+from grounding.agents.explore import Exploration, explore
+from personal_viz.cli.explore import watching
 from recordings.live import LiveSink, live_sink
 from recordings.observer_explore import ExplorationObserver
 from recordings.paths import ExplorationKey
@@ -23,9 +23,9 @@ from recordings.replay_exploration import (
     replay_exploration,
 )
 from sim.errors import RecordingError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.types import Camera, Pose
-from sim.world.raycast import Raycaster
 
 from .reading import Tables, tables
 

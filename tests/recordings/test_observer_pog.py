@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 from recordings.live import LiveSink
 from recordings.observer_pog import AnswerObserver
 from sim.episodes.schema import Episode
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.rules import score_answer
 from sim.tasks.run_files import Answer, ClickRay
 

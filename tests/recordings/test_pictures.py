@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from recordings.pictures import picture_cameras, rendered_jpegs
+from sim.render.raycast import Raycaster
+from sim.render.renderer import Frame, Hits
 from sim.types import Camera, Pose
-from sim.world.raycast import Raycaster
-from sim.world.renderer import Frame, Hits
 
 
 class Counting:

@@ -15,7 +15,7 @@ from recordings.replay import log_comparison
 from recordings.stream import open_recording
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.run_files import ClickRay, Run
 
 from .conftest import KEY, written

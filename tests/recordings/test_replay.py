@@ -16,17 +16,17 @@ import rerun_cli
 from PIL import Image
 from rerun.chunk import RrdReader
 
-from personal_viz.commands.options import key_from_text
+from personal_viz.study_app.checked_options import key_from_text
 from recordings.paths import escape_part
 from recordings.replay import log_comparison
 from sim.episodes.schema import Episode
 from sim.errors import PersonalVizError, RecordingError
-from sim.scenes.glb import load_glb
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
+from sim.scans.glb import load_glb
 from sim.tasks.run_files import Run
 from sim.types import GridSpec
-from sim.world.floor_grid import FloorGrid
-from sim.world.raycast import Raycaster
+from sim.walk.floor_grid import FloorGrid
 
 from .conftest import KEY, info
 from .reading import SMALL, record, tables

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-from personal_viz.commands.recordings import replay
+from personal_viz.cli.recordings import replay
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 from sim.tasks.provenance import make_run_info

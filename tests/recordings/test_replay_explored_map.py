@@ -5,22 +5,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.encoders import make_encoder
+from grounding.encoders.by_name import make_encoder
 from grounding.evaluate import SceneGrounder
-from grounding.grounders import GrounderName
 from grounding.home_maps import MapFolders
-from grounding.map_files import MapSource, save_memory
-from grounding.memory import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
-from grounding.oracle.oracle_map import objects_map, oracle_home
+from grounding.maps.files import MapSource, save_memory
+from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
+from grounding.maps.oracle_map import objects_map, oracle_home
+from grounding.methods.by_name import GrounderName
 from grounding.settings import GroundSettings
 from recordings.log_grounding import reground
 from recordings.traces import select_traces
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.observers import FREE, UNKNOWN
 from sim.tasks.run_files import Answer, ClickRay, Run
 from sim.types import EpisodeKey, GridSpec
-from sim.world.floor_grid import FloorGrid
+from sim.walk.floor_grid import FloorGrid
 
 from ..grounding.small_homes import write_small_dataset
 from .conftest import info

@@ -7,14 +7,14 @@ import pytest
 from PIL import Image
 
 from personal_viz.browser import find_chromium
-from personal_viz.screenshots_rerun import screenshot_rrd
+from personal_viz.screenshots.rerun_page import screenshot_rrd
 from recordings.log_run import Rgb
 from recordings.replay import RUN_COLORS, log_comparison
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.tasks.run_files import Run
-from sim.world.raycast import Raycaster
 
 
 def share(png: Path, rgb: Rgb) -> float:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import T_world_camera
-from sim.scenes.labels import renderer_of
-from sim.scenes.scene import Scene
-from sim.scenes.sources import open_scene
+from sim.homes.labels import renderer_of
+from sim.homes.open_home import open_scene
+from sim.mesh import Scene
 from sim.types import Camera, Pose
 
 CAMERA = Camera(width=64, height=48)

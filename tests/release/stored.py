@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from human_study.study import StudyDataset, StudyMemory
-from human_study.tables.trial_table import TrialRow
+from human_study.design.study import StudyDataset, StudyMemory
+from human_study.export.trial_table import TrialRow
 from sim.tasks.run_files import Answer, AnswerMeasures, Run
 from sim.types import SPLITS
 from tests.conftest import SHARED

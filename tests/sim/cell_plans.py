@@ -1,7 +1,7 @@
 """Small homes given as cells, with known walls."""
 
-from sim.scenes.cells import AreaRun, CellGrid, CellRun
-from sim.scenes.plan import Finish, HomePlan, Room, Storey
+from sim.homes.cells import AreaRun, CellGrid, CellRun
+from sim.homes.plan import Finish, HomePlan, Room, Storey
 
 BLUE, RED = Finish(material="plaster", rgb=(80, 90, 200)), Finish(material="plaster", rgb=(200, 90, 80))
 WOOD, TILE = Finish(material="wood", rgb=(160, 120, 80)), Finish(material="tile", rgb=(190, 196, 200))

@@ -4,7 +4,7 @@ from functools import partial
 
 import pytest
 
-from sim.world.raycast import Raycaster
+from sim.render.raycast import Raycaster
 
 from .raycasters import has_embree
 

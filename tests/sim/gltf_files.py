@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from sim.scenes.glb import load_glb
-from sim.scenes.scene import TriangleMesh
+from sim.mesh import TriangleMesh
+from sim.scans.glb import load_glb
 
 DATA = Path(__file__).parent / "data"
 SQUARE = np.array([[0.0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]], np.float32)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from sim.scenes.scene import TriangleMesh
+from sim.mesh import TriangleMesh
 from sim.types import GridSpec
-from sim.world.floor_grid import FloorGrid
+from sim.walk.floor_grid import FloorGrid
 from tests.sim.meshes import box, floor, mesh_of
 
 CELL = 0.05

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scenes.scene import TriangleMesh
+from sim.mesh import TriangleMesh
 
 Quad = tuple[NDArray[np.float64], tuple[int, int, int], int]
 

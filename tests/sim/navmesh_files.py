@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.world.navmesh_file import NavMeshSettings
+from sim.walk.navmesh_file import NavMeshSettings
 
 Outline = NDArray[np.float64]
 

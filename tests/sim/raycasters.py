@@ -7,11 +7,11 @@ import numpy as np
 
 from sim.errors import MissingDependencyError
 from sim.frames import T_world_camera
-from sim.scenes.scene import TriangleMesh
+from sim.mesh import TriangleMesh
+from sim.render import embree
+from sim.render.raycast import Raycaster
+from sim.render.renderer import Frame
 from sim.types import Camera, Pose
-from sim.world import embree
-from sim.world.raycast import Raycaster
-from sim.world.renderer import Frame
 
 from .meshes import floor, mesh_of
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from sim.episodes.schema import Goal
 from sim.frames import quat_xyzw_from_yaw, yaw_towards
-from sim.scenes.plan import Furniture, Storey
-from sim.scenes.recovery.recorded import Recorded
-from sim.scenes.recovery.recovered_objects import RecoveredObject, recovered_objects
+from sim.homes.plan import Furniture, Storey
+from sim.homes.recovered.recorded import Recorded
+from sim.homes.recovered.recovered_objects import RecoveredObject, recovered_objects
 
 from .synthetic import example_goal, example_view_point
 

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sim.scenes.atlas import NUM_SHEETS, SHEET_SIDE, atlased
-from sim.scenes.scene import FLAT, TriangleMesh
+from sim.copies.atlas import NUM_SHEETS, SHEET_SIDE, atlased
+from sim.mesh import FLAT, TriangleMesh
 
 from .meshes import floor, mesh_of
 

@@ -11,8 +11,8 @@ import pytest
 
 from sim.cache import VARIABLE
 from sim.errors import MissingDependencyError, SceneError
-from sim.scenes.basis import basis_rgb, basis_size, is_basis
-from sim.scenes.glb import load_glb
+from sim.scans.basis import basis_rgb, basis_size, is_basis
+from sim.scans.glb import load_glb
 
 from .gltf_files import BLUE, DATA, GREEN, RED, UV, YELLOW, GltfWriter, four_colours, loaded, shown
 

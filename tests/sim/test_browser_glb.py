@@ -12,19 +12,19 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
-from personal_viz.bench.scenes import bench_mesh
+from personal_viz.bench.sim.scenes import bench_mesh
 from sim.cache import VARIABLE
+from sim.copies.browser_glb import MAX_BYTES, MAX_FACES, browser_glb, glb_from_mesh
+from sim.copies.cut import storey_mesh
 from sim.errors import SceneError
 from sim.frames import T_world_camera
-from sim.scenes.browser_glb import MAX_BYTES, MAX_FACES, browser_glb, glb_from_mesh
-from sim.scenes.cut import storey_mesh
-from sim.scenes.glb import load_glb
-from sim.scenes.invent import invent_plan
-from sim.scenes.scene import FLAT, VERTEX_COLOURS, Scene, TriangleMesh
-from sim.scenes.sources import scene_from_plan
+from sim.homes.invented.invent import invent_plan
+from sim.homes.open_home import scene_from_plan
+from sim.mesh import FLAT, VERTEX_COLOURS, Scene, TriangleMesh
+from sim.render.raycast import Raycaster
+from sim.scans.glb import load_glb
 from sim.types import Camera, Pose
-from sim.world.floor_grid import floor_grid_from_mesh
-from sim.world.raycast import Raycaster
+from sim.walk.floor_grid import floor_grid_from_mesh
 
 from .meshes import floor, mesh_of
 

@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from sim.episodes.captions import are_mixed_up, caption_of, ownership_sentence, queries_for
-from sim.episodes.descriptions import OwnedItem, write_description
+from sim.authoring.captions import are_mixed_up, caption_of, ownership_sentence, queries_for
+from sim.authoring.descriptions import OwnedItem, write_description
 from sim.episodes.ownership import parse_ownership
-from sim.scenes.invent import invent_plan
-from sim.scenes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
+from sim.homes.invented.invent import invent_plan
+from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
 
 GREY = Finish(rgb=(128, 128, 128))
 

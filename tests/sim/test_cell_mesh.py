@@ -5,18 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from sim.scenes.building.cell_mesh import add_cells
-from sim.scenes.building.cell_spaces import floor_layers, padded
-from sim.scenes.building.quads import QuadBuilder
-from sim.scenes.building.stairs_mesh import RISE, with_whole_flights
-from sim.scenes.building.storey_cells import StoreyCells, storeys_of_cells
-from sim.scenes.cells import cells_from_runs
-from sim.scenes.cut import CUT_HEIGHT, storey_mesh
-from sim.scenes.furnish import mesh_from_plan
-from sim.scenes.plan import HomePlan
-from sim.scenes.scene import TriangleMesh
-from sim.scenes.sources import scene_from_plan
-from sim.world.raycast import Raycaster
+from sim.copies.cut import storey_mesh
+from sim.homes.building.cell_mesh import add_cells
+from sim.homes.building.cell_spaces import floor_layers, padded
+from sim.homes.building.quads import QuadBuilder
+from sim.homes.building.stairs_mesh import RISE, with_whole_flights
+from sim.homes.building.storey_cells import StoreyCells, storeys_of_cells
+from sim.homes.cells import cells_from_runs
+from sim.homes.house import mesh_from_plan
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import HomePlan
+from sim.mesh import TriangleMesh
+from sim.render.raycast import Raycaster
+from sim.types import CUT_HEIGHT
 
 from .cell_plans import BLUE, RED, block, plan_of_cells, two_cell_rooms, two_storeys
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.scenes.inventing.clearance import CELL, unseen_pieces, walkable_ground
-from sim.scenes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
+from sim.homes.invented.clearance import CELL, unseen_pieces, walkable_ground
+from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
 
 GREY = Finish(rgb=(128, 128, 128))
 

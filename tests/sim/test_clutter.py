@@ -7,21 +7,21 @@ import pytest
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
-from sim.scenes.cells import CellGrid, CellRun
-from sim.scenes.clutter import with_clutter
-from sim.scenes.cluttering.household import HOUSEHOLDS, household_of
-from sim.scenes.cluttering.spare_space import SpareStorey, box_of
-from sim.scenes.cluttering.spare_storeys import spare_storeys
-from sim.scenes.furniture.families import look_of
-from sim.scenes.invent import invent_plan
-from sim.scenes.plan import Finish, Furniture, HomePlan, Room, Storey, plan_bytes
-from sim.scenes.recover import recover_plan
-from sim.scenes.recovery.sightlines import sights_of, visible_shares
-from sim.scenes.sources import scene_from_plan
-from sim.world.floor_grid import FloorGrid
-from sim.world.object_surface import object_surface
-from sim.world.raycast import Raycaster
-from sim.world.viewpoints import view_points_around
+from sim.homes.cells import CellGrid, CellRun
+from sim.homes.clutter.clutter import with_clutter
+from sim.homes.clutter.household import HOUSEHOLDS, household_of
+from sim.homes.clutter.spare_space import SpareStorey, box_of
+from sim.homes.clutter.spare_storeys import spare_storeys
+from sim.homes.furniture.families import look_of
+from sim.homes.invented.invent import invent_plan
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import Finish, Furniture, HomePlan, Room, Storey, plan_bytes
+from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.sightlines import sights_of, visible_shares
+from sim.render.raycast import Raycaster
+from sim.walk.floor_grid import FloorGrid
+from sim.walk.object_surface import object_surface
+from sim.walk.viewpoints import view_points_around
 
 OAK = Finish(material="wood", rgb=(184, 142, 90))
 PALE = Finish(material="plaster", rgb=(220, 220, 210))

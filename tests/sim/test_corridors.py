@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from sim.scenes.cells import Cells
-from sim.scenes.recovery.corridors import PLAN_CLIMB, with_corridors
-from sim.scenes.recovery.recorded import PathLength
+from sim.homes.cells import Cells
+from sim.homes.recovered.corridors import PLAN_CLIMB, with_corridors
+from sim.homes.recovered.recorded import PathLength
 from sim.types import GridSpec
-from sim.world.floor_grid import FloorGrid
+from sim.walk.floor_grid import FloorGrid
 
 GRID = GridSpec((0.0, 0.0), 0.05, (80, 160))
 """4 m along z, 8 m along x."""

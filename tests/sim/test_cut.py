@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim.copies.cut import CUT_BELOW, cut_storey, storey_cut, storey_mesh
 from sim.errors import SceneError
-from sim.scenes.cut import CUT_BELOW, CUT_HEIGHT, cut_storey, storey_cut, storey_mesh
-from sim.scenes.scene import VERTEX_COLOURS, IdImages, Scene, TriangleMesh
-from sim.types import SceneKind
-from sim.world.floor_grid import floor_grid_from_mesh
+from sim.mesh import VERTEX_COLOURS, IdImages, Scene, TriangleMesh
+from sim.types import CUT_HEIGHT, SceneKind
+from sim.walk.floor_grid import floor_grid_from_mesh
 
 from .meshes import Quad, box, floor, mesh_of, ramp
 

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from sim.copies.decimate import decimated
 from sim.frames import T_world_camera
-from sim.scenes.decimate import decimated
-from sim.scenes.scene import FLAT, VERTEX_COLOURS, TriangleMesh
+from sim.mesh import FLAT, VERTEX_COLOURS, TriangleMesh
+from sim.render.raycast import Raycaster
 from sim.types import Camera, Pose
-from sim.world.raycast import Raycaster
 
 WHITE = np.full((4, 4, 3), 255, np.uint8)
 

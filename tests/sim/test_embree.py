@@ -16,9 +16,9 @@ import pytest
 
 from sim.errors import MissingDependencyError
 from sim.frames import T_world_camera
+from sim.render import embree
+from sim.render.raycast import Raycaster, chosen_backend
 from sim.types import Camera, Pose
-from sim.world import embree
-from sim.world.raycast import Raycaster, chosen_backend
 from tests.sim.meshes import box, mesh_of
 
 ROOM = mesh_of(*box((-2.0, -1.0, -2.0), (2.0, 2.0, 2.0), rgb=(10, 20, 30)))
@@ -186,8 +186,8 @@ def test_another_process_sees_the_same_bytes_without_compiling_again(usable):
         "from sim.frames import T_world_camera\n"
         "from sim.types import Camera, Pose\n"
         "from tests.sim.test_embree import ROOM\n"
-        "from sim.world.raycast import Raycaster\n"
-        "from sim.world.raycast_kernels import render_rows\n"
+        "from sim.render.raycast import Raycaster\n"
+        "from sim.render.raycast_kernels import render_rows\n"
         "frame = Raycaster(ROOM).render(T_world_camera(Pose((0, 0, 0), 0.4), Camera()), Camera())\n"
         "digest = hashlib.sha256(frame.rgb.tobytes() + frame.depth_m.tobytes()).hexdigest()\n"
         "print(digest, sum(render_rows.stats.cache_misses.values()))\n"

@@ -10,10 +10,10 @@ import pytest
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RunFileError
-from sim.tasks import export_tum
-from sim.tasks.export_runs import export_runs
-from sim.tasks.import_runs import check_file
-from sim.tasks.pose_files import PoseReading
+from sim.exchange import export_tum
+from sim.exchange.export_runs import export_runs
+from sim.exchange.import_runs import check_file
+from sim.exchange.pose_files import PoseReading
 from sim.tasks.run_files import (
     Answer,
     EpisodeEnd,

@@ -6,9 +6,9 @@ from typing import get_args
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.furniture import catalogue
-from sim.scenes.furniture.families import Family, Mounting, is_known, known_words, look_of, mounting_of
-from sim.scenes.furniture.parts import BUILDERS
+from sim.homes.furniture import catalogue
+from sim.homes.furniture.families import Family, Mounting, is_known, known_words, look_of, mounting_of
+from sim.homes.furniture.parts import BUILDERS
 
 README = Path(catalogue.__file__).parent / "README.md"
 

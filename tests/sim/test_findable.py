@@ -6,18 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.episodes.cues import delta_e
+from sim.authoring.cues import delta_e
+from sim.authoring.findable import MIN_PIXELS, Sight, best_sight, find_verdict, pose_towards
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.described import Described, described_object, names_category
-from sim.episodes.findable import MIN_PIXELS, Sight, best_sight, find_verdict, pose_towards
 from sim.episodes.schema import EpisodeRecord, Goal
 from sim.frames import forward_from_yaw
-from sim.scenes.cells import CellGrid, CellRun
-from sim.scenes.plan import Finish, Furniture, HomePlan, Room, Storey
-from sim.scenes.scene import Scene, SceneObject
-from sim.scenes.sources import scene_from_plan
+from sim.homes.cells import CellGrid, CellRun
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import Finish, Furniture, HomePlan, Room, Storey
+from sim.mesh import Scene, SceneObject
+from sim.render.raycast import Raycaster
 from sim.types import TURN_STEP
-from sim.world.raycast import Raycaster
 
 from .synthetic import SCENE, example_content, example_episode, example_goal, write_dataset
 

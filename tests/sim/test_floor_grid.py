@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sim.errors import SceneError
 from sim.types import GridSpec
-from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
+from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 from tests.sim.grids import CELL, at, cluttered_home, grid_of
 from tests.sim.meshes import box, floor, mesh_of, ramp
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sim.frames import T_world_camera
+from sim.tasks.fog import MAX_RANGE, SeenArea
 from sim.types import Camera, GridSpec, Pose
-from sim.world.fog import MAX_RANGE, SeenArea
 
 CAMERA = Camera()
 GRID = GridSpec((-8.0, -8.0), 0.05, (320, 320))

@@ -3,27 +3,17 @@
 import numpy as np
 import pytest
 
+from sim.copies.cut import cut_storey
 from sim.frames import T_world_camera, forward_from_yaw
-from sim.scenes.building.walls import SKIRTING
-from sim.scenes.cut import CUT_HEIGHT, cut_storey
-from sim.scenes.furnish import mesh_from_plan
-from sim.scenes.invent import invent_plan
-from sim.scenes.plan import (
-    Finish,
-    Furniture,
-    HomePlan,
-    Opening,
-    Rect,
-    Rgb,
-    Room,
-    Stair,
-    Storey,
-    Wall,
-)
-from sim.scenes.scene import TriangleMesh
-from sim.scenes.sources import scene_from_plan
-from sim.types import Camera, Pose
-from sim.world.raycast import Raycaster
+from sim.homes.building.walls import SKIRTING
+from sim.homes.house import mesh_from_plan
+from sim.homes.invented.invent import invent_plan
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Stair, Storey, Wall
+from sim.mesh import TriangleMesh
+from sim.render.raycast import Raycaster
+from sim.types import CUT_HEIGHT, Camera, Pose
+from sim.words.finishes import Rgb
 
 from .cell_plans import block, plan_of_cells
 

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from sim.scenes.building.quads import QuadBuilder
-from sim.scenes.furniture.appearance import finish_from_text
-from sim.scenes.furniture.catalogue import RELEASE_CATEGORIES
-from sim.scenes.furniture.families import Vec, known_words, look_of
-from sim.scenes.furniture.lofts import ball, cushion, cylinder, lathe, ring, sheet, tube
-from sim.scenes.furniture.order import Part
-from sim.scenes.furniture.parts import parts_of
-from sim.scenes.furniture.portrait import portrait
-from sim.scenes.furniture.shapes import Shape, box, prism, rounded_box, slab
-from sim.scenes.furniture.solids import add_piece
-from sim.scenes.plan import Finish, Furniture
+from sim.homes.building.furniture_mesh import add_piece
+from sim.homes.building.quads import QuadBuilder
+from sim.homes.furniture.appearance import finish_from_text
+from sim.homes.furniture.catalogue import RELEASE_CATEGORIES
+from sim.homes.furniture.families import Vec, known_words, look_of
+from sim.homes.furniture.lofts import ball, cushion, cylinder, lathe, ring, sheet, tube
+from sim.homes.furniture.order import Part
+from sim.homes.furniture.parts import parts_of
+from sim.homes.furniture.shapes import Shape, box, prism, rounded_box, slab
+from sim.homes.plan import Finish, Furniture
+from sim.homes.portrait import portrait
 
 ALL = sorted({*RELEASE_CATEGORIES, *known_words(), "strange thing"})
 TOLERANCE = 0.002

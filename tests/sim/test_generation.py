@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from personal_viz.commands.invent import invent
-from sim.episodes import generation
+from personal_viz.cli.invent import invent
+from sim.authoring import generation
+from sim.authoring.generation import EPISODES_PER_SPLIT, dataset_files
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.generation import EPISODES_PER_SPLIT, dataset_files
 from sim.episodes.ownership import ownership_graph
 from sim.episodes.schema import Episode
 from sim.episodes.validate import ValidationReport, validate_dataset
 from sim.errors import DatasetError, SceneError
-from sim.scenes.plan import load_plan
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
+from sim.homes.plan import load_plan
 from sim.types import SPLITS, Split
 
 WINDOWS: dict[Split, tuple[float, float]] = {"easy": (2, 4), "medium": (3, 7), "hard": (3, 11)}
@@ -145,7 +145,7 @@ def test_the_scan_shows_the_same_objects_as_the_plan(root: Path, name: str) -> N
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_in_another_process(root: Path) -> None:
     program = (
-        "import hashlib\nfrom sim.episodes.generation import dataset_files\n"
+        "import hashlib\nfrom sim.authoring.generation import dataset_files\n"
         "for path, data in sorted(dataset_files('Small', seed=3).items()):\n"
         "    print(path, hashlib.sha256(data).hexdigest())"
     )
@@ -156,7 +156,7 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process(root: Path) -> No
 
 
 def test_other_numbers_of_episodes_can_be_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.episodes.searches.ONE_OF_SHARE", 1.0)
+    monkeypatch.setattr("sim.authoring.searches.ONE_OF_SHARE", 1.0)
     generation.write_files(tmp_path, dataset_files("Many", seed=3, episodes_per_split=5))
     found = list(PersonalDataset(tmp_path).episodes())
     assert [e.key.split for e in found] == ["easy"] * 5 + ["medium"] * 5 + ["hard"] * 5
@@ -173,7 +173,7 @@ def test_other_numbers_of_episodes_can_be_had(tmp_path: Path, monkeypatch: pytes
 
 def test_a_home_in_which_a_piece_cannot_be_seen_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(generation, "view_points_around", lambda *_, **__: [])
-    monkeypatch.setattr("sim.scenes.invent._ATTEMPTS", 2)
+    monkeypatch.setattr("sim.homes.invented.invent._ATTEMPTS", 2)
     with pytest.raises(SceneError, match=r"'Demo': seed 3 gave \d homes in 2 tries, none fit to be used"):
         dataset_files("Demo", seed=3)
 

@@ -11,9 +11,9 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from sim.frames import T_world_camera
-from sim.scenes.glb import load_glb
+from sim.render.raycast import Raycaster
+from sim.scans.glb import load_glb
 from sim.types import Camera, Pose
-from sim.world.raycast import Raycaster
 
 from .gltf_files import (
     BLUE,

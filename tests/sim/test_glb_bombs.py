@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim.errors import SceneError
-from sim.scenes.glb import load_glb
+from sim.scans.glb import load_glb
 
 from .gltf_files import DATA, UV, GltfWriter, jpeg, plain_square, png, with_image
 
@@ -73,7 +73,7 @@ LOAD_ALL = """
 import json, resource, sys
 from pathlib import Path
 from sim.errors import SceneError
-from sim.scenes.glb import load_glb
+from sim.scans.glb import load_glb
 resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
 def peak_kb():  # not getrusage, whose peak a child inherits from its parent
     return int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sim.frames import T_world_camera
-from sim.scenes.scene import FLAT, VERTEX_COLOURS
+from sim.mesh import FLAT, VERTEX_COLOURS
+from sim.render.raycast import Raycaster
 from sim.types import Camera, Pose
-from sim.world.raycast import Raycaster
 
 from .gltf_files import RED, UV, GltfWriter, four_colours, loaded, png
 

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from sim.errors import SceneError
-from sim.scenes.glb import load_glb
+from sim.scans.glb import load_glb
 
 from .gltf_files import FACES, SQUARE, GltfWriter, jpeg, plain_square, png, with_image
 

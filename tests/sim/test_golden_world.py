@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from personal_viz.bench.agreement import Agreement, agreement, targets_met
+from personal_viz.bench.habitat.agreement import Agreement, agreement, targets_met
 from sim.frames import T_world_camera
-from sim.scenes.glb import load_glb
+from sim.render.raycast import Raycaster
+from sim.scans.glb import load_glb
 from sim.types import Camera, Pose
-from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
-from sim.world.raycast import Raycaster
+from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 
 HOUSES = ("dev_a", "dev_b")
 

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from sim.world.floor_grid import floor_grid_from_mesh
+from sim.walk.floor_grid import floor_grid_from_mesh
 from tests.sim.grids import CELL, at, cluttered_home, grid_of
 
 Box = tuple[float, float, float, float]

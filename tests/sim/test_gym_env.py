@@ -19,14 +19,14 @@ from gymnasium.wrappers import FilterObservation, RecordEpisodeStatistics
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import DatasetError, SceneError, TaskStateError
-from sim.scenes.scene import Scene, TriangleMesh
-from sim.scenes.sources import open_scene
+from sim.homes.open_home import open_scene
+from sim.mesh import Scene, TriangleMesh
+from sim.render.raycast import Raycaster
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.gym_env import PanGymEnv, lab_depth
 from sim.tasks.pan import PanEnv
 from sim.tasks.runner import play_episode
 from sim.types import PAPER4, PAPER6, Camera, EpisodeKey
-from sim.world.raycast import Raycaster
 
 SMALL = Camera(64, 48)
 STOP, FORWARD, LEFT, LOOK_UP = 0, 1, 2, 4
@@ -248,8 +248,8 @@ def test_a_scene_is_let_go_before_the_next_one_is_opened(dataset: PersonalDatase
         alive.append(sum(caster() is not None for caster in casters))
         return open_scene(*args, **kwargs)
 
-    monkeypatch.setattr("sim.world.raycast.Raycaster", Watched)
-    monkeypatch.setattr("sim.scenes.sources.open_scene", opened)
+    monkeypatch.setattr("sim.render.raycast.Raycaster", Watched)
+    monkeypatch.setattr("sim.homes.open_home.open_scene", opened)
     env = PanGymEnv(dataset, camera=SMALL, shuffle=False, reward="distance_to_goal")
     for scene in ("Demo", "Small", "Demo"):
         env.reset(options={"episode": next(dataset.episodes(scenes=(scene,))).key})
@@ -267,7 +267,7 @@ def test_without_pictures_nothing_draws_until_it_is_asked_to(dataset: PersonalDa
             made.append(mesh)
             super().__init__(mesh, **options)
 
-    monkeypatch.setattr("sim.world.raycast.Raycaster", Counted)
+    monkeypatch.setattr("sim.render.raycast.Raycaster", Counted)
     env = demo_env(dataset, pictures=False, render_mode="rgb_array")
     env.reset(seed=0)
     env.step(LEFT)
@@ -283,7 +283,7 @@ def test_where_a_scene_cannot_be_opened_no_episode_runs(dataset: PersonalDataset
 
     env = PanGymEnv(dataset, scenes=("Demo", "Small"), pictures=False, shuffle=False)
     env.reset(options={"episode": next(dataset.episodes(scenes=("Demo",))).key})
-    monkeypatch.setattr("sim.scenes.sources.open_scene", fail)
+    monkeypatch.setattr("sim.homes.open_home.open_scene", fail)
     with pytest.raises(SceneError, match="gone"):
         env.reset(options={"episode": next(dataset.episodes(scenes=("Small",))).key})
     with pytest.raises(TaskStateError, match="no episode"):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sim.errors import SceneError
-from sim.scenes.glb import load_glb
-from sim.scenes.hm3d import Semantics, find_semantics, load_semantics
-from sim.scenes.scene import FACE_IDS, TriangleMesh
+from sim.mesh import FACE_IDS, TriangleMesh
+from sim.scans.glb import load_glb
+from sim.scans.hm3d import Semantics, find_semantics, load_semantics
 
 from .gltf_files import FACES, SQUARE, UV, GltfWriter, four_colours, png
 

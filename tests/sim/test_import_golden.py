@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from personal_viz.commands.import_runs import import_files
+from personal_viz.cli.import_runs import import_files
 from recordings.habitat_writer import RunWriter as HabitatWriter
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import glb_zup_from_world

@@ -12,8 +12,8 @@ import pytest
 from recordings.habitat_writer import RunWriter as HabitatWriter
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RunFileError
+from sim.exchange.import_runs import check_file, import_runs
 from sim.frames import forward_from_yaw
-from sim.tasks.import_runs import check_file, import_runs
 from sim.tasks.run_files import EpisodeRun
 
 from .foreign_runs import Rows, goal_row, quat, write_dataset

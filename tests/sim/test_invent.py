@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from sim.errors import SceneError
-from sim.scenes import invent
-from sim.scenes.invent import invent_plan, invented_plans
-from sim.scenes.inventing.looks import described, looks_of, with_article
-from sim.scenes.inventing.recipes import GROUPS, INSTEAD, NEEDED, RECIPES, SMALL
-from sim.scenes.plan import HomePlan, plan_bytes
-from sim.scenes.sources import scene_from_plan
+from sim.homes.invented import invent
+from sim.homes.invented.invent import invent_plan, invented_plans
+from sim.homes.invented.looks import described, looks_of, with_article
+from sim.homes.invented.recipes import GROUPS, INSTEAD, NEEDED, RECIPES, SMALL
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import HomePlan, plan_bytes
 from sim.types import AGENT_RADIUS
 
 SEEDS = (0, 1, 2, 3, 10)

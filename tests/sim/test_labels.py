@@ -8,13 +8,12 @@ import pytest
 
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import T_world_camera
-from sim.scenes.cut import CUT_HEIGHT
-from sim.scenes.labels import LabelledRenderer, renderer_of
-from sim.scenes.scene import Scene
-from sim.scenes.sources import open_scene
+from sim.homes.labels import LabelledRenderer, renderer_of
+from sim.homes.open_home import open_scene
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.tasks.pog import PogScene
-from sim.types import Camera, Pose
-from sim.world.raycast import Raycaster
+from sim.types import CUT_HEIGHT, Camera, Pose
 
 
 @pytest.fixture(scope="module")

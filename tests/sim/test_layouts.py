@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from sim.scenes.inventing.layouts import Home, Layout, draw_home, landings, turned
-from sim.scenes.inventing.partitions import DOOR_WIDTH, borders_of, build_partition, draw_doors, railings
-from sim.scenes.inventing.room_kinds import draw_names
-from sim.scenes.plan import Rect, Stair, Wall
+from sim.homes.invented.layouts import Home, Layout, draw_home, landings, turned
+from sim.homes.invented.partitions import DOOR_WIDTH, borders_of, build_partition, draw_doors, railings
+from sim.homes.invented.room_kinds import draw_names
+from sim.homes.plan import Rect, Stair, Wall
 
 HOMES = [(num, seed) for num in (1, 2) for seed in range(25)]
 STAIR = Stair(storey=0, rect=Rect(2.0, 0.06, 6.0, 1.06), towards="+x", num_steps=16)

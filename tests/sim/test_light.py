@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from sim.cache import VARIABLE
-from sim.scenes.building import light as light_module
-from sim.scenes.building import sky_rays
-from sim.scenes.building.light import DARKEST
-from sim.scenes.building.quads import QuadBuilder
-from sim.scenes.plan import Finish
-from sim.scenes.scene import TriangleMesh
-from sim.world.raycast import Raycaster
-from sim.world.renderer import Backend
+from sim.homes.building import light as light_module
+from sim.homes.building import sky_rays
+from sim.homes.building.light import DARKEST
+from sim.homes.building.quads import QuadBuilder
+from sim.homes.plan import Finish
+from sim.mesh import TriangleMesh
+from sim.render.raycast import Raycaster
+from sim.render.renderer import Backend
 
 from .raycasters import has_embree
 

@@ -9,8 +9,8 @@ import trimesh
 from PIL import Image
 
 from sim.errors import SceneError
-from sim.scenes.meshes import load_mesh
-from sim.scenes.scene import FLAT, VERTEX_COLOURS
+from sim.mesh import FLAT, VERTEX_COLOURS
+from sim.scans.meshes import load_mesh
 
 from .gltf_files import BLUE, FACES, GREEN, SQUARE, UV, YELLOW, four_colours, plain_square, png, shown
 

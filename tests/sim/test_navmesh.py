@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim.errors import SceneError
-from sim.world.navmesh import NavMesh, load_navmesh
+from sim.walk.navmesh import NavMesh, load_navmesh
 from tests.sim.meshes import floor, mesh_of
 from tests.sim.navmesh_files import l_shape, plate, two_storeys, write_navmesh
 

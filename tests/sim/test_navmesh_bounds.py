@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from sim.world.navmesh import load_navmesh
-from sim.world.navmesh_bounds import lower_bounds, new_bounds
-from sim.world.navmesh_file import read_navmesh
-from sim.world.navmesh_kernels import project
-from sim.world.navmesh_polygons import polygons_from_data
+from sim.walk.navmesh import load_navmesh
+from sim.walk.navmesh_bounds import lower_bounds, new_bounds
+from sim.walk.navmesh_file import read_navmesh
+from sim.walk.navmesh_kernels import project
+from sim.walk.navmesh_polygons import polygons_from_data
 from tests.sim.navmesh_files import l_shape, plate, write_navmesh
 
 SLACK = 0.005

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sim.errors import SceneError
-from sim.world.navmesh import NavMesh, load_navmesh
-from sim.world.navmesh_file import NavMeshSettings, read_navmesh
+from sim.walk.navmesh import NavMesh, load_navmesh
+from sim.walk.navmesh_file import NavMeshSettings, read_navmesh
 from tests.sim.navmesh_files import l_shape, navmesh_bytes, plate, two_storeys, write_navmesh
 
 TILE = 96 + 8  # where the tile starts in a file of version 2

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.scenes.glb import load_glb
-from sim.world.navmesh import NavMesh, load_navmesh
+from sim.scans.glb import load_glb
+from sim.walk.navmesh import NavMesh, load_navmesh
 
 HOUSES = ("dev_a", "dev_b")
 EXACT = 1e-5

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sim.errors import SceneError
-from sim.scenes.scene import TriangleMesh
-from sim.world.floor_grid import FloorGrid, floor_grid_from_mesh
+from sim.mesh import TriangleMesh
+from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 from tests.sim.grids import at
 from tests.sim.meshes import Quad, box, floor, mesh_of
 

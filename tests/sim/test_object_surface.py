@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.scenes.scene import IdImages, TriangleMesh
-from sim.world.object_surface import object_ids_at, object_surface
+from sim.mesh import IdImages, TriangleMesh
+from sim.walk.object_surface import object_ids_at, object_surface
 from tests.sim.meshes import box, floor, mesh_of
 
 PAINTED = np.zeros((25, 60), np.uint16)

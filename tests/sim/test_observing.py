@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from personal_viz.commands.runs import run
+from personal_viz.cli.runs import run
 from recordings.live import LiveSink
 from recordings.observer import ObserveRuns
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, RecordingError
-from sim.scenes.scene import Scene
+from sim.mesh import Scene
 from sim.tasks.observers import Insight
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import EpisodeRun, Step, read_run

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from sim.episodes.generation import CATEGORIES
-from sim.episodes.people import NAMES, Edge, broken_rule, draw_ownership
+from sim.authoring.generation import CATEGORIES
+from sim.authoring.people import NAMES, Edge, broken_rule, draw_ownership
 from sim.errors import DatasetError
 from sim.types import SPLITS, Split
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.errors import SceneError
-from sim.scenes.cells import CellGrid, CellRun, Cells, cells_from_runs, runs_from_cells
-from sim.scenes.plan import Finish, Furniture, HomePlan, Rect, Room, Stair, Storey, Wall, load_plan, save_plan
+from sim.homes.cells import CellGrid, CellRun, Cells, cells_from_runs, runs_from_cells
+from sim.homes.plan import Finish, Furniture, HomePlan, Rect, Room, Stair, Storey, Wall, load_plan, save_plan
 
 CHAIR = Furniture(
     name="chair_1", category="chair", centre=(1.0, 0.45, 2.0), size=(0.5, 0.9, 0.4), finish=Finish(rgb=(200, 30, 30))

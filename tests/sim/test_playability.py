@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from personal_viz.bench.homes.held_out import Walk, held_out_ratios, held_out_walks, path_ratios, recorded_walk
+from personal_viz.bench.homes.playability import HomeFacts, HomesReport, build_home, measure_home, report_of
+from sim.authoring.findable import FindVerdict
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.findable import FindVerdict
-from sim.scenes.recovery.held_out import Walk, held_out_ratios, held_out_walks, path_ratios, recorded_walk
-from sim.scenes.recovery.playability import HomeFacts, HomesReport, build_home, measure_home, report_of
 from sim.types import EpisodeKey, GridSpec
-from sim.world.floor_grid import FloorGrid
+from sim.walk.floor_grid import FloorGrid
 
 from .synthetic import SCENE, example_content, example_episode, example_goal, example_view_point, write_dataset
 

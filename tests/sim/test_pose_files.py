@@ -13,9 +13,9 @@ import pytest
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RunFileError
-from sim.tasks import pose_tables
-from sim.tasks.import_runs import check_file
-from sim.tasks.pose_files import FreeMotion, PoseReading
+from sim.exchange import pose_tables
+from sim.exchange.import_runs import check_file
+from sim.exchange.pose_files import FreeMotion, PoseReading
 from sim.tasks.run_files import EpisodeRun
 from sim.types import EpisodeKey
 

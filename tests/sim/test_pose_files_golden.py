@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.tasks.import_runs import check_file
-from sim.tasks.pose_files import PoseReading
+from sim.exchange.import_runs import check_file
+from sim.exchange.pose_files import PoseReading
 from sim.tasks.run_files import EpisodeRun
 from sim.types import Action
 

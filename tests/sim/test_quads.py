@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from sim.scenes.building.patches import FLOOR_STEP
-from sim.scenes.building.quads import QuadBuilder
-from sim.scenes.building.textures import texture_of
-from sim.scenes.furnish import mesh_from_plan
-from sim.scenes.glb_writer import glb_from_mesh
-from sim.scenes.invent import invent_plan
-from sim.scenes.plan import Finish
-from sim.scenes.scene import VERTEX_COLOURS, TriangleMesh
+from sim.copies.glb_writer import glb_from_mesh
+from sim.homes.building.patches import FLOOR_STEP
+from sim.homes.building.quads import QuadBuilder
+from sim.homes.building.textures import texture_of
+from sim.homes.house import mesh_from_plan
+from sim.homes.invented.invent import invent_plan
+from sim.homes.plan import Finish
+from sim.mesh import VERTEX_COLOURS, TriangleMesh
 
 WOOD = Finish(material="wood", rgb=(156, 110, 66))
 CLOTH = Finish(material="fabric", pattern="plaid", rgb=(150, 60, 52), rgb2=(226, 200, 160))

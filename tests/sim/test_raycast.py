@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from sim.errors import SceneError
 from sim.frames import T_world_camera
-from sim.scenes.scene import FACE_IDS, VERTEX_COLOURS, IdImages
+from sim.mesh import FACE_IDS, VERTEX_COLOURS, IdImages
+from sim.render import embree
+from sim.render.raycast import SKY_RGB, Raycaster
 from sim.types import Camera, Pose
-from sim.world import embree
-from sim.world.raycast import SKY_RGB, Raycaster
 
 from .meshes import box, floor, mesh_of
 from .raycasters import LOOK_DOWN, assert_same, has_embree, seen_from_above, soup

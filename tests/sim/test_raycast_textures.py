@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sim.frames import T_world_camera
-from sim.scenes.scene import FLAT, VERTEX_COLOURS
+from sim.mesh import FLAT, VERTEX_COLOURS
+from sim.render.texels import surfaces_of_mesh
 from sim.types import Camera, Pose
-from sim.world.texels import surfaces_of_mesh
 
 from .meshes import floor, mesh_of
 from .raycasters import LOOK_DOWN, assert_same, seen_from_above

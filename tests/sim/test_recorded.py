@@ -8,7 +8,7 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import DatasetError
 from sim.frames import quat_xyzw_from_yaw
-from sim.scenes.recovery.recorded import PathLength, recorded_facts
+from sim.homes.recovered.recorded import PathLength, recorded_facts
 
 from .synthetic import SCENE, Content, example_content, example_episode, example_goal, example_view_point, write_dataset
 

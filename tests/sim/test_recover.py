@@ -8,16 +8,16 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.frames import T_world_camera, quat_xyzw_from_yaw, yaw_towards
-from sim.scenes import recover
-from sim.scenes.cells import cells_from_runs
-from sim.scenes.plan import HomePlan, load_plan, plan_bytes, save_plan
-from sim.scenes.recover import recover_plan
-from sim.scenes.recovery.open_space import LOW_STEP, STEP, step_cells
-from sim.scenes.recovery.recovered_objects import recovered_objects
-from sim.scenes.sources import open_scene, scene_from_plan
+from sim.homes.cells import cells_from_runs
+from sim.homes.open_home import open_scene, scene_from_plan
+from sim.homes.plan import HomePlan, load_plan, plan_bytes, save_plan
+from sim.homes.recovered import recover
+from sim.homes.recovered.open_space import LOW_STEP, STEP, step_cells
+from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.recovered_objects import recovered_objects
+from sim.render.raycast import Raycaster
 from sim.types import AGENT_RADIUS, Camera, Pose, Split
-from sim.world.floor_grid import FloorGrid
-from sim.world.raycast import Raycaster
+from sim.walk.floor_grid import FloorGrid
 
 from .recorded_worlds import GROUND, recorded_goal, recorded_of
 from .synthetic import SCENE, example_content, example_episode, example_goal, example_view_point, write_dataset

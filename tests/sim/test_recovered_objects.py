@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.furniture.families import look_of
-from sim.scenes.plan import Finish, Furniture
-from sim.scenes.recover import recover_plan
-from sim.scenes.recovery.recorded import recorded_facts
-from sim.scenes.recovery.recovered_sizes import clipped, fitted_footprint
-from sim.scenes.recovery.sightlines import sights_of, view_points_ok
-from sim.scenes.recovery.unhidden import made_way, unhidden
-from sim.scenes.sources import scene_from_plan
+from sim.homes.furniture.families import look_of
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import Finish, Furniture
+from sim.homes.recovered.recorded import recorded_facts
+from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.recovered_sizes import clipped, fitted_footprint
+from sim.homes.recovered.sightlines import sights_of, view_points_ok
+from sim.homes.recovered.unhidden import made_way, unhidden
 from sim.types import AGENT_RADIUS, CAMERA_HEIGHT
 
 from .recorded_worlds import bottom, objects_of, recorded_goal, recorded_of, top

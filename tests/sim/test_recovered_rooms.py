@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.cells import CellGrid, Cells, runs_from_cells
-from sim.scenes.plan import Room, Storey
-from sim.scenes.recover import recover_plan
-from sim.scenes.recovery.recovered_rooms import RecoveredRooms, open_cells, recovered_rooms
-from sim.scenes.recovery.room_words import room_name, room_texts, usual_room
+from sim.homes.cells import CellGrid, Cells, runs_from_cells
+from sim.homes.plan import Room, Storey
+from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.recovered_rooms import RecoveredRooms, open_cells, recovered_rooms
+from sim.homes.recovered.room_words import room_name, room_texts, usual_room
 from sim.types import SPLITS
 
 from .recorded_worlds import GROUND, Point, recorded_goal

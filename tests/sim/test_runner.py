@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.commands.import_runs import import_files
-from personal_viz.commands.runs import run
+from personal_viz.cli.import_runs import import_files
+from personal_viz.cli.runs import run
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError, SceneError
 from sim.tasks.provenance import make_run_info

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.errors import SceneError
-from sim.scenes.semantic_txt import SemanticLabel, read_semantic_txt
+from sim.scans.semantic_txt import SemanticLabel, read_semantic_txt
 
 HEADER = "HM3D Semantic Annotations\n"
 

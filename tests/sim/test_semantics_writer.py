@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim.authoring.semantics_writer import rooms_of_objects, semantic_files
+from sim.copies.glb_writer import glb_from_mesh
 from sim.frames import glb_zup_from_world
-from sim.scenes.furnish import mesh_from_plan
-from sim.scenes.glb_writer import glb_from_mesh
-from sim.scenes.hm3d import load_semantics
-from sim.scenes.meshes import load_mesh
-from sim.scenes.plan import Finish, Furniture, HomePlan, Rect, Room, Storey
-from sim.scenes.semantic_txt import read_semantic_txt
-from sim.scenes.semantics_writer import rooms_of_objects, semantic_files
+from sim.homes.house import mesh_from_plan
+from sim.homes.plan import Finish, Furniture, HomePlan, Rect, Room, Storey
+from sim.scans.hm3d import load_semantics
+from sim.scans.meshes import load_mesh
+from sim.scans.semantic_txt import read_semantic_txt
 
 GREY = Finish(material="plaster", rgb=(150, 150, 150))
 

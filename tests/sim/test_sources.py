@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim.copies.browser_glb import glb_from_mesh
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import DatasetError, SceneError
 from sim.frames import glb_zup_from_world
-from sim.scenes.browser_glb import glb_from_mesh
-from sim.scenes.kind import common_kind, scene_kind
-from sim.scenes.plan import save_plan
-from sim.scenes.recover import recover_plan
-from sim.scenes.sources import find_scan, open_scene
-from sim.scenes.up_axis import up_axis
-from sim.world.floor_grid import FloorGrid
-from sim.world.navmesh import NavMesh
+from sim.homes.kind import common_kind, scene_kind
+from sim.homes.open_home import find_scan, open_scene
+from sim.homes.plan import save_plan
+from sim.homes.recovered.recover import recover_plan
+from sim.scans.up_axis import up_axis
+from sim.walk.floor_grid import FloorGrid
+from sim.walk.navmesh import NavMesh
 
 from .gltf_files import DATA, RED, UV, GltfWriter, png
 from .synthetic import SCENE, write_dataset

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.commands.episodes import stats
+from personal_viz.cli.episodes import stats
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.statistics import (
     CaptionMetrics,

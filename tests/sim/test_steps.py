@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from sim.frames import forward_from_yaw
 from sim.types import GridSpec
-from sim.world.floor_grid import FloorGrid
-from sim.world.steps import STOP_MARGIN, has_collided
+from sim.walk.floor_grid import FloorGrid
+from sim.walk.steps import STOP_MARGIN, has_collided
 
 CELL = 0.05
 

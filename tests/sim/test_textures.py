@@ -9,8 +9,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from sim.scenes.building.textures import second_colour, texture_of
-from sim.scenes.plan import Finish, Material, Pattern, Rgb
+from sim.homes.building.textures import second_colour, texture_of
+from sim.homes.plan import Finish
+from sim.words.finishes import Material, Pattern, Rgb
 
 MATERIALS: tuple[Material, ...] = get_args(Material)
 PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
@@ -138,7 +139,7 @@ def test_a_picture_is_whole_and_every_colour_has_its_own() -> None:
 
 def test_the_same_finish_has_the_same_image_in_another_process() -> None:
     program = (
-        "import hashlib\nfrom sim.scenes.plan import Finish\nfrom sim.scenes.building.textures import texture_of\n"
+        "import hashlib\nfrom sim.homes.plan import Finish\nfrom sim.homes.building.textures import texture_of\n"
         "for material in ('wood', 'leaf', 'picture', 'carpet'):\n"
         "    texture = texture_of(Finish(material=material, pattern='floral', rgb=(10, 90, 160)), is_floor=True)\n"
         "    print(hashlib.sha256(texture.image.tobytes()).hexdigest())\n"

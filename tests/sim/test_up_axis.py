@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sim.errors import SceneError
-from sim.scenes.up_axis import up_axis
+from sim.scans.up_axis import up_axis
 
 
 def write_config(path: Path, up: list[float] | None) -> None:

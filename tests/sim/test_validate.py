@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from personal_viz.commands.episodes import validate
+from personal_viz.cli.episodes import validate
 from sim.episodes.validate import CheckResult, Measure, ValidationReport, validate_dataset
 from sim.errors import DatasetError
 from sim.types import SPLITS

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.commands.episodes import validate
+from personal_viz.cli.episodes import validate
 from sim.episodes.validate import CheckResult, Measure, ValidationReport, validate_dataset
 from sim.types import SPLITS
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from sim.frames import T_world_camera
-from sim.scenes.invent import invent_plan
-from sim.scenes.scene import SceneObject, TriangleMesh
-from sim.scenes.sources import scene_from_plan
+from sim.homes.invented.invent import invent_plan
+from sim.homes.open_home import scene_from_plan
+from sim.mesh import SceneObject, TriangleMesh
+from sim.render.raycast import Raycaster
 from sim.types import CAMERA_HEIGHT, Camera, Pose
-from sim.world.floor_grid import floor_grid_from_mesh
-from sim.world.raycast import Raycaster
-from sim.world.viewpoints import RELAXED_RADIUS, SPACING, SeenFrom, view_points_around
+from sim.walk.floor_grid import floor_grid_from_mesh
+from sim.walk.viewpoints import RELAXED_RADIUS, SPACING, SeenFrom, view_points_around
 from tests.sim.meshes import box, floor, mesh_of
 from tests.sim.test_object_surface import painted_wall
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.scenes.cells import CELL, CellGrid, Cells
-from sim.scenes.plan import Storey
-from sim.scenes.recovery.recorded import PathLength, Recorded, recorded_facts
-from sim.scenes.recovery.walkable import PLAN_CLIMB, walkable_cells
-from sim.world.floor_grid import FloorGrid
+from sim.homes.cells import CELL, CellGrid, Cells
+from sim.homes.plan import Storey
+from sim.homes.recovered.recorded import PathLength, Recorded, recorded_facts
+from sim.homes.recovered.walkable import PLAN_CLIMB, walkable_cells
+from sim.walk.floor_grid import FloorGrid
 
 Place = tuple[float, float, float]
 GROUND = (Storey(label="ground floor", floor_y=0.0),)

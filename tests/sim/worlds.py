@@ -5,7 +5,7 @@ import numpy as np
 from sim.episodes.schema import AgentState, Episode, EpisodeInfo, EpisodeRecord, Goal, ViewPoint
 from sim.frames import quat_xyzw_from_yaw
 from sim.types import EpisodeKey, GridSpec
-from sim.world.floor_grid import FloorGrid
+from sim.walk.floor_grid import FloorGrid
 
 CELL = 0.05
 

@@ -1,0 +1,232 @@
+"""An exploration of one storey of a home: run it, keep it in a file, and make the pictures of its poses again.
+
+Scene + start -> `FrontierExplorer` in a `PanEnv` without colours -> `Exploration` -> file (exploring/files.py), or
+`PosedFrame`s for maps.
+"""
+
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import SceneError
+from sim.frames import T_world_camera
+from sim.homes.plan import HomePlan
+from sim.mesh import Scene
+from sim.render.renderer import Frame, Hits
+from sim.tasks.observers import Insight
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import Step
+from sim.types import PAPER6, Action, Camera, Pose, SceneKind, Task
+
+from ..posed_frames import Intrinsics, PosedFrame
+from .coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
+from .frontier import MAX_STEPS, FrontierExplorer, FrontierSettings, StopReason
+from .rooms_found import RoomMap
+
+if TYPE_CHECKING:
+    from sim.render.raycast import Raycaster
+
+EXPLORER_VERSION = "1"
+"""Raised by whoever changes where the explorer starts and goes, or what its file says of coverage, doors and rooms."""
+
+TASK = Task("pan", description="", queries=("explore",), max_steps=MAX_STEPS, actions=PAPER6)
+"""All that the explorer is told: nothing."""
+_STARTS_TRIED = 200
+_MAIN_PART = 0.5
+"""A start is on the part of the storey that holds at least this share of its free cells."""
+OnStep = Callable[[Step | None, Frame, Insight | None], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Exploration:
+    """One exploration with all that is needed to show it, and to make its pictures, again."""
+
+    scene: str
+    scene_kind: SceneKind
+    scene_digest: str
+    seed: int
+    camera: Camera
+    """With which the agent looked."""
+    start: Pose
+    storey_y: float
+    """Typical height of the start's storey, metres."""
+    steps: tuple[Step, ...]
+    """Every action and where it led; the last is STOP unless the steps ran out."""
+    stop_reason: StopReason
+    coverage: tuple[float, ...]
+    """(len(steps) + 1,) share of the visible floor seen at the start and after each step."""
+    area_m2: float
+    """Of the floor that an ideal sensor could see."""
+    doors_passed: int | None = None
+    num_doors: int | None = None
+    rooms_missed: tuple[str, ...] | None = None
+    """Rooms neither entered nor seen; these three are None for homes without a plan."""
+    policy: str = ""
+    """Version of the explorer that chose the way (`EXPLORER_VERSION`)."""
+
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """The start and the pose after each step, world frame."""
+        return (self.start, *(step.pose for step in self.steps))
+
+
+class _DepthOnly:
+    """A renderer of depth alone, in half the time; its colours are black."""
+
+    def __init__(self, raycaster: "Raycaster") -> None:
+        self._raycaster = raycaster
+        self.last: Frame | None = None
+
+    def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+        depth = self._raycaster.depth(T_world_camera, camera)
+        black = np.zeros((*depth.shape, 3), np.uint8)
+        self.last = Frame(black, depth, np.zeros(depth.shape, np.int32))
+        return self.last
+
+    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
+        return [self.render(T, camera) for T in Ts_world_camera]
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
+        return self._raycaster.cast(origins, directions)
+
+
+def start_on_storey(scene: Scene, storey_y: float, seed: int) -> Pose:
+    """A seeded place and direction on the largest connected part of a storey's floor; beds and stairs are left out.
+
+    Raises:
+        SceneError: The storey has no floor, or none of the places drawn is on its largest part.
+    """
+    rng = np.random.default_rng([seed, zlib.crc32(scene.name.encode()), round(1000 * abs(storey_y))])
+    for _ in range(_STARTS_TRIED):
+        place = scene.navigation.random_point(rng, storey_y=storey_y)
+        yaw = float(rng.uniform(-np.pi, np.pi))
+        if abs(place[1] - storey_y) >= FLOOR_BAND:
+            continue
+        floor = VisibleFloor(scene.navigation, place)
+        if abs(floor.storey_y - storey_y) < FLOOR_BAND and floor.reachable.sum() > _MAIN_PART * floor.free.sum():
+            return Pose((float(place[0]), float(place[1]), float(place[2])), yaw)
+    raise SceneError(
+        f"{scene.name}: {_STARTS_TRIED} places drawn on the storey at {storey_y:.2f} m, none on a part with "
+        f"{_MAIN_PART:.0%} of its floor; expected one. Give another storey or --seed."
+    )
+
+
+def explore(
+    scene: Scene,
+    start: Pose,
+    *,
+    seed: int,
+    max_steps: int = MAX_STEPS,
+    camera: Camera = Camera(),  # noqa: B008 - frozen value
+    plan: HomePlan | None = None,
+    settings: FrontierSettings | None = None,
+    on_step: OnStep | None = None,
+) -> Exploration:
+    """Explores the start's storey; the same arguments give the same exploration.
+
+    Args:
+        scene: The home.
+        start: Where to begin; `start_on_storey` draws one.
+        seed: Of the agent.
+        max_steps: At most so many actions.
+        camera: Of the robot; a smaller picture with the same field of view is quicker and sees a little less far off.
+        plan: The home's plan, for rooms and doors; None leaves them out.
+        settings: Of the policy; None = its defaults with `max_steps`.
+        on_step: Told of the first view (step None) and of every step; it changes nothing.
+
+    Raises:
+        SceneError: The start is on no floor.
+    """
+    from sim.render.raycast import Raycaster
+
+    floor = VisibleFloor(scene.navigation, np.array(start.position))
+    tracker, renderer = CoverageTracker(floor), _DepthOnly(Raycaster(scene.mesh))
+    env = PanEnv(start, scene.navigation, renderer=renderer, camera=camera, max_steps=max_steps)
+    agent = FrontierExplorer(settings or FrontierSettings(max_steps=max_steps))
+    observation = env.reset()
+    agent.reset(TASK, camera, seed=seed)
+    coverage: list[float] = []
+    while True:
+        assert observation.depth_m is not None
+        assert renderer.last is not None
+        tracker.add(observation.depth_m, T_world_camera(env.pose, camera), Intrinsics.of(camera))
+        coverage.append(round(tracker.coverage, 4))
+        if on_step is not None:
+            on_step(env.steps[-1] if env.steps else None, renderer.last, agent.insight() if env.steps else None)
+        if env.is_over:
+            break
+        observation = env.step(agent.act(observation))
+    return Exploration(
+        scene=scene.name,
+        scene_kind=scene.kind,
+        scene_digest=scene.digest,
+        seed=seed,
+        camera=camera,
+        start=start,
+        storey_y=floor.storey_y,
+        steps=env.steps,
+        stop_reason=agent.stop_reason or "steps",
+        policy=EXPLORER_VERSION,
+        coverage=tuple(coverage),
+        area_m2=round(float(floor.visible.sum()) * floor.grid.cell**2, 2),
+        **_room_figures(plan, floor, tracker, env.poses),
+    )
+
+
+class _RoomFigures(TypedDict, total=False):
+    """What a plan adds to an exploration; empty without one."""
+
+    doors_passed: int
+    num_doors: int
+    rooms_missed: tuple[str, ...]
+
+
+def _room_figures(
+    plan: HomePlan | None, floor: VisibleFloor, tracker: CoverageTracker, poses: Sequence[Pose]
+) -> _RoomFigures:
+    if plan is None:
+        return {}
+    rooms, path = RoomMap(plan, floor), np.array([pose.position for pose in poses])
+    return {
+        "doors_passed": rooms.doors_passed(path),
+        "num_doors": rooms.num_doors,
+        "rooms_missed": rooms.missed(tracker.seen, path),
+    }
+
+
+def frames_of(
+    scene: Scene,
+    exploration: Exploration,
+    *,
+    camera: Camera = Camera(),  # noqa: B008 - frozen value
+    every: int = 1,
+) -> Iterator[PosedFrame]:
+    """The views of an exploration in the world frame, rendered again with colours and instance ids.
+
+    Args:
+        scene: The same home.
+        exploration: Whose poses are taken; one that differs from the last frame's only by STOP is left out.
+        camera: Of the pictures; need not be the one that the agent had.
+        every: Of the poses, every so many-th is taken, the first always.
+
+    Raises:
+        SceneError: The exploration was made in another home.
+    """
+    from sim.homes.labels import raycaster_of
+
+    if (scene.name, scene.digest) != (exploration.scene, exploration.scene_digest):
+        raise SceneError(
+            f"exploration: made in {exploration.scene} ({exploration.scene_digest[:12]}), found {scene.name} "
+            f"({scene.digest[:12]}); expected the same home. Explore again, or open the home it was made in."
+        )
+    raycaster = raycaster_of(scene)
+    is_stopped = bool(exploration.steps) and exploration.steps[-1].action is Action.STOP
+    poses = exploration.poses[:-1] if is_stopped else exploration.poses
+    for pose in poses[::every]:
+        T = T_world_camera(pose, camera)
+        frame = raycaster.render(T, camera)
+        yield PosedFrame(frame.rgb, frame.depth_m, T, Intrinsics.of(camera), frame.instance_ids)

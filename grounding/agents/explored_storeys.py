@@ -1,0 +1,72 @@
+"""The explorations that a home's map is made of: one for each storey that episodes start on, kept in files.
+
+All maps of a home, whatever their encoder and noise, are of the same walks.
+"""
+
+import hashlib
+import json
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from sim.episodes.dataset import PersonalDataset
+from sim.mesh import Scene
+from sim.types import Camera
+
+from .exploration_files import load_exploration, save_exploration
+from .explore import EXPLORER_VERSION, Exploration, OnStep, explore, start_on_storey
+from .progress_notes import Say
+
+
+def storey_explorations(
+    dataset: PersonalDataset,
+    scene: Scene,
+    *,
+    folder: Path,
+    seed: int,
+    camera: Camera = Camera(),  # noqa: B008 - frozen value
+    say: Say | None = None,
+) -> list[Exploration]:
+    """Explorations of the storeys that the scene's episodes start on, from the lowest; made where there is no file.
+
+    Args:
+        dataset: Of the episodes; their goals are not looked at.
+        scene: The home.
+        folder: Where the files are.
+        seed: Of starts and agents.
+        camera: Of the robot.
+        say: Told what is being done; it changes nothing.
+
+    Raises:
+        DatasetError: A file of the dataset is damaged.
+        RunFileError: A file of an exploration is damaged or cannot be written.
+        SceneError: A storey has no place to start from.
+    """
+    heights = scene.navigation.storey_heights
+    starts = [episode.start.position[1] for episode in dataset.episodes(scenes=(scene.name,))]
+    storeys = sorted({int(np.argmin(np.abs(np.asarray(heights) - y))) for y in starts})
+    found = []
+    for number, index in enumerate(storeys, start=1):
+        path = folder / exploration_name(scene, storey=index, seed=seed, camera=camera)
+        if not path.exists():
+            start = start_on_storey(scene, heights[index], seed)
+            told = None if say is None else _counted(say, f"exploring storey {number} of {len(storeys)}")
+            save_exploration(path, explore(scene, start, seed=seed, camera=camera, on_step=told))
+        found.append(load_exploration(path))
+    return found
+
+
+def _counted(say: Say, what: str) -> OnStep:
+    """Says after each step how many were made."""
+    steps = count()
+    return lambda step, frame, insight: say(f"{what}, {next(steps)} steps")
+
+
+def exploration_name(scene: Scene, *, storey: int, seed: int, camera: Camera) -> str:
+    """File name of an exploration; another version of the home or of the explorer, or another camera, has another."""
+    made_of = json.dumps(
+        [scene.digest, EXPLORER_VERSION, camera.width, camera.height, camera.hfov_deg, camera.mount_height]
+    )
+    short = hashlib.sha256(made_of.encode()).hexdigest()[:8]
+    return f"{scene.name}-storey{storey}-seed{seed}-{short}.json"

@@ -1,0 +1,139 @@
+"""The encoders known by name."""
+
+import re
+from functools import lru_cache
+
+from sim.errors import AgentError
+
+from .protocol import (
+    MODEL_FAMILIES,
+    ORACLE_SUFFIX,
+    TEXT_ENCODERS,
+    CachedTextEncoder,
+    DenseEncoder,
+    EncoderName,
+    ModelOptions,
+    TextEncoder,
+)
+
+_MAX_SLUG = 40
+
+
+def make_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> TextEncoder:
+    """The text encoder of this name, with a cache by text.
+
+    Args:
+        name: As `EncoderName` says.
+        options: Of a real model; `hashed` and `minilm` have none.
+
+    Raises:
+        AgentError: The name is not one, or the model cannot be loaded.
+        MissingDependencyError: Its extra is not installed.
+    """
+    space, source = parse_encoder_name(name)
+    if name.endswith(ORACLE_SUFFIX):
+        from ..perception.oracle_perception import OraclePerception
+
+        return OraclePerception(make_encoder(name.removesuffix(ORACLE_SUFFIX), options=options), {})
+    if space == "hashed":
+        from .hashed import HashedWords
+
+        return CachedTextEncoder(HashedWords())
+    if space == "minilm":
+        from .minilm import stored_minilm  # torch, transformers
+
+        return CachedTextEncoder(stored_minilm())
+    return CachedTextEncoder(_model(space, source, options or ModelOptions()))
+
+
+def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> DenseEncoder:
+    """The real model of this name, for building maps from pictures.
+
+    Raises:
+        AgentError: The name is not a model's, or the model cannot be loaded.
+        MissingDependencyError: Extra `models` is not installed.
+    """
+    space, source = parse_encoder_name(name)
+    if space in TEXT_ENCODERS or name.endswith(ORACLE_SUFFIX):
+        raise AgentError(
+            f"encoder {name!r}: cannot see; expected {_families()}. Name a model, or use "
+            "grounding.perception.oracle_perception.OraclePerception, which needs the home's captions."
+        )
+    return _model(space, source, options or ModelOptions())
+
+
+def parse_encoder_name(name: EncoderName) -> tuple[str, str]:
+    """The text encoder or family, and the model id or folder ("" for text encoders); loads nothing.
+
+    Raises:
+        AgentError: It is none.
+    """
+    space, colon, source = name.removesuffix(ORACLE_SUFFIX).partition(":")
+    if (space in TEXT_ENCODERS and not colon) or (space in MODEL_FAMILIES and source):
+        return space, source
+    raise AgentError(
+        f"encoder {name!r}: is not known; expected {', '.join(TEXT_ENCODERS)}, or {_families()}. "
+        "Example: clip:openai/clip-vit-large-patch14."
+    )
+
+
+def is_model(name: EncoderName) -> bool:
+    """Whether the name is of a real model, which sees and which `ModelOptions` are for.
+
+    Raises:
+        AgentError: It is no encoder's.
+    """
+    return parse_encoder_name(name)[0] in MODEL_FAMILIES and not name.endswith(ORACLE_SUFFIX)
+
+
+def require_no_model_options(where: str, options: ModelOptions) -> None:
+    """Refuses options of a real model for an encoder without one, which would ignore them.
+
+    Args:
+        where: The option that names the encoder, with its value.
+        options: All must be the defaults.
+
+    Raises:
+        AgentError: One is not.
+    """
+    for option, name in (("--device", "device"), ("--autocast", "autocast"), ("--batch", "batch_size")):
+        value = getattr(options, name)
+        if value != getattr(ModelOptions(), name):
+            raise AgentError(
+                f"{option} is {value!r} with {where}, which runs no model of ours; expected {_families()}. Leave it "
+                "out, or name a model."
+            )
+
+
+def encoder_slug(name: EncoderName) -> str:
+    """The name as file and run names can carry it: `clip-clip-vit-large-patch14`.
+
+    Raises:
+        AgentError: It is not an encoder's name.
+    """
+    space, source = parse_encoder_name(name)
+    suffix = ORACLE_SUFFIX.replace("+", "-") if name.endswith(ORACLE_SUFFIX) else ""
+    last = re.sub(r"[^A-Za-z0-9_.-]", "-", source.rstrip("/").rsplit("/", 1)[-1])
+    return f"{space}{'-' if last else ''}{last[:_MAX_SLUG]}{suffix}"
+
+
+def _families() -> str:
+    return f"one of {', '.join(f'{family}:' for family in MODEL_FAMILIES)} and a model id or a folder"
+
+
+@lru_cache(maxsize=1)
+def _model(family: str, source: str, options: ModelOptions) -> DenseEncoder:
+    """Keeps the last model: queries, pictures and the next scenes of a process are encoded by the same."""
+    match family:  # torch, transformers
+        case "clip":
+            from .clip import Clip
+
+            return Clip(source, options=options)
+        case "siglip":
+            from .siglip import Siglip
+
+            return Siglip(source, options=options)
+        case _:
+            from .blip2 import Blip2
+
+            return Blip2(source, space="itc256" if family == "blip2-itc256" else "hidden768", options=options)

@@ -1,0 +1,99 @@
+"""What an encoder must offer, how a real model runs, and a cache by text."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..posed_frames import PosedFrame
+
+EncoderName = str
+"""`hashed`, `minilm`, or `clip:`, `siglip:`, `blip2-itc256:`, `blip2-hidden768:` and a model id or a folder; with the
+suffix `+oracle-perception` it encodes the queries to maps that oracle perception made in that space."""
+TEXT_ENCODERS = ("hashed", "minilm")
+MODEL_FAMILIES = ("clip", "siglip", "blip2-itc256", "blip2-hidden768")
+ORACLE_SUFFIX = "+oracle-perception"
+_MAX_CACHED_TEXTS = 50_000
+
+
+class TextEncoder(Protocol):
+    """Texts to unit vectors. `grounding.checks.check_encoder` tests a plug-in."""
+
+    @property
+    def name(self) -> str:
+        """Names the vector space: maps and queries match only when their encoders' names are equal."""
+        ...
+
+    @property
+    def dim(self) -> int:
+        """E, the length of a vector."""
+        ...
+
+    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, E) unit rows, one per text whatever the others are; a zero row for a text without content."""
+        ...
+
+
+class TextImageEncoder(TextEncoder, Protocol):
+    """Whole pictures and texts to unit vectors of one space. `grounding.checks.check_image_encoder` tests a plug-in."""
+
+    def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+        """(N, E) unit rows, one per picture; zero for one that says nothing. Real models read `rgb` only."""
+        ...
+
+
+class DenseEncoder(TextImageEncoder, Protocol):
+    """A vector for each patch of a picture too."""
+
+    def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+        """(N, h, w, E) unit vectors of patches that tile each picture evenly; zero where a patch says nothing."""
+        ...
+
+
+Device = Literal["cpu", "cuda"]
+Autocast = Literal["off", "bfloat16", "float16"]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelOptions:
+    """How a real model runs; the vectors depend on `autocast` a little (about 1e-2), on nothing else."""
+
+    device: Device = "cpu"
+    batch_size: int = 8
+    """Texts or pictures at a time."""
+    autocast: Autocast = "off"
+    """Arithmetic of the large products; float16 on cuda only."""
+    download: bool = True
+    """Whether a model id may be fetched; False = the local cache only."""
+
+
+class CachedTextEncoder:
+    """An encoder that encodes each text once; forgets everything when it holds `max_texts`."""
+
+    def __init__(self, encoder: TextEncoder, *, max_texts: int = _MAX_CACHED_TEXTS) -> None:
+        """Wraps `encoder`."""
+        self._encoder = encoder
+        self._max_texts = max_texts
+        self._rows: dict[str, NDArray[np.float32]] = {}
+
+    @property
+    def name(self) -> str:
+        """The wrapped encoder's."""
+        return self._encoder.name
+
+    @property
+    def dim(self) -> int:
+        """The wrapped encoder's."""
+        return self._encoder.dim
+
+    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, E) unit rows; only texts not met before are encoded, in one call."""
+        unknown = [text for text in dict.fromkeys(texts) if text not in self._rows]
+        if len(self._rows) + len(unknown) > self._max_texts:
+            self._rows.clear()
+            unknown = list(dict.fromkeys(texts))
+        if unknown:
+            self._rows.update(zip(unknown, self._encoder.encode_texts(unknown), strict=True))
+        return np.array([self._rows[text] for text in texts], np.float32).reshape(len(texts), self.dim)

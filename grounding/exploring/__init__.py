@@ -1,1 +1,0 @@
-"""What an exploration has seen, and where it is kept."""

@@ -1,0 +1,242 @@
+"""Grid maps from posed pictures: where each patch or picture looks, its vector is added to the cell there.
+
+Posed frames + encoder -> sums per cell and storey -> `HomeMemory` (memory.py). Seen places only, no ground truth.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import AgentError
+from sim.types import CAMERA_HEIGHT, GridSpec
+
+from ..encoders.protocol import DenseEncoder, TextImageEncoder
+from ..posed_frames import PosedFrame
+from ..types import FeatureMap, map_from_cells
+from .cell_sums import CellSums
+from .home_map import HomeMemory, StoreyMemory
+from .occupancy import MAX_DEPTH
+from .storeys import Storeys, points_at
+from .view_quality import NEAR, bearing_weight, patches_of
+
+GRID_SIZE = 50.0
+"""Side of the mapped square, metres; 50 cells of 1 m (paper, Sec. IV)."""
+FeatureSource = Literal["patches", "images"]
+"""A vector for each patch of a view, or one for the whole view in every cell that it shows (the authors' code)."""
+_EVERY_PIXEL = 8
+"""Whole views: cells are looked for at this step of rows and columns."""
+_WHOLE = 1e-9
+
+
+class MapBuilder(Protocol):
+    """Makes a map of views. `grounding.checks.check_map_builder` tests a plug-in."""
+
+    @property
+    def name(self) -> str:
+        """Says how the map is made and from what; it is written into map files."""
+        ...
+
+    def reset(self) -> None:
+        """Forgets all views."""
+        ...
+
+    def add(self, frame: PosedFrame) -> None:
+        """Adds a view; changes none of its arrays, and may read them until `finish`: leave them as they are."""
+        ...
+
+    def finish(self) -> HomeMemory:
+        """The map of all views since `reset`; no storeys when there was none. More views may be added later."""
+        ...
+
+
+class GridMapBuilder:
+    """Occupancy and one vector per cell, of each storey."""
+
+    def __init__(
+        self,
+        encoder: TextImageEncoder | DenseEncoder,
+        *,
+        cell: float = 1.0,
+        features: FeatureSource = "patches",
+        centre_xz: tuple[float, float] | None = None,
+        size: float = GRID_SIZE,
+        floors: Sequence[float] | None = None,
+        mount_height: float = CAMERA_HEIGHT,
+        max_depth: float = MAX_DEPTH,
+        frame: str = "world",
+        batch: int = 8,
+    ) -> None:
+        """An empty map.
+
+        Args:
+            encoder: Of the views; with `features="patches"` it must have `encode_patches`.
+            cell: Side of a cell, metres; 1, or 1 divided by a whole number.
+            features: What is encoded.
+            centre_xz: Middle of the grid, e.g. `OracleHome.centre_xz`, so that the cells are those of its oracle map;
+                default the middle of all that was seen. The grid's corner is floor(middle) - size / 2
+                (GROUNDING.md, section 0): cells of all maps of a home lie on one lattice. The map's own `centre_xz`,
+                which grounders see, is always the middle of what was seen.
+            size: Side of the grid, an even number of metres.
+            floors: Heights of the storeys' floors, metres; None = found on the way (`Storeys`).
+            mount_height: Of the camera above the feet, metres; needed where `floors` is None.
+            max_depth: Farther returns are not mapped, planar metres.
+            frame: Words that name the poses' frame.
+            batch: Views that are encoded together.
+
+        Raises:
+            AgentError: The encoder, `cell`, `size` or `floors` does not fit.
+        """
+        _require_fitting(cell, size)
+        if features == "patches" and not hasattr(encoder, "encode_patches"):
+            raise AgentError(
+                f"map builder: encoder {encoder.name!r} has no encode_patches; expected a DenseEncoder for "
+                'features="patches". Take features="images", or another encoder.'
+            )
+        self.name = f"{cell:g} m cells of {features}"
+        """What map files say of it."""
+        self._encoder = encoder
+        self._cell, self._size, self._features = cell, size, features
+        self._centre_xz, self._frame, self._max_depth = centre_xz, frame, max_depth
+        self._new_storeys = lambda: Storeys(
+            floors=floors, mount_height=mount_height, centre_xz=centre_xz, max_depth=max_depth, batch=batch
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all views."""
+        self._storeys = self._new_storeys()
+        self._sums: dict[int, CellSums] = {}
+        self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
+
+    def add(self, frame: PosedFrame) -> None:
+        """Adds a view; some wait until a batch is full or until the robot is off the stairs.
+
+        Raises:
+            AgentError: The encoder broke its contract.
+        """
+        self._place(self._storeys.take(frame))
+
+    def finish(self) -> HomeMemory:
+        """The map of all views since `reset`.
+
+        Raises:
+            AgentError: The encoder broke its contract, or something seen is outside of the grid.
+        """
+        self._place(self._storeys.rest())
+        centre = _middle(self._low, self._high)
+        corner = np.floor(self._centre_xz or centre) - self._size / 2
+        count = round(self._size / self._cell)
+        grid = GridSpec((float(corner[0]), float(corner[1])), self._cell, (count, count))
+        order = np.argsort(self._storeys.floors).tolist() if self._storeys.num_frames else []
+        storeys = tuple(
+            StoreyMemory(self._storeys.occupancy(index), self._feature_map(index, grid, centre)) for index in order
+        )
+        return HomeMemory(storeys, self._frame, self._storeys.num_frames)
+
+    def _place(self, frames: Sequence[PosedFrame]) -> None:
+        """Encodes frames and adds what they show to the cells."""
+        if not frames:
+            return
+        if self._features == "patches":
+            vectors = encoded_patches(self._encoder, frames)  # type: ignore[arg-type]  # checked at construction
+            for frame, patches in zip(frames, vectors, strict=True):
+                seen = patches_of(frame, patches.shape[:2], max_depth=self._max_depth)
+                self._add_points(seen.points, patches.reshape(-1, self._encoder.dim), seen.weights)
+        else:
+            for frame, vector in zip(frames, _encoded_images(self._encoder, frames), strict=True):
+                points, weights = self._shown_cells(frame)
+                self._add_points(points, np.broadcast_to(vector, (len(points), len(vector))), weights)
+
+    def _add_points(self, points: NDArray, vectors: NDArray[np.float32], weights: NDArray) -> None:
+        """Adds vectors (N, E) with weights (N,) to the cells under points (N, 3); zero vectors add nothing."""
+        storeys = self._storeys.index_of(points[:, 1])
+        seen = (weights > 0) & (storeys >= 0)
+        if not seen.any():
+            return
+        xz = points[:, [0, 2]]
+        self._low = np.minimum(self._low, xz[seen].min(axis=0))
+        self._high = np.maximum(self._high, xz[seen].max(axis=0))
+        says = seen & vectors.any(axis=1)
+        for index in np.unique(storeys[says]).tolist():
+            here = says & (storeys == index)
+            rc = np.floor(xz[here][:, ::-1] / self._cell).astype(np.int64)
+            self._sums.setdefault(index, CellSums(self._encoder.dim)).add(rc, vectors[here], weights[here])
+
+    def _shown_cells(self, frame: PosedFrame) -> tuple[NDArray, NDArray]:
+        """A point (N, 3) in each cell that a view shows, and its weight (N,): the mean of its pixels' bearing."""
+        height, width = frame.depth_m.shape
+        rows, cols = np.mgrid[_EVERY_PIXEL // 2 : height : _EVERY_PIXEL, _EVERY_PIXEL // 2 : width : _EVERY_PIXEL]
+        depth = frame.depth_m[rows, cols]
+        is_valid = (depth >= NEAR) & (depth <= self._max_depth)
+        rc = np.column_stack([rows[is_valid], cols[is_valid]])
+        points = points_at(frame, rc)
+        cells = np.column_stack([np.floor(points[:, [0, 2]] / self._cell), self._storeys.index_of(points[:, 1])])
+        _, first, inverse = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+        trust = bearing_weight(rc[:, 1] + 0.5, frame.intrinsics)
+        weights = np.bincount(inverse.reshape(-1), trust) / np.bincount(inverse.reshape(-1))
+        return points[first], weights if len(first) else np.empty(0)
+
+    def _feature_map(self, index: int, grid: GridSpec, centre_xz: tuple[float, float]) -> FeatureMap:
+        rc, sums, weights = self._sums.get(index, CellSums(self._encoder.dim)).cells()
+        rc = rc - np.round(np.array(grid.origin_xz)[::-1] / grid.cell).astype(np.int64)
+        outside = int((~grid.contains(rc)).sum())
+        if outside:
+            raise AgentError(
+                f"map builder: {outside} of {len(rc)} seen cells are outside of the {self._size:g} x {self._size:g} m "
+                f"around {self._centre_xz or centre_xz}; expected all inside. Give a larger size, or another centre_xz."
+            )
+        return map_from_cells(
+            sums,
+            rc,
+            grid=grid,
+            floor_y=self._storeys.floors[index],
+            encoder=self._encoder.name,
+            centre_xz=centre_xz,
+            weights=weights,
+        )
+
+
+def encoded_patches(encoder: DenseEncoder, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    """(N, h, w, E) of an encoder, its shape and numbers checked.
+
+    Raises:
+        AgentError: They are not what `DenseEncoder` promises.
+    """
+    vectors = encoder.encode_patches(frames)
+    _require_vectors(encoder.name, "encode_patches", vectors, 4, (len(frames), encoder.dim))
+    return vectors
+
+
+def _encoded_images(encoder: TextImageEncoder, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    vectors = encoder.encode_images(frames)
+    _require_vectors(encoder.name, "encode_images", vectors, 2, (len(frames), encoder.dim))
+    return vectors
+
+
+def _require_vectors(name: str, what: str, vectors: NDArray, ndim: int, ends: tuple[int, int]) -> None:
+    shape = np.shape(vectors)
+    if len(shape) != ndim or (shape[0], shape[-1]) != ends or not np.isfinite(vectors).all():
+        expected = f"({ends[0]}, {'h, w, ' if ndim == 4 else ''}{ends[1]})"
+        raise AgentError(
+            f"encoder {name!r}: {what} gave an array of shape {shape}; expected finite numbers of shape {expected}. "
+            "Correct the encoder."
+        )
+
+
+def _require_fitting(cell: float, size: float) -> None:
+    divides = cell > 0 and abs(1 / cell - round(1 / cell)) < _WHOLE and cell <= 1
+    if not divides:
+        raise AgentError(
+            f"map builder: cell is {cell!r}; expected 1 m divided by a whole number, so that the cells of all maps "
+            "fit into each other. Give 1, 0.5, 0.25, 0.2 or 0.1."
+        )
+    if not (2 <= size <= 1000 and size % 2 == 0):
+        raise AgentError(f"map builder: size is {size!r}; expected an even number of metres, 2 to 1000. Give 50.")
+
+
+def _middle(low: NDArray, high: NDArray) -> tuple[float, float]:
+    """Middle of the bounds; the origin where nothing was seen."""
+    middle = (low + high) / 2 if np.isfinite(low).all() else np.zeros(2)
+    return float(middle[0]), float(middle[1])

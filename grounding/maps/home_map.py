@@ -1,0 +1,153 @@
+"""What exploration leaves behind: per storey the free space and a map of features or of objects. numpy only.
+
+Map builders make a `HomeMemory`, map files hold it, grounders get one storey's `Memory`, recordings draw it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.episodes.schema import Vector3
+from sim.errors import AgentError
+from sim.types import GridSpec
+
+from ..types import FeatureMap, map_from_cells, require_same_encoder
+
+
+@dataclass(frozen=True, slots=True)
+class OccupancyGrid:
+    """What a robot knows of one storey's floor."""
+
+    cells: NDArray[np.uint8]
+    """(rows, cols) `UNKNOWN`, `FREE` or `OCCUPIED` of sim.tasks.observers."""
+    grid: GridSpec
+    """Cells of 5 cm, map frame."""
+
+    def __post_init__(self) -> None:
+        assert self.cells.shape == tuple(self.grid.shape), self.cells.shape
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectInstance:
+    """One thing that was seen, merged over views."""
+
+    points: NDArray[np.float32]
+    """(P, 3) points on its surface, thinned to about 5 cm, map frame."""
+    feature: NDArray[np.float32]
+    """(E,) unit mean of what the encoder said of its views."""
+    caption: str
+    """What a captioner or the encoder's nearest label calls it; "" when nothing did."""
+    weight: float
+    """Evidence: number of views."""
+
+    @property
+    def box(self) -> tuple[Vector3, Vector3]:
+        """Lowest and highest corner, metres."""
+        low, high = self.points.min(axis=0).tolist(), self.points.max(axis=0).tolist()
+        return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+    @property
+    def centre(self) -> Vector3:
+        """Middle of the box, metres."""
+        low, high = self.box
+        return ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectMap:
+    """The things of one storey."""
+
+    objects: tuple[ObjectInstance, ...]
+    floor_y: float
+    """Height of the storey's floor, metres."""
+    encoder: str
+    """Name of the encoder of the features."""
+    dim: int
+    """E, known without objects too."""
+    centre_xz: tuple[float, float]
+    """Middle of what was seen."""
+    merge_m: float
+    """Views of one thing are merged when their points are within this many metres."""
+
+    def require_encoder(self, name: str, dim: int) -> None:
+        """Refuses vectors of another encoder, whose cosines with the map would mean nothing.
+
+        Raises:
+            AgentError: Name or dimension differ.
+        """
+        require_same_encoder((self.encoder, self.dim), (name, dim))
+
+
+Memory = FeatureMap | ObjectMap
+"""What a grounder may be given; each grounder says which it takes."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoreyMemory:
+    """One storey."""
+
+    occupancy: OccupancyGrid
+    memory: Memory
+
+    @property
+    def floor_y(self) -> float:
+        """Height of its floor, metres."""
+        return self.memory.floor_y
+
+
+@dataclass(frozen=True, slots=True)
+class HomeMemory:
+    """All that one or more explorations of a home left behind."""
+
+    storeys: tuple[StoreyMemory, ...]
+    """Ascending in `floor_y`."""
+    frame: str
+    """`world` for homes of the simulator; else words that name the robot's frame."""
+    num_frames: int
+    """Views that are in the map."""
+
+    def storey_near(self, y: float) -> StoreyMemory:
+        """The storey whose floor is nearest to this height, metres.
+
+        Raises:
+            AgentError: The memory is empty.
+        """
+        if not self.storeys:
+            raise AgentError("map: has no storey; expected at least one. Explore the home, or add valid frames.")
+        return min(self.storeys, key=lambda storey: abs(storey.floor_y - y))
+
+
+def merged_storeys(home: HomeMemory) -> Memory:
+    """One memory of all storeys, for queries that do not say the storey; cells above each other become one.
+
+    A merged cell holds the mean of its storeys' vectors by evidence, and the floor of the one with most evidence.
+
+    Raises:
+        AgentError: The memory is empty.
+    """
+    lowest = home.storey_near(-np.inf).memory
+    memories = [storey.memory for storey in home.storeys]
+    if isinstance(lowest, ObjectMap):
+        objects = [item for memory in memories if isinstance(memory, ObjectMap) for item in memory.objects]
+        return replace(lowest, objects=tuple(objects))
+    maps = [memory for memory in memories if isinstance(memory, FeatureMap)]
+    assert all(item.grid == lowest.grid for item in maps), "storeys of one home have one grid"
+    flat = np.concatenate([item.flat_index for item in maps])
+    weights = np.concatenate([item.weights for item in maps]).astype(np.float64)
+    heights = np.concatenate([item.cell_y for item in maps])
+    cells, inverse = np.unique(flat, return_inverse=True)
+    vectors = np.zeros((len(cells), lowest.dim))
+    np.add.at(vectors, inverse, np.concatenate([item.rows for item in maps]) * weights[:, None])
+    total = np.bincount(inverse, weights, len(cells)).astype(np.float64)
+    best = np.lexsort((-weights, inverse))[np.unique(np.sort(inverse), return_index=True)[1]]
+    return map_from_cells(
+        vectors,
+        np.column_stack([cells // lowest.grid.shape[1], cells % lowest.grid.shape[1]]),
+        grid=lowest.grid,
+        floor_y=lowest.floor_y,
+        encoder=lowest.encoder,
+        centre_xz=lowest.centre_xz,
+        cell_y=heights[best],
+        weights=total,
+    )

@@ -1,0 +1,188 @@
+"""Object maps from posed pictures: masks become points with a feature, and views of one thing become one instance."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import CAMERA_HEIGHT
+
+from ..encoders.protocol import DenseEncoder
+from ..perception.segments import Segmenter
+from ..posed_frames import Intrinsics, PosedFrame
+from .grid_map import encoded_patches
+from .home_map import HomeMemory, ObjectInstance, ObjectMap, StoreyMemory
+from .occupancy import MAX_DEPTH
+from .storeys import Storeys, points_at
+from .tracked_things import MergeRule, Thing, View, add_view, merged, thinned
+from .view_quality import NEAR, distance_weight, patch_pixels
+
+MERGE_M, MIN_SHARE, MIN_COSINE = 0.1, 0.3, 0.7
+"""Defaults of `MergeRule`: metres, share of points, cosine."""
+_EVERY_PIXEL = 2
+_LEAST_IN_PATCH = 0.25
+"""A patch counts for a mask that covers at least this share of it, or the most of all patches."""
+
+
+class ObjectMapBuilder:
+    """Occupancy and the things of each storey."""
+
+    def __init__(
+        self,
+        encoder: DenseEncoder,
+        segmenter: Segmenter,
+        *,
+        merge_m: float = MERGE_M,
+        min_share: float = MIN_SHARE,
+        min_cosine: float = MIN_COSINE,
+        min_points: int = 5,
+        min_views: int = 1,
+        labels: Sequence[str] = (),
+        centre_xz: tuple[float, float] | None = None,
+        floors: Sequence[float] | None = None,
+        mount_height: float = CAMERA_HEIGHT,
+        max_depth: float = MAX_DEPTH,
+        frame: str = "world",
+        batch: int = 8,
+    ) -> None:
+        """An empty map.
+
+        Args:
+            encoder: Of the patches.
+            segmenter: Finds the things of a view; `InstanceIds` where the simulator gives them.
+            merge_m: Points of two views this near (metres) to each other overlap.
+            min_share: Share of the smaller view's points that must overlap for the two to be one thing.
+            min_cosine: Least cosine of the two features for the same.
+            min_points: Things with fewer points (one per 5 cm cube) are left out.
+            min_views: Things seen in fewer views are left out.
+            labels: Texts of which the nearest becomes the caption of a thing without one.
+            centre_xz: Middle of the occupancy grids; default the first camera's place. The map's own `centre_xz`, which
+                grounders see, is the middle of all things' points.
+            floors: Heights of the storeys' floors, metres; None = found on the way (`Storeys`).
+            mount_height: Of the camera above the feet, metres; needed where `floors` is None.
+            max_depth: Farther returns are not mapped, planar metres.
+            frame: Words that name the poses' frame.
+            batch: Views that are encoded together.
+
+        Raises:
+            AgentError: `floors` does not fit.
+        """
+        self.name = f"objects of {segmenter.name}"
+        """What map files say of it; holds "oracle-perception" where the masks are ground truth."""
+        self._encoder, self._segmenter = encoder, segmenter
+        self._rule = MergeRule(merge_m, min_share, min_cosine)
+        self._min_points, self._min_views = min_points, min_views
+        self._labels = tuple(labels)
+        self._frame, self._max_depth = frame, max_depth
+        self._new_storeys = lambda: Storeys(
+            floors=floors, mount_height=mount_height, centre_xz=centre_xz, max_depth=max_depth, batch=batch
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all views."""
+        self._storeys = self._new_storeys()
+        self._things: list[Thing] = []
+
+    def add(self, frame: PosedFrame) -> None:
+        """Adds a view; some wait until a batch is full or until the robot is off the stairs.
+
+        Raises:
+            AgentError: The encoder or the segmenter broke its contract.
+        """
+        self._place(self._storeys.take(frame))
+
+    def finish(self) -> HomeMemory:
+        """The map of all views since `reset`; things without any feature are left out.
+
+        Raises:
+            AgentError: The encoder or the segmenter broke its contract.
+        """
+        self._place(self._storeys.rest())
+        if not self._storeys.num_frames:
+            return HomeMemory((), self._frame, 0)
+        things = [thing for thing in merged(self._things, self._rule) if self._is_kept(thing)]
+        heights = np.array([np.median(thing.points[:, 1]) for thing in things])
+        storeys = self._storeys.index_of(heights) if len(things) else np.empty(0, np.int64)
+        centre = _middle(things)
+        maps = []
+        for index in np.argsort(self._storeys.floors).tolist():
+            objects = tuple(self._instance(thing) for thing, at in zip(things, storeys, strict=True) if at == index)
+            floor_y = self._storeys.floors[index]
+            memory = ObjectMap(objects, floor_y, self._encoder.name, self._encoder.dim, centre, self._rule.merge_m)
+            maps.append(StoreyMemory(self._storeys.occupancy(index), memory))
+        return HomeMemory(tuple(maps), self._frame, self._storeys.num_frames)
+
+    def _is_kept(self, thing: Thing) -> bool:
+        is_seen_enough = thing.views >= self._min_views and len(thing.points) >= self._min_points
+        return is_seen_enough and bool(thing.feature_sum.any())
+
+    def _instance(self, thing: Thing) -> ObjectInstance:
+        feature = thing.feature.astype(np.float32)
+        caption = thing.captions.most_common(1)[0][0] if thing.captions else ""
+        if not caption and self._labels:
+            caption = self._labels[int(np.argmax(self._encoder.encode_texts(self._labels) @ feature))]
+        return ObjectInstance(thing.points.astype(np.float32), feature, caption, float(thing.views))
+
+    def _place(self, frames: Sequence[PosedFrame]) -> None:
+        if not frames:
+            return
+        for frame, patches in zip(frames, encoded_patches(self._encoder, frames), strict=True):
+            for view in self._views(frame, patches):
+                add_view(self._things, view, self._rule)
+
+    def _views(self, frame: PosedFrame, patches: NDArray[np.float32]) -> list[View]:
+        """The things of one frame that have points; patches (h, w, E)."""
+        found = self._segmenter.segment(frame)
+        if not len(found.masks):
+            return []
+        shares = _shares_of_patches(found.masks, frame.intrinsics, patches.shape[:2])
+        features = (shares.astype(np.float32) @ patches.reshape(-1, self._encoder.dim)).astype(np.float64)
+        coarse = _inner(found.masks[:, ::_EVERY_PIXEL, ::_EVERY_PIXEL])
+        depth = frame.depth_m[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+        is_valid = (depth >= NEAR) & (depth <= self._max_depth)
+        views = []
+        for index, mask in enumerate(coarse):
+            rc = np.argwhere(mask & is_valid) * _EVERY_PIXEL
+            if not len(rc):
+                continue
+            length = np.linalg.norm(features[index])
+            median = np.array([np.median(frame.depth_m[rc[:, 0], rc[:, 1]])], np.float64)
+            views.append(
+                View(
+                    points=thinned(points_at(frame, rc)),
+                    feature=features[index] / length if length > 0 else features[index],
+                    quality=float(distance_weight(median)[0]),
+                    caption=found.captions[index] if found.captions else "",
+                    number=found.ids[index] if found.ids else None,
+                )
+            )
+        return views
+
+
+def _shares_of_patches(masks: NDArray[np.bool_], intrinsics: Intrinsics, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """(M, h*w) share of each patch that each mask covers; small shares are 0 unless a mask has nothing better."""
+    pixels = patch_pixels(intrinsics, shape)
+    shares = masks[:, pixels[..., 0], pixels[..., 1]].mean(axis=2)
+    least = np.minimum(_LEAST_IN_PATCH, shares.max(axis=1, keepdims=True))
+    return np.where(shares >= least, shares, 0.0)
+
+
+def _inner(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Masks (M, H, W) without their outermost pixels, whose depth may be the background's; thin ones stay whole."""
+    inner = masks.copy()
+    inner[:, 1:] &= masks[:, :-1]
+    inner[:, :-1] &= masks[:, 1:]
+    inner[:, :, 1:] &= masks[:, :, :-1]
+    inner[:, :, :-1] &= masks[:, :, 1:]
+    is_left = np.asarray(inner.any(axis=(1, 2)))
+    return np.where(is_left[:, None, None], inner, masks)
+
+
+def _middle(things: Sequence[Thing]) -> tuple[float, float]:
+    """Middle of the bounds of all points; the origin where there are none."""
+    if not things:
+        return (0.0, 0.0)
+    xz = np.concatenate([thing.points[:, [0, 2]] for thing in things])
+    x, z = ((xz.min(axis=0) + xz.max(axis=0)) / 2).tolist()
+    return (x, z)

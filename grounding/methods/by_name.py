@@ -1,0 +1,94 @@
+"""The grounders known by name. A grounder sees a map, a `Task` and phrases, never an `Episode`."""
+
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+from sim.types import Task
+
+from ..encoders.protocol import TextEncoder
+from ..maps.home_map import Memory
+from ..maps.kinds import MemoryKind
+from ..types import Grounding
+from .baselines import MapCentre, QueryScoring, RandomCell
+from .matching import MATCHERS, PhraseMatcher
+from .object_matching import OBJECT_MATCHERS, ObjectMatcher
+
+GrounderName = Literal[
+    "random",
+    "center",
+    "qs",
+    "rpg",
+    "rpg-authors",
+    "rpg-literal",
+    "phrase",
+    "dual",
+    "dual-smooth",
+    "dual-smooth-point",
+    "joint",
+    "object-phrase",
+    "object-dual",
+]
+
+
+class Grounder(Protocol):
+    """Answers where on a map the query's object is. `grounding.checks.check_grounder` tests a plug-in."""
+
+    @property
+    def name(self) -> str:
+        """Row name in tables."""
+        ...
+
+    @property
+    def uses_phrases(self) -> bool:
+        """Whether the answer depends on the phrases; printed beside every result."""
+        ...
+
+    @property
+    def frame(self) -> str:
+        """Among which places it chooses; a baseline's figure means nothing without it."""
+        ...
+
+    @property
+    def takes(self) -> MemoryKind:
+        """The kind of map that it answers on; it refuses the other kind."""
+        ...
+
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
+        """Ranked answers; the same inputs give the same answers.
+
+        Args:
+            memory: The map, of the kind that it takes.
+            task: Description and queries; the first query counts.
+            phrases: Of the task's description; may be empty.
+        """
+        ...
+
+
+def make_grounder(name: GrounderName, encoder: TextEncoder, *, seed: int = 0) -> Grounder:
+    """The grounder of this name with the paper's parameters.
+
+    Args:
+        name: Which.
+        encoder: The map's encoder; `random` and `center` do without.
+        seed: Of `random`'s draws.
+    """
+    match name:
+        case "random":
+            return RandomCell(seed=seed)
+        case "center":
+            return MapCentre()
+        case "qs":
+            return QueryScoring(encoder)
+        case "rpg" | "rpg-authors" | "rpg-literal":
+            from .rpg import PRESETS, RegionGated  # torch
+
+            options = {"rpg": PRESETS["paper"], "rpg-authors": PRESETS["authors"], "rpg-literal": PRESETS["literal"]}
+            return RegionGated(encoder, options=options[name], name=name)
+        case "phrase" | "dual" | "dual-smooth" | "dual-smooth-point":
+            return PhraseMatcher(encoder, name=name, options=MATCHERS[name])
+        case "joint":
+            from .joint import JointMatcher  # scipy
+
+            return JointMatcher(encoder)
+        case "object-phrase" | "object-dual":
+            return ObjectMatcher(encoder, name=name, temperature=OBJECT_MATCHERS[name])

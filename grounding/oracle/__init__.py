@@ -1,1 +1,0 @@
-"""Oracle maps: made of the episode files, with noise where asked."""

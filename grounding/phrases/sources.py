@@ -1,0 +1,102 @@
+"""Where a grounder's phrases ("X owns Y in Z") come from. The source's name is printed in every row of results."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from sim.episodes.schema import Episode
+from sim.errors import AgentError
+from sim.types import Task
+
+if TYPE_CHECKING:
+    from .llm import LlmOptions
+
+PhraseSourceName = Literal["dataset", "rules", "llm"]
+
+
+class PhraseSource(Protocol):
+    """Short phrases of who owns what, taken from a task."""
+
+    @property
+    def name(self) -> str:
+        """Printed beside every result."""
+        ...
+
+    @property
+    def num_fallbacks(self) -> int:
+        """Calls so far that another source had to answer in its place; answers say so."""
+        ...
+
+    def phrases(self, task: Task) -> tuple[str, ...]:
+        """The phrases of the task's description, each once, in order; may be empty."""
+        ...
+
+
+class DatasetPhrases:
+    """The dataset's own `extracted_summary`: ground truth, allowed for grounding only (DESIGN.md)."""
+
+    name = "dataset"
+    num_fallbacks = 0
+
+    def __init__(self, episodes: Iterable[Episode]) -> None:
+        """Knows the phrases of these episodes' tasks."""
+        self._phrases = {
+            (episode.record.summary, query): tuple(dict.fromkeys(episode.record.extracted_summary))
+            for episode in episodes
+            for query in episode.record.query
+        }
+
+    def phrases(self, task: Task) -> tuple[str, ...]:
+        """The stored phrases of the episode that the task is of.
+
+        Raises:
+            AgentError: The task is of none of the episodes.
+        """
+        try:
+            return self._phrases[(task.description, task.queries[0])]
+        except KeyError:
+            raise AgentError(
+                f"phrases: found no episode with query {task.queries[0]!r} and this description; expected a task of "
+                "the episodes given. Build DatasetPhrases from the task's own scene."
+            ) from None
+
+
+def make_phrases(
+    name: PhraseSourceName, *, episodes: Iterable[Episode] = (), llm: "LlmOptions | None" = None
+) -> PhraseSource:
+    """The phrase source of this name.
+
+    Args:
+        name: `dataset` knows the phrases, `rules` and `llm` read the description.
+        episodes: Whose phrases `dataset` knows; the others never see an episode.
+        llm: Where the model of `llm` is.
+
+    Raises:
+        AgentError: `llm` without options, or its key is missing.
+        MissingDependencyError: `llm` without the extra of that name.
+    """
+    match name:
+        case "dataset":
+            return DatasetPhrases(episodes)
+        case "rules":
+            from .rules import RulePhrases
+
+            return RulePhrases()
+        case "llm":
+            if llm is None:
+                raise AgentError(
+                    "phrases: 'llm' has no endpoint; expected its URL and a model. Give --llm-url and --llm-model."
+                )
+            from .llm import ChatPhrases  # openai
+
+            return ChatPhrases(llm)
+
+
+def without_owner(phrase: str) -> str:
+    """ "the lamp in the hall" of "Ada owns the lamp in the hall"; a phrase without " owns " stays as it is."""
+    return phrase.partition(" owns ")[2] or phrase
+
+
+def owner_of(phrase: str) -> str | None:
+    """ "Ada" of "Ada owns the lamp"; None for a phrase without " owns "."""
+    owner, verb, _ = phrase.partition(" owns ")
+    return owner.strip() or None if verb else None

@@ -1,0 +1,97 @@
+"""Asks the grounder of a run again: run files hold answers only, and views show how they came about.
+
+The grounder answers from the settings in `run.json` and must come to the same points.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import AgentError
+from sim.tasks.run_files import Answer, RunInfo
+
+from ..evaluate import SceneGrounder
+from ..home_maps import MapFolders
+from ..maps.home_map import Memory
+from ..settings import GroundSettings
+from ..types import Grounding
+
+_SETTINGS = TypeAdapter(GroundSettings)
+_NEEDED = ("map", "encoder", "all_storeys")
+"""Config keys without which nothing is guessed."""
+_SAME = 1e-6
+"""Metres within which an answer given again is the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerAgain:
+    """An answer given again, or why it is not."""
+
+    memory: Memory | None = None
+    """The map that was asked."""
+    grounding: Grounding | None = None
+    map_file: Path | None = None
+    """The file of the home's map; None for oracle maps."""
+    problem: str = ""
+    """One sentence, subject left out, when there is no answer; empty otherwise."""
+
+
+def settings_of(info: RunInfo) -> GroundSettings | None:
+    """The settings with which `personal-viz ground` made a run; None where another program did."""
+    names = {field.name for field in fields(GroundSettings)} - {"method", "seed"}
+    config = {name: value for name, value in info.config.items() if name in names}
+    if config.get("phrases") == "none":  # the method uses none
+        del config["phrases"]
+    if any(name not in config for name in _NEEDED):
+        return None
+    try:
+        return _SETTINGS.validate_python({"method": info.who, "seed": info.seed, **config})
+    except (ValidationError, AgentError):
+        return None
+
+
+class AskAgain:
+    """Keeps a grounder per scene and map, so that many answers are quick. Maps are read only, never made."""
+
+    def __init__(self, dataset: PersonalDataset, *, beside: Sequence[Path] = ()) -> None:
+        """Takes the data set of the runs, and the folders that hold their run folders: their maps lie there too."""
+        self._dataset = dataset
+        self._beside = tuple(dict.fromkeys(beside))
+        self._made: dict[tuple[str, GroundSettings, Path | None], SceneGrounder] = {}
+
+    def ask(self, info: RunInfo, answer: Answer, episode: Episode) -> AnswerAgain:
+        """The answer once more, with its map and layers.
+
+        Raises:
+            PersonalVizError: The episode's files are damaged, or its map cannot be had.
+        """
+        settings = settings_of(info)
+        if settings is None:
+            return AnswerAgain(problem="is none of our grounders, so it cannot be asked again")
+        scene = episode.key.scene
+        folders = self._folders(info, scene)
+        if settings.map != "oracle" and folders is None:
+            return AnswerAgain(problem=f"cannot be asked again: its map of {scene} is no longer beside its run folder")
+        where = (scene, settings, folders and folders.maps)
+        if where not in self._made:
+            self._made[where] = SceneGrounder(self._dataset, scene, settings, folders=folders)
+        grounding = self._made[where].ground(episode)
+        again = np.array([candidate.position for candidate in grounding.candidates], float).reshape(-1, 3)
+        stored = np.array(answer.candidates, float).reshape(-1, 3)
+        if again.shape != stored.shape or not np.allclose(again, stored, rtol=0, atol=_SAME):
+            return AnswerAgain(problem="gives other points now than its run file holds")
+        map_file = None if folders is None else folders.map_file(scene)
+        return AnswerAgain(self._made[where].memory(episode), grounding, map_file)
+
+    def _folders(self, info: RunInfo, scene: str) -> MapFolders | None:
+        """Where a run's map of a scene is; None for oracle maps and where it is missing."""
+        maps = info.config.get("maps")
+        if not isinstance(maps, str):
+            return None
+        places = [MapFolders(parent / maps, parent) for parent in (*self._beside, Path())]
+        return next((folders for folders in places if folders.map_file(scene).is_file()), None)

@@ -1,0 +1,116 @@
+"""Why a POG answer failed: from where it lies among the home's objects, and from what the grounder computed."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.episodes.schema import Episode, Goal, Vector3
+from sim.tasks.rules import SUCCESS_RADIUS, storey_of
+from sim.tasks.run_files import Answer
+
+from ..maps.home_map import ObjectMap
+from ..types import TIE
+from .asked_again import AnswerAgain
+
+FailureKind = Literal[
+    "no answer", "another storey", "near miss", "another instance", "another object", "nothing known there"
+]
+KINDS: dict[FailureKind, str] = {
+    "no answer": "the grounder gave no point",
+    "another storey": "no right object is on the answer's storey",
+    "near miss": "1 to 2 m from a right object",
+    "another instance": "an object of the right category that is not the owner's",
+    "another object": "an object of another category",
+    "nothing known there": "no object of the data set within 1 m",
+}
+"""In order: the first that fits counts."""
+NEAR_MISS = 2.0
+"""Metres; from SUCCESS_RADIUS on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """One answer that is wrong."""
+
+    kind: FailureKind
+    distance: float
+    """Planar metres to the nearest right object on the answer's storey; inf where none is."""
+    object_name: str
+    """The data set's object nearest to the answer, within SUCCESS_RADIUS; "" when there is none."""
+
+
+def failure_of(
+    episode: Episode, answer: Answer, *, goals: Sequence[Goal], storeys: Sequence[tuple[float, float]]
+) -> Failure:
+    """What kind of failure an answer is.
+
+    Args:
+        episode: With its targets.
+        answer: Its measures say that it failed.
+        goals: All objects of the home.
+        storeys: From `scene_storeys`.
+    """
+    if not answer.candidates:
+        return Failure("no answer", math.inf, "")
+    point = answer.candidates[0]
+    distance = math.inf if answer.measures is None else answer.measures.planar_distance
+    distance = math.inf if distance is None else distance
+    here = [goal for goal in goals if storey_of(goal.floor_y, storeys) == storey_of(point[1], storeys)]
+    # within a metre at most one thing is named: one of the right category before others that are nearer
+    near = [goal for goal in here if _planar(point, goal) <= SUCCESS_RADIUS]
+    same = [goal for goal in near if goal.object_category == episode.record.object_category]
+    nearest = min(same or near, key=lambda goal: (_planar(point, goal), goal.object_name), default=None)
+    name = nearest.object_name if nearest else ""
+    if math.isinf(distance):
+        return Failure("another storey", distance, name)
+    if distance <= NEAR_MISS:
+        return Failure("near miss", distance, name)
+    if same:
+        return Failure("another instance", distance, name)
+    return Failure("another object" if near else "nothing known there", distance, name)
+
+
+def reasons(episode: Episode, again: AnswerAgain) -> list[str]:
+    """What the grounder's own layers say of the failure, in sentences; empty where they say nothing."""
+    if again.grounding is None or again.memory is None:
+        return [f"The method {again.problem}."] if again.problem else []
+    near = _near_targets(episode, _places(again))
+    if not near.any():
+        what = "object" if isinstance(again.memory, ObjectMap) else "cell"
+        return [f"The right object is not on the map: no {what} of it lies within {SUCCESS_RADIUS:g} m."]
+    layers = again.grounding.layers
+    if layers is None or len(layers.final) != len(near):
+        return []
+    best, top = float(layers.final[near].max()), float(layers.final.max(initial=-np.inf))
+    if not np.isfinite(best):
+        return ["The phrases' gate is closed around the right object."]
+    if best >= top - TIE:
+        ties = int((layers.final >= top - TIE).sum())
+        return [f"A tie: the right place scores as high as the answer ({ties} places do), the first of them wins."]
+    rank = int((layers.final > best + TIE).sum()) + 1
+    scored = int(np.isfinite(layers.final).sum())
+    return [f"The right place is {rank}. of {scored}, with {best:.3f} against {top:.3f}."]
+
+
+def _places(again: AnswerAgain) -> NDArray[np.float64]:
+    """(N, 3) middles of the map's cells or objects."""
+    assert again.memory is not None
+    if isinstance(again.memory, ObjectMap):
+        return np.array([item.centre for item in again.memory.objects], float).reshape(-1, 3)
+    layers = again.grounding.layers if again.grounding else None
+    return again.memory.points_from_rc(again.memory.rc if layers is None else layers.rc)
+
+
+def _near_targets(episode: Episode, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) which points are within SUCCESS_RADIUS of a right object, planar."""
+    targets = np.array([target.position for target in episode.targets], float)[:, [0, 2]]
+    apart = np.linalg.norm(points[:, None, [0, 2]] - targets, axis=-1)
+    return (apart <= SUCCESS_RADIUS).any(axis=1)
+
+
+def _planar(point: Vector3, goal: Goal) -> float:
+    return math.hypot(point[0] - goal.position[0], point[2] - goal.position[2])

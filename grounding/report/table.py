@@ -1,0 +1,228 @@
+"""The paper's POG table of run folders, with curves and paired differences; numbers only, nothing is drawn here.
+
+Results on oracle maps, on maps of schematic homes, of invented homes and of scans each have tables of their own, and so
+has each variant of a map (encoder, noise, storey told or not). The paper's own figures stand beside ours as what they
+are: measured on its HM3D maps, which are none of these.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from sim.homes.kind import scene_label
+from sim.tasks.run_files import Run
+
+from .curves import DistancePoint, KnobCurve, distance_curve, knob_curves
+from .rows import MapVariant, MethodTrials, method_trials, ordered_splits
+from .sources import PAPER_POG, pog_notes
+from .statistics import FEWEST_HOMES, HomeDraws, Range, mean_of_shares, mean_of_splits, percent, wilson
+
+TOTAL = "total"
+"""Plain mean of the splits, as the paper's column."""
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+
+
+class PogCell(BaseModel):
+    """One method in one split, or in total; percent."""
+
+    model_config = _MODEL
+    split: str
+    n: int
+    """Episodes."""
+    k: float
+    """Successes; parts of one where trials of an episode were averaged."""
+    sr: float
+    by_episode: Range
+    by_home: Range | None
+    num_homes: int
+    top3: float | None
+    """None for people, who give one point."""
+    top3_by_home: Range | None
+
+
+class PogRow(BaseModel):
+    """One method."""
+
+    model_config = _MODEL
+    name: str
+    who: str
+    is_human: bool
+    cells: tuple[PogCell, ...]
+    """Splits, then total."""
+    curve: tuple[DistancePoint, ...]
+    num_trials: int
+    num_fallbacks: int
+    """Trials whose phrases rules read because the language model gave none."""
+    run_ids: tuple[str, ...]
+    seeds: tuple[int, ...]
+    commits: tuple[str, ...]
+    """Of the code that made the runs."""
+    paper: tuple[float, float, float, float] | None
+    """What the paper prints for a method of this name, on its own maps."""
+
+
+class PogDifference(BaseModel):
+    """Two methods on the episodes that both answered, total, percent points."""
+
+    model_config = _MODEL
+    first: str
+    second: str
+    n: int
+    first_minus_second: float
+    by_home: Range | None
+    only_first: float
+    """Episodes that only the first got right."""
+    only_second: float
+
+
+class PogTable(BaseModel):
+    """One map variant."""
+
+    model_config = _MODEL
+    title: str
+    scene_kind: str
+    scene_label: str
+    """What must be said of results in homes of this kind; empty for scans and oracle maps."""
+    dataset_digest: str
+    options: dict[str, str | int | float | bool | None]
+    notes: tuple[str, ...]
+    """What stands beside the figures in every form (`pog_notes`)."""
+    num_homes: int
+    rows: tuple[PogRow, ...]
+    differences: tuple[PogDifference, ...]
+
+    @property
+    def has_home_intervals(self) -> bool:
+        """Whether there are homes enough for intervals by home."""
+        return self.num_homes >= FEWEST_HOMES
+
+
+class PogReport(BaseModel):
+    """All that a report of POG runs says in numbers."""
+
+    model_config = _MODEL
+    tables: tuple[PogTable, ...]
+    curves: tuple[KnobCurve, ...]
+    seed: int
+    """Of the bootstrap."""
+
+
+def pog_report(runs: Sequence[Run], *, seed: int = 0) -> PogReport:
+    """Tables, differences and curves of run folders with POG answers.
+
+    Raises:
+        RunFileError: A run holds no answer or none that was scored, or one trial stands in two runs.
+    """
+    rows = method_trials(runs)
+    by_variant: dict[MapVariant, list[MethodTrials]] = defaultdict(list)
+    for row in rows:
+        by_variant[row.variant].append(row)
+    tables = [_table(variant, found, seed=seed) for variant, found in with_people(by_variant).items()]
+    kinds = ("oracle-map", "schematic", "invented", "scan")
+    tables.sort(key=lambda table: (kinds.index(table.scene_kind), table.title))
+    return PogReport(tables=tuple(tables), curves=knob_curves(rows, seed=seed), seed=seed)
+
+
+def with_people(by_variant: dict[MapVariant, list[MethodTrials]]) -> dict[MapVariant, list[MethodTrials]]:
+    """People beside every map of their kind of homes and episodes; in a table of their own where there is none."""
+    found = {variant: list(rows) for variant, rows in by_variant.items()}
+    for people, rows in by_variant.items():
+        if people.options:
+            continue
+        maps = [v for v in found if v.options and people == MapVariant(v.scene_kind, v.dataset_digest)]
+        for variant in maps:
+            found[variant] += rows
+        if maps:
+            del found[people]
+    return found
+
+
+def _table(variant: MapVariant, rows: Sequence[MethodTrials], *, seed: int) -> PogTable:
+    draws = HomeDraws([home for row in rows for home in row.homes], seed=seed)
+    return PogTable(
+        title=variant.title,
+        scene_kind=variant.scene_kind,
+        scene_label=scene_label(variant.scene_kind),
+        dataset_digest=variant.dataset_digest,
+        options=dict(variant.options),
+        notes=pog_notes([info for row in rows for info in row.runs]),
+        num_homes=len({home for row in rows for home in row.homes}),
+        rows=tuple(_row(row, draws) for row in rows),
+        differences=tuple(
+            difference
+            for first, second in combinations(rows, 2)
+            if (difference := _difference(second, first, draws)) is not None
+        ),
+    )
+
+
+def _row(row: MethodTrials, draws: HomeDraws) -> PogRow:
+    cells = [_cell(row, split, draws) for split in ordered_splits(row.splits)]
+    return PogRow(
+        name=row.name,
+        who=row.who,
+        is_human=row.is_human,
+        cells=(*cells, _total_cell(row, cells, draws)),
+        curve=distance_curve(row, draws),
+        num_trials=row.num_trials,
+        num_fallbacks=row.num_fallbacks,
+        run_ids=tuple(info.run_id for info in row.runs),
+        seeds=tuple(sorted({info.seed for info in row.runs if info.seed is not None})),
+        commits=tuple(sorted({info.git_commit or "unknown" for info in row.runs})),
+        paper=PAPER_POG.get("human" if row.is_human else row.who),
+    )
+
+
+def _cell(row: MethodTrials, split: str, draws: HomeDraws) -> PogCell:
+    here = np.array([name == split for name in row.splits])
+    homes = [home for home, is_here in zip(row.homes, here, strict=True) if is_here]
+    names = [split] * len(homes)
+    n, k = len(homes), float(row.success[here].sum())
+    return PogCell(
+        split=split,
+        n=n,
+        k=round(k, 6),
+        sr=100 * k / n,
+        by_episode=Range(*(100 * value for value in wilson(k, n))),
+        by_home=percent(draws.interval(row.success[here], homes, names)),
+        num_homes=len(set(homes)),
+        top3=100 * float(row.top3[here].mean()) if row.is_ranked else None,
+        top3_by_home=percent(draws.interval(row.top3[here], homes, names)) if row.is_ranked else None,
+    )
+
+
+def _total_cell(row: MethodTrials, cells: Sequence[PogCell], draws: HomeDraws) -> PogCell:
+    return PogCell(
+        split=TOTAL,
+        n=sum(cell.n for cell in cells),
+        k=round(sum(cell.k for cell in cells), 6),
+        sr=float(np.mean([cell.sr for cell in cells])),
+        by_episode=mean_of_shares([cell.sr for cell in cells], [cell.by_episode for cell in cells]),
+        by_home=percent(draws.interval(row.success, row.homes, row.splits)),
+        num_homes=len(set(row.homes)),
+        top3=100 * mean_of_splits(row.top3, row.splits) if row.is_ranked else None,
+        top3_by_home=percent(draws.interval(row.top3, row.homes, row.splits)) if row.is_ranked else None,
+    )
+
+
+def _difference(first: MethodTrials, second: MethodTrials, draws: HomeDraws) -> PogDifference | None:
+    """None where no episode was answered by both."""
+    places = {key: index for index, key in enumerate(second.keys)}
+    pairs = [(index, places[key]) for index, key in enumerate(first.keys) if key in places]
+    if not pairs:
+        return None
+    ours, theirs = (np.array(side) for side in zip(*pairs, strict=True))
+    a, b = first.success[ours], second.success[theirs]
+    homes, splits = ([values[index] for index in ours] for values in (first.homes, first.splits))
+    return PogDifference(
+        first=first.name,
+        second=second.name,
+        n=len(pairs),
+        first_minus_second=100 * mean_of_splits(a - b, splits),
+        by_home=percent(draws.interval(a - b, homes, splits)),
+        only_first=round(float(np.maximum(a - b, 0).sum()), 6),
+        only_second=round(float(np.maximum(b - a, 0).sum()), 6),
+    )

@@ -1,0 +1,1 @@
+"""A study before anybody takes part: `study.yaml`, which episodes, who meets which of them."""

@@ -1,0 +1,33 @@
+"""What of the analysis is fixed before anybody takes part: the report and the preregistration read it here."""
+
+import re
+
+LEVEL = 0.95
+"""Of all intervals."""
+NUM_RESAMPLES = 10_000
+"""Of a bootstrap."""
+ALPHA = 0.05
+"""Of the hypotheses together (family-wise)."""
+
+HYPOTHESIS_NAME = re.compile(
+    r"^(?:(?P<task>pan|pog)_)?(?:human(?:_(?P<condition>[a-z0-9_]+?))?_minus_(?P<agent>.+)|(?P<memory>[a-z0-9_]+)_effect)"
+    r"_(?P<measure>SR|SPL|SoftSPL|DTG|steps|time)$"
+)
+"""How `primary` in the study file names hypotheses.
+
+`human_minus_agent_SR` (or an agent's name), `human_memory_topdown_minus_agent_SR`, `memory_effect_SR`, `pog_...`.
+"""
+
+
+def require_hypothesis(name: str) -> str:
+    """The name itself.
+
+    Raises:
+        ValueError: The report could not test it.
+    """
+    if HYPOTHESIS_NAME.match(name) is None:
+        raise ValueError(
+            "a name that the report can test: human_minus_AGENT_MEASURE or memory_effect_MEASURE, with one of SR, SPL, "
+            "SoftSPL, DTG, steps, time as MEASURE, and pan_ or pog_ in front where there are both tasks"
+        )
+    return name

@@ -1,0 +1,170 @@
+"""`plan.json`: who does which trials in which order, made offline from a seed. Holds no secret."""
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from sim.errors import StudyError, line_from_validation_error
+from sim.files import bounded_json
+from sim.types import ClutterLevel, EpisodeKey, SceneKind, Split, TaskKind
+
+from ..private_files import write_private
+from .study import OTHER_PROGRAM, Condition, StudyConfig
+
+PLAN_FILE = "plan.json"
+PRACTICE_FOLDER = "practice"
+"""Dataset of the practice homes, in the study's folder."""
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+Phase = Literal["practice", "check", "main"]
+"""`practice` is never counted, `check` shows attention, `main` is the study."""
+
+
+class StudyScene(BaseModel):
+    """A home that participants meet."""
+
+    model_config = _MODEL
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
+    kind: SceneKind
+    clutter: ClutterLevel = 0
+    """How much furniture without a caption stands in it."""
+    group: int = Field(default=0, ge=0)
+    """Homes of one group have one condition for a person; 0 where there is one condition."""
+
+
+class PlannedTrial(BaseModel):
+    """One trial of one participant."""
+
+    model_config = _MODEL
+    order_no: int = Field(ge=1)
+    """Place in the participant's order over all phases, from 1."""
+    phase: Phase = "main"
+    task: TaskKind
+    condition: Condition
+    split: Split
+    scene: str
+    episode_id: str
+    rep: int = Field(default=0, ge=0)
+    """Which of the people that do this episode in this condition, from 1; 0 outside `main`."""
+
+    @property
+    def key(self) -> EpisodeKey:
+        """The episode."""
+        return EpisodeKey(self.split, self.scene, self.episode_id)
+
+
+class PlannedParticipant(BaseModel):
+    """One participant's trials in order."""
+
+    model_config = _MODEL
+    code: str = Field(pattern=r"^p[0-9]{2,}$")
+    """Public: p01, p02, ..."""
+    task: TaskKind
+    arm: int = Field(default=0, ge=0)
+    """Shifts which group of homes has which condition."""
+    trials: tuple[PlannedTrial, ...]
+    """A spare person has none of phase `main`: those that others leave are given out later."""
+
+
+class StudyPlan(BaseModel):
+    """The whole plan of one frozen study."""
+
+    model_config = _MODEL
+    schema_version: Literal[2] = 2
+    study_version: str
+    scenes: tuple[StudyScene, ...] = Field(min_length=1)
+    """The study's homes."""
+    practice_scenes: tuple[StudyScene, ...] = ()
+    """Homes of practice and attention trials; invented, in the folder `practice`."""
+    texts: dict[str, str] = {}
+    """sha256 of the texts that participants read, by file name."""
+    is_pilot: bool = False
+    """Whether the study may be served without an ethics id; its records say so for ever."""
+    participants: tuple[PlannedParticipant, ...] = Field(min_length=1)
+    changes: tuple[str, ...] = ()
+    """What the study file asks for and the plan cannot give, and why; a sentence each, without its full stop."""
+
+    @property
+    def plan_version(self) -> str:
+        """sha256 of the canonical JSON: 64 hex digits."""
+        return hashlib.sha256(self.canonical_json().encode()).hexdigest()
+
+    def canonical_json(self) -> str:
+        """The text that is hashed and stored; without empty `changes`, as in plans of earlier versions."""
+        return self.model_dump_json(exclude=None if self.changes else {"changes"})
+
+    def scene(self, name: str) -> StudyScene:
+        """One of the plan's homes, also of practice.
+
+        Raises:
+            StudyError: The plan does not have the home.
+        """
+        for known in (*self.scenes, *self.practice_scenes):
+            if known.name == name:
+                return known
+        names = ", ".join(known.name for known in (*self.scenes, *self.practice_scenes))
+        raise StudyError(f"plan: scene is {name!r}; expected one of: {names}. Make the plan again.")
+
+    def participant(self, code: str) -> PlannedParticipant:
+        """One of the plan's participants.
+
+        Raises:
+            StudyError: The plan does not have the participant.
+        """
+        for known in self.participants:
+            if known.code == code:
+                return known
+        raise StudyError(f"plan: found no participant {code!r}; expected p01 to p{len(self.participants):02d}.")
+
+    def conditions_of(self, config: StudyConfig, person: PlannedParticipant) -> dict[str, Condition]:
+        """The condition that a person has in each of the study's homes."""
+        conditions = config.conditions(person.task)
+        return {scene.name: conditions[(scene.group + person.arm) % len(conditions)] for scene in self.scenes}
+
+
+def with_groups(config: StudyConfig, scenes: Sequence[StudyScene], order: Sequence[int]) -> tuple[StudyScene, ...]:
+    """The homes, dealt out to as many groups as the task with the most conditions has, in the given order."""
+    num_groups = max(len(config.conditions(task)) for task in config.task)
+    return tuple(scenes[place].model_copy(update={"group": number % num_groups}) for number, place in enumerate(order))
+
+
+def save_plan(folder: Path, plan: StudyPlan) -> Path:
+    """Write `plan.json`; returns its path.
+
+    Raises:
+        StudyError: The folder cannot be written.
+    """
+    path = folder / PLAN_FILE
+    write_private(path, plan.model_dump_json(indent=1) + "\n")
+    return path
+
+
+MAX_BYTES, MAX_VALUES = 256 << 20, 10_000_000
+"""Of `plan.json`: a thousand participants with 150 trials each have a tenth of it."""
+
+
+def load_plan(folder: Path, config: StudyConfig) -> StudyPlan:
+    """Read `plan.json` of a study folder.
+
+    Raises:
+        StudyError: The file is missing, not valid, or made for another study.
+    """
+    path = folder / PLAN_FILE
+    try:
+        plan = StudyPlan.model_validate_json(bounded_json(path, most=MAX_BYTES, most_values=MAX_VALUES), strict=True)
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be read ({error.strerror}); expected a plan. Run personal-viz study plan first."
+        ) from None
+    except ValidationError as error:
+        is_other = any(problem["loc"] == ("schema_version",) for problem in error.errors())
+        advice = OTHER_PROGRAM if is_other else "Make the plan again."
+        raise StudyError(line_from_validation_error(path, error, advice=advice)) from None
+    if plan.study_version != config.study_version:
+        raise StudyError(
+            f"{path}: study_version is {plan.study_version[:12]}; expected {config.study_version[:12]}. "
+            "study.yaml was changed after the plan: restore it, or make the plan again."
+        )
+    return plan

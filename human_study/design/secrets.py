@@ -1,0 +1,63 @@
+"""`secrets.json` of a study: personal tokens and the study's own key. Readable by the owner only, never exported."""
+
+import base64
+import json
+import secrets
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from sim.errors import StudyError, line_from_validation_error
+
+from ..private_files import write_private
+from ..tickets import new_token
+
+SECRETS_FILE = "secrets.json"
+
+
+class StudySecrets(BaseModel):
+    """`secrets.json`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    tokens: dict[str, str] = {}
+    """Personal token of each participant, in clear."""
+    key: str = ""
+    """Of all keyed hashes of this study: 32 bytes as base64."""
+
+    @property
+    def key_bytes(self) -> bytes:
+        """The study's key."""
+        return base64.b64decode(self.key)
+
+
+def load_secrets(folder: Path) -> StudySecrets:
+    """The study's secrets; empty ones where there are none yet.
+
+    Raises:
+        StudyError: The file is damaged.
+    """
+    path = folder / SECRETS_FILE
+    try:
+        return StudySecrets.model_validate_json(path.read_bytes(), strict=True)
+    except FileNotFoundError:
+        return StudySecrets()
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be read ({error.strerror}); expected the study's secrets.") from None
+    except ValidationError as error:
+        raise StudyError(line_from_validation_error(path, error, advice="Restore it from a copy.")) from None
+
+
+def make_secrets(folder: Path, codes: Sequence[str]) -> StudySecrets:
+    """The study's secrets with a token for each participant, on disk when this returns; known ones stay.
+
+    Raises:
+        StudyError: The file is damaged or cannot be written.
+    """
+    found = load_secrets(folder)
+    tokens = found.tokens | {code: new_token() for code in codes if code not in found.tokens}
+    key = found.key or base64.b64encode(secrets.token_bytes(32)).decode()
+    made = StudySecrets(tokens=tokens, key=key)
+    if made != found:
+        write_private(folder / SECRETS_FILE, json.dumps(made.model_dump(), indent=1) + "\n")
+    return made

@@ -1,0 +1,378 @@
+"""`study.yaml`: what a study asks of people. Frozen once planned; its hash names every record made under it."""
+
+import dataclasses
+import datetime
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+import yaml
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from sim import files
+from sim.episodes.schema import Episode
+from sim.errors import StudyError, line_from_validation_error
+from sim.types import (
+    CAMERA_HEIGHT,
+    MAX_STEPS,
+    PAPER4,
+    PAPER6,
+    SPLITS,
+    Action,
+    Camera,
+    ClutterLevel,
+    Split,
+    SuccessRule,
+    Task,
+    TaskKind,
+)
+
+from ..private_files import make_private
+from .analysis import require_hypothesis
+from .study_yaml import json_from_yaml
+
+STUDY_FILE = "study.yaml"
+MAX_STUDY_NAME = 32
+"""Characters of a study's name."""
+_MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+_ADVICE = "Correct the field; personal-viz study init writes a valid file."
+OTHER_PROGRAM = "It was written by another version of personal-viz: use that one."
+Seconds = Annotated[float, Field(ge=0)]
+Count = Annotated[int, Field(ge=0)]
+PanCondition = Literal["none", "topdown", "glb"]
+PogCondition = Literal["map_first", "map_open", "map_2d"]
+Condition = PanCondition | PogCondition
+"""What a participant sees of the home besides the task itself: `none`, or before walking its `topdown` map or its 3-D
+model (`glb`); pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on the
+agents' own top-down map (`map_2d`)."""
+FlowStep = Literal["device", "consent", "instructions", "quiz"]
+
+
+def _as_tuple(value: object) -> object:
+    if isinstance(value, str):
+        return (value,)
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _require_order(least_s: float, most_s: float | None, least: str, most: str) -> None:
+    """Raises ValueError for a look that would have to be longer than it can be."""
+    if most_s is not None and least_s > most_s:
+        raise ValueError(f"{least} at most {most}, found {least_s:g} and {most_s:g}")
+
+
+class StudyDataset(BaseModel):
+    """Which episodes are drawn."""
+
+    model_config = _MODEL
+    sha256: str = Field(min_length=1)
+    """Digest of the dataset (`PersonalDataset.digest`)."""
+    splits: dict[Split, Annotated[int, Field(ge=1)] | Literal["all"]] = dict.fromkeys(SPLITS, 50)
+    """How many episodes of each split."""
+    scenes: tuple[str, ...] = ()
+    """Only these homes; () = all."""
+    stratify: Literal["scene", "none"] = "scene"
+    """`scene`: as evenly over the homes as possible."""
+    max_per_scene: Annotated[int, Field(ge=1)] | None = 5
+    """Most episodes of one home, over all splits; None = any number."""
+    seed: Count = 0
+    """Of the draw, and of everything else in the plan."""
+
+
+class StudyDesign(BaseModel):
+    """Who does which episode."""
+
+    model_config = _MODEL
+    kind: Literal["house-once", "crossed"] = "house-once"
+    """`house-once`: nobody meets a home twice without memory. `crossed`: everybody does every episode (the paper)."""
+    raters_per_episode: Annotated[int, Field(ge=1)] = 5
+    """People per episode and condition."""
+    trials_per_person: Annotated[int, Field(ge=1)] | None = None
+    """Counted trials; None = as many as the design gives (crossed: all)."""
+    overbook: Annotated[float, Field(ge=1, le=3)] = 1.0
+    """1.15 makes 15 % more links than needed; the people behind them take what others leave."""
+
+
+class StudyMemory(BaseModel):
+    """What PAN participants see of a home before they walk in it."""
+
+    model_config = _MODEL
+    arms: Annotated[tuple[PanCondition, ...], Field(min_length=1)] = ("none",)
+    by: Literal["scene_half"] = "scene_half"
+    """Homes are split into as many groups as arms; which group has which arm is counterbalanced over people."""
+    min_s: Seconds = 0.0
+    """Shortest look at the map."""
+    max_s: Annotated[float, Field(gt=0)] | None = 60.0
+    """Longest look at the map; None = no limit."""
+
+    @model_validator(mode="after")
+    def _can_be_left(self) -> "StudyMemory":
+        _require_order(self.min_s, self.max_s, "min_s", "max_s")
+        return self
+
+
+class StudyPog(BaseModel):
+    """How POG participants see the home and the text."""
+
+    model_config = _MODEL
+    conditions: Annotated[tuple[PogCondition, ...], Field(min_length=1)] = ("map_first",)
+    look_min_s: Seconds = 0.0
+    look_max_s: Annotated[float, Field(gt=0)] | None = 120.0
+    """Of `map_first`: the look at the home before the text."""
+    answer_max_s: Annotated[float, Field(gt=0)] | None = None
+    """From the text to the confirmed mark; then the trial ends as `timeout`."""
+
+    @model_validator(mode="after")
+    def _can_be_left(self) -> "StudyPog":
+        _require_order(self.look_min_s, self.look_max_s, "look_min_s", "look_max_s")
+        return self
+
+
+class StudyPractice(BaseModel):
+    """Trials on homes outside the pool that are never counted."""
+
+    model_config = _MODEL
+    pan: Annotated[int, Field(ge=0, le=10)] = 2
+    pog: Annotated[int, Field(ge=0, le=10)] = 2
+
+
+class StudyChecks(BaseModel):
+    """Trials with a target in plain view that show whether somebody pays attention."""
+
+    model_config = _MODEL
+    every: Annotated[int, Field(ge=2)] | None = 15
+    """One after so many counted trials; None = none."""
+
+
+class StudyBreaks(BaseModel):
+    """Rests."""
+
+    model_config = _MODEL
+    every: Annotated[int, Field(ge=1)] | None = 10
+    """A break is offered after so many counted trials."""
+    sitting_max: Annotated[int, Field(ge=1)] | None = 30
+    """After so many in one sitting the participant is asked to come back later."""
+    sitting_gap_s: Seconds = 3600.0
+    """How much later."""
+
+
+class StudyAggregate(BaseModel):
+    """How the report averages."""
+
+    model_config = _MODEL
+    total: Literal["mean_of_splits", "pooled", "dataset_weighted"] = "mean_of_splits"
+    weight: Literal["trials", "participants"] = "trials"
+
+
+class StudyPrivacy(BaseModel):
+    """What is kept about people."""
+
+    model_config = _MODEL
+    platform_id: Literal["none", "hmac"] = "none"
+    retention: datetime.date | None = None
+    """When the records are deleted."""
+    on_withdraw: Literal["delete", "keep"] = "delete"
+    """`delete` shreds the key of everything that the person did."""
+
+
+class StudyRecruit(BaseModel):
+    """Where people come from."""
+
+    model_config = _MODEL
+    kind: Literal["local", "link", "prolific"] = "local"
+    """`local`: one personal link each. `link`: one open link. `prolific`: an open link with Prolific's parameters."""
+
+
+class StudyEthics(BaseModel):
+    """What the sheets for participants and the ethics board say; `irb` must be filled to serve a main study."""
+
+    model_config = _MODEL
+    irb: str = ""
+    """Id of the approval, or of the exemption."""
+    institution: str = ""
+    contact: str = ""
+    pay: str = ""
+    duration_min: Annotated[int, Field(ge=1)] | None = None
+    """Announced to participants; None = estimated from the plan."""
+
+
+class StudyCamera(BaseModel):
+    """What the robot's camera shows to people."""
+
+    model_config = _MODEL
+    width: Annotated[int, Field(ge=16, le=4096)] = 640
+    height: Annotated[int, Field(ge=16, le=4096)] = 480
+    hfov_deg: Annotated[float, Field(gt=0, lt=180)] = 79.0
+    mount_height: Annotated[float, Field(gt=0)] = CAMERA_HEIGHT
+
+
+class StudyConfig(BaseModel):
+    """All choices of a study that can change a result."""
+
+    model_config = _MODEL
+    study: str = Field(pattern=rf"^[A-Za-z0-9_-]{{1,{MAX_STUDY_NAME}}}$")
+    """Public name, part of every run id."""
+    version: Literal[1] = 1
+    """Of this format."""
+    dataset: StudyDataset
+    task: Annotated[tuple[TaskKind, ...], BeforeValidator(_as_tuple), Field(min_length=1)]
+    """`pan`, `pog`, or both: then every participant does one of them, in turns."""
+    actions: Literal["paper4", "paper6"] = "paper4"
+    """What people can do in PAN (HUMAN_STUDY.md, section 1, row 1)."""
+    steps: Annotated[int, Field(ge=1, le=MAX_STEPS)] = MAX_STEPS
+    pan_max_s: Annotated[float, Field(gt=0)] | None = None
+    """Longest PAN trial; then it ends as `timeout`."""
+    query_index: Count = 0
+    """Which paraphrase of the query everybody reads."""
+    success: SuccessRule = "paper"
+    """The rule that the report shows first; all are stored."""
+    design: StudyDesign = StudyDesign()
+    memory: StudyMemory = StudyMemory()
+    pog: StudyPog = StudyPog()
+    flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz")
+    """What comes before practice, in this order."""
+    practice: StudyPractice = StudyPractice()
+    checks: StudyChecks = StudyChecks()
+    breaks: StudyBreaks = StudyBreaks()
+    confidence: bool = False
+    """Whether one key after each trial says how sure the participant is."""
+    resume_within_s: Seconds = 600.0
+    """Who comes back later than this finds the trial ended as `abandoned`."""
+    hidden_max_s: Seconds | None = 60.0
+    """A trial whose page was in the background for longer is flagged, and still counts; None = none is."""
+    lease_s: Annotated[float, Field(gt=0)] = 900.0
+    """Who has been away for longer, in the middle of the study, gives the rest to others."""
+    camera: StudyCamera = StudyCamera()
+    clutter: ClutterLevel = 0
+    """How much furniture without a caption stands in schematic and invented homes."""
+    transition: Literal["none"] = "none"
+    """Pictures between two poses: there are none, people see what an agent sees."""
+    display_scale: Annotated[float, Field(gt=0, le=4)] = 2.0
+    """The robot's picture fills the window up to this many times its size."""
+    information: tuple[Literal["rgb", "compass", "depth", "map"], ...] = ("rgb",)
+    """What people have to go by, printed beside every comparison with agents."""
+    aggregate: StudyAggregate = StudyAggregate()
+    exclusions: dict[str, str] = {}
+    """Rules of your own that leave trials or people out: id to what it says, written down before data."""
+    primary: Annotated[tuple[Annotated[str, AfterValidator(require_hypothesis)], ...], Field(max_length=3)] = ()
+    """At most three hypotheses, named before the first trial as `analysis` says."""
+    privacy: StudyPrivacy = StudyPrivacy()
+    recruit: StudyRecruit = StudyRecruit()
+    ethics: StudyEthics = StudyEthics()
+
+    @model_validator(mode="after")
+    def _each_once(self) -> "StudyConfig":
+        named = {
+            "task": self.task,
+            "memory.arms": self.memory.arms,
+            "pog.conditions": self.pog.conditions,
+            "flow": self.flow,
+            "dataset.scenes": self.dataset.scenes,
+        }
+        for field, names in named.items():
+            if len(set(names)) != len(names):
+                raise ValueError(f"each of {field} once, found {list(names)}")
+        return self
+
+    @property
+    def study_version(self) -> str:
+        """sha256 of the canonical JSON: 64 hex digits."""
+        return hashlib.sha256(self.canonical_json().encode()).hexdigest()
+
+    @property
+    def action_set(self) -> tuple[Action, ...]:
+        """The actions that people have in PAN."""
+        return PAPER4 if self.actions == "paper4" else PAPER6
+
+    @property
+    def robot_camera(self) -> Camera:
+        """The camera as the simulator takes it."""
+        return Camera(self.camera.width, self.camera.height, self.camera.hfov_deg, self.camera.mount_height)
+
+    def conditions(self, task: TaskKind) -> tuple[Condition, ...]:
+        """The conditions of a task."""
+        return self.memory.arms if task == "pan" else self.pog.conditions
+
+    def canonical_json(self) -> str:
+        """The same text for the same choices: sorted keys, no spaces, only what differs from the defaults.
+
+        So a field that a later version adds leaves the hash of a running study alone; a default that a later version
+        changes does not.
+        """
+        choices = self.model_dump(mode="json", exclude_defaults=True)
+        return json.dumps(choices, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+    def task_for(self, episode: Episode, kind: TaskKind) -> Task:
+        """What a participant may see of the episode.
+
+        Raises:
+            StudyError: The episode has no query with the study's `query_index`.
+        """
+        num_queries = len(episode.record.query)
+        if self.query_index >= num_queries:
+            raise StudyError(
+                f"study {self.study}: query_index is {self.query_index}, but episode {episode.key} has {num_queries} "
+                f"queries; expected 0 to {num_queries - 1}. Make a study with a smaller query_index."
+            )
+        task = episode.task(kind, query_index=self.query_index, actions=self.action_set)
+        return dataclasses.replace(task, max_steps=self.steps)
+
+
+def save_study(folder: Path, config: StudyConfig) -> Path:
+    """Write `study.yaml` once; the same study again changes nothing. Returns its path.
+
+    Raises:
+        StudyError: The folder holds another study, or cannot be written.
+    """
+    path = folder / STUDY_FILE
+    if path.exists():
+        found = load_study(folder)
+        if found.study_version != config.study_version:
+            raise StudyError(
+                f"{path}: found study_version {found.study_version[:12]}; expected {config.study_version[:12]}. "
+                "A study never changes: give the new one another folder."
+            )
+        return path
+    choices = config.model_dump(mode="json")
+    write_whole(path, yaml.safe_dump(choices, sort_keys=False, allow_unicode=True))
+    make_private(folder)
+    return path
+
+
+def load_study(folder: Path) -> StudyConfig:
+    """Read `study.yaml` of a study folder.
+
+    Raises:
+        StudyError: The file is missing or not a valid study.
+    """
+    path = folder / STUDY_FILE
+    if not path.exists() and (folder / "study.json").exists():
+        raise StudyError(
+            f"{folder / 'study.json'}: is of an earlier version; expected {STUDY_FILE}. Its records can be read: "
+            "personal-viz study check-db, then export and report. Go on in a new study."
+        )
+    try:
+        text = json_from_yaml(path, expected="fields such as study: and task:", advice=_ADVICE)
+        return StudyConfig.model_validate_json(text, strict=True)
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be read ({error.strerror}); expected a study file. Run personal-viz study init first."
+        ) from None
+    except ValidationError as error:
+        is_other = any(problem["loc"] == ("version",) for problem in error.errors())
+        advice = OTHER_PROGRAM if is_other else _ADVICE
+        raise StudyError(line_from_validation_error(path, error, advice=advice)) from None
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file that is never half-written. Makes the folder.
+
+    Raises:
+        StudyError: The folder cannot be written.
+    """
+    try:
+        files.write_whole(path, text)
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be written ({error.strerror}); expected a folder that you can write. Give another folder."
+        ) from None

@@ -1,0 +1,191 @@
+"""Read an export back and do its sums again: unchanged files, and every outcome is what the exported events give."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from sim.errors import StudyError, TaskStateError, line_from_validation_error
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, read_run
+from sim.types import EpisodeKey
+
+from ..design.plan import StudyScene
+from ..design.study import StudyConfig, load_study
+from ..trial.events import Event, Open
+from ..trial.outcome import Outcome, has_begun
+from .manifest import Manifest, read_manifest, require_unchanged
+from .rows import EventRow
+from .runs import RUN_CONDITIONS
+from .trial_figures import TrialFigures, trial_figures
+from .trial_table import TrialRow, is_long_hidden
+from .verify import TrialHome, first_difference, recompute, run_as_known
+
+Row = TypeVar("Row", bound=BaseModel)
+OpenHome = Callable[[StudyScene], TrialHome]
+"""Opens one of the manifest's homes; those of `practice_scenes` are in the export's folder `practice`."""
+_Counted = tuple[str, str, EpisodeKey]
+"""(participant, condition in run files, episode)."""
+
+
+class ImportReport(BaseModel):
+    """What reading an export back found."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    folder: str
+    num_files: int
+    """All as they were written."""
+    num_attempts: int
+    """Rows of attempts that ended."""
+    num_agreeing: int
+    """Of these, recomputed from their events with the same figures, and the same result in the run folders."""
+    num_unsupported: int
+    """Of these, done in another version of a home than the one given."""
+    problems: tuple[str, ...]
+    """One sentence for each attempt or run that does not agree."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether everything was recomputed and is the same."""
+        return self.num_agreeing == self.num_attempts and not self.problems
+
+
+def import_check(folder: Path, open_home: OpenHome) -> ImportReport:
+    """Compare an export with what its own events lead to.
+
+    Args:
+        folder: That `export_study` wrote.
+        open_home: Opens the homes of the trials; each is opened once.
+
+    Raises:
+        StudyError: A file is missing, was changed, or holds rows that are none.
+        DatasetError, SceneError: A home or an episode cannot be read.
+    """
+    manifest = read_manifest(folder)
+    contents = require_unchanged(folder, manifest)
+    config = load_study(folder)
+    rows = [row for row in _rows(contents, folder, manifest, "trials", TrialRow) if row.end_reason is not None]
+    events = _events(_rows(contents, folder, manifest, "events", EventRow))
+    counted = _counted(folder, manifest)
+    problems: list[str] = []
+    num_agreeing = num_unsupported = 0
+    for row, home in _with_homes(rows, manifest, open_home):
+        found = events.get(row.attempt_name, [])
+        in_runs = counted.pop(_name_in_runs(row), None) if row.left_out is None else None
+        first = found[0] if found else None
+        if isinstance(first, Open) and first.scene_digest != home.scene_digest:
+            num_unsupported += 1
+            continue
+        problem = _difference(row, found, home, config, in_runs)
+        problems += [f"{row.attempt_name}: {problem}"] if problem else []
+        num_agreeing += problem is None
+    problems += [f"run of {who} ({name}) {key}: is of no row in trials.jsonl" for who, name, key in counted]
+    return ImportReport(
+        folder=str(folder),
+        num_files=len(manifest.files),
+        num_attempts=len(rows),
+        num_agreeing=num_agreeing,
+        num_unsupported=num_unsupported,
+        problems=tuple(problems),
+    )
+
+
+def _difference(
+    row: TrialRow,
+    events: Sequence[Event],
+    home: TrialHome,
+    config: StudyConfig,
+    in_runs: EpisodeRun | Answer | None,
+) -> str | None:
+    """What does not agree about one attempt; `in_runs` is its result in the run folders."""
+    if row.left_out is None and in_runs is None:
+        return "is in no run folder, though nothing leaves it out"
+    # whether a failure of ours ended it is the one thing that the record alone knows
+    stored: Outcome = EpisodeEnd(reason=row.end_reason or "technical")
+    if row.end_reason == "technical" and not has_begun(events):  # it failed before anything was shown
+        return _other_figures(row, events, stored, config)
+    try:
+        episode = home.episode(EpisodeKey(row.split, row.scene, row.episode_id))
+        result = recompute(events, stored, episode, home=home, participant=row.participant)
+    except (StudyError, TaskStateError) as problem:
+        return str(problem)
+    outcome = result.end if isinstance(result, EpisodeRun) else result
+    difference = _other_figures(row, events, outcome, config)
+    if isinstance(result, EpisodeRun) and isinstance(in_runs, EpisodeRun):
+        result = run_as_known(result, in_runs)
+    if difference is None and in_runs is not None:
+        difference = first_difference(in_runs.model_dump(mode="json"), result.model_dump(mode="json"), "run")
+    return difference
+
+
+def _other_figures(row: TrialRow, events: Sequence[Event], outcome: Outcome, config: StudyConfig) -> str | None:
+    """The first figure of a row that the events do not give; None when they agree."""
+    figures = trial_figures(events, outcome, rule=config.success)
+    found = figures.model_dump(mode="json") | {"is_long_hidden": is_long_hidden(figures.t_hidden_s, config)}
+    stored = row.model_dump(mode="json", include={*TrialFigures.model_fields, "is_long_hidden"})
+    return first_difference(stored, {name: found[name] for name in stored}, "row")
+
+
+def _name_in_runs(row: TrialRow) -> _Counted:
+    key = EpisodeKey(row.split, row.scene, row.episode_id)
+    return row.participant, RUN_CONDITIONS.get(row.condition, row.condition), key
+
+
+def _with_homes(
+    rows: Sequence[TrialRow], manifest: Manifest, open_home: OpenHome
+) -> Iterable[tuple[TrialRow, TrialHome]]:
+    """The rows by home, each with its home open; one home is open at a time."""
+    scenes = {scene.name: scene for scene in (*manifest.scenes, *manifest.practice_scenes)}
+    by_scene: defaultdict[str, list[TrialRow]] = defaultdict(list)
+    for row in rows:
+        by_scene[row.scene].append(row)
+    for name, found in by_scene.items():
+        if name not in scenes:
+            raise StudyError(f"trials.jsonl: scene is {name!r}; expected one of {sorted(scenes)}. Export again.")
+        home = open_home(scenes[name])
+        yield from ((row, home) for row in found)
+
+
+def _counted(folder: Path, manifest: Manifest) -> dict[_Counted, EpisodeRun | Answer]:
+    """Every result in the run folders."""
+    found: dict[_Counted, EpisodeRun | Answer] = {}
+    for name in manifest.files:
+        if name.endswith("/run.json"):
+            run = read_run((folder / name).parent)
+            for item in (*run.episodes, *run.answers):
+                who = item.start.participant if isinstance(item, EpisodeRun) else item.participant
+                found[who or "", run.info.condition, item.key] = item
+    return found
+
+
+def _events(rows: Iterable[EventRow]) -> dict[str, list[Event]]:
+    """Events by attempt, in order."""
+    found: defaultdict[str, list[Event]] = defaultdict(list)
+    for row in rows:
+        found[row.attempt_name].append(row.event)
+        if row.seq != len(found[row.attempt_name]):
+            raise StudyError(
+                f"events.jsonl: {row.attempt_name} has seq {row.seq} as its event {len(found[row.attempt_name])}; "
+                "expected 1, 2, 3 and so on. Export the study again."
+            )
+    return found
+
+
+def _rows(contents: dict[str, bytes], folder: Path, manifest: Manifest, table: str, model: type[Row]) -> list[Row]:
+    """The rows of a table, from its JSON lines."""
+    name = f"{table}.jsonl"
+    if name not in contents:
+        raise StudyError(f"{folder / name}: is not in the manifest; expected the table. Export the study again.")
+    rows = []
+    for number, line in enumerate(contents[name].decode().splitlines(), start=1):
+        try:
+            rows.append(model.model_validate_json(line, strict=True))
+        except ValidationError as error:
+            advice = "Use the version of personal-viz that wrote it."
+            raise StudyError(line_from_validation_error(f"{folder / name}:{number}", error, advice=advice)) from None
+    if len(rows) != manifest.files[name].num_rows:
+        raise StudyError(
+            f"{folder / name}: has {len(rows)} rows; expected {manifest.files[name].num_rows}. Export the study again."
+        )
+    return rows

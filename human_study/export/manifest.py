@@ -1,0 +1,130 @@
+"""`manifest.json` of an export folder: every file with its hash, and what the records are of."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from sim.errors import StudyError, line_from_validation_error
+from sim.types import TaskKind
+
+from ..design.plan import StudyScene
+
+MANIFEST_FILE = "manifest.json"
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+
+
+class ExportedFile(BaseModel):
+    """One file of an export."""
+
+    model_config = _MODEL
+    sha256: str
+    num_bytes: int
+    num_rows: int | None
+    """Rows of a table, results of a run file; None for other files."""
+
+
+class LeftOutTrial(BaseModel):
+    """An attempt that is in the tables and in no run folder."""
+
+    model_config = _MODEL
+    attempt: str
+    """participant/order_no/attempt."""
+    reason: str
+
+
+class Manifest(BaseModel):
+    """`manifest.json`."""
+
+    model_config = _MODEL
+    schema_version: Literal[2] = 2
+    study: str
+    study_version: str
+    """sha256 of the study's choices; all hash chains begin with it."""
+    plan_version: str
+    is_pilot: bool
+    """Served without an ethics id."""
+    plan_changes: tuple[str, ...] = ()
+    """What the study file asked for and the plan could not give, and why."""
+    dataset_digest: str
+    app_version: str
+    """Of personal-viz, which took the records."""
+    tasks: tuple[TaskKind, ...]
+    scenes: tuple[StudyScene, ...]
+    practice_scenes: tuple[StudyScene, ...]
+    """Their episodes are in the folder `practice`."""
+    num_participants: int
+    """Links with rows in the tables, used or not."""
+    num_deleted: int
+    """People who withdrew and whose records were deleted: nothing else of them is here."""
+    num_not_begun: int
+    """Assigned trials that nobody opened."""
+    left_out: tuple[LeftOutTrial, ...]
+    """Every begun attempt that is in no run folder, and why."""
+    head_hashes: dict[str, str]
+    """Hash of each attempt's last event; with the database it proves that nothing was changed since."""
+    files: dict[str, ExportedFile] = Field(min_length=1)
+    """By path inside the folder; all but this one."""
+    scene_labels: tuple[str, ...] = ()
+    """What must be said of results in these homes; () for scans, and in exports of older programs."""
+    scene_terms: tuple[str, ...] = ()
+    """Whose terms the homes may stand under; () for invented homes and scans, and in exports of older programs."""
+
+
+def exported_file(content: bytes, num_rows: int | None) -> ExportedFile:
+    """The manifest's entry of a file."""
+    return ExportedFile(sha256=hashlib.sha256(content).hexdigest(), num_bytes=len(content), num_rows=num_rows)
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest of an export folder.
+
+    Raises:
+        StudyError: There is none, or it is damaged.
+    """
+    path = folder / MANIFEST_FILE
+    try:
+        return Manifest.model_validate_json(path.read_bytes(), strict=True)
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be read ({error.strerror}); expected an export. Give a folder that "
+            "personal-viz study export wrote."
+        ) from None
+    except ValidationError as error:
+        raise StudyError(line_from_validation_error(path, error, advice="Export the study again.")) from None
+
+
+def require_unchanged(folder: Path, manifest: Manifest) -> dict[str, bytes]:
+    """The content of every file, by path, when all are as they were written.
+
+    Raises:
+        StudyError: A file is missing, changed or none of the export's; names the first.
+    """
+    contents = {}
+    for name, entry in manifest.files.items():
+        path = folder / name
+        try:
+            contents[name] = path.read_bytes()
+        except OSError as error:
+            raise StudyError(
+                f"{path}: cannot be read ({error.strerror}); expected a file with sha256 {entry.sha256[:12]}. "
+                "Export the study again."
+            ) from None
+        found = exported_file(contents[name], entry.num_rows)
+        if found != entry:
+            raise StudyError(
+                f"{path}: has sha256 {found.sha256[:12]} and {found.num_bytes} bytes; expected {entry.sha256[:12]} and "
+                f"{entry.num_bytes}. It was changed after the export: export the study again."
+            )
+    extra = sorted(strangers(folder, manifest.files))
+    if extra:
+        raise StudyError(f"{folder / extra[0]}: is not in {MANIFEST_FILE}; expected only exported files. Move it away.")
+    return contents
+
+
+def strangers(folder: Path, files: Mapping[str, ExportedFile]) -> set[str]:
+    """Paths of files in the folder that an export with these files did not write."""
+    found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
+    return found - set(files) - {MANIFEST_FILE}

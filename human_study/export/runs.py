@@ -1,0 +1,123 @@
+"""Counted trials of people as run folders: the same `EpisodeRun` and `Answer` that agents have."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+from pydantic import BaseModel
+
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, RunInfo
+from sim.types import TaskKind
+
+from ..design.plan import StudyScene
+from ..design.study import Condition, StudyConfig
+from ..trial.events import Event
+from ..trial.outcome import Outcome, episode_run
+
+RUN_CONDITIONS: dict[Condition, str] = {"topdown": "memory_topdown", "glb": "memory_glb"}
+"""Names in run files where they differ from the study file's."""
+
+
+def trial_run_info(
+    config: StudyConfig,
+    home: StudyScene,
+    code: str,
+    task: TaskKind,
+    *,
+    condition: Condition,
+    created_utc: str,
+    app_version: str,
+    study_version: str | None = None,
+    mixes_kinds: bool = False,
+    is_pilot: bool = False,
+) -> RunInfo:
+    """`run.json` of the run folder that a participant's trials of one task and condition go to.
+
+    Args:
+        config: The study.
+        home: In which the trial takes place; trials in homes of one kind share a folder.
+        code: What the participant is called in the run.
+        task: Of the trial.
+        condition: Of the trial; part of the run's name where the task has several.
+        created_utc: ISO 8601.
+        app_version: Of the program that took the records.
+        study_version: As the records say it; None = of `config`. They differ in studies of the first version.
+        mixes_kinds: Whether the study has homes of several kinds; then the run's name says which.
+        is_pilot: Whether the study was served without an ethics id.
+    """
+    parts = [config.study, code, task]
+    parts += [condition] if len(config.conditions(task)) > 1 else []
+    parts += [home.kind] if mixes_kinds else []
+    return RunInfo(
+        run_id="-".join(parts),
+        who="human",
+        who_kind="human",
+        condition=RUN_CONDITIONS.get(condition, condition),
+        scene_kind=home.kind,
+        dataset_digest=config.dataset.sha256,
+        seed=config.dataset.seed,
+        config={
+            "study": config.study,
+            "study_version": study_version or config.study_version,
+            "actions": config.actions,
+            "max_steps": config.steps,
+            "query_index": config.query_index,
+            "clutter": home.clutter,
+            "information": ",".join(config.information),
+            "pilot": is_pilot,
+        },
+        versions={"personal-viz": app_version},
+        created_utc=created_utc,
+        made_for=config.success if task == "pan" else None,
+    )
+
+
+def created_utc(created_ns: int) -> str:
+    """When a study was made, as run files say it: ISO 8601 to the second."""
+    return datetime.fromtimestamp(created_ns / 1e9, UTC).isoformat(timespec="seconds")
+
+
+def result_of(events: Sequence[Event], outcome: Outcome, *, code: str) -> EpisodeRun | Answer:
+    """A finished trial as a run file has it, under a person's exported code.
+
+    Args:
+        events: All of the trial, in order; only PAN needs them.
+        outcome: As stored.
+        code: What the person is called.
+    """
+    if isinstance(outcome, EpisodeEnd):
+        return episode_run(events, end=outcome, participant=code)
+    return outcome.model_copy(update={"participant": code})
+
+
+class RunFolders:
+    """Collects results by run folder, and writes them as the bytes of `run.json`, `steps.jsonl` and `answers.jsonl`."""
+
+    def __init__(self) -> None:
+        """Without any result."""
+        self._infos: dict[str, RunInfo] = {}
+        self._results: defaultdict[str, list[EpisodeRun | Answer]] = defaultdict(list)
+
+    def add(self, info: RunInfo, result: EpisodeRun | Answer) -> None:
+        """Adds one result to the folder of its run; results keep the order in which they come."""
+        self._infos.setdefault(info.run_id, info)
+        self._results[info.run_id].append(result)
+
+    def files(self) -> dict[str, tuple[bytes, int]]:
+        """(content, number of results) by path, in order of the run ids."""
+        found: dict[str, tuple[bytes, int]] = {}
+        for run_id in sorted(self._infos):
+            results = self._results[run_id]
+            found[f"{run_id}/run.json"] = (self._infos[run_id].model_dump_json(indent=2).encode() + b"\n", len(results))
+            walks = [result for result in results if isinstance(result, EpisodeRun)]
+            answers = [result for result in results if isinstance(result, Answer)]
+            if walks:
+                lines = [line for walk in walks for line in (walk.start, *walk.steps, walk.end)]
+                found[f"{run_id}/steps.jsonl"] = (_lines(lines), len(walks))
+            if answers:
+                found[f"{run_id}/answers.jsonl"] = (_lines(answers), len(answers))
+        return found
+
+
+def _lines(models: Sequence[BaseModel]) -> bytes:
+    return "".join(f"{model.model_dump_json()}\n" for model in models).encode()

@@ -1,0 +1,236 @@
+"""A study's records as files for analysis: run folders like those of agents, tables in three formats, a manifest.
+
+Written from one read transaction, so it works while the study is served. The same records give the same bytes.
+"""
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+from pydantic import BaseModel
+
+from sim.errors import StudyError
+from sim.files import write_whole
+from sim.homes.kind import scene_labels, scene_terms
+
+from ..design.plan import PRACTICE_FOLDER
+from ..design.study import STUDY_FILE
+from ..store.record_types import StoredEvent, TrialStatus
+from ..store.records import StudyReader, read_study
+from .codes import exported_codes, is_gone
+from .data_dictionary import dictionary_text
+from .formats import table_bytes
+from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
+from .rows import (
+    EventRow,
+    ExclusionRow,
+    ParticipantRow,
+    VerificationRow,
+    event_rows,
+    exclusion_rows,
+    participant_row,
+    verification_rows,
+)
+from .runs import RunFolders, created_utc, result_of, trial_run_info
+from .trial_table import AttemptName, RowContext, TrialRow, row_context, trial_row
+
+DICTIONARY_FILE = "data_dictionary.md"
+TABLES: dict[str, tuple[str, type[BaseModel]]] = {
+    "trials": (
+        "One row per attempt at an assigned trial; assigned trials that nobody opened have attempt 0.",
+        TrialRow,
+    ),
+    "events": ("One row per event of an attempt, in order.", EventRow),
+    "participants": ("One row per link to the study.", ParticipantRow),
+    "exclusions": ("One row per use of a rule that leaves something out of the figures.", ExclusionRow),
+    "verifications": ("One row per time that an attempt was done again and compared.", VerificationRow),
+}
+"""(what a row is, row model) by file name without ending."""
+
+
+@dataclass(slots=True)
+class _Collected:
+    """What has been read so far."""
+
+    rows: dict[str, list[BaseModel]] = field(default_factory=lambda: {name: [] for name in TABLES})
+    runs: RunFolders = field(default_factory=RunFolders)
+    names: dict[str, AttemptName] = field(default_factory=dict)
+    """Exported name of each attempt, by trial id."""
+    num_deleted: int = 0
+
+
+def export_study(folder: Path, out: Path) -> list[Path]:
+    """Write a study's records to a folder, whole or not at all.
+
+    An earlier export of the same study in that folder is replaced. Works while the study is served.
+
+    Args:
+        folder: Of the study.
+        out: New, empty, or an earlier export of this study.
+
+    Returns:
+        The run folders, by run id.
+
+    Raises:
+        StudyError: The store cannot be read or was changed; or `out` cannot be written or holds anything else.
+    """
+    with read_study(folder) as reader:
+        reader.check()
+        _require_replaceable(out, reader.study_version)
+        collected = _collect(reader)
+        files = _table_files(collected) | collected.runs.files() | _study_files(reader, folder)
+        manifest = _manifest(reader, collected, files)
+    _write_folder(out, {name: content for name, (content, _) in files.items()}, manifest)
+    return [out / name.removesuffix("/run.json") for name in sorted(files) if name.endswith("/run.json")]
+
+
+def _collect(reader: StudyReader) -> _Collected:
+    """All rows and results of the people who did not have their records deleted."""
+    context, codes = row_context(reader), exported_codes(reader)
+    is_deleted = context.config.privacy.on_withdraw == "delete"
+    collected = _Collected()
+    kept: dict[str, str] = {}
+    for code, exported in sorted(codes.items(), key=lambda item: item[1]):
+        record = reader.participant(code)
+        if is_gone(record, is_deleted_on_withdrawal=is_deleted):
+            collected.num_deleted += 1
+            continue
+        kept[code] = exported
+        trials = reader.trials(code)
+        collected.rows["participants"].append(participant_row(record, trials, code=exported))
+        for status in trials:
+            _add_trial(collected, reader, context, status, exported)
+    collected.rows["exclusions"] += exclusion_rows(context.config, reader.exclusions(), collected.names, kept)
+    collected.rows["verifications"] += verification_rows(reader.verifications(), collected.names)
+    return collected
+
+
+def _add_trial(collected: _Collected, reader: StudyReader, context: RowContext, status: TrialStatus, code: str) -> None:
+    """One attempt: its row, its events, and its result where it counts."""
+    stored: Sequence[StoredEvent] = reader.events(status.trial_id) if status.trial_id is not None else ()
+    head = reader.head_hash(status.trial_id) if status.trial_id is not None else None
+    events = [item.event for item in stored]
+    row = trial_row(context, status, events, head_hash=head, code=code)
+    collected.rows["trials"].append(row)
+    collected.rows["events"] += event_rows(row, stored)
+    if status.trial_id is not None:
+        collected.names[status.trial_id] = row
+    if row.left_out is None and status.outcome is not None:
+        info = trial_run_info(
+            context.config,
+            context.plan.scene(status.key.scene),
+            code,
+            status.task,
+            condition=status.condition,
+            created_utc=created_utc(reader.created_ns),
+            app_version=reader.app_version,
+            study_version=reader.study_version,
+            mixes_kinds=len({home.kind for home in context.plan.scenes}) > 1,
+            is_pilot=reader.is_pilot,
+        )
+        collected.runs.add(info, result_of(events, status.outcome, code=code))
+
+
+def _table_files(collected: _Collected) -> dict[str, tuple[bytes, int | None]]:
+    """(content, number of rows) of each table in each format, and of the data dictionary."""
+    files: dict[str, tuple[bytes, int | None]] = {}
+    for name, (_, model) in TABLES.items():
+        rows = collected.rows[name]
+        for ending, content in table_bytes(model, rows).items():
+            files[f"{name}.{ending}"] = (content, len(rows))
+    files[DICTIONARY_FILE] = (dictionary_text("Data dictionary", TABLES).encode(), None)
+    return files
+
+
+def _study_files(reader: StudyReader, folder: Path) -> dict[str, tuple[bytes, int | None]]:
+    """The study file, and the practice homes' episodes, which are in no public dataset."""
+    choices = reader.config.model_dump(mode="json", exclude_defaults=True)
+    files: dict[str, tuple[bytes, int | None]] = {
+        STUDY_FILE: (yaml.safe_dump(choices, sort_keys=False, allow_unicode=True).encode(), None)
+    }
+    practice = folder / PRACTICE_FOLDER
+    for path in sorted(practice.rglob("*")) if reader.plan.practice_scenes else ():
+        if path.is_file():
+            files[path.relative_to(folder).as_posix()] = (path.read_bytes(), None)
+    return files
+
+
+def _manifest(reader: StudyReader, collected: _Collected, files: Mapping[str, tuple[bytes, int | None]]) -> Manifest:
+    """What `manifest.json` says."""
+    config, plan = reader.config, reader.plan
+    trials = [row for row in collected.rows["trials"] if isinstance(row, TrialRow)]
+    begun = [row for row in trials if row.attempt > 0]
+    return Manifest(
+        study=config.study,
+        study_version=reader.study_version,
+        plan_version=plan.plan_version,
+        is_pilot=reader.is_pilot,
+        plan_changes=plan.changes,
+        dataset_digest=config.dataset.sha256,
+        app_version=reader.app_version,
+        tasks=config.task,
+        scenes=plan.scenes,
+        practice_scenes=plan.practice_scenes,
+        num_participants=len(collected.rows["participants"]),
+        num_deleted=collected.num_deleted,
+        num_not_begun=len(trials) - len(begun),
+        left_out=tuple(
+            LeftOutTrial(attempt=row.attempt_name, reason=row.left_out) for row in begun if row.left_out is not None
+        ),
+        head_hashes={row.attempt_name: row.head_hash for row in begun if row.head_hash is not None},
+        files={name: exported_file(content, num_rows) for name, (content, num_rows) in sorted(files.items())},
+        scene_labels=scene_labels(scene.kind for scene in plan.scenes),
+        scene_terms=tuple(dict.fromkeys(terms for scene in plan.scenes if (terms := scene_terms(scene.kind)))),
+    )
+
+
+def _require_replaceable(out: Path, study_version: str) -> None:
+    """Raises StudyError unless `out` is new, empty, or an earlier export of this study and nothing else."""
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    if not (out / MANIFEST_FILE).is_file():
+        raise StudyError(
+            f"{out}: is not empty and holds no {MANIFEST_FILE}; expected a new or empty folder, or an earlier export "
+            "of this study. Give another --out."
+        )
+    earlier = read_manifest(out)
+    if earlier.study_version != study_version:
+        raise StudyError(
+            f"{out}: holds study {earlier.study} ({earlier.study_version[:12]}); expected {study_version[:12]}. "
+            "Give another --out."
+        )
+    extra = sorted(strangers(out, earlier.files))
+    if extra:
+        raise StudyError(
+            f"{out / extra[0]}: was not written by an export; expected only exported files, because the folder is "
+            "replaced. Move it away, or give another --out."
+        )
+
+
+def _write_folder(out: Path, files: Mapping[str, bytes], manifest: Manifest) -> None:
+    """Write all files beside `out`, then put the new folder in its place.
+
+    Raises:
+        StudyError: It cannot be written; an earlier export stays.
+    """
+    out = out.resolve()
+    beside, old = out.with_name(f".{out.name}.part"), out.with_name(f".{out.name}.old")
+    try:
+        for leftover in (beside, old):
+            shutil.rmtree(leftover, ignore_errors=True)
+        for name, content in files.items():
+            write_whole(beside / name, content)
+        write_whole(beside / MANIFEST_FILE, manifest.model_dump_json(indent=2) + "\n")
+        if out.exists():
+            os.replace(out, old)
+        os.replace(beside, out)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        shutil.rmtree(beside, ignore_errors=True)
+        raise StudyError(
+            f"{out}: cannot be written ({error.strerror}); expected a folder with space that you can write. "
+            "Make room, or give another --out."
+        ) from None

@@ -1,0 +1,192 @@
+"""A study's report as pictures (SVG): people beside agents, who succeeded where, effort, order, and the flow."""
+
+import io
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from sim.homes.kind import scene_labels
+from sim.types import SPLITS, TaskKind
+
+from .report import PersonOutcome, StudyReport
+from .row_labels import row_label
+from .trial_groups import TrialGroup
+
+_PERSON, _AGENT = "#1f5fa8", "#b5472f"
+_ROW_INCHES, _COLUMN_INCHES = 0.22, 0.16
+_LINES, _MARKERS = ("#1f5fa8", "#2e7d4f", "#7a4fa3", "#b5472f"), ("o", "s", "^", "D")
+_MOST_LABELS = 60
+"""More episodes than this are not named."""
+
+
+def person_dots_svg(report: StudyReport, task: TaskKind) -> str:
+    """Success rate of each person as a dot, conditions as rows; agents' as dashed lines with their names."""
+    outcomes = [outcome for outcome in report.outcomes if outcome.task == task]
+    people = {row.who for row in report.rows if row.kind == "human" and row.task == task}
+    conditions = list(dict.fromkeys((o.who, o.condition) for o in outcomes if o.who in people))
+    agents = list(dict.fromkeys((o.who, o.condition) for o in outcomes if o.who not in people))
+    figure = Figure(figsize=(7, 1.6 + 0.7 * len(conditions)), layout="constrained")
+    axes = figure.subplots()
+    for place, name in enumerate(conditions):
+        rates = _rates([o for o in outcomes if (o.who, o.condition) == name])
+        for rate, number in zip(*np.unique(rates, return_counts=True), strict=True):
+            heights = place + 0.09 * (np.arange(number) - (number - 1) / 2)
+            axes.plot(np.full(number, rate), heights, "o", color=_PERSON, markersize=6, alpha=0.8)
+    by_rate: dict[float, list[str]] = {}
+    for name in agents:
+        rate = float(np.mean([o.success for o in outcomes if (o.who, o.condition) == name])) * 100
+        by_rate.setdefault(rate, []).append(row_label(*name))
+    for rate, names in by_rate.items():
+        axes.axvline(rate, color=_AGENT, linestyle="--", linewidth=1)
+        axes.annotate(", ".join(names), (rate, -0.5), color=_AGENT, fontsize=8, rotation=20)
+    axes.set_yticks(range(len(conditions)), [row_label(who, condition) for who, condition in conditions])
+    axes.set_ylim(len(conditions) - 0.4, -0.9 - 0.02 * max((len(", ".join(n)) for n in by_rate.values()), default=0))
+    axes.set_xlim(-3, 103)
+    axes.set_xlabel("success rate of a person over their trials (%)")
+    return _svg(figure, _kinds(report, task))
+
+
+def outcome_matrix_svg(report: StudyReport, task: TaskKind) -> str:
+    """People and agents by episodes: filled square = success, open = failure, nothing = not done."""
+    outcomes = [outcome for outcome in report.outcomes if outcome.task == task]
+    names = {outcome.episode for outcome in outcomes}
+    episodes = [name for split in SPLITS for name in sorted(names) if name.startswith(f"{split}/")]
+    names_of_rows = list(dict.fromkeys((o.who, o.condition) for o in outcomes))
+    found = {(o.who, o.condition, o.participant) for o in outcomes}
+    rows = sorted(found, key=lambda row: (names_of_rows.index(row[:2]), row[2]))
+    width = max(5.0, 2.5 + _COLUMN_INCHES * len(episodes))
+    figure = Figure(figsize=(width, 1.8 + _ROW_INCHES * len(rows)), layout="constrained")
+    axes = figure.subplots()
+    place = {name: at for at, name in enumerate(episodes)}
+    at = {name: number for number, name in enumerate(rows)}
+    axes.scatter(
+        [place[outcome.episode] for outcome in outcomes],
+        [at[outcome.who, outcome.condition, outcome.participant] for outcome in outcomes],
+        s=49,
+        marker="s",
+        edgecolors="black",
+        facecolors=[str(1 - outcome.success) for outcome in outcomes],
+    )
+    labels = [_row_name(who, condition, participant) for who, condition, participant in rows]
+    axes.set_yticks(range(len(rows)), labels, fontsize=7)
+    shown = episodes if len(episodes) <= _MOST_LABELS else []
+    axes.set_xticks(range(len(shown)), shown, rotation=90, fontsize=6)
+    axes.set_xlim(-0.7, len(episodes) - 0.3)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_title("filled: success", fontsize=8, loc="left")
+    return _svg(figure, _kinds(report, task))
+
+
+def effort_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
+    """Steps and time to decision of every trial, a line of dots per row: filled = success, open = failure."""
+    shown = [group for group in groups if group.task == task]
+    measures = ("steps", "t_s") if task == "pan" else ("t_s",)
+    figure = Figure(figsize=(4.6 * len(measures), 1.4 + 0.5 * len(shown)), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(measures), sharey=True))
+    for axes, measure in zip(panels, measures, strict=True):
+        for place, group in enumerate(shown):
+            color = _PERSON if group.kind == "human" else _AGENT
+            for is_success in (True, False):
+                known = [
+                    value
+                    for trial in group.trials
+                    if (value := trial.figures.get(measure)) is not None and (trial.figures["sr"] == 100) == is_success
+                ]
+                spread = 0.22 * np.sin(2.4 * np.arange(len(known)))  # dots beside each other, the same every time
+                face = color if is_success else "none"
+                axes.plot(known, place + spread, "o", markersize=4, color=color, markerfacecolor=face, alpha=0.6)
+        axes.set_xlabel("steps to decision" if measure == "steps" else "time to decision (s)")
+        axes.set_xlim(left=0)
+        axes.set_ylim(len(shown) - 0.4, -0.6)
+    panels[0].set_yticks(range(len(shown)), [row_label(group.who, group.condition) for group in shown], fontsize=8)
+    panels[0].set_title("filled: success", fontsize=8, loc="left")
+    return _svg(figure, [group.scene_kind for group in shown])
+
+
+def order_svg(report: StudyReport, task: TaskKind) -> str:
+    """Success rate by place in the order and by earlier visits, with intervals; a line per condition."""
+    rows = [row for row in report.blocks if row.task == task and row.measure == "sr"]
+    conditions = list(dict.fromkeys(row.condition for row in rows))
+    figure = Figure(figsize=(8, 3), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
+    for axes, by in zip(panels, ("order", "visits"), strict=True):
+        blocks = list(dict.fromkeys(row.block for row in rows if row.by == by))
+        for number, condition in enumerate(conditions):
+            found = [row for row in rows if row.by == by and row.condition == condition]
+            places = [blocks.index(row.block) + 0.12 * number for row in found]
+            low = [row.value - (row.value if row.low is None else row.low) for row in found]
+            high = [(row.value if row.high is None else row.high) - row.value for row in found]
+            label = row_label("human", condition) if by == "order" else None
+            style = {"color": _LINES[number % len(_LINES)], "marker": _MARKERS[number % len(_MARKERS)]}
+            axes.errorbar(places, [row.value for row in found], (low, high), capsize=2, label=label, **style)
+        axes.set_xticks(range(len(blocks)), blocks, fontsize=8)
+        axes.set_ylim(-3, 103)
+    panels[0].set_xlabel("place in the person's order")
+    panels[1].set_xlabel("home")
+    panels[0].set_ylabel("success (%)")
+    panels[0].legend(fontsize=7)
+    return _svg(figure, _kinds(report, task))
+
+
+def flow_svg(report: StudyReport) -> str:
+    """Boxes from top to bottom for those who go on, ways out and detours beside them."""
+    step, width = 46, 250
+    parts, at = [], 0
+    for count in report.flow:
+        if count.is_aside:
+            y = max(at - 1, 0) * step + 12
+            x = 290 + 190 * sum(part.startswith(f'<g data-row="{at}"') for part in parts)
+            parts.append(
+                f'<g data-row="{at}"><rect x="{x}" y="{y}" width="180" height="30" fill="#fbeee9" stroke="{_AGENT}"/>'
+                f'<text x="{x + 90}" y="{y + 19}" text-anchor="middle">{count.point}: {count.n}</text></g>'
+            )
+            continue
+        y = at * step + 12
+        line = f'<path d="M140 {y - 16} v14" stroke="#555" marker-end="url(#tip)"/>' if at else ""
+        parts.append(
+            f'<g>{line}<rect x="15" y="{y}" width="{width}" height="30" fill="#eaf1f8" stroke="{_PERSON}"/>'
+            f'<text x="140" y="{y + 19}" text-anchor="middle">{count.point}: {count.n}</text></g>'
+        )
+        at += 1
+    said = "".join(
+        f'<text x="15" y="{at * step + 18 + 16 * n}" font-size="11">{label}</text>'
+        for n, label in enumerate(report.scene_labels)
+    )
+    height = at * step + 12 + 16 * len(report.scene_labels)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="860" height="{height}" '
+        'font-family="sans-serif" font-size="12">'
+        '<defs><marker id="tip" markerWidth="8" markerHeight="8" refX="6" refY="3" orient="auto">'
+        '<path d="M0 0 L6 3 L0 6 z" fill="#555"/></marker></defs>' + "".join(parts) + said + "</svg>\n"
+    )
+
+
+def _row_name(who: str, condition: str, participant: str) -> str:
+    code = participant.rpartition("/")[2]
+    if who != "human":
+        return row_label(who, condition)
+    return code if condition == "none" else f"{code}, {condition.replace('_', ' ')}"
+
+
+def _rates(outcomes: Sequence[PersonOutcome]) -> list[float]:
+    """Percent per person."""
+    people = dict.fromkeys(outcome.participant for outcome in outcomes)
+    return [100 * float(np.mean([o.success for o in outcomes if o.participant == name])) for name in people]
+
+
+def _kinds(report: StudyReport, task: TaskKind) -> list[str]:
+    return [row.scene_kind for row in report.rows if row.task == task]
+
+
+def _svg(figure: Figure, kinds: Sequence[str]) -> str:
+    """The same figure gives the same text; above it stands what must be said of these kinds of homes."""
+    labels = scene_labels(kinds)
+    if labels:
+        figure.set_figheight(figure.get_figheight() + 0.25 * len(labels))
+        figure.suptitle("\n".join(labels), fontsize=8)
+    file = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": "personal-viz", "svg.fonttype": "none"}):
+        figure.savefig(file, format="svg", metadata={"Date": None})
+    return file.getvalue()

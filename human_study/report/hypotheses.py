@@ -1,0 +1,132 @@
+"""The study's primary hypotheses, named in the study file before the first trial, with Holm's adjustment."""
+
+from collections.abc import Sequence
+
+from pydantic import BaseModel, ConfigDict
+from scipy.special import stdtr
+
+from sim.types import TaskKind
+
+from ..design.analysis import ALPHA, HYPOTHESIS_NAME
+from .person_effects import EffectRow
+from .row_labels import is_first_condition
+from .rows import Aggregate, counted_trials
+from .statistics import mean_interval, two_way_variance
+from .trial_groups import TrialGroup
+from .within_effects import holm
+
+_MEASURES = {"SR": "sr", "SPL": "spl", "SoftSPL": "soft_spl", "DTG": "dtg", "steps": "steps", "time": "t_s"}
+
+
+class HypothesisRow(BaseModel):
+    """What became of one primary hypothesis."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    name: str
+    value: float | None
+    low: float | None
+    high: float | None
+    p: float | None
+    """Two-sided, of no difference; None = it could not be tested, `method` says why."""
+    p_holm: float | None
+    """Adjusted over all primary hypotheses, those not tested included."""
+    n: int
+    method: str
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether no difference is rejected at the family-wise level."""
+        return self.p_holm is not None and self.p_holm < ALPHA
+
+
+def hypothesis_rows(
+    names: Sequence[str], differences: Sequence[TrialGroup], memory: Sequence[EffectRow], aggregate: Aggregate
+) -> list[HypothesisRow]:
+    """A row per name of `primary` in the study file.
+
+    Args:
+        names: As in the study file.
+        differences: People minus agents on the same episodes.
+        memory: Effects of conditions, of all splits together.
+        aggregate: Of the totals.
+    """
+    rows = [_tested(name, differences, memory, aggregate) for name in names]
+    adjusted = holm([1.0 if row.p is None else row.p for row in rows])
+    return [
+        row.model_copy(update={"p_holm": None if row.p is None else p}) for row, p in zip(rows, adjusted, strict=True)
+    ]
+
+
+def _tested(
+    name: str, differences: Sequence[TrialGroup], memory: Sequence[EffectRow], aggregate: Aggregate
+) -> HypothesisRow:
+    match = HYPOTHESIS_NAME.match(name)
+    if match is None:
+        return _untested(name, "not tested: the name is none that the report knows, such as human_minus_agent_SR")
+    task, measure = match["task"], _MEASURES[match["measure"]]
+    if match["memory"] is not None:
+        return _memory(name, match["memory"], task, measure, memory)
+    condition = match["condition"] or ""
+    fitting = [
+        group
+        for group in differences
+        if (task is None or group.task == task)
+        and (match["agent"] == "agent" or group.who == f"human - {match['agent']}")
+        and (group.condition == condition if condition else is_first_condition(group.condition))
+        and measure in group.measures
+    ]
+    if len(fitting) != 1:
+        found = ", ".join(f"{group.task} {group.who} ({group.condition})" for group in fitting) or "none"
+        return _untested(name, f"not tested: needs exactly one comparison, found {found}")
+    return _difference(name, fitting[0], measure, aggregate)
+
+
+def _difference(name: str, group: TrialGroup, measure: str, aggregate: Aggregate) -> HypothesisRow:
+    trials = counted_trials(group.trials, measure, aggregate)
+    if not len(trials.values):
+        return _untested(name, "not tested: no trial has the measure")
+    interval = mean_interval(trials)
+    variance, df = two_way_variance(trials)
+    if interval is None:
+        return _untested(name, "not tested: the trials do not differ from each other")
+    return HypothesisRow(
+        name=name,
+        value=trials.mean,
+        low=interval.low,
+        high=interval.high,
+        p=float(2 * stdtr(df, -abs(trials.mean) / variance**0.5)),
+        p_holm=None,
+        n=len(trials.values),
+        method=f"{group.who}, {group.task}, {group.condition}: paired on the same episodes, {interval.method}",
+    )
+
+
+def _memory(
+    name: str, wanted: str, task: TaskKind | str | None, measure: str, effects: Sequence[EffectRow]
+) -> HypothesisRow:
+    fitting = [
+        row
+        for row in effects
+        if row.split == "all"
+        and row.measure == measure
+        and (task is None or row.task == task)
+        and (wanted == "memory" or row.what.partition(" - ")[0] == wanted)
+    ]
+    if len(fitting) != 1:
+        found = ", ".join(f"{row.task} {row.what}" for row in fitting) or "none"
+        return _untested(name, f"not tested: needs exactly one pair of conditions, found {found}")
+    effect = fitting[0].effect
+    return HypothesisRow(
+        name=name,
+        value=effect.value,
+        low=effect.low,
+        high=effect.high,
+        p=effect.p,
+        p_holm=None,
+        n=effect.n,
+        method=f"{fitting[0].what}, {fitting[0].task}: {effect.method}",
+    )
+
+
+def _untested(name: str, why: str) -> HypothesisRow:
+    return HypothesisRow(name=name, value=None, low=None, high=None, p=None, p_holm=None, n=0, method=why)

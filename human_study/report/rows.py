@@ -1,0 +1,228 @@
+"""One number of one row of a report's tables, with its intervals; totals are made as the study declares."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from sim.errors import StudyError
+from sim.homes.kind import scene_label
+from sim.types import SPLITS, TaskKind
+
+from .statistics import Estimate, Interval, Trials, Weight, mean, rate, trials_of
+from .trial_groups import FAR, STRICT, CountedTrial, TrialGroup
+
+TOTAL = "total"
+TotalKind = Literal["mean_of_splits", "pooled", "dataset_weighted"]
+RowKind = Literal["human", "agent", "difference"]
+_SHARES = ("sr", "spl", "soft_spl")
+"""Measures, or beginnings of their names, in percent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Aggregate:
+    """How cells and totals are averaged (`aggregate` of the study file)."""
+
+    total: TotalKind = "mean_of_splits"
+    """`mean_of_splits` as the paper's, `pooled` over all trials alike, or `dataset_weighted` by the splits' sizes."""
+    weight: Weight = "trials"
+    split_sizes: Mapping[str, int] | None = None
+    """Episodes of each split in the whole dataset; needed for `dataset_weighted`."""
+
+    def require_sizes(self) -> None:
+        """Raises StudyError when the splits' sizes are needed and not known."""
+        if self.total == "dataset_weighted" and not self.split_sizes:
+            raise StudyError(
+                "aggregate.total is 'dataset_weighted', but the sizes of the dataset's splits are not known; expected "
+                "the dataset. Give --dataset."
+            )
+
+
+class ReportRow(BaseModel):
+    """One number of one row of a table, with its intervals."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    task: TaskKind
+    scene_kind: str
+    who: str
+    """A row's name; `human - AGENT` for differences on the same episodes."""
+    kind: RowKind
+    condition: str
+    split: str
+    """A split, or `total` over the splits present, as `aggregate` says."""
+    measure: str
+    """`sr`, `spl`, `soft_spl`, `sr_within_K` in percent, `dtg`, `distance`, `path_m` in metres, `steps`, `t_s`.
+
+    `sr_strict` = success by rule `paper-strict` in percent, of the trials that have it; `far_from_view` = percent of
+    the successes by `paper` that end more than 1 m of walking from every view point. Trials that a rule excludes have
+    neither.
+    """
+    value: float
+    low: float | None
+    high: float | None
+    method: str
+    """Of the interval, or why there is none."""
+    bootstrap_low: float | None
+    """None also for `sr_within_K`, `sr_strict` and `far_from_view`, for which none is made."""
+    bootstrap_high: float | None
+    k: int | None
+    """Successes; None for other measures."""
+    n: int
+    """Trials."""
+    num_participants: int
+    """People; runs of an agent are averaged before, so it counts as one."""
+    num_episodes: int
+    share: float | None
+    """What a split's cell counts in its total; None = the total is no mean of its cells (people's means over all)."""
+    scene_label: str
+    """What must be said of these homes; empty for scans."""
+
+
+def rows_of(
+    group: TrialGroup,
+    aggregate: Aggregate,
+    *,
+    kind: Literal["difference"] | None = None,
+    behind: TrialGroup | None = None,
+) -> list[ReportRow]:
+    """A row per measure and split, then its total; `behind` has the trials that were averaged, for k and n."""
+    rows = []
+    for measure in group.measures:
+        known = [trial for trial in group.trials if trial.figures.get(measure) is not None]
+        splits = [split for split in SPLITS if any(trial.key.split == split for trial in known)]
+        for split in [*splits, TOTAL] if splits else []:
+            found = [trial for trial in known if split in (trial.key.split, TOTAL)]
+            keys = {trial.key for trial in found}
+            counted = found if behind is None else [trial for trial in behind.trials if trial.key in keys]
+            row = _row(group, kind, measure, split, found, counted, aggregate)
+            rows.append(row.model_copy(update={"share": _share(split, known, splits, aggregate)}))
+    return rows
+
+
+def estimate_of(
+    trials: Sequence[CountedTrial], measure: str, aggregate: Aggregate, *, is_share: bool, seed: int | None = None
+) -> Estimate:
+    """Mean of a measure over at least one trial that has it, in its own unit; shares are in percent.
+
+    Args:
+        trials: Of one row.
+        measure: One of their figures.
+        aggregate: How splits are put together.
+        is_share: Whether it is 0 or 100, and the interval stays between them.
+        seed: Of the bootstrap; None = none is made.
+    """
+    found = counted_trials(trials, measure, aggregate)
+    if not is_share:
+        return mean(found, seed=seed)
+    shares = Trials(
+        found.values / 100,
+        found.participant_index,
+        found.episode_index,
+        found.stratum_index,
+        found.stratum_shares,
+        found.weight,
+    )
+    return _in_percent(rate(shares, seed=seed))
+
+
+def counted_trials(trials: Sequence[CountedTrial], measure: str, aggregate: Aggregate) -> Trials:
+    """The trials that have the measure, as the statistics take them."""
+    known = [(trial, value) for trial in trials if (value := trial.figures.get(measure)) is not None]
+    return trials_of(
+        [value for _, value in known],
+        [trial.participant for trial, _ in known],
+        [str(trial.key) for trial, _ in known],
+        None if aggregate.total == "pooled" else [trial.key.split for trial, _ in known],
+        shares=aggregate.split_sizes if aggregate.total == "dataset_weighted" else None,
+        weight=aggregate.weight,
+    )
+
+
+def require_totals(rows: Iterable[ReportRow]) -> None:
+    """Raises StudyError where a total is not the declared mean of the splits beside it."""
+    cells: dict[tuple, dict[str, ReportRow]] = defaultdict(dict)
+    for row in rows:
+        cells[row.task, row.scene_kind, row.who, row.condition, row.measure][row.split] = row
+    for name, found in cells.items():
+        total = found.pop(TOTAL, None)
+        shares = [row.share for row in found.values() if row.share is not None]
+        if total is not None and found and not shares:
+            continue
+        expected = sum(row.value * row.share for row in found.values() if row.share is not None)
+        is_whole = len(shares) == len(found) and abs(sum(shares) - 1) < 1e-9
+        if total is None or not is_whole or abs(total.value - expected) > 1e-9 * max(1.0, abs(expected)):
+            raise StudyError(
+                f"report: total of {' '.join(map(str, name))} is {None if total is None else total.value}; expected "
+                f"{expected}, the mean of {', '.join(found)} with shares {shares}. Make the report again from the runs."
+            )
+
+
+def _share(split: str, known: Sequence[CountedTrial], splits: Sequence[str], aggregate: Aggregate) -> float | None:
+    if split == TOTAL:
+        return None
+    if aggregate.total == "mean_of_splits":
+        return 1 / len(splits)
+    if aggregate.total == "dataset_weighted":
+        sizes = aggregate.split_sizes or {}
+        return sizes[split] / sum(sizes[name] for name in splits)
+    if aggregate.weight == "participants":
+        return None
+    return sum(trial.key.split == split for trial in known) / len(known)
+
+
+def _row(
+    group: TrialGroup,
+    kind: Literal["difference"] | None,
+    measure: str,
+    split: str,
+    found: Sequence[CountedTrial],
+    counted: Sequence[CountedTrial],
+    aggregate: Aggregate,
+) -> ReportRow:
+    is_rate = measure.startswith(("sr", FAR)) and kind is None
+    seed = None if measure.startswith(("sr_within_", STRICT, FAR)) else 0
+    estimate = estimate_of(found, measure, aggregate, is_share=is_rate, seed=seed)
+    hits = [figure for trial in counted if (figure := trial.figures.get(measure)) is not None]
+    interval, bootstrap = estimate.interval, estimate.bootstrap
+    if interval is not None and not is_rate and measure.startswith(_SHARES):
+        interval = _possible(interval, low=-100.0 if kind == "difference" else 0.0)
+    return ReportRow(
+        task=group.task,
+        scene_kind=group.scene_kind,
+        who=group.who,
+        kind=kind or ("human" if group.kind == "human" else "agent"),
+        condition=group.condition,
+        split=split,
+        measure=measure,
+        value=estimate.value,
+        low=interval.low if interval else None,
+        high=interval.high if interval else None,
+        method=interval.method if interval else "none: a single trial, or all alike, says nothing of others",
+        bootstrap_low=bootstrap.low if bootstrap else None,
+        bootstrap_high=bootstrap.high if bootstrap else None,
+        k=sum(figure == 100 for figure in hits) if is_rate else None,
+        n=len(hits),
+        num_participants=estimate.num_participants,
+        num_episodes=estimate.num_episodes,
+        share=None,
+        scene_label=scene_label(group.scene_kind),
+    )
+
+
+def _possible(interval: Interval, *, low: float) -> Interval:
+    """The part of the interval that a share, or a difference of shares, can be."""
+    if interval.low >= low and interval.high <= 100:
+        return interval
+    method = f"{interval.method}, cut to {low:g} to 100"
+    return Interval(low=max(interval.low, low), high=min(interval.high, 100.0), method=method)
+
+
+def _in_percent(estimate: Estimate) -> Estimate:
+    scaled = {
+        name: found.model_copy(update={"low": 100 * found.low, "high": 100 * found.high})
+        for name in ("interval", "bootstrap")
+        if (found := getattr(estimate, name)) is not None
+    }
+    return estimate.model_copy(update={"value": 100 * estimate.value, **scaled})

@@ -1,0 +1,119 @@
+"""What a report is made from: run folders, exports of a study, or study folders, which are exported first."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from sim.errors import StudyError, line_from_validation_error
+from sim.tasks.metrics import read_runs
+from sim.tasks.run_files import Run
+
+from ..design.study import STUDY_FILE, StudyConfig, load_study
+from ..export.manifest import MANIFEST_FILE, read_manifest
+from ..export.rows import ExclusionRow, ParticipantRow
+from ..export.study_export import export_study
+from ..export.trial_table import TrialRow
+from ..store.records import DATABASE_FILE
+
+TRIALS_FILE = "trials.jsonl"
+_Row = TypeVar("_Row", bound=BaseModel)
+_PARTICIPANTS_FILE, _EXCLUSIONS_FILE = "participants.jsonl", "exclusions.jsonl"
+
+
+@dataclass(frozen=True, slots=True)
+class StudyRecords:
+    """What a study's export holds beside the run folders."""
+
+    config: StudyConfig
+    rows: tuple[TrialRow, ...]
+    people: tuple[ParticipantRow, ...] = ()
+    exclusions: tuple[ExclusionRow, ...] = ()
+    num_deleted: int = 0
+    """People who withdrew and whose records were deleted."""
+    is_pilot: bool = False
+    plan_changes: tuple[str, ...] = ()
+    """What the study file asked for and the plan could not give, and why."""
+    head_hashes: tuple[str, ...] = ()
+    """Of every attempt's last event, sorted."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReportSource:
+    """Runs of people and agents, and the records of the people's study if they are at hand."""
+
+    runs: tuple[Run, ...]
+    records: StudyRecords | None = None
+
+
+def read_source(folders: Sequence[Path]) -> ReportSource:
+    """Everything in the named folders.
+
+    Args:
+        folders: Run folders, folders that hold some, exports (with `trials.jsonl`), study folders (with `study.db`).
+
+    Raises:
+        StudyError: There are records of more than one study, or records are damaged.
+        RunFileError: A folder holds no run, or a run is damaged.
+    """
+    studies = [folder for folder in folders if (folder / DATABASE_FILE).is_file()]
+    with tempfile.TemporaryDirectory() as temporary:
+        exports = []
+        for number, folder in enumerate(studies):
+            out = Path(temporary) / str(number)
+            export_study(folder, out)
+            exports.append(out)
+        exports += [folder for folder in folders if folder not in studies and (folder / TRIALS_FILE).is_file()]
+        if len(exports) > 1:
+            names = ", ".join(str(folder) for folder in folders)
+            raise StudyError(
+                f"report: found records of {len(exports)} studies or exports in {names}; expected one, because a trial "
+                "counts once. Give one study folder or one of its exports, and run folders of agents."
+            )
+        others = [folder for folder in folders if folder not in studies and folder not in exports]
+        records = read_records(exports[0]) if exports else None
+        with_runs = [*exports, *others] if exports and any(exports[0].glob("*/run.json")) else others
+        if exports and not with_runs:
+            raise StudyError(
+                f"{folders[0]}: holds no counted trial with a result; expected at least one. Wait for participants to "
+                "finish some; personal-viz study status shows how far they are."
+            )
+        return ReportSource(tuple(read_runs(with_runs)), records)
+
+
+def read_records(folder: Path) -> StudyRecords:
+    """The tables of an export folder.
+
+    Raises:
+        StudyError: A file is missing or damaged.
+    """
+    manifest = read_manifest(folder) if (folder / MANIFEST_FILE).is_file() else None
+    if not (folder / STUDY_FILE).is_file():
+        raise StudyError(f"{folder}: holds {TRIALS_FILE} but no {STUDY_FILE}; expected both. Export the study again.")
+    return StudyRecords(
+        config=load_study(folder),
+        rows=_lines(folder / TRIALS_FILE, TrialRow),
+        people=_lines(folder / _PARTICIPANTS_FILE, ParticipantRow),
+        exclusions=_lines(folder / _EXCLUSIONS_FILE, ExclusionRow),
+        num_deleted=manifest.num_deleted if manifest else 0,
+        is_pilot=manifest.is_pilot if manifest else False,
+        plan_changes=manifest.plan_changes if manifest else (),
+        head_hashes=tuple(sorted(manifest.head_hashes.values())) if manifest else (),
+    )
+
+
+def _lines(path: Path, model: type[_Row]) -> tuple[_Row, ...]:
+    if not path.is_file():
+        return ()
+    rows = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            rows.append(model.model_validate_json(line))
+        except ValidationError as error:
+            raise StudyError(
+                line_from_validation_error(f"{path}:{number}", error, advice="Export the study again.")
+            ) from None
+    return tuple(rows)

@@ -1,0 +1,220 @@
+"""Who has which episode while a study runs: what is due, what was given back, and who gets that instead.
+
+Functions of one write transaction: all that they decide is decided again by nobody else at the same time. The database
+itself refuses a second live holder (trigger `one_holder`).
+"""
+
+import hashlib
+import math
+import sqlite3
+import time
+from typing import NamedTuple
+
+from sim.types import EpisodeKey, TaskKind
+
+from ..design.plan import Phase, PlannedTrial, StudyPlan
+from ..design.study import Condition, StudyConfig
+from ..tickets import new_id
+
+_LIVE = "NOT EXISTS(SELECT 1 FROM release WHERE release.assignment_id = assignment.assignment_id)"
+_SLOT = "task, condition, split, scene, episode_id, rep"
+MOST_FAILURES = 2
+"""`technical` is queued again once (HUMAN_STUDY.md, section 4)."""
+_SPENT = (
+    "((SELECT count(*) FROM assignment AS held JOIN trial ON trial.assignment_id = held.assignment_id"
+    " JOIN outcome USING(trial_id) WHERE held.phase = 'main' AND end_reason = 'technical'"
+    " AND held.task = assignment.task AND held.condition = assignment.condition AND held.split = assignment.split"
+    " AND held.scene = assignment.scene AND held.episode_id = assignment.episode_id AND held.rep = assignment.rep)"
+    f" >= {MOST_FAILURES})"
+)
+"""Whether the episode of a row of `assignment` failed too often, over all who had it."""
+
+
+class Slot(NamedTuple):
+    """An episode in a condition, for one person."""
+
+    task: TaskKind
+    condition: Condition
+    key: EpisodeKey
+    rep: int
+
+
+def assign(database: sqlite3.Connection, code: str, trial: PlannedTrial, *, made_by: str = "plan") -> None:
+    """Give a trial to a participant."""
+    database.execute(
+        "INSERT INTO assignment(assignment_id, code, order_no, task, split, scene, episode_id, phase, condition, rep,"
+        " made_by, at_ns) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        (
+            new_id(),
+            code,
+            trial.order_no,
+            trial.task,
+            *trial.key,
+            trial.phase,
+            trial.condition,
+            trial.rep,
+            made_by,
+            time.time_ns(),
+        ),
+    )
+
+
+def due_order_no(database: sqlite3.Connection, code: str) -> int | None:
+    """Place of the participant's first trial that is neither given back nor ended; None when there is none.
+
+    A trial whose last attempt has no outcome is due, also after an earlier attempt that failed for technical reasons.
+    """
+    row = database.execute(
+        f"SELECT min(order_no) FROM assignment WHERE code = ? AND {_LIVE} AND NOT EXISTS("
+        " SELECT 1 FROM trial JOIN outcome USING(trial_id) WHERE trial.assignment_id = assignment.assignment_id"
+        " AND attempt = (SELECT max(attempt) FROM trial AS other WHERE other.assignment_id = trial.assignment_id))",
+        (code,),
+    ).fetchone()
+    return row[0]
+
+
+def release(
+    database: sqlite3.Connection, code: str, reason: str, *, also_done: bool = False, also_tried: bool = True
+) -> int:
+    """Give back the participant's counted trials that are still to do; returns how many.
+
+    Args:
+        database: In a write transaction.
+        code: The participant.
+        reason: Is kept.
+        also_done: Those with a result, too. What failed twice for technical reasons stays: nobody gets it again.
+        also_tried: Those that wait for another attempt, too.
+    """
+    ended = (
+        "NOT EXISTS(SELECT 1 FROM trial JOIN outcome USING(trial_id)"
+        " WHERE trial.assignment_id = assignment.assignment_id{newest})"
+    )
+    newest = (
+        " AND attempt = (SELECT max(attempt) FROM trial AS other WHERE other.assignment_id = assignment.assignment_id)"
+    )
+    kept = f"NOT {_SPENT}" if also_done else ended.format(newest=newest if also_tried else "")
+    return database.execute(
+        f"INSERT INTO release SELECT assignment_id, ?, ? FROM assignment WHERE code = ? AND phase = 'main' AND {_LIVE}"
+        f" AND {kept}",
+        (reason, time.time_ns(), code),
+    ).rowcount
+
+
+def is_spent(database: sqlite3.Connection, assignment_id: str) -> bool:
+    """Whether the episode failed twice for technical reasons, whoever had it: nobody gets it again."""
+    row = database.execute(f"SELECT {_SPENT} FROM assignment WHERE assignment_id = ?", (assignment_id,)).fetchone()
+    return bool(row[0])
+
+
+def others_can_take(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> bool:
+    """Whether what one person leaves can go to another: where everybody does everything, only to a spare person."""
+    if config.design.kind == "house-once":
+        return True
+    people = (person for person in plan.participants if person.task == task)
+    return any(all(trial.phase != "main" for trial in person.trials) for person in people)
+
+
+def release_one(database: sqlite3.Connection, assignment_id: str, reason: str) -> None:
+    """Give back one trial; once given back it stays so."""
+    database.execute("INSERT OR IGNORE INTO release VALUES (?, ?, ?)", (assignment_id, reason, time.time_ns()))
+
+
+def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, code: str) -> bool:
+    """Give the participant one episode that nobody has (any more); False when there is none to give.
+
+    The participant's own of the plan first, in its order; else the one with the fewest other people, in a home that the
+    participant has never met (`house-once`) or at least an episode that the participant has not done. After each
+    `checks.every` counted trials an attention trial comes, too.
+    """
+    slot = free_slot(database, config, plan, code)
+    if slot is None:
+        return False
+    number = _last_order_no(database, code) + 1
+    assign(database, code, _trial(number, "main", slot), made_by="fill")
+    every = config.checks.every
+    if every is not None and _num_main(database, code) % every == 0:
+        checks: list[tuple[EpisodeKey, TaskKind]] = [
+            (trial.key, trial.task)
+            for person in plan.participants
+            for trial in person.trials
+            if trial.phase == "check" and trial.task == slot.task
+        ]
+        if checks:
+            key, task = checks[_num_main(database, code) // every % len(checks)]
+            assign(database, code, _trial(number + 1, "check", Slot(task, slot.condition, key, 0)), made_by="fill")
+    return True
+
+
+def free_slot(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, code: str) -> Slot | None:
+    """What `fill` would give; None when there is nothing, or the participant has done enough."""
+    person = plan.participant(code)
+    most = config.design.trials_per_person or max(
+        sum(trial.phase == "main" for trial in known.trials) for known in plan.participants
+    )
+    if _num_main(database, code) >= most:
+        return None
+    conditions = plan.conditions_of(config, person)
+    met = _met(database, code)
+    homes = {key.scene for key in met}
+    rows = database.execute(
+        f"SELECT {_SLOT} FROM assignment WHERE phase = 'main' AND task = ? GROUP BY {_SLOT} HAVING NOT max({_LIVE})",
+        (person.task,),
+    ).fetchall()
+    slots = [Slot(task, condition, EpisodeKey(*key), rep) for task, condition, *key, rep in rows]
+    allowed = [
+        slot
+        for slot in slots
+        if slot.condition == conditions[slot.key.scene]
+        and (slot.key.scene not in homes if config.design.kind == "house-once" else slot.key not in met)
+    ]
+    planned = {(trial.task, trial.condition, trial.key, trial.rep): trial.order_no for trial in person.trials}
+
+    def preference(slot: Slot) -> tuple[float, int, str]:
+        """The own ones come first, in the plan's order; then the rarest, in an order that knows no difficulty."""
+        mixed = hashlib.sha256(f"{code}/{slot}".encode()).hexdigest()
+        return planned.get(slot, math.inf), _num_holders(database, slot), mixed
+
+    return min(allowed, key=preference, default=None)
+
+
+def _trial(number: int, phase: Phase, slot: Slot) -> PlannedTrial:
+    return PlannedTrial(
+        order_no=number,
+        phase=phase,
+        task=slot.task,
+        condition=slot.condition,
+        split=slot.key.split,
+        scene=slot.key.scene,
+        episode_id=slot.key.episode_id,
+        rep=slot.rep,
+    )
+
+
+def _last_order_no(database: sqlite3.Connection, code: str) -> int:
+    return database.execute("SELECT max(order_no) FROM assignment WHERE code = ?", (code,)).fetchone()[0] or 0
+
+
+def _num_main(database: sqlite3.Connection, code: str) -> int:
+    """Counted trials that the participant has or did."""
+    return database.execute(
+        f"SELECT count(*) FROM assignment WHERE code = ? AND phase = 'main' AND {_LIVE}", (code,)
+    ).fetchone()[0]
+
+
+def _met(database: sqlite3.Connection, code: str) -> set[EpisodeKey]:
+    """Counted episodes that the participant has now or has ever begun."""
+    rows = database.execute(
+        "SELECT split, scene, episode_id FROM assignment WHERE code = ? AND phase = 'main' AND"
+        f" ({_LIVE} OR EXISTS(SELECT 1 FROM trial WHERE trial.assignment_id = assignment.assignment_id))",
+        (code,),
+    )
+    return {EpisodeKey(*row) for row in rows}
+
+
+def _num_holders(database: sqlite3.Connection, slot: Slot) -> int:
+    """How many people have or did the episode in this condition."""
+    return database.execute(
+        "SELECT count(*) FROM assignment WHERE phase = 'main' AND task = ? AND condition = ? AND split = ?"
+        f" AND scene = ? AND episode_id = ? AND {_LIVE}",
+        (slot.task, slot.condition, *slot.key),
+    ).fetchone()[0]

@@ -1,0 +1,257 @@
+"""Open a study's database file for writing: the lock, SQLite's settings, numbered migrations, the study's own row."""
+
+import fcntl
+import hashlib
+import os
+import platform
+import shutil
+import sqlite3
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from importlib.metadata import version as package_version
+from pathlib import Path
+from typing import IO
+
+from sim.errors import StudyError
+
+from ..design.plan import PLAN_FILE, StudyPlan
+from ..design.study import STUDY_FILE, StudyConfig
+from ..private_files import PRIVATE_FILE, make_private, private_folder
+from .migrations import APPLICATION_ID, MIGRATIONS
+from .records import DATABASE_FILE, require_known_version, store_error
+
+LOCK_FILE = "study.lock"
+BACKUP_FOLDER = "backups"
+_PART = ".part"
+"""Ends the name of a copy that is not finished."""
+MIN_FREE_MB = 500
+"""Room that a study needs to be served: thousands of trials and the copies of them take less."""
+
+
+class StudyInUseError(StudyError):
+    """Another process has the study open for writing."""
+
+    def __init__(self, folder: Path, holder: str) -> None:
+        """Names the study's folder and the process that holds it."""
+        super().__init__(
+            f"{folder}: is in use by process {holder}; expected a study that no other process serves. "
+            "Stop that process first."
+        )
+        self.holder = holder
+
+
+def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.Connection:
+    """The database, up to date and in autocommit mode, for use by one thread at a time; makes it when there is none.
+
+    Raises:
+        StudyError: It cannot be written, is damaged, of another program, of a newer version or of another study.
+    """
+    try:
+        _private_database(path)
+        database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+        try:
+            require_known_version(database, path)
+            _apply_settings(database, path)
+            for version in migrate(database, path):
+                audit(database, "migrate", f"schema version {version}")
+            _require_same_study(database, path, config, plan)
+        except BaseException:
+            database.close()
+            raise
+    except sqlite3.Error as error:
+        raise store_error(path, error) from None
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be written ({error.strerror}); expected a file that you can write. Give another folder."
+        ) from None
+    return database
+
+
+def bring_up_to_date(folder: Path) -> list[int]:
+    """Migrate a study's database of an earlier version; returns the versions that were passed through, () for none.
+
+    Raises:
+        StudyError: There is none, another process uses it, or a step failed and the database is as it was.
+    """
+    path = folder / DATABASE_FILE
+    if not path.is_file():
+        raise StudyError(f"{path}: found no such file; expected a study. Run personal-viz study serve first.")
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+            if require_known_version(database, path) == len(MIGRATIONS):
+                return []
+        with take_lock(folder), closing(sqlite3.connect(path, isolation_level=None)) as database:
+            _apply_settings(database, path)
+            return migrate(database, path)
+    except sqlite3.Error as error:
+        raise store_error(path, error) from None
+
+
+def free_mb(folder: Path) -> int:
+    """Room on the disk of a folder, MB. Raises StudyError where the folder cannot be asked."""
+    try:
+        return shutil.disk_usage(folder).free // 2**20
+    except OSError as error:
+        raise StudyError(
+            f"{folder}: cannot be asked for its free space ({error.strerror}); expected a study's folder. "
+            "Give another folder."
+        ) from None
+
+
+def require_free_space(folder: Path, *, least_mb: int = MIN_FREE_MB) -> None:
+    """Refuses to serve a study from a disk that is nearly full.
+
+    Raises:
+        StudyError: Less than `least_mb` is free.
+    """
+    found = free_mb(folder)
+    if found < least_mb:
+        raise StudyError(
+            f"{folder}: its disk has {found} MB free; expected at least {least_mb} MB before a study is served. "
+            "Free some space, or move the folder to a larger disk."
+        )
+
+
+def take_lock(folder: Path) -> IO[str]:
+    """The open lock file; closing it, or dying, lets go. Raises StudyInUseError when another process holds it."""
+    path = folder / LOCK_FILE
+    try:
+        private_folder(folder)
+        lock = path.open("a+", encoding="utf-8")
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be written ({error.strerror}); expected a folder that you can write. Give another folder."
+        ) from None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.seek(0)
+        holder = lock.read().strip() or "unknown"
+        lock.close()
+        raise StudyInUseError(folder, holder) from None
+    close_to_others(folder)
+    lock.truncate(0)
+    lock.write(str(os.getpid()))
+    lock.flush()
+    return lock
+
+
+def close_to_others(folder: Path) -> None:
+    """Makes a study's folder 0700, and its database, plan, lock and backups 0600, as earlier versions did not.
+
+    SQLite gives `-wal` and `-shm` the database's mode when it makes them.
+    """
+    files = [f"{DATABASE_FILE}{end}" for end in ("", "-wal", "-shm", "-journal")]
+    backups = folder / BACKUP_FOLDER
+    for path in (folder, backups, *(folder / name for name in (*files, PLAN_FILE, LOCK_FILE)), *backups.glob("*.db*")):
+        make_private(path)
+
+
+def _private_database(path: Path) -> None:
+    """An empty file that only its owner can read, where there is none; SQLite takes it for a new database."""
+    os.close(os.open(path, os.O_CREAT | os.O_RDWR, PRIVATE_FILE))
+    make_private(path)
+
+
+def _apply_settings(database: sqlite3.Connection, path: Path) -> None:
+    """SQLite's settings of HUMAN_STUDY.md, section 5; raises StudyError where WAL is not possible.
+
+    `trusted_schema = OFF` is left to readers: with it, SQLite 3.40 refuses every insert into a table whose CHECK calls
+    json_valid ("unsafe use of json_valid()").
+    """
+    mode = database.execute("PRAGMA journal_mode = WAL").fetchone()[0]
+    if mode != "wal":
+        raise StudyError(
+            f"{path}: journal_mode is {mode!r}; expected 'wal'. Put the study on a local disk, not a network drive."
+        )
+    for setting in (
+        "synchronous = FULL",
+        "foreign_keys = ON",
+        "busy_timeout = 5000",
+        "cell_size_check = ON",
+        "wal_autocheckpoint = 1000",
+        f"journal_size_limit = {64 * 2**20}",
+        f"fullfsync = {int(platform.system() == 'Darwin')}",
+    ):
+        database.execute(f"PRAGMA {setting}")
+
+
+def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyConfig, plan: StudyPlan) -> None:
+    """Write the study's row into a new database; raises StudyError when it holds another study's."""
+    row = database.execute("SELECT study_version, plan FROM study").fetchone()
+    if row is None:
+        version, at_ns = package_version("personal-viz"), time.time_ns()
+        database.execute(
+            "INSERT INTO study(study_version, config, app_version, created_ns, plan) VALUES (?, ?, ?, ?, ?)",
+            (config.study_version, config.model_dump_json(), version, at_ns, plan.canonical_json()),
+        )
+        return
+    for name, found, expected, file in (
+        ("study_version", row[0], config.study_version, STUDY_FILE),
+        ("plan_version", hashlib.sha256(row[1].encode()).hexdigest(), plan.plan_version, PLAN_FILE),
+    ):
+        if found != expected:
+            raise StudyError(
+                f"{path}: holds {name} {found[:12]}; expected {expected[:12]}. "
+                f"{file} was changed after the start: restore it, or begin a new study in another folder."
+            )
+
+
+def migrate(database: sqlite3.Connection, path: Path, *, steps: Sequence[str] = MIGRATIONS) -> list[int]:
+    """Bring a database up to date, each step whole or not at all; returns the versions that were passed through.
+
+    A database that holds something is copied to `backups/` beside it first.
+
+    Args:
+        database: Connection without an open transaction, of a known version.
+        path: Of the database.
+        steps: The numbered SQL.
+
+    Raises:
+        StudyError: A step failed; the database is as it was before that step.
+    """
+    version = database.execute("PRAGMA user_version").fetchone()[0]
+    if 0 < version < len(steps):
+        backup(database, path.parent / BACKUP_FOLDER / f"{path.stem}-v{version}-{time.time_ns()}.db")
+    done = []
+    for number, sql in enumerate(steps[version:], start=version + 1):
+        try:
+            database.executescript(
+                f"BEGIN IMMEDIATE; {sql}; PRAGMA application_id = {APPLICATION_ID};"
+                f" PRAGMA user_version = {number}; COMMIT;"
+            )
+        except sqlite3.Error as error:
+            if database.in_transaction:
+                database.execute("ROLLBACK")
+            raise StudyError(
+                f"{path}: cannot go from schema version {number - 1} to {number} ({error}); expected a database as "
+                "personal-viz wrote it. It is unchanged; use the version that wrote it."
+            ) from None
+        done.append(number)
+    return done
+
+
+def backup(database: sqlite3.Connection, path: Path) -> None:
+    """Copy the whole database to a new file, also while it is used; one copy at a time. There is never half a copy.
+
+    Raises:
+        OSError: The folder cannot be made, or the copy not be given its name.
+        sqlite3.Error: The copy cannot be written.
+    """
+    private_folder(path.parent)
+    for left in path.parent.glob(f"*{_PART}*"):  # of a copy that broke off
+        left.unlink(missing_ok=True)
+    beside = path.with_name(path.name + _PART)
+    try:
+        _private_database(beside)
+        with closing(sqlite3.connect(beside)) as copy:
+            database.backup(copy)
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)  # a copy that failed leaves its room to the study
+
+
+def audit(database: sqlite3.Connection, action: str, target: str) -> None:
+    """Note that somebody did something to the study as a whole."""
+    database.execute("INSERT INTO audit(at_ns, action, target) VALUES (?, ?, ?)", (time.time_ns(), action, target))

@@ -1,0 +1,99 @@
+"""Rules that leave trials or people out of the figures: a layer over the records, in which nothing is deleted."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sim.errors import StudyError
+
+from ..design.study import StudyConfig
+from .record_types import TrialStatus
+from .records import StudyReader
+
+STANDARD_RULES: dict[str, str] = {
+    "technical": "A failure of the program or the server stopped the trial; it is given out once more.",
+    "abandoned": "The person left the trial and did not come back in time; the episode is given to somebody else, or "
+    "once more to the same person where nobody else can take it.",
+    "attention": "The person failed more than one attention trial: all trials of the person are left out.",
+    "misunderstood": "The person reported not having understood the task.",
+    "disturbed": "The person reported having been disturbed or helped during the trial.",
+    "unverified": "Doing the trial again does not give the stored steps or outcome.",
+}
+"""Rules that every study writes down before its first trial (preregistration), by id; `attention` where it has such
+trials. `technical` and `abandoned` apply by themselves; the others are applied with `personal-viz study exclude`."""
+_RULE_ID = re.compile(r"[a-z][a-z0-9_-]{0,39}")
+_TRIAL = re.compile(r"(p[0-9]{2,})/([0-9]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class ExclusionTarget:
+    """What `study exclude` names: every attempt at one assigned trial, or a person."""
+
+    code: str
+    trial_ids: tuple[str, ...]
+    """Ids of the attempts; () for a person."""
+
+
+def rules_before_data(config: StudyConfig) -> dict[str, str]:
+    """What each rule that was written down before the first trial says, by rule id."""
+    has_checks = config.checks.every is not None
+    standard = {name: text for name, text in STANDARD_RULES.items() if name != "attention" or has_checks}
+    return standard | config.exclusions
+
+
+def require_rule_id(rule_id: str) -> str:
+    """The rule id, if it can be one.
+
+    Raises:
+        StudyError: It is not of small letters, digits, - and _.
+    """
+    if not _RULE_ID.fullmatch(rule_id):
+        known = ", ".join(STANDARD_RULES)
+        raise StudyError(
+            f"--rule {rule_id}: expected small letters, digits, - and _, beginning with a letter, at most 40. "
+            f"Take one of those written down before data ({known}), or name a new one."
+        )
+    return rule_id
+
+
+def find_target(reader: StudyReader, *, trial: str | None, participant: str | None) -> ExclusionTarget:
+    """The person, or the attempts at one trial.
+
+    Args:
+        reader: Of the study.
+        trial: `p03/12`: the participant's code and the place in the order, as `study status` prints them.
+        participant: A participant's code.
+
+    Raises:
+        StudyError: Not exactly one of the two is given, or there is no such thing.
+    """
+    if (trial is None) == (participant is None):
+        raise StudyError(
+            "study exclude: found both or none of --trial and --participant; expected exactly one. "
+            "Give --trial p03/12 or --participant p03."
+        )
+    if participant is not None:
+        _require_participant(reader, participant)
+        return ExclusionTarget(participant, ())
+    assert trial is not None
+    found = _TRIAL.fullmatch(trial)
+    if found is None:
+        raise StudyError(f"--trial {trial}: expected a participant's code and a place in the order, such as p03/12.")
+    code, order_no = found[1], int(found[2])
+    _require_participant(reader, code)
+    attempts = [status for status in reader.trials(code) if status.order_no == order_no]
+    return ExclusionTarget(code, _opened(attempts, trial))
+
+
+def _opened(attempts: Sequence[TrialStatus], trial: str) -> tuple[str, ...]:
+    ids = tuple(status.trial_id for status in attempts if status.trial_id is not None)
+    if not ids:
+        found = "never opened" if attempts else "not assigned"
+        raise StudyError(f"--trial {trial}: was {found}; expected a trial that has begun. See study status.")
+    return ids
+
+
+def _require_participant(reader: StudyReader, code: str) -> None:
+    codes = reader.codes()
+    if code not in codes:
+        raise StudyError(f"found no participant {code!r}; expected one of {codes[0]} to {codes[-1]}. See study status.")

@@ -1,0 +1,276 @@
+"""What is written about participants: stages, consent, links that are taken, who leaves, what is left out."""
+
+import hashlib
+import json
+import sqlite3
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Literal
+
+from sim.errors import StudyError
+
+from ..design.plan import StudyPlan
+from ..design.study import StudyConfig
+from ..tickets import new_id
+from .assigning import due_order_no, free_slot, others_can_take, release
+from .database import BACKUP_FOLDER, audit, backup
+from .record_types import ParticipantRecord, VerificationEntry
+from .records import AUDIT_PILOT, DATABASE_FILE, read_study
+from .stages import Stage
+from .trial_writes import Now, abandon_running
+from .vault import Vault
+from .writer import GroupWriter
+
+KEPT_BACKUPS = 10
+"""The oldest are deleted when there are more."""
+
+
+class PeopleWrites:
+    """The part of the store that is about participants; blocking, from any thread, as all of the store."""
+
+    def __init__(
+        self, folder: Path, config: StudyConfig, plan: StudyPlan, writer: GroupWriter, vault: Vault, *, boot_id: str
+    ) -> None:
+        """Writes through a writer that somebody else closes; `boot_id` names this machine's boot."""
+        self.folder = folder
+        self.config = config
+        self.plan = plan
+        self._writer = writer
+        self._vault = vault
+        self._boot_id = boot_id
+        self._backup_lock = threading.Lock()
+
+    def participant(self, code: str) -> ParticipantRecord:
+        """A participant's record. Raises StudyError for an unknown one."""
+        with read_study(self.folder) as reader:
+            return reader.participant(code)
+
+    def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
+        """Note that a participant reached a stage; after `finished` the database is backed up if there is room.
+
+        Who is screened out gives the trials to others.
+
+        Args:
+            code: The participant.
+            stage: Repeats are kept too.
+            detail: Answers and the like; JSON, under 4 kB. Nothing that tells who the person is.
+
+        Raises:
+            StudyError: There is no such participant, or the detail is too long.
+        """
+        text = json.dumps(detail or {}, sort_keys=True)
+        if len(text) > 4096:
+            raise StudyError(f"participant {code!r}: detail of {stage} has {len(text)} characters; expected 4096.")
+
+        def job(database: sqlite3.Connection) -> None:
+            self._require_known(database, code)
+            _add_stage(database, code, stage, text)
+            if stage == "screened_out":
+                release(database, code, stage)
+
+        self._writer.write(job)
+        if stage == "finished":
+            with suppress(StudyError):  # the stage is stored; whoever serves the study backs it up later, and tells
+                self.back_up()
+
+    def give_consent(self, code: str, text: str, *, given: bool) -> None:
+        """Store a participant's answer to the text that was shown.
+
+        Raises:
+            StudyError: There is no such participant.
+        """
+        text_hash = hashlib.sha256(text.encode()).hexdigest()
+
+        def job(database: sqlite3.Connection) -> None:
+            self._require_known(database, code)
+            database.execute(
+                "INSERT INTO consent(code, text_hash, given, at_ns) VALUES (?, ?, ?, ?)",
+                (code, text_hash, int(given), time.time_ns()),
+            )
+            _add_stage(database, code, "consented" if given else "declined", "{}")
+            if not given:
+                release(database, code, "declined")
+
+        self._writer.write(job)
+
+    def claim_person(self, ext_hash: str | None) -> str | None:
+        """A place for somebody who comes through an open link; None when the study is full.
+
+        Args:
+            ext_hash: Keyed hash of the recruiting platform's id; the same one gets the same place again.
+        """
+
+        def job(database: sqlite3.Connection) -> str | None:
+            known = database.execute("SELECT code FROM claim WHERE ext_hash = ?", (ext_hash,)).fetchone()
+            if ext_hash is not None and known:
+                return known[0]
+            free = database.execute(
+                "SELECT code FROM participant WHERE NOT EXISTS(SELECT 1 FROM claim WHERE claim.code = participant.code)"
+                " AND NOT EXISTS(SELECT 1 FROM stage WHERE stage.code = participant.code) ORDER BY length(code), code"
+            ).fetchall()
+            for (code,) in free:
+                if self._has_work(database, code):
+                    database.execute("INSERT INTO claim VALUES (?, ?, ?)", (code, ext_hash, time.time_ns()))
+                    return code
+            return None
+
+        return self._writer.write(job)
+
+    def drop_out(self, code: str, reason: str) -> int:
+        """Give the counted trials that a participant has not finished to others; returns how many.
+
+        The one that was under way ends as `abandoned` (HUMAN_STUDY.md, section 4). A participant who comes back gets
+        what is then left. Nothing happens to one who has nothing left to do.
+        """
+        now = self._now()
+
+        def job(database: sqlite3.Connection) -> int:
+            self._require_known(database, code)
+            task = self.plan.participant(code).task
+            num_left = abandon_running(database, self._vault, self.config, self.plan, code, now=now)
+            # what waits for another attempt stays with the only person who could make it
+            num_left += release(database, code, reason, also_tried=others_can_take(self.config, self.plan, task))
+            if num_left:
+                _add_stage(database, code, "dropped_out", json.dumps({"reason": reason, "released": num_left}))
+                audit(database, f"drop out ({reason})", code)
+            return num_left
+
+        return self._writer.write(job)
+
+    def withdraw(self, code: str) -> None:
+        """The participant withdraws: open trials go to others, and with `on_withdraw: delete` all data is shredded.
+
+        Raises:
+            StudyError: There is no such participant, or the keys cannot be written (the withdrawal itself is stored and
+                is finished at the next start).
+        """
+        is_deleted = self.config.privacy.on_withdraw == "delete"
+
+        def job(database: sqlite3.Connection) -> None:
+            self._require_known(database, code)
+            release(database, code, "withdrawn", also_done=is_deleted)
+            _add_stage(database, code, "withdrawn", json.dumps({"deleted": is_deleted}))
+            audit(database, "withdraw", code)
+
+        self._writer.write(job)
+        if is_deleted:
+            self._vault.shred(code)
+
+    def finish_withdrawals(self) -> None:
+        """Delete keys of participants who withdrew just before the program ended."""
+        if self.config.privacy.on_withdraw != "delete":
+            return
+        with read_study(self.folder) as reader:
+            gone = [code for code in reader.codes() if reader.participant(code).is_withdrawn]
+        for code in gone:
+            self._vault.shred(code)
+
+    def add_verification(self, entry: VerificationEntry) -> None:
+        """Store what doing a trial again found."""
+
+        def job(database: sqlite3.Connection) -> None:
+            database.execute(
+                "INSERT INTO verification VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                (
+                    entry.trial_id,
+                    entry.run_id,
+                    entry.status,
+                    entry.max_position_error,
+                    entry.first_bad_step,
+                    entry.detail[:500],
+                    entry.sim_hash,
+                    entry.at_ns,
+                ),
+            )
+
+        self._writer.write(job)
+
+    def exclude(self, target_kind: Literal["trial", "participant"], target: str, *, rule_id: str, reason: str) -> str:
+        """Leave a trial or a participant out of the figures; returns the exclusion's id. Nothing is deleted.
+
+        Raises:
+            StudyError: There is no such trial or participant.
+        """
+        exclusion_id = new_id()
+
+        def job(database: sqlite3.Connection) -> None:
+            table, column = ("trial", "trial_id") if target_kind == "trial" else ("participant", "code")
+            if not database.execute(f"SELECT 1 FROM {table} WHERE {column} = ?", (target,)).fetchone():
+                raise StudyError(f"{self.folder}: found no {target_kind} {target!r}; expected one of the study's.")
+            database.execute(
+                "INSERT INTO exclusion VALUES (?, ?, ?, ?, ?, ?)",
+                (exclusion_id, target_kind, target, rule_id, reason, time.time_ns()),
+            )
+            audit(database, f"exclude ({rule_id})", f"{target_kind} {target}")
+
+        self._writer.write(job)
+        return exclusion_id
+
+    def undo_exclusion(self, exclusion_id: str) -> None:
+        """Count an excluded trial or participant again; twice is once.
+
+        Raises:
+            StudyError: There is no such exclusion.
+        """
+
+        def job(database: sqlite3.Connection) -> None:
+            if not database.execute("SELECT 1 FROM exclusion WHERE exclusion_id = ?", (exclusion_id,)).fetchone():
+                raise StudyError(f"{self.folder}: found no exclusion {exclusion_id!r}; expected one that was made.")
+            database.execute("INSERT OR IGNORE INTO exclusion_undone VALUES (?, ?)", (exclusion_id, time.time_ns()))
+            audit(database, "undo exclusion", exclusion_id)
+
+        self._writer.write(job)
+
+    def mark_pilot(self) -> None:
+        """Say for ever that the study was served without an ethics id; its figures are a pilot's."""
+        self._writer.write(lambda database: audit(database, AUDIT_PILOT, self.config.study))
+
+    def back_up(self) -> Path:
+        """Copy the database to `backups/`; the newest KEPT_BACKUPS stay. Holds ciphertext only, never a key.
+
+        Raises:
+            StudyError: The copy cannot be written.
+        """
+        with self._backup_lock:
+            path = self.folder / BACKUP_FOLDER / f"study-{self._next_backup_ns()}.db"
+            try:
+                source = sqlite3.connect(f"{(self.folder / DATABASE_FILE).absolute().as_uri()}?mode=ro", uri=True)
+                try:
+                    backup(source, path)
+                finally:
+                    source.close()
+                for old in sorted(path.parent.glob("study-[0-9]*.db"))[:-KEPT_BACKUPS]:
+                    old.unlink(missing_ok=True)
+            except (OSError, sqlite3.Error) as error:
+                raise StudyError(
+                    f"{path}: cannot be written ({error}); expected space for a copy of the database. "
+                    "The study goes on."
+                ) from None
+            return path
+
+    def _next_backup_ns(self) -> int:
+        """Names a backup: now, or just after the newest one where the wall clock went back."""
+        names = [path.stem.removeprefix("study-") for path in (self.folder / BACKUP_FOLDER).glob("study-[0-9]*.db")]
+        return max([time.time_ns(), *(int(name) + 1 for name in names if name.isdecimal())])
+
+    def _now(self) -> Now:
+        return Now(time.time_ns(), time.monotonic_ns(), self._boot_id)
+
+    def _has_work(self, database: sqlite3.Connection, code: str) -> bool:
+        """Whether there is something for the participant to do that counts."""
+        person = database.execute("SELECT 1 FROM assignment WHERE code = ? AND phase = 'main'", (code,)).fetchone()
+        if person:
+            return due_order_no(database, code) is not None
+        return free_slot(database, self.config, self.plan, code) is not None
+
+    def _require_known(self, database: sqlite3.Connection, code: str) -> None:
+        if not database.execute("SELECT 1 FROM participant WHERE code = ?", (code,)).fetchone():
+            raise StudyError(f"{self.folder}: found no participant {code!r}; expected one of the study's.")
+
+
+def _add_stage(database: sqlite3.Connection, code: str, stage: Stage, detail: str) -> None:
+    database.execute(
+        "INSERT INTO stage(code, stage, detail, at_ns) VALUES (?, ?, ?, ?)", (code, stage, detail, time.time_ns())
+    )

@@ -1,0 +1,323 @@
+"""All that can happen in a trial, as a closed list of typed events: sessions make them, the store keeps them for good.
+
+A view, an outcome and a resumed session are all rebuilt from these alone. No event holds ground truth.
+"""
+
+import json
+from typing import Annotated, Literal, get_args
+
+import numpy as np
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from sim.errors import StudyError, line_from_validation_error
+from sim.tasks.run_files import ClickRay, Step, Vector3
+from sim.types import Action, EpisodeKey, GridSpec, Pose, Split, TaskKind
+
+from ..design.study import Condition
+from .page_events import Blurred, ContextLost, Focused, Hidden, Net, Resized, TrialEvent, Visible
+
+Finite = Annotated[float, AllowInfNan(False)]
+DropReason = Literal["repeat", "busy", "rate", "action", "storey", "nothing_marked", "phase", "too_early"]
+"""`phase`: not in this part of the trial; `too_early`: the map must be looked at for longer."""
+MapKind = Literal["topdown", "glb", "home"]
+"""What is shown before a trial's task: pictures from above, or the 3-D home before walking (`glb`) or pointing."""
+
+
+class Open(TrialEvent):
+    """First event of each trial: what the participant is asked to do, and where."""
+
+    kind: Literal["open"] = "open"
+    task: TaskKind
+    split: Split
+    scene: str
+    episode_id: str
+    scene_digest: str
+    max_steps: int
+    actions: tuple[Action, ...]
+    condition: Condition | None = None
+    """What is seen of the home besides the task; None in records of the first version: `none`, or `map_open`."""
+    position: Vector3 | None = None
+    """PAN: where the robot starts, world metres."""
+    yaw: Finite | None = None
+    """PAN: radians."""
+
+    @property
+    def key(self) -> EpisodeKey:
+        """The episode."""
+        return EpisodeKey(self.split, self.scene, self.episode_id)
+
+    @property
+    def start(self) -> Pose | None:
+        """Start pose; None in POG."""
+        return None if self.position is None or self.yaw is None else Pose(self.position, self.yaw)
+
+
+class Shown(TrialEvent):
+    """The picture that was handed out for display."""
+
+    kind: Literal["shown"] = "shown"
+    step: int
+    frame_hash: str | None
+    """sha256 of the (H, W, 3) bytes; None when the environment does not render."""
+    blocked: bool = False
+    """Whether it came with the sign that the step before was blocked; older programs had neither sign nor field."""
+
+
+class Key(TrialEvent):
+    """A key or button was pressed, whether or not it had an effect."""
+
+    kind: Literal["key"] = "key"
+    code: str = Field(max_length=32)
+    """`KeyboardEvent.code`, or the button's name."""
+    action: Action
+    repeat: bool = False
+    """Sent again by a held key."""
+
+
+class Dropped(TrialEvent):
+    """The command before this event had no effect."""
+
+    kind: Literal["dropped"] = "dropped"
+    reason: DropReason
+
+
+class Act(TrialEvent):
+    """The robot took a step; the pose is the one after it."""
+
+    kind: Literal["act"] = "act"
+    action: Action
+    position: Vector3
+    yaw: Finite
+    tilt: Finite = 0.0
+    collided: bool = False
+
+    @property
+    def step(self) -> Step:
+        """The same as a line of a run file."""
+        return Step(
+            action=self.action,
+            position=self.position,
+            yaw=self.yaw,
+            tilt=self.tilt,
+            collided=self.collided,
+            t_s=self.t_s or 0.0,
+        )
+
+
+class StopArmed(TrialEvent):
+    """First press of STOP."""
+
+    kind: Literal["stop_armed"] = "stop_armed"
+
+
+class Stop(TrialEvent):
+    """Second press of STOP in time: the trial is over."""
+
+    kind: Literal["stop"] = "stop"
+
+
+class Cam(TrialEvent):
+    """Where somebody looks at the 3-D home from; at most two a second."""
+
+    kind: Literal["cam"] = "cam"
+    position: Vector3
+    wxyz: tuple[Finite, Finite, Finite, Finite]
+
+
+class ShownStorey(TrialEvent):
+    """Somebody who sees the home chose the storey to see."""
+
+    kind: Literal["storey"] = "storey"
+    storey_y: Finite
+
+
+class MapPixel(BaseModel):
+    """A place on a storey's picture from above, with all that makes it a place in the world."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    uv: tuple[Finite, Finite]
+    """(columns, rows) from the picture's top left corner, with fractions; (0.5, 0.5) is the first pixel's centre."""
+    origin_xz: tuple[Finite, Finite]
+    """World (x, z) of that corner, metres."""
+    pixel_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    """Side of a pixel, metres."""
+    shape: tuple[int, int]
+    """(rows, columns) of the picture."""
+
+    @property
+    def grid(self) -> GridSpec:
+        """The picture's pixels in the world."""
+        return GridSpec(self.origin_xz, self.pixel_m, self.shape)
+
+    def point(self, floor_y: float) -> Vector3:
+        """The place in the world, on a floor at this height."""
+        x, z = self.grid.xz_from_uv(np.array(self.uv)).tolist()
+        return (x, floor_y, z)
+
+
+class Clicked(TrialEvent):
+    """A POG participant pointed at the scene, or at its picture from above."""
+
+    kind: Literal["click"] = "click"
+    ray: ClickRay
+    hit: Vector3 | None
+    """Where the server's ray met the shown storey, world metres; None = it met nothing."""
+    pixel: MapPixel | None = None
+    """Where on the picture from above; None for clicks on the 3-D home."""
+    provisional: bool = True
+    """Whether it can still be changed before `confirm`."""
+
+
+class Confirmed(TrialEvent):
+    """The marked point is the answer: the trial is over."""
+
+    kind: Literal["confirm"] = "confirm"
+
+
+class GiveUpArmed(TrialEvent):
+    """First press of giving up."""
+
+    kind: Literal["giveup_armed"] = "giveup_armed"
+
+
+class GaveUp(TrialEvent):
+    """The participant gave up: the trial is over."""
+
+    kind: Literal["giveup"] = "giveup"
+
+
+class TimedOut(TrialEvent):
+    """Walking or answering took as long as the study allows: the trial is over."""
+
+    kind: Literal["timeout"] = "timeout"
+    limit_s: Finite
+
+
+class MapOn(TrialEvent):
+    """The map or the home is shown before the task; again after each absence."""
+
+    kind: Literal["map_on"] = "map_on"
+    what: MapKind
+    min_s: Finite
+    """It cannot be left earlier."""
+    max_s: Finite | None
+    """It goes away by itself; None = it stays."""
+
+
+class Looking(TrialEvent):
+    """The map is still shown; now and then, so that a look that is cut off keeps its time."""
+
+    kind: Literal["looking"] = "looking"
+
+
+class MapOff(TrialEvent):
+    """The task begins: the robot's first picture, or the texts."""
+
+    kind: Literal["map_off"] = "map_off"
+    what: MapKind
+    reason: Literal["left", "time"]
+    """`left`: by the participant; `time`: after the longest look."""
+    look_s: Finite
+    """How long it was shown, without time away."""
+
+
+class Confidence(TrialEvent):
+    """How sure the participant is of the answer, told after the end."""
+
+    kind: Literal["confidence"] = "confidence"
+    value: Annotated[int, Field(ge=1, le=5)] | None
+    """1 = guessed, 5 = certain; None = did not say in time."""
+
+
+class Reconnect(TrialEvent):
+    """The trial was opened again, in another tab or after a break; older epochs cannot write any more."""
+
+    kind: Literal["reconnect"] = "reconnect"
+    epoch: int
+    away_s: Finite
+    """Seconds since the event before."""
+
+
+class Superseded(TrialEvent):
+    """The participant took the trial over from another tab that was still open."""
+
+    kind: Literal["superseded"] = "superseded"
+
+
+class Abandoned(TrialEvent):
+    """The participant came back too late, or never; the store writes the latter, without a time. The trial is over."""
+
+    kind: Literal["abandoned"] = "abandoned"
+    away_s: Finite
+
+
+class Error(TrialEvent):
+    """Something on our side failed."""
+
+    kind: Literal["error"] = "error"
+    message: str = Field(max_length=500)
+    is_fatal: bool
+    """Whether it ended the trial (outcome `technical`)."""
+
+
+Event = (
+    Open
+    | Shown
+    | Key
+    | Dropped
+    | Act
+    | StopArmed
+    | Stop
+    | Cam
+    | ShownStorey
+    | Clicked
+    | Confirmed
+    | GiveUpArmed
+    | GaveUp
+    | TimedOut
+    | MapOn
+    | Looking
+    | MapOff
+    | Confidence
+    | Reconnect
+    | Superseded
+    | Focused
+    | Blurred
+    | Hidden
+    | Visible
+    | Resized
+    | Net
+    | ContextLost
+    | Abandoned
+    | Error
+)
+EVENT_KINDS: tuple[str, ...] = tuple(model.model_fields["kind"].default for model in get_args(Event))
+"""Every kind, in the order above."""
+_ADAPTER: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
+
+
+def event_to_json(event: Event) -> str:
+    """The event as one line of JSON, the same bytes each time."""
+    return event.model_dump_json()
+
+
+def event_from_json(text: str | bytes, *, where: str = "event") -> Event:
+    """The event of one JSON object.
+
+    Args:
+        where: What the message names as the place of a bad event.
+
+    Raises:
+        StudyError: It is not JSON, of no known kind, or a field is missing, unknown or out of range.
+    """
+    try:
+        return _ADAPTER.validate_json(text, strict=True)
+    except ValidationError as error:
+        if error.errors()[0]["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            found = json.loads(text).get("kind")
+            raise StudyError(
+                f"{where}: kind is {found!r}; expected one of {', '.join(EVENT_KINDS)}. "
+                "Use the version of personal-viz that wrote it."
+            ) from None
+        advice = "Use the version of personal-viz that wrote it."
+        raise StudyError(line_from_validation_error(where, error, advice=advice)) from None

@@ -1,0 +1,278 @@
+"""What a trial came to, rebuilt from its stored events: an `EpisodeRun` (PAN) or an `Answer` (POG) with measures.
+
+Measures need the goal, so this runs on the server only, after the trial's last event is stored. `verify` and `export`
+call the same functions: there is one way from events to a result.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+from sim.episodes.schema import Episode
+from sim.errors import StudyError
+from sim.tasks.rules import score_answer, score_run
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Step, Vector3
+from sim.types import Action, EndReason, EpisodeKey, TaskKind
+from sim.walk.navigation_map import NavigationMap
+
+from .events import Abandoned, Act, Clicked, Confirmed, Error, Event, GaveUp, MapOff, Open, Shown, TimedOut
+
+Outcome = EpisodeEnd | Answer
+"""What the store keeps of a finished trial: a PAN run's end (its steps are the events), or a whole POG answer."""
+HIT_TOLERANCE = 1e-6
+"""Metres between a stored point on a map and the one that its pixel gives: rounding, nothing else."""
+
+
+def opening(events: Sequence[Event]) -> Open:
+    """The trial's first event.
+
+    Raises:
+        StudyError: The trial has no events, or does not begin with `open`.
+    """
+    first = events[0] if events else None
+    if not isinstance(first, Open):
+        found = first.kind if first else "no event"
+        raise StudyError(f"trial: starts with {found!r}; expected 'open'. Run personal-viz study check-db.")
+    return first
+
+
+def has_begun(events: Sequence[Event]) -> bool:
+    """Whether the trial has its first event; one that failed before, or that nobody opened, has no figures."""
+    return bool(events) and isinstance(events[0], Open)
+
+
+def end_reason(events: Sequence[Event]) -> EndReason | None:
+    """Why the trial is over; None while it is running.
+
+    Raises:
+        StudyError: The trial does not begin with `open`.
+    """
+    end = trial_end(events)
+    return end[1] if end is not None else None
+
+
+def trial_end(events: Sequence[Event]) -> tuple[Event, EndReason] | None:
+    """The event that ended the trial, and why; None while it is running. What follows it changes no result.
+
+    Raises:
+        StudyError: The trial does not begin with `open`.
+    """
+    opened = opening(events)
+    num_steps = 0
+    for event in events:
+        num_steps += isinstance(event, Act)
+        reason = _ends(event, is_last_step=num_steps >= opened.max_steps)
+        if reason is not None:
+            return event, reason
+    return None
+
+
+def _ends(event: Event, *, is_last_step: bool) -> EndReason | None:
+    """Why this event ends its trial; None when it does not."""
+    match event:
+        case GaveUp():
+            return "giveup"
+        case TimedOut():
+            return "timeout"
+        case Abandoned():
+            return "abandoned"
+        case Confirmed():
+            return "click"
+        case Error(is_fatal=True):
+            return "technical"
+        case Act(action=Action.STOP):
+            return "stop"
+        case Act():
+            return "steps" if is_last_step else None
+        case _:
+            return None
+
+
+def pan_outcome(
+    events: Sequence[Event], episode: Episode, *, navigation: NavigationMap, participant: str
+) -> EpisodeRun:
+    """The finished PAN trial with its measures; without any after a failure of ours, and where nobody came back.
+
+    Args:
+        events: All events of the trial, in order.
+        episode: The trial's episode, with its targets.
+        navigation: Of the scene on which the trial was done.
+        participant: Public code.
+
+    Raises:
+        StudyError: The trial is not over, is of POG, or of another episode.
+    """
+    opened, reason = _finished(events, "pan", episode)
+    run = episode_run(events, end=EpisodeEnd(reason=reason), participant=participant)
+    if _is_unscored(events):
+        return run
+    measures = score_run(
+        episode,
+        run.poses,
+        stopped=reason == "stop",
+        navigation=navigation,
+        collisions=sum(step.collided for step in run.steps),
+        scene_digest=opened.scene_digest,
+    )
+    return run.model_copy(update={"end": EpisodeEnd(reason=reason, measures=measures)})
+
+
+def pog_outcome(
+    events: Sequence[Event], episode: Episode, *, storeys: Sequence[tuple[float, float]], participant: str
+) -> Answer:
+    """The finished POG trial with its measures; without candidates unless the participant confirmed a point.
+
+    Without measures after a failure of ours, and where nobody came back.
+
+    Args:
+        events: All events of the trial, in order.
+        episode: The trial's episode, with its targets.
+        storeys: (lowest, highest) floor of each storey, from `sim.tasks.rules.scene_storeys`.
+        participant: Public code.
+
+    Raises:
+        StudyError: The trial is not over, is of PAN, or of another episode, or a point on the map is not its pixel's.
+    """
+    opened, reason = _finished(events, "pog", episode)
+    for event in events:
+        if isinstance(event, Clicked):
+            _require_own_point(event, opened)
+    if _is_unscored(events):
+        outcome = unscored_outcome(episode.key, "pog", reason=reason, participant=participant)
+        assert isinstance(outcome, Answer)
+        return outcome
+    marked = last_marked(events) if reason == "click" else None
+    candidates = (marked.hit,) if marked is not None and marked.hit is not None else ()
+    end = trial_end(events)
+    ended_s = end[0].t_s if end is not None else None
+    return Answer(
+        split=opened.split,
+        scene=opened.scene,
+        episode_id=opened.episode_id,
+        candidates=candidates,
+        participant=participant,
+        ray=marked.ray if marked is not None else None,
+        t_s=None if ended_s is None else ended_s - task_began_s(events),
+        reason=reason,
+        measures=score_answer(episode, candidates, storeys=storeys),
+    )
+
+
+def technical_outcome(key: EpisodeKey, task: TaskKind, *, participant: str) -> Outcome:
+    """The end of a trial that a failure of ours stopped: no measures, counted nowhere."""
+    return unscored_outcome(key, task, reason="technical", participant=participant)
+
+
+def unscored_outcome(key: EpisodeKey, task: TaskKind, *, reason: EndReason, participant: str) -> Outcome:
+    """The end of a trial without measures."""
+    if task == "pan":
+        return EpisodeEnd(reason=reason)
+    return Answer(
+        split=key.split,
+        scene=key.scene,
+        episode_id=key.episode_id,
+        candidates=(),
+        participant=participant,
+        reason=reason,
+    )
+
+
+def episode_run(events: Sequence[Event], *, end: EpisodeEnd, participant: str) -> EpisodeRun:
+    """A PAN trial's events as a run with the given end.
+
+    Raises:
+        StudyError: The trial does not begin with `open`, or is of POG.
+    """
+    opened = opening(events)
+    if opened.position is None or opened.yaw is None:
+        raise StudyError(f"trial of {opened.key}: has no start pose; expected a PAN trial. Give a trial of task pan.")
+    start = EpisodeStart(
+        split=opened.split,
+        scene=opened.scene,
+        episode_id=opened.episode_id,
+        position=opened.position,
+        yaw=opened.yaw,
+        participant=participant,
+    )
+    return EpisodeRun(start=start, steps=walked_steps(events), end=end)
+
+
+def task_began_s(events: Sequence[Event]) -> float:
+    """When the task itself began, on the trial's clock: the robot's first picture (PAN) or the texts (POG).
+
+    Before that a map or the home was shown, where the condition asks for it; without one it is 0.
+    """
+    for event in events:
+        if isinstance(event, MapOff | Shown) and event.t_s is not None:
+            return event.t_s
+    return 0.0
+
+
+def walked_steps(events: Sequence[Event]) -> tuple[Step, ...]:
+    """The robot's steps; their `t_s` counts from the first picture, so that a look at the map before is no walking."""
+    began_s = task_began_s(events)
+    steps = (event.step for event in events if isinstance(event, Act))
+    return tuple(step.model_copy(update={"t_s": max(0.0, step.t_s - began_s)}) for step in steps)
+
+
+def largest_click_error(events: Sequence[Event], cast: Callable[[float, Vector3, Vector3], Vector3 | None]) -> float:
+    """How far the stored points of clicks on the 3-D home are from those that their rays give, metres.
+
+    Args:
+        events: All of a POG trial.
+        cast: (storey's floor height, ray's origin, direction) -> world point, None = meets nothing.
+
+    Returns:
+        inf where only one of the two met anything; 0 without such clicks.
+    """
+    errors = [0.0]
+    for event in events:
+        if isinstance(event, Clicked) and event.pixel is None:
+            found = cast(event.ray.storey_y, event.ray.origin, event.ray.direction)
+            is_same = found is None and event.hit is None
+            errors.append(math.dist(found, event.hit) if found and event.hit else 0.0 if is_same else math.inf)
+    return max(errors)
+
+
+def last_marked(events: Sequence[Event]) -> Clicked | None:
+    """The last click that met the scene; None when there is none."""
+    return next((event for event in reversed(events) if isinstance(event, Clicked) and event.hit is not None), None)
+
+
+def _require_own_point(event: Clicked, opened: Open) -> None:
+    """Raises StudyError when a point on the map is not the one of its pixel."""
+    if event.pixel is None:
+        return
+    found = event.pixel.point(event.ray.storey_y)
+    if event.hit is None or math.dist(found, event.hit) > HIT_TOLERANCE:
+        raise StudyError(
+            f"trial of pog {opened.key}: a click's point is {event.hit}; expected {found}, the place of its pixel "
+            f"{event.pixel.uv}. Run personal-viz study check-db."
+        )
+
+
+def _finished(events: Sequence[Event], task: TaskKind, episode: Episode) -> tuple[Open, EndReason]:
+    """The opening and the end of a trial of this task and episode; raises StudyError when it is not one."""
+    opened, reason = opening(events), end_reason(events)
+    if opened.task != task or opened.key != episode.key:
+        raise StudyError(
+            f"trial of {opened.task} {opened.key}: asked for the outcome of {task} {episode.key}; expected its own. "
+            "Give the trial's own task and episode."
+        )
+    if reason is None:
+        raise StudyError(
+            f"trial of {task} {opened.key}: is not over after {len(events)} events; expected its end. "
+            "Let the participant finish it first."
+        )
+    return opened, reason
+
+
+def _is_unscored(events: Sequence[Event]) -> bool:
+    """Whether the end is no result: a failure of ours, or somebody who never came back.
+
+    The store writes the latter, without a time; it knows no targets. Who comes back too late is scored as all others.
+    """
+    end = trial_end(events)
+    if end is None:
+        return False
+    event, reason = end
+    return reason == "technical" or (reason == "abandoned" and event.t_s is None)

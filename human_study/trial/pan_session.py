@@ -1,0 +1,184 @@
+"""PAN as a state machine: maybe a look at the map, then the walk; the pose is the environment's."""
+
+import hashlib
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.tasks.pan import PanEnv
+from sim.types import Action, EpisodeKey, Observation, Pose, Task
+
+from .commands import Command, Move, PressStop, Resume
+from .events import Act, Dropped, DropReason, Event, Key, Open, Shown, Stop, StopArmed
+from .outcome import walked_steps
+from .terms import TrialTerms
+from .trial_session import JUST_AFTER_S, TrialSession
+from .views import PanView, SessionUpdate
+
+STOP_WITHIN_S = 2.0
+"""The second press of STOP counts this long after the first (DESIGN.md, keys)."""
+_NO_TERMS = TrialTerms()
+
+
+class PanSession(TrialSession[PanView]):
+    """One participant walking in one PAN trial."""
+
+    def __init__(
+        self,
+        env: PanEnv,
+        *,
+        key: EpisodeKey,
+        task: Task,
+        scene_digest: str,
+        storeys: tuple[float, ...] = (),
+        terms: TrialTerms = _NO_TERMS,
+        looks_later: bool = False,
+    ) -> None:
+        """Takes over the environment; nothing is rendered or shown before `Start`.
+
+        Args:
+            env: The episode's environment; the session owns it from now on. Its `max_steps` must be the task's.
+            key: The episode.
+            task: What the participant is told, and the allowed actions.
+            scene_digest: Of the scene that `env` walks in.
+            storeys: Floor height of each storey, ascending; of use where `terms` asks for a look only.
+            terms: What comes before the walk, and the limits.
+            looks_later: A step's events come without its picture, so that they can be stored while it is rendered;
+                `look` brings the picture after that.
+        """
+        assert env.max_steps == task.max_steps, (env.max_steps, task.max_steps)
+        super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
+        self._env, self._looks_later = env, looks_later
+        self._armed_s = -math.inf
+        self._observation: Observation | None = None
+        self._was_blocked = False
+        """Whether something was in the way of the last step; forgotten when somebody comes back."""
+
+    @property
+    def observation(self) -> Observation | None:
+        """What the robot senses now, for a researcher who watches; None before `Start`. Participants get the view."""
+        return self._observation
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is now."""
+        return self._env.pose
+
+    @property
+    def last_action(self) -> Action | None:
+        """What the robot did last; None before the first step."""
+        return self._env.steps[-1].action if self._env.steps else None
+
+    @property
+    def needs_look(self) -> bool:
+        """Whether the last step's picture is still to come (`looks_later`): call `look` when the step is stored."""
+        return self._observation is None and bool(self._env.steps)
+
+    def look(self, now_s: float) -> SessionUpdate[PanView]:
+        """The picture of the last step, and the event that it was handed out; none after the end, when none is."""
+        self._observation = self._env.observe()
+        events = self._show_task(self._clock.read(now_s)) if self.phase == "task" else ()
+        return SessionUpdate(events, self.view(now_s))
+
+    def handle(self, command: Command, now_s: float, *, busy: bool = False) -> SessionUpdate[PanView]:
+        """As `TrialSession.handle`; an absence disarms STOP and ends the sign that a step was blocked."""
+        if isinstance(command, Resume):
+            self._armed_s, self._was_blocked = -math.inf, False
+        return super().handle(command, now_s, busy=busy)
+
+    def _open_event(self, t_s: float) -> Open:
+        self._observation = self._env.reset()
+        pose = self._env.pose
+        return self._opened().model_copy(update={"t_s": t_s, "position": pose.position, "yaw": pose.yaw})
+
+    def _show_task(self, t_s: float, *, again: bool = False) -> tuple[Event, ...]:
+        rgb = self._observation.rgb if self._observation is not None else None
+        digest = None if rgb is None else hashlib.sha256(np.ascontiguousarray(rgb).data).hexdigest()
+        return (Shown(t_s=t_s, step=len(self._env.steps), frame_hash=digest, blocked=self._was_blocked),)
+
+    def _task_view(self, t_s: float) -> PanView:
+        return PanView(
+            task=self._task,
+            rgb=self._observation.rgb if self._observation is not None else None,
+            step=len(self._env.steps),
+            is_armed=t_s - self._armed_s <= STOP_WITHIN_S and not self.is_over,
+            is_over=self.is_over,
+            is_giving_up=self._is_giving_up(t_s),
+            left_s=self._left_s(t_s),
+            is_blocked=self._was_blocked and self._observation is not None and not self.is_over,
+        )
+
+    def _moments(self, t_s: float) -> list[float]:
+        moments = super()._moments(t_s)
+        return [*moments, self._armed_s + STOP_WITHIN_S + JUST_AFTER_S] if self.phase == "task" else moments
+
+    def _on_task(self, command: Command, t_s: float, *, busy: bool) -> tuple[Event, ...]:
+        if not isinstance(command, Move | PressStop):
+            return (Dropped(t_s=t_s, reason="phase"),)
+        action = command.action if isinstance(command, Move) else Action.STOP
+        key = Key(t_s=t_s, t_cli_ms=command.t_cli_ms, code=command.code[:32], action=action, repeat=command.repeat)
+        reason = self._drop_reason(action, t_s, repeat=command.repeat, busy=busy)
+        if reason is not None:
+            return (key, Dropped(t_s=t_s, reason=reason))
+        self._clock.accept(t_s)
+        if action is not Action.STOP:
+            self._armed_s = -math.inf
+            act = self._act(action, t_s)
+            return (key, act, *(() if self.is_over or self._looks_later else self._show_task(t_s)))
+        if t_s - self._armed_s <= STOP_WITHIN_S:
+            return (key, self._act(action, t_s), Stop(t_s=t_s))
+        self._armed_s = t_s
+        return (key, StopArmed(t_s=t_s))
+
+    def _drop_reason(self, action: Action, t_s: float, *, repeat: bool, busy: bool) -> DropReason | None:
+        if self.phase != "task":
+            return "phase"
+        if repeat:
+            return "repeat"
+        if busy:
+            return "busy"
+        if self._clock.too_soon(t_s):
+            return "rate"
+        return None if action in self._task.actions else "action"
+
+    def _act(self, action: Action, t_s: float) -> Act:
+        began_s = self._task_began_s or 0.0
+        self._env.move(action, t_s=t_s - began_s)
+        self._observation = None if self._looks_later else self._env.observe()
+        step = self._env.steps[-1]
+        self._was_blocked = step.collided
+        act = Act(t_s=t_s, action=action, position=step.position, yaw=step.yaw, tilt=step.tilt, collided=step.collided)
+        if self._env.end_reason is not None:
+            self._end(self._env.end_reason, act)
+        return act
+
+    def _rebuild(self, events: Sequence[Event]) -> None:
+        super()._rebuild(events)
+        self._observation = self._env.restore(walked_steps(events))
+
+
+def pan_session_from_events(
+    events: Sequence[Event],
+    env: PanEnv,
+    *,
+    key: EpisodeKey,
+    task: Task,
+    scene_digest: str,
+    storeys: tuple[float, ...] = (),
+    terms: TrialTerms = _NO_TERMS,
+    looks_later: bool = False,
+) -> PanSession:
+    """The session after these stored events: same phase, step and pose. Its next command is `Resume`.
+
+    Args: as PanSession's; `events` are all of the trial, in order.
+
+    Raises:
+        StudyError: The events do not begin with `open`.
+        TaskStateError: They are of another episode or scene.
+    """
+    session = PanSession(
+        env, key=key, task=task, scene_digest=scene_digest, storeys=storeys, terms=terms, looks_later=looks_later
+    )
+    session._rebuild(events)
+    return session

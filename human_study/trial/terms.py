@@ -1,0 +1,53 @@
+"""What a study asks of one trial besides the task: what is seen before it, for how long, and how long it may take."""
+
+from dataclasses import dataclass
+
+from ..design.study import Condition, StudyConfig
+from .events import MapKind
+
+RESUME_WITHIN_S = 600.0
+"""Default of StudyConfig.resume_within_s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A look at a home before the task."""
+
+    what: MapKind
+    min_s: float = 0.0
+    """It cannot be left earlier."""
+    max_s: float | None = None
+    """It ends by itself; None = only when the participant begins the task."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialTerms:
+    """The limits of one trial."""
+
+    condition: Condition | None = None
+    """None: records of the first version of studies."""
+    look: Look | None = None
+    """What comes before the task; None = nothing."""
+    task_max_s: float | None = None
+    """Longest walk, from the first picture, or longest answer, from the texts; None = any time."""
+    resume_within_s: float = RESUME_WITHIN_S
+    """A longer absence ends the trial as `abandoned`."""
+    asks_confidence: bool = False
+    """Whether who has answered (STOP, a confirmed mark) says how sure the answer is."""
+
+
+def terms_of(config: StudyConfig, condition: Condition) -> TrialTerms:
+    """What a study asks of its trials in one condition."""
+    is_pan = condition in ("none", "topdown", "glb")
+    look = None
+    if condition == "topdown" or condition == "glb":
+        look = Look(condition, config.memory.min_s, config.memory.max_s)
+    elif condition == "map_first":
+        look = Look("home", config.pog.look_min_s, config.pog.look_max_s)
+    return TrialTerms(
+        condition=condition,
+        look=look,
+        task_max_s=config.pan_max_s if is_pan else config.pog.answer_max_s,
+        resume_within_s=config.resume_within_s,
+        asks_confidence=config.confidence,
+    )

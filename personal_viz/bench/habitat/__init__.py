@@ -1,0 +1,1 @@
+"""How closely we agree with a real Habitat's answers."""

@@ -1,0 +1,1 @@
+"""How well recovered and invented homes serve their episodes."""

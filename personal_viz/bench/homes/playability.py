@@ -1,0 +1,260 @@
+"""How well a home serves its episodes: the figures of `personal-viz homes`, for one scene and for many together.
+
+Dataset -> plan -> scene -> `HomeFacts` (counts, in the worker process) -> `HomesReport` (shares, as JSON).
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+from sim.authoring.findable import FindVerdict, find_verdicts
+from sim.copies.glb_writer import glb_from_mesh
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.homes.cells import cells_from_runs
+from sim.homes.kind import plan_of, scene_label, scene_labels
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import HomePlan
+from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.sightlines import view_points_ok
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
+from sim.types import FORWARD_STEP, SceneKind
+
+from .held_out import held_out_ratios, path_ratios, recorded_walk
+
+SNAP_TOLERANCE = FORWARD_STEP
+"""A start that lies farther off the map than this would be another place (planar metres)."""
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltHome:
+    """A home ready to be measured."""
+
+    plan: HomePlan
+    scene: Scene
+    is_recovered: bool
+    """False where its plan lies beside the episodes: invented, or corrected by hand."""
+    build_s: float
+    """Wall-clock seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class HomeFacts:
+    """Counts of one home, from which shares over any number of homes follow."""
+
+    name: str
+    scene_kind: SceneKind
+    is_playable: NDArray[np.bool_]
+    """(N,) per episode: the start is on the map, the home has the target, and a path leads to it."""
+    ratios: NDArray[np.float64]
+    """(N,) our path length over the recorded one; inf without a path."""
+    held_out: NDArray[np.float64] | None
+    """(M,) the same for the held-out episodes of every fold; None = not measured."""
+    view_points: tuple[int, int]
+    """Original view points that are standable and see their object, and all of them."""
+    cells: tuple[int, int]
+    """Walkable cells whose place is guessed, and all of them; (0, 0) for a home without cells."""
+    verdicts: tuple[FindVerdict, ...]
+    area_m2: float
+    """Walkable, seen from above, all storeys."""
+    storeys: int
+    build_s: float
+    """Plan, mesh and navigation map (wall-clock seconds)."""
+    triangles: int
+    """Of the whole home."""
+    glb_mb: float
+    """The whole home as one GLB file, 10^6 bytes."""
+
+
+class Figures(BaseModel):
+    """Shares are in [0, 1]; null where there is nothing to take a share of."""
+
+    model_config = _MODEL
+    episodes: int
+    playable: float | None
+    """Share of episodes whose start, target and path exist."""
+    ratio_median: float | None
+    """Of our path length over the recorded one, over episodes with a path."""
+    ratio_p95: float | None
+    within_5: float | None
+    """Share of all episodes whose path length is within 5 % of the recorded one."""
+    within_10: float | None
+    heldout_split_within_10: float | None
+    """Share within 10 % of held-out episodes, recovering from the two other splits, over all folds."""
+    heldout_n: int | None
+    """How many those are; null where they were not measured."""
+    viewpoints_ok: float | None
+    """Share of original view points that are standable and see their object."""
+    viewpoints_n: int
+    guessed_area: float | None
+    """Share of the walkable area."""
+    findable: float | None
+    """Share of episodes whose target can be told from its like; see sim/authoring/findable.py."""
+    area_m2: float
+    storeys: int
+
+
+class HomeFigures(Figures):
+    """One home's figures."""
+
+    build_s: float
+    triangles: int
+    glb_mb: float
+    scene_kind: SceneKind
+    scene_label: str
+    """What must be said of results in homes of this kind; empty for scans."""
+    not_findable: tuple[str, ...]
+    """SPLIT/SCENE/ID of each episode whose target cannot be told from its like, or is hardly seen."""
+    why_not_findable: dict[str, str]
+    """The reason for each of them."""
+
+
+class HomesReport(BaseModel):
+    """What `personal-viz homes --json` prints."""
+
+    model_config = _MODEL
+    total: Figures
+    """Over all scenes together: pooled episodes, view points and areas, not means of the scenes' shares."""
+    scenes: dict[str, HomeFigures]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What must be said of results in these homes."""
+        return scene_labels(home.scene_kind for home in self.scenes.values())
+
+
+def build_home(dataset: PersonalDataset, name: str) -> BuiltHome:
+    """The plan that lies beside the episodes, or else the recovered one, with its scene and the time that both took.
+
+    Only where the cache folder is empty does the time tell what a first visitor waits for.
+
+    Raises:
+        DatasetError: The scene is unknown or its files are damaged.
+        SceneError: The home cannot be built.
+    """
+    began = time.perf_counter()
+    given = plan_of(dataset, name)
+    plan = given or recover_plan(dataset, name)
+    scene = scene_from_plan(plan)
+    return BuiltHome(plan, scene, is_recovered=given is None, build_s=time.perf_counter() - began)
+
+
+def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = True) -> HomeFacts:
+    """All facts of one home; its scan is not needed.
+
+    Args:
+        dataset: Holds the home's episodes.
+        home: From `build_home`.
+        folds: Whether to recover the home three times more, from two splits each. Homes whose plan lies beside the
+            episodes have no folds.
+
+    Raises:
+        DatasetError: The files are damaged.
+        SceneError: The home cannot be built from two splits.
+    """
+    plan, scene = home.plan, home.scene
+    episodes = list(dataset.episodes(scenes=(plan.name,)))
+    ratios = path_ratios(map(recorded_walk, episodes), scene.navigation)
+    cells = None if plan.cells is None else cells_from_runs(plan.cells.walkable)
+    return HomeFacts(
+        name=plan.name,
+        scene_kind=scene.kind,
+        is_playable=np.isfinite(ratios) & _starts_and_targets_exist(episodes, scene),
+        ratios=ratios,
+        held_out=held_out_ratios(dataset, plan.name) if folds and home.is_recovered else None,
+        view_points=view_points_ok(scene, dataset.goals(plan.name)),
+        cells=(0, 0) if cells is None else (int(cells.guessed.sum()), len(cells.guessed)),
+        verdicts=find_verdicts(episodes, plan, scene, renderer=Raycaster(scene.mesh)),
+        area_m2=_area(scene, plan),
+        storeys=len(plan.storeys),
+        build_s=home.build_s,
+        triangles=len(scene.mesh.faces),
+        glb_mb=len(glb_from_mesh(scene.mesh)) / 1e6,
+    )
+
+
+def report_of(homes: Sequence[HomeFacts]) -> HomesReport:
+    """The figures of each home and of all together."""
+    return HomesReport(total=_figures(homes), scenes={home.name: _home_figures(home) for home in homes})
+
+
+def _starts_and_targets_exist(episodes: Sequence[Episode], scene: Scene) -> NDArray[np.bool_]:
+    """(N,) whether the start is on the map and the home holds every right object."""
+    names = {item.name for item in scene.objects}
+    found = np.zeros(len(episodes), bool)
+    for index, episode in enumerate(episodes):
+        start = np.array(episode.start.position)
+        snapped = scene.navigation.snap(start)
+        is_near = snapped is not None and np.hypot(*(snapped - start)[[0, 2]]) <= SNAP_TOLERANCE
+        found[index] = is_near and names.issuperset(episode.record.object_names)
+    return found
+
+
+def _area(scene: Scene, plan: HomePlan) -> float:
+    """Walkable square metres, each storey once."""
+    if plan.cells is not None:
+        return len(cells_from_runs(plan.cells.walkable).y) * plan.cells.grid.cell**2
+    return sum(
+        float(top_down.free.sum()) * top_down.grid.cell**2
+        for top_down in map(scene.navigation.top_down, scene.navigation.storey_heights)
+    )
+
+
+def _home_figures(home: HomeFacts) -> HomeFigures:
+    missed = {str(verdict.key): verdict.reason for verdict in home.verdicts if not verdict.findable}
+    return HomeFigures(
+        **_figures([home]).model_dump(),
+        build_s=round(home.build_s, 2),
+        triangles=home.triangles,
+        glb_mb=round(home.glb_mb, 2),
+        scene_kind=home.scene_kind,
+        scene_label=scene_label(home.scene_kind),
+        not_findable=tuple(missed),
+        why_not_findable=missed,
+    )
+
+
+def _figures(homes: Sequence[HomeFacts]) -> Figures:
+    """Pooled over homes; at least one is given."""
+    ratios = np.concatenate([home.ratios for home in homes])
+    playable = np.concatenate([home.is_playable for home in homes])
+    measured = [home.held_out for home in homes if home.held_out is not None]
+    held_out = np.concatenate(measured) if measured else np.empty(0)
+    verdicts = [verdict for home in homes for verdict in home.verdicts]
+    num_ok, num_views = np.sum([home.view_points for home in homes], axis=0).tolist()
+    num_guessed, num_cells = np.sum([home.cells for home in homes], axis=0).tolist()
+    finite = ratios[np.isfinite(ratios)]
+    return Figures(
+        episodes=len(ratios),
+        playable=_share(int(playable.sum()), len(playable)),
+        ratio_median=_rounded(float(np.median(finite))) if len(finite) else None,
+        ratio_p95=_rounded(float(np.percentile(finite, 95))) if len(finite) else None,
+        within_5=_share_within(ratios, 0.05),
+        within_10=_share_within(ratios, 0.10),
+        heldout_split_within_10=_share_within(held_out, 0.10),
+        heldout_n=len(held_out) if measured else None,
+        viewpoints_ok=_share(num_ok, num_views),
+        viewpoints_n=num_views,
+        guessed_area=_share(num_guessed, num_cells) if num_cells else 0.0,
+        findable=_share(sum(verdict.findable for verdict in verdicts), len(verdicts)),
+        area_m2=round(sum(home.area_m2 for home in homes), 1),
+        storeys=sum(home.storeys for home in homes),
+    )
+
+
+def _share_within(ratios: NDArray[np.float64], tolerance: float) -> float | None:
+    return _share(int((np.abs(ratios - 1) <= tolerance).sum()), len(ratios))
+
+
+def _share(part: int, whole: int) -> float | None:
+    return _rounded(part / whole) if whole else None
+
+
+def _rounded(value: float) -> float:
+    return round(value, 4)

@@ -1,0 +1,118 @@
+"""The benchmark's navigation and environment figures on one mesh."""
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+from sim.mesh import TriangleMesh
+from sim.render.renderer import Renderer
+from sim.tasks.pan import PanEnv
+from sim.types import Action, Camera, Pose
+from sim.walk.floor_grid import floor_grid_from_mesh
+from sim.walk.navigation_map import NavigationMap
+
+from .measure import interleaved
+
+_WALK = 20
+"""Steps from one start point before the next."""
+_MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT, Action.LOOK_UP, Action.LOOK_DOWN)
+
+
+class QueryFigures(BaseModel):
+    """How fast a navigation map is asked, medians over reachable random pairs of places."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    path_us: float
+    """CPU microseconds of one `shortest_path` whose goal's field is at hand."""
+    distance_us: float
+    """CPU microseconds of one `distances` of one start whose goal's field is at hand."""
+    field_ms: float
+    """CPU milliseconds of one `distances` to a goal never asked for before."""
+
+
+class NavigationFigures(QueryFigures):
+    """How fast a robot's map of one mesh is made and asked."""
+
+    build_s: float
+    """CPU seconds of `floor_grid_from_mesh`."""
+
+
+def navigation_figures(
+    mesh: TriangleMesh, navigation: NavigationMap, *, seed: int, builds: int = 3, goals: int = 8
+) -> NavigationFigures:
+    """Medians over builds of the map and over random pairs of places.
+
+    Args:
+        mesh: World frame.
+        navigation: Its `floor_grid_from_mesh`, made before, so that compiled code is ready.
+        seed: Of the places.
+        builds: How often the map is made again.
+        goals: Different goals; each is asked from twenty starts.
+    """
+    build = interleaved({"build": lambda _: floor_grid_from_mesh(mesh)}, calls=builds, warm_ups=0)["build"]
+    queries = query_figures(navigation, seed=seed, goals=goals)
+    return NavigationFigures(build_s=build.core_s, **queries.model_dump())
+
+
+def query_figures(navigation: NavigationMap, *, seed: int, goals: int) -> QueryFigures:
+    """Times the questions for `goals` different random goals, each asked from twenty starts."""
+    rng = np.random.default_rng(seed)
+    points = [navigation.random_point(rng)[None] for _ in range(goals + 1)]
+    starts = np.stack([navigation.random_point(rng) for _ in range(20)])
+    navigation.distances(starts, points[-1])  # compiled code is ready after this
+    navigation.shortest_path(starts[0], points[-1])
+    field_s, path_s, distance_s = [], [], []
+    for goal in points[:-1]:
+        before = time.process_time()
+        navigation.distances(starts[:1], goal)
+        field_s.append(time.process_time() - before)
+        reachable = np.flatnonzero(np.isfinite(navigation.distances(starts, goal)))
+        for k in reachable:
+            before = time.process_time()
+            navigation.distances(starts[k : k + 1], goal)
+            between = time.process_time()
+            navigation.shortest_path(starts[k], goal)
+            path_s.append(time.process_time() - between)
+            distance_s.append(between - before)
+    path, distance, field = (float(np.median(times)) for times in (path_s, distance_s, field_s))
+    return QueryFigures(path_us=path * 1e6, distance_us=distance * 1e6, field_ms=field * 1e3)
+
+
+def camera_starts(navigation: NavigationMap, num: int, *, seed: int) -> list[Pose]:
+    """Robot poses at random places of all storeys in turn, looking anywhere along the floor."""
+    rng = np.random.default_rng(seed)
+    heights = navigation.storey_heights
+    poses = []
+    for k in range(num):
+        x, y, z = (float(value) for value in navigation.random_point(rng, storey_y=heights[k % len(heights)]))
+        poses.append(Pose((x, y, z), float(rng.uniform(-np.pi, np.pi))))
+    return poses
+
+
+def env_steps_per_s(
+    navigation: NavigationMap, renderer: Renderer | None, *, camera: Camera, num_steps: int, seed: int
+) -> float:
+    """Steps per elapsed second of one `PanEnv` under random moves, median over walks of twenty steps.
+
+    Args:
+        navigation: Where the robot walks.
+        renderer: None = without pictures.
+        camera: Of the observations.
+        num_steps: Steps in all, rounded up to whole walks; one more walk before is not counted.
+        seed: Of starts and moves.
+    """
+    rng = np.random.default_rng(seed)
+    walks = camera_starts(navigation, -(-num_steps // _WALK) + 1, seed=seed)
+    elapsed: list[float] = []
+    for start in walks:
+        env = PanEnv(start, navigation, renderer=renderer, camera=camera)
+        env.reset()
+        moves: NDArray[np.int64] = rng.integers(len(_MOVES), size=_WALK)
+        before = time.perf_counter()
+        for move in moves:
+            env.step(_MOVES[move])
+        elapsed.append(time.perf_counter() - before)
+    return _WALK / float(np.median(elapsed[1:]))

@@ -1,0 +1,198 @@
+"""One participant opens a home of a million triangles; how long do the others' keys take meanwhile (test 7)?"""
+
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from human_study.design.plan import PlannedParticipant, StudyPlan, load_plan, save_plan
+from human_study.design.study import (
+    StudyBreaks,
+    StudyChecks,
+    StudyConfig,
+    StudyDataset,
+    StudyDesign,
+    StudyMemory,
+    StudyPractice,
+    save_study,
+)
+from sim.authoring.generation import invent_dataset
+from sim.episodes.dataset import PersonalDataset
+from sim.types import SPLITS
+
+from ...bots.run import quantile
+from ...bots.site import HOME, Site
+from ...bots.walker import BotKind
+from ...study_app.study_files import plan_study
+from .big_scan import BIG_HOME, write_big_scan
+from .crowd import Crowd, crowd
+from .processes import held_by
+from .records import key_tally
+from .server import Server
+
+
+class BigHomeSettings(BaseModel):
+    """How big, and who plays beside it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    faces: int = 1_000_000
+    """At least so many triangles has the home on disk."""
+    bots: int = 20
+    """Who walk in a small home."""
+    rate: float = 2.0
+    kinds: tuple[BotKind, ...] = ("random",)
+    before_s: float = 30.0
+    """How long the others' keys are measured with nobody opening anything."""
+    seed: int = 23
+
+
+class BigHomeFigures(BaseModel):
+    """The others' keys before and while the home was opened."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    participants: int
+    """The others."""
+    faces: int
+    """Triangles of the home on disk."""
+    scan_mb: float
+    """Its file."""
+    browser_mb: float
+    """The largest storey's browser copy, which the participant's browser gets."""
+    opening_s: float
+    """The first participant: from the link to walking, the 3-D look at the home included. Nothing is in the cache."""
+    opening_again_s: float
+    """The second one: the copies are in the cache, and a worker has the home open already, maybe another one."""
+    before_ack_p50_ms: float | None
+    before_ack_p99_ms: float | None
+    while_ack_p50_ms: float | None
+    """The others' keys that were sent while the first participant opened the home."""
+    while_ack_p99_ms: float | None
+    while_ack_max_ms: float | None
+    again_ack_p99_ms: float | None
+    """As `while_ack_p99_ms`, with the second participant."""
+    peak_mb: float | None
+    """Sum of the largest resident memory of each process."""
+    lost: int
+    duplicated: int
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """From when to when something happened, `time.perf_counter()`."""
+
+    begin_s: float
+    end_s: float
+
+    def acks_ms(self, bots: Crowd) -> list[float]:
+        """Of the keys that were sent in it and whose answer came."""
+        presses = [press for log in bots.logs for press in log.presses]
+        return [
+            1e3 * (press.counted_s - press.sent_s)
+            for press in presses
+            if press.counted_s is not None and self.begin_s <= press.sent_s <= self.end_s
+        ]
+
+
+def measure_big_home(
+    settings: BigHomeSettings, *, folder: Path, dataset: Path, progress: Callable[[str], None]
+) -> BigHomeFigures:
+    """Others walk; one participant opens the big home, then another one.
+
+    Args:
+        settings: How big.
+        folder: An empty one.
+        dataset: Of one invented home; it is copied.
+        progress: Told what is done now.
+
+    Raises:
+        StudyError: The study cannot be served, or bots do not come in.
+        SceneError: The home cannot be made.
+    """
+    progress(f"making a home of {settings.faces} triangles")
+    data, scans = folder / "dataset", folder / "scans"
+    shutil.copytree(dataset, data)
+    invent_dataset(data, name=BIG_HOME, seed=settings.seed)
+    scans.mkdir()
+    for path in (data / "scenes").glob(f"{HOME}.*"):
+        shutil.copy(path, scans)
+    scan = write_big_scan(data, scans, num_faces=settings.faces, seed=settings.seed)
+    openers, others = _plan(folder / "study", data, scans, num_others=settings.bots, seed=settings.seed)
+    with Server(folder / "study", data, scenes_dir=scans, cache=folder / "cache") as server:
+        site = server.start()
+        with crowd(site, others, kinds=settings.kinds, rate=settings.rate, seed=settings.seed) as bots:
+            bots.arrive()
+            bots.begin()
+            began_s = time.perf_counter()
+            time.sleep(settings.before_s)  # the others act; nothing else is waited for
+            before = _Window(began_s, time.perf_counter())
+            first, again = (_opening(site, code, settings, progress) for code in openers)
+            bots.halt()
+        held = held_by(server.pid)
+        keys = key_tally(site.folder, bots.bots)
+    return BigHomeFigures(
+        participants=settings.bots,
+        faces=scan.faces,
+        scan_mb=scan.file_mb,
+        browser_mb=max(path.stat().st_size for path in (folder / "cache").glob("glb/*.glb")) / 1e6,
+        opening_s=first.end_s - first.begin_s,
+        opening_again_s=again.end_s - again.begin_s,
+        before_ack_p50_ms=quantile(before.acks_ms(bots), 0.5),
+        before_ack_p99_ms=quantile(before.acks_ms(bots), 0.99),
+        while_ack_p50_ms=quantile(first.acks_ms(bots), 0.5),
+        while_ack_p99_ms=quantile(first.acks_ms(bots), 0.99),
+        while_ack_max_ms=quantile(first.acks_ms(bots), 1.0),
+        again_ack_p99_ms=quantile(again.acks_ms(bots), 0.99),
+        peak_mb=held.peak_mb if held is not None else None,
+        lost=keys.lost,
+        duplicated=keys.duplicated,
+        problems=bots.problems,
+    )
+
+
+def _opening(site: Site, code: str, settings: BigHomeSettings, progress: Callable[[str], None]) -> _Window:
+    """One participant comes in, looks at the home in 3-D, and stands in it."""
+    progress(f"{code} opens the big home")
+    with crowd(site, [code], kinds=("random",), rate=settings.rate, seed=settings.seed) as opener:
+        began_s = time.perf_counter()
+        opener.arrive()
+        return _Window(began_s, time.perf_counter())
+
+
+def _plan(study: Path, data: Path, scans: Path, *, num_others: int, seed: int) -> tuple[Sequence[str], Sequence[str]]:
+    """Writes the plan; (two who begin in the big home, which they see in 3-D first; others, in the small one)."""
+    config = StudyConfig(
+        study="big-home",
+        dataset=StudyDataset(
+            sha256=PersonalDataset(data).digest(),
+            splits=dict.fromkeys(SPLITS, "all"),
+            stratify="none",
+            max_per_scene=None,
+            seed=seed,
+        ),
+        task=("pan",),
+        design=StudyDesign(kind="crossed", raters_per_episode=num_others + 2),
+        memory=StudyMemory(arms=("none", "glb")),
+        practice=StudyPractice(pan=0, pog=0),
+        checks=StudyChecks(every=None),
+        breaks=StudyBreaks(every=None, sitting_max=None),
+    )
+    save_study(study, config)
+    plan_study(study, data, scans, pilot=True)
+    plan: StudyPlan = load_plan(study, config)
+    people = [one.code for one in plan.participants if plan.conditions_of(config, one)[BIG_HOME] == "glb"]
+    openers, others = people[:2], people[2 : 2 + num_others]
+    scene = dict.fromkeys(openers, BIG_HOME) | dict.fromkeys(others, HOME)
+    changed = tuple(_only(one, scene[one.code]) if one.code in scene else one for one in plan.participants)
+    save_plan(study, plan.model_copy(update={"participants": changed}))
+    return openers, others
+
+
+def _only(person: PlannedParticipant, scene: str) -> PlannedParticipant:
+    """The participant with the trials of one home."""
+    trials = [trial for trial in person.trials if trial.scene == scene]
+    numbered = tuple(trial.model_copy(update={"order_no": number}) for number, trial in enumerate(trials, start=1))
+    return person.model_copy(update={"trials": numbered})

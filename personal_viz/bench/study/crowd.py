@@ -1,0 +1,240 @@
+"""Bots on a thread of their own that come back by themselves while the caller ends and starts the study."""
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from human_study.design.study import load_study
+from sim.errors import StudyError
+
+from ...bots.flow import right_answers
+from ...bots.page import BotPage
+from ...bots.pan import PanBot
+from ...bots.site import Site
+from ...bots.walker import BotKind, BotLog
+
+PATIENCE_S = 120.0
+"""How long a bot tries to come back."""
+AGAIN_S = 0.2
+"""Between two tries."""
+_TURN_S = 3.0
+"""So long a bot acts before it looks whether it shall stop."""
+_ARRIVE_TOGETHER = 10
+_POLL_S = 0.005
+T = TypeVar("T")
+
+
+class StayingBot(PanBot):
+    """Comes back when the study is served again, and notes where it finds itself then."""
+
+    def __init__(self, code: str, link: str, kind: BotKind, *, rate: float, seed: int, answers: frozenset[str]) -> None:
+        """Arguments as PanBot's; it knows no shortest way."""
+        super().__init__(code, link, kind, rate=rate, seed=seed, answers=answers)
+        self.num_acked = 0
+        """Keys of which the bot heard that they are on disk."""
+        self.resumed: list[tuple[int, int]] = []
+        """After each way back: (step of the first picture, place in `log.presses` of the next key)."""
+        self.starts: list[int] = []
+        """Of each connection: place in `log.presses` of its first key."""
+        self.step_counted = 0
+        """What the page's counter said last."""
+        self.is_here = False
+        """Whether it stands in a trial, or has none left, since it last lost its connection."""
+        self._stays, self._noted, self._tried_s = True, 1, 0.0
+
+    async def go_on(self, is_over: Callable[[], bool]) -> None:
+        """Acts until told otherwise, until it has no trial left, or until something goes wrong."""
+        while not is_over() and not self.log.problem and not self.log.is_finished:
+            await self.act(time.perf_counter() + _TURN_S)
+
+    async def go(self) -> None:
+        """Closes the page when the last answer has come."""
+        self._stays = False
+        await self.leave()
+
+    async def leave(self) -> None:
+        """Stays between two turns."""
+        if not self._stays:
+            await super().leave()
+
+    async def _connect(self) -> None:
+        self.is_here = False
+        deadline_s = time.perf_counter() + PATIENCE_S
+        while True:
+            await asyncio.sleep(max(0.0, self._tried_s + AGAIN_S - time.perf_counter()))
+            self._tried_s = time.perf_counter()
+            try:
+                await super()._connect()
+                self.starts.append(len(self.log.presses))
+                return
+            except StudyError:
+                if time.perf_counter() > deadline_s:
+                    raise
+
+    async def _until_at_work(self) -> None:
+        deadline_s = time.perf_counter() + PATIENCE_S
+        while True:
+            try:
+                await super()._until_at_work()
+                self.is_here = True
+                return
+            except StudyError:  # the page was late, or the study ended meanwhile
+                if time.perf_counter() > deadline_s:
+                    raise
+
+    async def _act_once(self, next_s: float) -> None:
+        if self.log.num_connections > self._noted:
+            self._noted = self.log.num_connections
+            self.resumed.append((self._page.step_shown or 0, len(self.log.presses)))
+        await super()._act_once(next_s)
+
+    def _heard(self, page: BotPage, now_s: float) -> None:
+        press = self._press[0] if self._press is not None and self._press[0].counted_s is None else None
+        super()._heard(page, now_s)
+        self.step_counted = self.step_counted if page.step_counted is None else page.step_counted
+        self.num_acked += press is not None and press.counted_s is not None
+
+
+class Crowd:
+    """Staying bots and the thread on which they live; made by `crowd`."""
+
+    def __init__(self, bots: Sequence[StayingBot], loop: asyncio.AbstractEventLoop) -> None:
+        """Nobody has come yet."""
+        self.bots = tuple(bots)
+        self._loop = loop
+        self._is_over = True
+        self._acting: Future[Any] | None = None
+
+    @property
+    def logs(self) -> list[BotLog]:
+        """What each has done so far."""
+        return [bot.log for bot in self.bots]
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Why bots ended early."""
+        return tuple(f"{log.code} ({log.kind}): {log.problem}" for log in self.logs if log.problem)
+
+    @property
+    def num_acked(self) -> int:
+        """Keys of which bots have heard that they are on disk."""
+        return sum(bot.num_acked for bot in self.bots)
+
+    def arrive(self) -> None:
+        """All come in and answer the pages until the first trial.
+
+        Raises:
+            StudyError: One is not let in.
+        """
+        for first in range(0, len(self.bots), _ARRIVE_TOGETHER):
+            self._wait(_all(bot.arrive() for bot in self.bots[first : first + _ARRIVE_TOGETHER]))
+
+    def begin(self) -> None:
+        """All act from now on."""
+        assert self._is_over
+        self._is_over = False
+        self._acting = self._submit(_all(bot.go_on(lambda: self._is_over) for bot in self.bots))
+
+    def halt(self) -> None:
+        """Returns when nobody presses keys any more; all pages are open."""
+        self._is_over = True
+        if self._acting is not None:
+            self._acting.result()
+
+    def leave(self) -> None:
+        """All close their pages."""
+        self.halt()
+        self._wait(_all(bot.go() for bot in self.bots))
+
+    def await_acks(self, count: int, *, within_s: float = PATIENCE_S) -> None:
+        """Returns when so many more keys are acknowledged.
+
+        Raises:
+            StudyError: They are not in time, or no bot can go on.
+        """
+        goal = self.num_acked + count
+        self.wait_until(lambda: self.num_acked >= goal, f"{count} keys acknowledged", within_s=within_s)
+
+    def await_all_here(self, connections: Sequence[int], *, within_s: float = PATIENCE_S) -> None:
+        """Returns when all have come back and stand in their trials.
+
+        Args:
+            connections: How many each bot had had before.
+            within_s: Longest wait.
+
+        Raises:
+            StudyError: Somebody does not in time.
+        """
+        pairs = tuple(zip(self.bots, connections, strict=True))
+        self.wait_until(
+            lambda: all(bot.is_here and bot.log.num_connections > count for bot, count in pairs),
+            "everybody back",
+            within_s=within_s,
+        )
+
+    def wait_until(self, is_so: Callable[[], bool], what: str, *, within_s: float = PATIENCE_S) -> None:
+        """Waits for the bots, who act meanwhile.
+
+        Raises:
+            StudyError: It did not happen in time, or a bot gave up.
+        """
+        deadline_s = time.perf_counter() + within_s
+        while not is_so():
+            if self.problems or time.perf_counter() > deadline_s:
+                raise StudyError(
+                    f"bots: found no {what} within {within_s:g} s, problems {list(self.problems)}; expected it soon "
+                    "after the study was served again. See serve.log of the run."
+                )
+            time.sleep(_POLL_S)
+
+    def _submit(self, work: Coroutine[Any, Any, T]) -> Future[T]:
+        return asyncio.run_coroutine_threadsafe(work, self._loop)
+
+    def _wait(self, work: Coroutine[Any, Any, T]) -> T:
+        return self._submit(work).result()
+
+
+@contextmanager
+def crowd(site: Site, codes: Sequence[str], *, kinds: Sequence[BotKind], rate: float, seed: int) -> Iterator[Crowd]:
+    """Bots for a block; at its end all leave.
+
+    Args:
+        site: The study; its links have to lead to it also after it was served again.
+        codes: Participants.
+        kinds: Dealt out in turns, `shortest` is none of them.
+        rate: Keys per second and bot.
+        seed: Of their choices.
+    """
+    answers = right_answers(load_study(site.folder))
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever, daemon=True, name="crowd")
+    thread.start()
+    bots = [
+        StayingBot(code, site.links[code], kinds[number % len(kinds)], rate=rate, seed=seed + number, answers=answers)
+        for number, code in enumerate(codes)
+    ]
+    found = Crowd(bots, loop)
+    try:
+        yield found
+        found.leave()
+    finally:
+        asyncio.run_coroutine_threadsafe(_end_all(), loop).result()
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
+
+
+async def _end_all() -> None:
+    """Ends what still runs when the caller gave up."""
+    others = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in others:
+        task.cancel()
+    await asyncio.gather(*others, return_exceptions=True)
+
+
+async def _all(works: Iterator[Coroutine[Any, Any, None]]) -> None:
+    await asyncio.gather(*works)

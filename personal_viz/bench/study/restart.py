@@ -1,0 +1,209 @@
+"""The study is ended and started again while people are online: they come back, to where they were (test 16)."""
+
+import contextlib
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from human_study.design.study import load_study
+from human_study.store.records import read_study
+from human_study.trial.events import Act, Reconnect
+from sim.errors import MissingDependencyError
+
+from ...bots.site import Site, make_bot_study
+from ...bots.walker import BotKind
+from .browser import key_to_image_ms, walking
+from .crowd import Crowd, crowd
+from .processes import children, is_running
+from .records import key_tally, missing_steps, resumed_elsewhere
+from .server import Server
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+_KEYS = 3
+"""Pressed in the browser before each restart."""
+_BACK_S = 90.0
+"""Longest wait until a browser is back."""
+
+
+class RestartSettings(BaseModel):
+    """How often, and with whom."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    restarts: int = 4
+    """By SIGTERM and SIGINT in turns."""
+    bots: int = 20
+    kinds: tuple[BotKind, ...] = ("random", "slow")
+    rate: float = 2.0
+    acted_keys: int = 50
+    """Acknowledged keys before each restart."""
+    with_browser: bool = True
+    """Whether a real browser's page is among them, where there is one."""
+    seed: int = 19
+
+
+class RestartFigures(BaseModel):
+    """How the restarts went."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    participants: int
+    restarts: int
+    drain_s: float
+    """The longest of all: from the signal until the serving process has ended."""
+    processes_left: int
+    """Processes that were still there then."""
+    start_s: float
+    """The median: from starting the program again until it serves."""
+    reconnect_s: float
+    """The longest of all: from serving again until all bots, and the browser, stand in their trials."""
+    lost: int
+    """Keys and steps that were acknowledged and are not on disk."""
+    duplicated: int
+    resumes: int
+    """Ways back of bots that could be compared with the records."""
+    resumed_elsewhere: int
+    """Those that showed another step than the records, the browser's among them."""
+    browser_returns: int | None
+    """How often the browser's page came back by itself; None = there is no browser."""
+    problems: tuple[str, ...]
+
+
+def measure_restarts(
+    settings: RestartSettings, *, folder: Path, dataset: Path, progress: Callable[[str], None]
+) -> RestartFigures:
+    """Ends the program as a host does, starts it again on the same folder and port, and waits for everybody.
+
+    Args:
+        settings: How often.
+        folder: An empty one.
+        dataset: Of one invented home.
+        progress: Told what is done now.
+
+    Raises:
+        StudyError: The study is not served again, or bots do not find back.
+    """
+    make_bot_study(folder, participants=settings.bots + 1, seed=settings.seed, dataset=dataset)
+    with Server(folder / "study", dataset) as server:
+        site = server.start()
+        tally, codes = _Tally(server), list(site.links)
+        with (
+            _browser(site, codes[-1], wanted=settings.with_browser, progress=progress) as person,
+            crowd(site, codes[: settings.bots], kinds=settings.kinds, rate=settings.rate, seed=settings.seed) as bots,
+        ):
+            bots.arrive()
+            bots.begin()
+            for number in range(settings.restarts):
+                end = (signal.SIGTERM, signal.SIGINT)[number % 2]
+                progress(f"restart {number + 1} of {settings.restarts}, by {end.name}")
+                bots.await_acks(settings.acted_keys)
+                person.walk()
+                tally.restart(end, bots, person)
+            bots.await_acks(settings.bots)
+            bots.halt()
+        keys, lost = key_tally(site.folder, bots.bots), missing_steps(site.folder, bots.bots)
+        resumes, elsewhere = resumed_elsewhere(site.folder, bots.bots)
+    return RestartFigures(
+        participants=settings.bots + (person.page is not None),
+        restarts=settings.restarts,
+        drain_s=max(tally.drains_s),
+        processes_left=tally.num_left,
+        start_s=float(np.median(tally.starts_s)),
+        reconnect_s=max(tally.returns_s),
+        lost=keys.lost + len(lost),
+        duplicated=keys.duplicated,
+        resumes=resumes,
+        resumed_elsewhere=len(elsewhere) + len(person.problems),
+        browser_returns=person.num_returns if person.page is not None else None,
+        problems=(*bots.problems, *lost, *elsewhere, *person.problems),
+    )
+
+
+class _Tally:
+    """Restarts, and how long they took."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self.num_left = 0
+        self.drains_s: list[float] = []
+        self.starts_s: list[float] = []
+        self.returns_s: list[float] = []
+
+    def restart(self, end: signal.Signals, bots: Crowd, person: "_Person") -> None:
+        """Ends the program, starts it again, waits for everybody."""
+        processes = (self._server.pid, *children(self._server.pid))
+        connections = [log.num_connections for log in bots.logs]
+        self.drains_s.append(self._server.end(end))
+        self.num_left += sum(is_running(pid) for pid in processes)
+        began_s = time.perf_counter()
+        self._server.start()
+        served_s = time.perf_counter()
+        bots.await_all_here(connections)
+        person.await_return()
+        self.starts_s.append(served_s - began_s)
+        self.returns_s.append(time.perf_counter() - served_s)
+
+
+class _Person:
+    """A participant in a real browser, or nobody."""
+
+    def __init__(self, folder: Path, code: str, page: "Page | None") -> None:
+        self.page, self.num_returns = page, 0
+        self.problems: list[str] = []
+        self._folder, self._code = folder, code
+        self._reconnects = 0
+
+    def walk(self) -> None:
+        """A few keys, each with its picture."""
+        if self.page is not None:
+            key_to_image_ms(self.page, num_keys=_KEYS, warm_ups=0)
+            self._reconnects = self._stored()[0]
+
+    def await_return(self) -> None:
+        """Waits until the records say that the page came back by itself; then a key has to work."""
+        if self.page is None:
+            return
+        from playwright.sync_api import TimeoutError as TooLateError
+
+        deadline_s = time.perf_counter() + _BACK_S
+        while self._stored()[0] <= self._reconnects:
+            if time.perf_counter() > deadline_s:
+                said = " ".join(self.page.inner_text("body").split())[:200]
+                self.problems.append(f"browser: is not back within {_BACK_S:g} s; its page says {said!r}")
+                return
+            self.page.wait_for_timeout(100)
+        steps = self._stored()[1]
+        with contextlib.suppress(TooLateError):
+            self.page.locator(f'img[data-step="{steps}"]').wait_for(timeout=1e3 * _BACK_S)
+        answered = key_to_image_ms(self.page, num_keys=1, warm_ups=0)
+        self.num_returns += bool(answered)
+        found = self._stored()[1]
+        if not answered or found != steps + 1:
+            self.problems.append(
+                f"browser: {len(answered)} keys answered, {found} steps stored, {steps} before the key"
+            )
+
+    def _stored(self) -> tuple[int, int]:
+        """(ways back, steps) of the first trial that are stored."""
+        with read_study(self._folder) as reader:
+            trial_id = reader.trials(self._code)[0].trial_id
+            events = [line.event for line in reader.events(trial_id)] if trial_id is not None else []
+        ways = sum(isinstance(event, Reconnect) for event in events)
+        return ways, sum(isinstance(event, Act) for event in events)
+
+
+@contextlib.contextmanager
+def _browser(site: Site, code: str, *, wanted: bool, progress: Callable[[str], None]) -> Iterator[_Person]:
+    with contextlib.ExitStack() as stack:
+        page = None
+        if wanted:
+            try:
+                page = stack.enter_context(walking(site.links[code], load_study(site.folder)))
+            except MissingDependencyError as error:
+                progress(f"No browser among the participants: {error}")
+        yield _Person(site.folder, code, page)

@@ -1,0 +1,1 @@
+"""Simulated participants, who come in through the real gateway and websocket."""

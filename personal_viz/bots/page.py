@@ -1,0 +1,188 @@
+"""A participant's page as a bot knows it: what viser has sent, decoded, without a browser."""
+
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+import zstandard
+
+from sim.tasks.run_files import Vector3
+
+from ..study_app.page_script import LABEL
+
+_STEP_SHOWN = re.compile(r'data-step="(\d+)"')
+_STEP_COUNTED = re.compile(r"Step (\d+) of (\d+)")
+_SEAT = re.compile(r"personalPage\.begin\((?:&quot;|\")([\w-]+)(?:&quot;|\")")
+_TAGS = re.compile(r"<style>.*?</style>|<[^>]*>", re.DOTALL)
+_COMPLETION_CODE = re.compile(r'aria-label="Completion code">([^<]+)<')
+_HEAD_BYTES = 16
+"""Two numbers of 8 bytes stand before the compressed part: its size before and after (viser's wire format)."""
+_IMAGE_HEAD = 1200
+"""Characters of an element's HTML in which the step is looked for; the picture's bytes come after that."""
+_END_LOOK, _CONFIRM = r"^show what to find", r"^confirm the mark"
+"""Labels of the buttons that only the look screen and the POG screen have."""
+_MARKS = ("/mark", "/mark/dot")
+"""Names of the node at the participant's mark: in the 3-D home, and on its map."""
+_SURFACES = ("/home", "/map")
+"""Names of what is pointed at."""
+
+
+@dataclass(slots=True)
+class Element:
+    """A button, text, box or command of the page."""
+
+    uuid: str
+    kind: str
+    """viser's message type: `GuiButtonMessage`, ..., or `RegisterCommandMessage`."""
+    props: dict[str, Any]
+
+    @property
+    def label(self) -> str:
+        """What stands on it; empty for plain HTML."""
+        return str(self.props.get("label") or "")
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether a person could press it."""
+        return bool(self.props.get("visible", True)) and not self.props.get("disabled", False)
+
+
+@dataclass(slots=True)
+class BotPage:
+    """The elements that are there now, what the PAN screen says, and what of a home is shown."""
+
+    elements: dict[str, Element] = field(default_factory=dict)
+    """By viser's uuid, in the order in which they came."""
+    step_shown: int | None = None
+    """Actions before the picture that is shown; None without a picture."""
+    step_counted: int | None = None
+    """Actions that the counter says."""
+    num_frames: int = 0
+    """Pictures received."""
+    mark: Vector3 | None = None
+    """Where the participant's mark is, world metres; None while there is none."""
+    num_marks: int = 0
+    """How often it was shown."""
+    num_surfaces: int = 0
+    """How often a storey of the home or of its map was shown."""
+    has_surface: bool = False
+    """Whether one is shown on the present screen."""
+    hears_clicks: bool = False
+    """Whether viser's client would send a click into the scene."""
+
+    def apply(self, data: bytes) -> None:
+        """Takes one websocket message of viser."""
+        for message in decoded(data):
+            self._apply(message)
+
+    @property
+    def is_walking(self) -> bool:
+        """Whether the PAN screen is there: keys move the robot."""
+        return self.step_shown is not None and self.command("W") is not None
+
+    @property
+    def is_looking(self) -> bool:
+        """Whether the home is shown before the texts that say what to find."""
+        return self.has_surface and self.button(_END_LOOK) is not None
+
+    @property
+    def is_pointing(self) -> bool:
+        """Whether the POG screen is there: clicks set the mark."""
+        return self.has_surface and self.hears_clicks and self.button(_CONFIRM) is not None
+
+    @property
+    def completion_code(self) -> str | None:
+        """What somebody who has finished is told."""
+        for element in self.elements.values():
+            if found := _COMPLETION_CODE.search(str(element.props.get("content", ""))):
+                return found.group(1)
+        return None
+
+    @property
+    def seat(self) -> str | None:
+        """Name of this connection, with which the page's script begins each letter; None before it was told."""
+        for element in self.elements.values():
+            if found := _SEAT.search(str(element.props.get("content", ""))[:_IMAGE_HEAD]):
+                return found.group(1)
+        return None
+
+    @property
+    def letter_box(self) -> Element | None:
+        """The hidden input in which the page's script writes."""
+        return next((element for element in self.of_kind("GuiTextMessage") if element.label == LABEL), None)
+
+    def command(self, hotkey: str) -> Element | None:
+        """The command of a key, as viser names keys."""
+        for element in self.elements.values():
+            if element.kind == "RegisterCommandMessage" and element.props.get("hotkey") == hotkey:
+                return element
+        return None
+
+    def of_kind(self, kind: str) -> list[Element]:
+        """Elements of a viser type that can be used, in their order on the page."""
+        found = [element for element in self.elements.values() if element.kind == kind and element.is_usable]
+        return sorted(found, key=lambda element: element.props.get("order", 0))
+
+    def button(self, pattern: str) -> Element | None:
+        """The first usable button whose label matches, upper and lower case alike."""
+        for element in self.of_kind("GuiButtonMessage"):
+            if re.search(pattern, element.label, re.IGNORECASE):
+                return element
+        return None
+
+    @property
+    def text(self) -> str:
+        """All HTML texts of the page, tags taken away, pictures left out."""
+        contents = (element.props.get("content", "") for element in self.elements.values())
+        return " ".join(_TAGS.sub(" ", content) for content in contents if "data:image" not in content)
+
+    def _apply(self, message: dict[str, Any]) -> None:
+        kind, uuid = message["type"], message.get("uuid")
+        if uuid is None:
+            self._apply_to_scene(kind, message)
+            return
+        if kind in ("GuiRemoveMessage", "RemoveCommandMessage"):
+            removed = self.elements.pop(uuid, None)
+            if removed is not None and _STEP_SHOWN.search(str(removed.props.get("content", ""))[:_IMAGE_HEAD]):
+                self.step_shown = None
+        elif kind in ("GuiUpdateMessage", "CommandUpdateMessage"):
+            if uuid in self.elements:
+                self.elements[uuid].props |= message["updates"]
+                self._read(message["updates"].get("content"))
+        elif "props" in message:
+            self.elements[uuid] = Element(uuid, kind, dict(message["props"]))
+            if re.search(f"{_END_LOOK}|{_CONFIRM}", self.elements[uuid].label, re.IGNORECASE):
+                self.has_surface = False  # it comes after the buttons; what is there is the last screen's
+            self._read(message["props"].get("content"))
+
+    def _apply_to_scene(self, kind: str, message: dict[str, Any]) -> None:
+        """Takes what viser says of the home, the mark, the camera and clicks."""
+        if kind == "SetPositionMessage" and message["name"] in _MARKS:
+            x, y, z = (float(value) for value in message["position"])
+            self.mark, self.num_marks = (x, y, z), self.num_marks + 1
+        elif kind == "RemoveSceneNodeMessage" and message["name"] in _MARKS:
+            self.mark = None
+        elif kind == "RemoveSceneNodeMessage" and message["name"] in _SURFACES:
+            self.has_surface = False
+        elif kind in ("GlbMessage", "ImageMessage") and message["name"] in _SURFACES:
+            self.has_surface, self.num_surfaces = True, self.num_surfaces + 1
+        elif kind == "ScenePointerEnableMessage" and message["event_type"] == "click":
+            self.hears_clicks = bool(message["modifiers"])
+
+    def _read(self, content: Any) -> None:
+        """Takes steps from an element's new HTML."""
+        if not isinstance(content, str):
+            return
+        if "data:image/jpeg" in content and (shown := _STEP_SHOWN.search(content[:_IMAGE_HEAD])):
+            self.step_shown = int(shown.group(1))
+            self.num_frames += 1
+        elif counted := _STEP_COUNTED.search(content):
+            self.step_counted = int(counted.group(1))
+
+
+def decoded(data: bytes) -> list[dict[str, Any]]:
+    """The messages of one websocket message: sizes, compressed msgpack, raw buffers, which are left out."""
+    size = int.from_bytes(data[8:_HEAD_BYTES], "little")
+    inner = zstandard.ZstdDecompressor().decompress(data[_HEAD_BYTES : _HEAD_BYTES + size])
+    return list(msgspec.msgpack.decode(inner)["messages"])

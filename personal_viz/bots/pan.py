@@ -1,0 +1,150 @@
+"""A simulated PAN participant: presses keys as a browser sends them and compares step counter and pictures."""
+
+import asyncio
+import time
+from collections.abc import Callable, Sequence
+
+from sim.types import Action
+
+from .log import Press
+from .page import BotPage
+from .walker import ANSWER_S, BURST, BURST_GAP_S, PRESS_GAP_S, Bot, BotKind
+
+HOTKEYS = {
+    Action.FORWARD: "W",
+    Action.LEFT: "A",
+    Action.RIGHT: "D",
+    Action.LOOK_UP: "R",
+    Action.LOOK_DOWN: "F",
+    Action.STOP: "enter",
+}
+"""viser's name of the key of each action."""
+CODES = {"W": "KeyW", "A": "KeyA", "D": "KeyD", "R": "KeyR", "F": "KeyF", "enter": "Enter"}
+"""What the session logs for it."""
+_RANDOM_MOVES = (Action.FORWARD, Action.FORWARD, Action.FORWARD, Action.LEFT, Action.RIGHT)
+_STEPS_OF_RANDOM = 80
+"""After so many steps a bot that does not know the way stops."""
+Way = Callable[[str], Sequence[Action]]
+"""All actions of a participant's present trial, STOP last, from its start; () when there is none."""
+
+
+class PanBot(Bot):
+    """Walks: the shortest way, or anywhere."""
+
+    task = "pan"
+
+    def __init__(
+        self,
+        code: str,
+        link: str,
+        kind: BotKind,
+        *,
+        rate: float,
+        seed: int,
+        answers: frozenset[str] = frozenset(),
+        way: Way | None = None,
+    ) -> None:
+        """Does nothing yet; arguments as Bot's.
+
+        Args:
+            way: Where a `shortest` bot gets its actions.
+        """
+        assert (way is not None) == (kind == "shortest"), kind
+        super().__init__(code, link, kind, rate=rate, seed=seed, answers=answers)
+        self._way = way
+        self._planned: Sequence[Action] | None = None
+        self._press: tuple[Press, int] | None = None
+        """The key whose answer is awaited, and the step that it leads to."""
+        self._num_heard = 0
+        """Keys up to the last one whose answer came."""
+        self._is_sure = True
+        """Whether it is known which key of this connection a picture belongs to: an answer that does not come in time
+        may still come later."""
+
+    @property
+    def _is_at_work(self) -> bool:
+        return self._page.is_walking
+
+    @property
+    def _is_waiting(self) -> bool:
+        return self._press is not None
+
+    def _forget(self) -> None:
+        self._planned = None
+
+    def _cut_off(self) -> None:
+        for press in self.log.presses[self._num_heard :]:
+            press.was_cut_off = True
+        self.log.ends.append(len(self.log.presses))
+        self._press, self._num_heard, self._is_sure = None, len(self.log.presses), True
+
+    def _heard(self, page: BotPage, now_s: float) -> None:
+        """Notes when the awaited key was stored and when its picture came."""
+        if self._press is None:
+            return
+        press, step = self._press
+        if press.counted_s is None and (page.step_counted or 0) >= step:
+            press.counted_s = now_s
+        if press.shown_s is None and (page.step_shown or 0) >= step:
+            press.shown_s = now_s
+            self._press = None
+            if self._is_sure:
+                self._num_heard = self.log.presses.index(press) + 1
+
+    async def _act_in_the_dark(self) -> None:
+        await self._send(Action.FORWARD, awaited=False)
+
+    async def _act_once(self, next_s: float) -> None:
+        action = await self._next_action()
+        if action is Action.STOP:
+            await self._stop()
+            return
+        if self._press is not None and time.perf_counter() - self._press[0].sent_s > ANSWER_S:
+            self.log.num_unanswered += 1
+            self._press, self._is_sure = None, False  # its picture may still come, and be taken for a later key's
+        press = await self._send(action, awaited=self._press is None)
+        for _ in range(BURST - 1 if self._kind == "impatient" else 0):
+            await asyncio.sleep(BURST_GAP_S)
+            await self._send(action, awaited=False)
+        within_s = ANSWER_S if self._kind == "shortest" else max(0.0, next_s - time.perf_counter())
+        await self._until(lambda: press.shown_s is not None or not self._page.is_walking, within_s=within_s)
+        if not self._page.is_walking:
+            self._press = None
+
+    async def _stop(self) -> None:
+        """STOP twice, at a person's pace and not before the last picture, and then the pages that follow."""
+        await self._until(lambda: self._press is None or not self._page.is_walking)
+        await self._send(Action.STOP, awaited=False)
+        await self._until(lambda: self._page.button(r"^stop here: press again") is not None)
+        await asyncio.sleep(PRESS_GAP_S)
+        await self._send(Action.STOP, awaited=False)
+        if not await self._until(lambda: not self._page.is_walking):
+            self.log.num_unanswered += self._page_is_open
+        self._planned, self._press = None, None
+
+    async def _next_action(self) -> Action:
+        step = self._page.step_shown or 0
+        if self._way is not None:
+            if self._planned is None:
+                self._planned = await asyncio.to_thread(self._way, self.log.code)
+            return self._planned[step] if step < len(self._planned) else Action.STOP
+        if step >= _STEPS_OF_RANDOM:
+            return Action.STOP
+        return _RANDOM_MOVES[int(self._rng.integers(len(_RANDOM_MOVES)))]
+
+    async def _send(self, action: Action, *, awaited: bool = True) -> Press:
+        """Presses the key of an action, as a browser does: first its own message, then viser's command."""
+        connection = self._connection
+        assert connection is not None
+        key = HOTKEYS[action]
+        command = connection.page.command(key)
+        now_s = time.perf_counter()
+        press = Press(round(now_s * 1e3, 3), now_s)
+        if command is None:
+            return press
+        if awaited:
+            self._press = (press, (connection.page.step_shown or 0) + 1)
+        self.log.presses.append(press)
+        await connection.tell({"kind": "press", "n": 0, "code": CODES[key], "t_cli_ms": press.t_cli_ms})
+        await connection.trigger(command.uuid)
+        return press

@@ -1,0 +1,243 @@
+"""A simulated POG participant: looks, changes the storey, clicks, moves the mark, confirms it.
+
+A click is stored when its mark is there, so that is its answer; a confirmed mark is stored when the page goes on.
+"""
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .goal import Aim, beside
+from .log import Confirmed, Pointed
+from .mouse import click, look_down, ray_to
+from .page import BotPage
+from .walker import ANSWER_S, BURST, BURST_GAP_S, Bot, BotKind
+from .wire import BotConnection
+
+FindGoal = Callable[[str], Aim | None]
+"""Where a participant's present target is; None when there is no trial."""
+FindPlace = Callable[[str, np.random.Generator], Aim | None]
+"""A place to click at random; None when there is no trial."""
+_LOOKS = 2
+"""Places from which the home is looked at before the texts are asked for."""
+_CLICKS = 3
+"""Most clicks before an answer of a bot that does not know the target."""
+_ARROWS = ("arrowleft", "arrowup", "arrowdown", "arrowright")
+
+
+@dataclass(slots=True)
+class _Plan:
+    """What is left to do in a trial."""
+
+    aims: list[Aim] = field(default_factory=list)
+    """Still to be clicked at, in this order."""
+    num_moves: int = 0
+    """Presses that move the mark."""
+
+
+class PogBot(Bot):
+    """Points: at the target, or anywhere."""
+
+    task = "pog"
+
+    def __init__(
+        self,
+        code: str,
+        link: str,
+        kind: BotKind,
+        *,
+        rate: float,
+        seed: int,
+        answers: frozenset[str] = frozenset(),
+        goal: FindGoal | None = None,
+        anywhere: FindPlace,
+    ) -> None:
+        """Does nothing yet; arguments as Bot's.
+
+        Args:
+            goal: Where a `shortest` bot points.
+            anywhere: Where all others do.
+        """
+        assert (goal is not None) == (kind == "shortest"), kind
+        super().__init__(code, link, kind, rate=rate, seed=seed, answers=answers)
+        self._goal, self._anywhere = goal, anywhere
+        self._plan: _Plan | None = None
+        self._num_looks = 0
+        self._storey: int | None = 0
+        """Which is shown; None when it is not known."""
+        self._on_way: list[Pointed] = []
+        """Clicks and moves without a mark so far, in order."""
+        self._num_marks = 0
+        """Marks of the present page that were looked at."""
+        self._answer: Confirmed | None = None
+        """Sent, and the page has not gone on yet."""
+
+    @property
+    def _is_at_work(self) -> bool:
+        return self._page.is_looking or self._page.is_pointing
+
+    @property
+    def _is_waiting(self) -> bool:
+        return self._answer is not None or any(pointed.is_awaited for pointed in self._on_way)
+
+    def _forget(self) -> None:
+        self._plan, self._num_looks, self._storey = None, 0, 0
+
+    def _cut_off(self) -> None:
+        for pointed in self._on_way:
+            pointed.was_cut_off = True
+        self._on_way = []
+        if self._answer is not None:
+            self._answer.was_cut_off = True
+            self._answer = None
+        self._num_marks, self._storey = 0, None
+
+    def _heard(self, page: BotPage, now_s: float) -> None:
+        """Notes when a mark is where it was awaited, and when the page has gone on after the answer."""
+        if page.mark is not None and page.num_marks != self._num_marks:
+            self._num_marks = page.num_marks
+            for place, pointed in enumerate(self._on_way):
+                if pointed.is_marked_by(page.mark):
+                    pointed.shown_s = now_s
+                    del self._on_way[: place + 1]  # the earlier ones are stored, but nobody saw their marks
+                    break
+        if page.is_pointing:
+            return
+        if self._answer is not None:
+            self._answer.shown_s, self._answer, self._on_way = now_s, None, []
+        elif self._on_way and page.button("^next trial") is not None:  # the time was up between click and mark
+            self._cut_off()
+
+    async def _act_in_the_dark(self) -> None:
+        aim = await asyncio.to_thread(self._anywhere, self.log.code, self._rng)
+        if aim is not None and self._page.is_pointing:
+            await self._click(aim, awaited=False)
+
+    async def _act_once(self, next_s: float) -> None:
+        page = self._page
+        if page.is_looking:
+            await self._look(next_s)
+            return
+        if self._plan is None:
+            self._plan = await self._planned()
+        plan = self._plan
+        self._give_up_waiting()
+        if plan.aims:
+            aim = plan.aims[0]
+            if await self._shows_storey(aim):
+                plan.aims.pop(0)
+                await self._point(aim, next_s)
+        elif plan.num_moves and page.mark is not None:
+            plan.num_moves -= 1
+            await self._move_mark(next_s)
+        elif page.mark is None and not self._on_way:  # nothing was hit
+            self._plan = None
+        else:
+            await self._confirm()
+
+    async def _planned(self) -> _Plan:
+        """What to do in the present trial."""
+        if self._goal is not None:
+            aim = await asyncio.to_thread(self._goal, self.log.code)
+            return _Plan([] if aim is None else [aim, *beside(aim)])
+        num_clicks = 1 + int(self._rng.integers(_CLICKS))
+        found = [await asyncio.to_thread(self._anywhere, self.log.code, self._rng) for _ in range(num_clicks)]
+        return _Plan([aim for aim in found if aim is not None], int(self._rng.integers(2)))
+
+    async def _look(self, next_s: float) -> None:
+        """Turns the home for a while, then asks what to find; an impatient bot asks at once, and again."""
+        if self._num_looks < _LOOKS and self._kind != "impatient":
+            self._num_looks += 1
+            angle = float(self._rng.uniform(0, 2 * math.pi))
+            eye = (6 * math.cos(angle), 6.0, 6 * math.sin(angle))
+            await look_down(self._open, eye)
+            return
+        button = self._page.button(r"^show what to find")
+        if button is None or ("can go on in" in self._page.text and self._kind != "impatient"):
+            return
+        await self._open.set_value(button.uuid, True)
+        await self._until(lambda: not self._page.is_looking, within_s=max(0.0, next_s - time.perf_counter()))
+
+    async def _shows_storey(self, aim: Aim) -> bool:
+        """Whether the storey of a place is shown; asks for it when it is not."""
+        if self._storey == aim.storey:
+            return True
+        button = self._page.button(rf"^show storey {aim.storey + 1} of")
+        if button is None:  # there is only one
+            self._storey = aim.storey
+            return True
+        before = self._page.num_surfaces
+        await self._open.set_value(button.uuid, True)
+        is_shown = await self._until(lambda: self._page.num_surfaces > before)
+        self._storey = aim.storey if is_shown else None
+        return False
+
+    async def _point(self, aim: Aim, next_s: float) -> None:
+        """Clicks once, or several times in a row; a bot that knows the target waits for its mark."""
+        pointed = await self._click(aim, awaited=True)
+        for _ in range(BURST - 1 if self._kind == "impatient" else 0):
+            await asyncio.sleep(BURST_GAP_S)
+            await self._click(aim, awaited=False)
+        await self._until_shown(pointed, next_s)
+        if self._goal is not None and pointed.shown_s is not None and self._plan is not None:
+            self._plan.aims = []
+
+    async def _until_shown(self, pointed: Pointed, next_s: float) -> None:
+        within_s = ANSWER_S if self._kind == "shortest" else max(0.0, next_s - time.perf_counter())
+        await self._until(lambda: pointed.shown_s is not None or not self._page.is_pointing, within_s=within_s)
+
+    async def _click(self, aim: Aim, *, awaited: bool) -> Pointed:
+        """Goes over the place and clicks at it."""
+        ray = ray_to(aim.point, self._rng)
+        await look_down(self._open, ray[0])
+        pointed = Pointed(time.perf_counter(), (aim.point[0], aim.point[2]), ray, is_awaited=awaited)
+        self.log.points.append(pointed)
+        self._on_way.append(pointed)
+        await click(self._open, ray)
+        return pointed
+
+    async def _move_mark(self, next_s: float) -> None:
+        """Presses an arrow."""
+        command = self._page.command(_ARROWS[int(self._rng.integers(len(_ARROWS)))])
+        mark = self._page.mark
+        if command is None or mark is None:
+            return
+        pointed = Pointed(time.perf_counter(), (mark[0], mark[2]))
+        self.log.points.append(pointed)
+        self._on_way.append(pointed)
+        await self._open.trigger(command.uuid)
+        await self._until_shown(pointed, next_s)
+
+    async def _confirm(self) -> None:
+        """Confirms the mark, an impatient bot twice, and waits for the page to go on."""
+        if self._page.mark is None:
+            await self._until(lambda: self._page.mark is not None or not self._page.is_pointing)
+        button = self._page.button(r"^confirm the mark")
+        if button is None or self._page.mark is None:
+            return
+        if self._answer is None:
+            self._answer = Confirmed(time.perf_counter())
+            self.log.answers.append(self._answer)
+        await self._open.set_value(button.uuid, True)
+        if self._kind == "impatient":
+            await asyncio.sleep(BURST_GAP_S)
+            await self._open.set_value(button.uuid, True)
+        if not await self._until(lambda: not self._page.is_pointing):
+            self.log.num_unanswered += self._page_is_open
+        self._plan = None
+
+    def _give_up_waiting(self) -> None:
+        """What was awaited for too long stays without an answer."""
+        for pointed in list(self._on_way):
+            if time.perf_counter() - pointed.sent_s > ANSWER_S:
+                self.log.num_unanswered += pointed.is_awaited
+                self._on_way.remove(pointed)
+
+    @property
+    def _open(self) -> BotConnection:
+        assert self._connection is not None
+        return self._connection

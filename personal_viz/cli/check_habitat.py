@@ -1,0 +1,102 @@
+"""Verb `check-habitat`: figures of agreement with a real Habitat's answers, beside what is aimed at."""
+
+import sys
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from personal_viz.bench.habitat.agreement import TARGETS, Agreement, Figures, agreement, targets_met
+from personal_viz.printed import Console
+
+MIN_WIDTH = 110
+"""Columns that the table needs; narrower terminals wrap it, files and pipes do not."""
+_LABELS = {
+    "geodesic_within_1e-4": "distances within 1e-4 m",
+    "reachability": "same reachability",
+    "steps_within_1mm": "forwards within 1 mm (no sliding, habitat-sim <= 0.3.3)",
+    "snap": "snapped points within 1e-4 m",
+    "navigable": "is_navigable",
+    "grid_mean_rel_error": "own grid: mean error of distances",
+    "grid_reachability": "own grid: same reachability",
+    "grid_area_rel_error": "own grid: largest error of the area",
+    "depth_median_mm": "depth: median error",
+    "depth_within_1mm": "depth: pixels within 1 mm",
+    "measures_max_abs_error": "measures: largest error",
+}
+_IN_PERCENT = {key for key in TARGETS if key not in ("depth_median_mm", "measures_max_abs_error")}
+
+
+def check_habitat(*, golden: Path, json: bool) -> int:
+    """Measures agreement on a folder of Habitat's answers and prints it; 0 whatever the figures are.
+
+    Raises:
+        SceneError: The folder cannot be read.
+    """
+    found = agreement(golden, on_house=lambda name: print(f"comparing {name}", file=sys.stderr))
+    if json:
+        print(found.model_dump_json(by_alias=True, indent=2))
+        return 0
+    console = Console(width=max(MIN_WIDTH, Console().width))
+    console.print(_table(found))
+    for line in _notes(found):
+        console.print(line)
+    return 0
+
+
+def _table(found: Agreement) -> Table:
+    met = targets_met(found)
+    table = Table(
+        title=f"Agreement with Habitat on {', '.join(house.house for house in found.houses)}", box=SIMPLE_HEAD
+    )
+    for head in ("", "target", "all", *(house.house for house in found.houses)):
+        table.add_column(head, justify="left" if not head else "right")
+    for key, (sign, limit) in TARGETS.items():
+        colour = {True: "green", False: "red", None: "dim"}[met[key]]
+        cells = [_cell(figures, key) for figures in (found, *found.houses)]
+        table.add_row(_LABELS[key], f"{sign} {_shown(key, limit)}", f"[{colour}]{cells[0]}[/]", *cells[1:])
+    return table
+
+
+def _notes(found: Agreement) -> list[str]:
+    rows, further = found.rows, found.further
+    notes = [
+        f"Rows: {rows.geodesic:,} distances, {rows.steps:,} forwards ({rows.sensitive:,} more left out as sensitive), "
+        f"{rows.snap:,} points, {rows.grid:,} distances on the grid, {rows.depth_pixels:,} pixels, "
+        f"{rows.episodes:,} trajectories.",
+        "Exact: "
+        + ", ".join(
+            f"{name} {_percent(value)}"
+            for name, value in (
+                ("success", further.success_exact),
+                ("steps", further.num_steps_exact),
+                ("collisions", further.collisions_exact),
+                ("inf and nan", further.nonfinite_exact),
+            )
+        )
+        + ".",
+        f"With sliding: forwards within 1 mm {_percent(further.slide_steps_within_1mm)}. Pairs off the navmesh, where "
+        f"Detour counts heights: mean error of the grid {_percent(further.grid_off_mesh_mean_rel_error)}, same "
+        f"reachability {_percent(further.grid_off_mesh_reachability)} ({rows.grid_off_mesh:,} pairs).",
+    ]
+    if found.missing:
+        notes.append(f"Not in the folder, so not compared: {escape(', '.join(found.missing))}.")
+    if found.made_with:
+        notes.append(f"Answers made with {escape('; '.join(found.made_with))}; compared with {found.compared_with}.")
+    return notes
+
+
+def _cell(figures: Figures, key: str) -> str:
+    value = figures.model_dump(by_alias=True)[key]
+    return "-" if value is None else _shown(key, value)
+
+
+def _shown(key: str, value: float) -> str:
+    if key in _IN_PERCENT:
+        return _percent(value)
+    return f"{value:.3f} mm" if key == "depth_median_mm" else f"{value:.1e}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2%}"

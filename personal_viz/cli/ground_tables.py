@@ -1,0 +1,121 @@
+"""What the verb `ground` prints: one JSON document per run, or the paper's POG table."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from grounding.report.sources import PAPER_IS, PAPER_POG, pog_notes
+from grounding.settings import GroundSettings
+from personal_viz.printed import Console
+from sim.tasks.metrics import MetricRow
+from sim.tasks.run_files import RunInfo
+from sim.types import SPLITS
+
+_TOTAL_IS = "plain mean of the splits"
+"""As in the paper's Total column and in `personal-viz metrics`; `pooled` weighs every episode alike."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroundResult:
+    """One run and its figures."""
+
+    settings: GroundSettings
+    info: RunInfo
+    rows: Mapping[str, MetricRow]
+    """By split, and `total`."""
+    folder: Path
+    phrases_by_rules: int
+    """Answers whose phrases rules read because the language model gave none."""
+
+
+def ground_document(result: GroundResult) -> dict[str, object]:
+    """The figures of a run, rounded percent; splits without episodes are None."""
+    settings, info, rows = result.settings, result.info, result.rows
+    names = (*SPLITS, "total")
+    splits = [rows[split] for split in SPLITS if split in rows]
+    return {
+        "method": settings.method,
+        "encoder": settings.map_encoder,
+        "phrases": info.config["phrases"],
+        "phrases_by_rules": result.phrases_by_rules if info.config["phrases"] == "llm" else None,
+        "map": settings.map,
+        "scene_kind": info.scene_kind,
+        "scene_label": info.scene_label,
+        "condition": info.condition,
+        "storey_given": not settings.all_storeys,
+        "notes": list(pog_notes([info])),
+        "frame": info.config["frame"],
+        "seed": settings.seed,
+        "config": dict(info.config),
+        "n": rows["total"].n,
+        "n_per_split": {split: rows[split].n if split in rows else 0 for split in SPLITS},
+        "sr": {name: _rounded(rows[name].sr) if name in rows else None for name in names},
+        "top3": {name: _rounded(rows[name].top3) if name in rows else None for name in names},
+        "total_is": _TOTAL_IS,
+        "pooled": {
+            "sr": _pooled([(row.sr, row.n) for row in splits]),
+            "top3": _pooled([(row.top3, row.n) for row in splits]),
+        },
+        "run": str(result.folder),
+    }
+
+
+def print_ground_table(results: Sequence[GroundResult]) -> None:
+    """The paper's POG table with one method; a group of rows for each source of phrases.
+
+    Args:
+        results: Of the same settings but for the phrases; at least one.
+    """
+    info, settings = results[0].info, results[0].settings
+    sources = [str(result.info.config["phrases"]) for result in results]
+    table = Table(
+        title=f"POG, {info.condition.replace(f', phrases {sources[0]}', '')} ({_homes(info)})",
+        caption=f"Percent within 1 m of the target. {settings.method} chooses among: {info.config['frame']}. "
+        f"Total = {_TOTAL_IS}.",
+    )
+    table.add_column("Method")
+    table.add_column("")
+    names = [name for name in (*SPLITS, "total") if any(name in result.rows for result in results)]
+    for name in names:
+        table.add_column(name.capitalize(), justify="right")
+    for result, source in zip(results, sources, strict=True):
+        rows, method = result.rows, settings.method
+        label = method if source == "none" else f"{method} (phrases {source})"
+        table.add_row(label, "SR", *(_cell(rows[name].sr) for name in names))
+        table.add_row("", "k/n", *(f"{rows[name].k}/{rows[name].n}" for name in names))
+        table.add_row("", "top-3", *(_cell(rows[name].top3) for name in names))
+    if info.scene_kind == "oracle-map" and settings.method in PAPER_POG:
+        printed = dict[str, float](zip((*SPLITS, "total"), PAPER_POG[settings.method], strict=True))
+        table.add_row(PAPER_IS, "SR", *(f"{printed[name]:.1f}" for name in names))
+    Console(file=sys.stdout).print(table)
+    for note in [*([f"{info.scene_label}."] if info.scene_label else []), *pog_notes([each.info for each in results])]:
+        print(note)
+    for result in results:
+        if result.phrases_by_rules:
+            print(
+                f"The language model gave no phrases for {result.phrases_by_rules} of {result.rows['total'].n} "
+                "answers: rules read those."
+            )
+    folders = " ".join(str(result.folder) for result in results)
+    print(f"Written to {folders}; see it with: personal-viz metrics {folders}")
+
+
+def _homes(info: RunInfo) -> str:
+    return "no home" if info.scene_kind == "oracle-map" else f"{info.scene_kind} homes"
+
+
+def _pooled(figures: Sequence[tuple[float | None, int]]) -> float | None:
+    """Percent over all episodes together, of each split's percent and number of episodes."""
+    known = [(percent, n) for percent, n in figures if percent is not None]
+    return _rounded(sum(percent * n for percent, n in known) / sum(n for _, n in known)) if known else None
+
+
+def _rounded(percent: float | None) -> float | None:
+    return None if percent is None else round(percent, 2)
+
+
+def _cell(percent: float | None) -> str:
+    return "-" if percent is None else f"{percent:.1f}"

@@ -1,0 +1,33 @@
+"""Options that several verbs share."""
+
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+from grounding.encoders.protocol import Autocast, Device
+from sim.types import ClutterLevel, Split
+
+Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
+ScenesDir = Annotated[
+    Path | None, arg(help="Folder below which <Scene>.glb files lie; without it, homes are rebuilt from the episodes.")
+]
+Json = Annotated[bool, arg(help="Print one JSON document instead of tables.")]
+Scenes = Annotated[tuple[str, ...], arg(help="Scene names; all by default.")]
+Splits = Annotated[tuple[Split, ...], arg(help="Splits; all by default.")]
+Limit = Annotated[
+    int | None, arg(help="At most this many episodes per split: a seeded sample, spread over the scenes.")
+]
+SampleSeed = Annotated[int, arg(help="Draws other episodes with --limit; the same for all runs that you compare.")]
+Clutter = Annotated[
+    ClutterLevel, arg(help="How much furniture and small things without a caption stand in homes without a scan.")
+]
+ModelDevice = Annotated[Device, arg(help="Where a real model runs.")]
+ModelAutocast = Annotated[Autocast, arg(help="A real model's arithmetic; float16 on cuda only.")]
+ModelBatch = Annotated[int, arg(help="Pictures or texts that a real model encodes together.")]
+RunId = Annotated[str | None, arg(help="Folder name below --out; made from the options by default.")]
+Rerun = Annotated[
+    str | None,
+    arg(help="Show episodes live: FILE.rrd, a folder (one file per episode), rerun+http://HOST:PORT/proxy, or spawn."),
+]
+WithPixels = Annotated[bool, arg(help="Store pictures of licensed scans too; you must have the right to share them.")]

@@ -1,0 +1,1 @@
+"""Verbs of studies with people: from planning and serving to export and report."""

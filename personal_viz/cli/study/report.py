@@ -1,0 +1,194 @@
+"""Verb `study report`: a study's figures as tables and pictures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import StudyError
+from sim.files import write_whole
+from sim.tasks.run_files import Run
+from sim.types import SPLITS, EpisodeKey, SuccessRule, TaskKind
+
+if TYPE_CHECKING:
+    from human_study.report.overlays import FloorPlan
+    from human_study.report.report import ReportGroups, StudyReport
+
+CHOSEN_OVERLAYS = 4
+"""Episodes of each task that are drawn from above unless all are asked for."""
+
+
+def report(
+    *,
+    runs: Sequence[Path],
+    out: Path,
+    rule: SuccessRule | None,
+    json: bool,
+    dataset: Path | None = None,
+    scenes_dir: Path | None = None,
+    overlays: bool = False,
+) -> int:
+    """Writes the report of the runs into a folder; the same runs give the same bytes.
+
+    Args:
+        runs: Run folders, folders that hold some, an export of a study, or a study folder.
+        out: Where the files go; files of an earlier report there are replaced.
+        rule: Success rule of PAN; None = the study file's, or `paper`.
+        json: Print the report as JSON instead of Markdown.
+        dataset: Folder of the episodes: for the chosen objects, the splits' sizes, and the floor under overlays.
+        scenes_dir: Folder of the scans; None = homes without their scans. Needs `dataset`.
+        overlays: Draw all episodes from above, not a chosen few.
+
+    Raises:
+        StudyError: No run is of people, an agent did other episodes, options do not fit, or `out` cannot be written.
+        RunFileError: A folder holds no run, a run is damaged, or the runs must not stand side by side.
+    """
+    from human_study.report.report import report_groups, study_report
+    from human_study.report.source import read_source
+
+    if scenes_dir is not None and dataset is None:
+        raise StudyError(f"--scenes-dir: found {str(scenes_dir)!r} without --dataset; expected both. Give --dataset.")
+    source = read_source(runs)
+    episodes = PersonalDataset(dataset) if dataset is not None else None
+    if episodes is not None:
+        _require_same_episodes(episodes, {run.info.dataset_digest for run in source.runs})
+    found = study_report(
+        source.runs,
+        rule=rule,
+        records=source.records,
+        split_sizes=_split_sizes(episodes) if episodes is not None else None,
+        objects=_objects(episodes, _scenes_of(source.runs)) if episodes is not None else None,
+    )
+    groups = report_groups(source, rule=found.rule)
+    pictures = _pictures(found, groups) | _overlays(groups, episodes, scenes_dir, draws_all=overlays)
+    document = found.model_dump_json(indent=2) + "\n"
+    files = _texts(found, groups, pictures) | {"report.json": document} | pictures
+    _write(out, files)
+    print(document if json else f"{files['report.md']}\nWritten to {out}: {', '.join(files)}", end="" if json else "\n")
+    return 0
+
+
+def _scenes_of(runs: Sequence[Run]) -> set[str]:
+    """Homes in which people were."""
+    people = [run for run in runs if run.info.who_kind == "human"]
+    return {item.key.scene for run in people for item in (*run.episodes, *run.answers)}
+
+
+def _texts(found: StudyReport, groups: ReportGroups, pictures: dict[str, str]) -> dict[str, str]:
+    from human_study.report.files import csv_text, latex
+    from human_study.report.glmm import glmm_csv, glmm_script
+    from human_study.report.sections import html_page, markdown
+
+    texts = {
+        "report.md": markdown(found, pictures),
+        "report.html": html_page(found, pictures),
+        "report.csv": csv_text(found),
+        "report.tex": latex(found),
+    }
+    for task in _tasks(found):
+        texts[f"{task}-trials.csv"] = glmm_csv(groups.people, task)
+        texts[f"{task}-glmm.R"] = glmm_script(groups.people, task)
+    return texts
+
+
+def _pictures(found: StudyReport, groups: ReportGroups) -> dict[str, str]:
+    from human_study.report.figures import effort_svg, flow_svg, order_svg, outcome_matrix_svg, person_dots_svg
+
+    pictures = {}
+    for task in _tasks(found):
+        pictures[f"{task}-people.svg"] = person_dots_svg(found, task)
+        pictures[f"{task}-episodes.svg"] = outcome_matrix_svg(found, task)
+        pictures[f"{task}-effort.svg"] = effort_svg((*groups.people, *groups.averaged), task)
+        if any(row.task == task for row in found.blocks):
+            pictures[f"{task}-order.svg"] = order_svg(found, task)
+    if found.flow:
+        pictures["flow.svg"] = flow_svg(found)
+    return pictures
+
+
+def _overlays(
+    groups: ReportGroups, episodes: PersonalDataset | None, scenes_dir: Path | None, *, draws_all: bool
+) -> dict[str, str]:
+    """Paths and marks from above, by file name; over the free floor where the dataset is at hand."""
+    from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
+
+    shown = (*groups.people, *groups.agents)
+    tasks: list[TaskKind] = [group.task for group in groups.people]
+    pictures = {}
+    for task in dict.fromkeys(tasks):
+        of_task = [group for group in shown if group.task == task]
+        keys = overlay_keys(of_task, task, most=10**6 if draws_all else CHOSEN_OVERLAYS)
+        heights = floors_needed(of_task, keys)
+        floors = _floors(episodes, heights, scenes_dir) if episodes is not None else {}
+        for key in keys:
+            pictures[overlay_name(key, task)] = overlay_svg(of_task, key, task, floor=floors.get(key))
+    return pictures
+
+
+def _floors(
+    episodes: PersonalDataset, heights: Mapping[EpisodeKey, float], scenes_dir: Path | None
+) -> dict[EpisodeKey, FloorPlan]:
+    """The free floor of each episode's storey; a home is opened once."""
+    from human_study.report.overlays import FloorPlan
+    from sim.homes.open_home import open_scene
+
+    floors = {}
+    for scene in sorted({key.scene for key in heights}):
+        navigation = open_scene(episodes, scene, scenes_dir=scenes_dir).navigation
+        for key, height in heights.items():
+            if key.scene == scene:
+                storey = min(navigation.storey_heights, key=lambda floor_y, y=height: abs(floor_y - y))
+                top_down = navigation.top_down(storey)
+                targets = tuple((goal.position[0], goal.position[2]) for goal in episodes.episode(key).targets)
+                floors[key] = FloorPlan(top_down.free, top_down.grid, targets)
+    return floors
+
+
+def _tasks(found: StudyReport) -> list[TaskKind]:
+    tasks: list[TaskKind] = [row.task for row in found.rows if row.kind == "human"]
+    return list(dict.fromkeys(tasks))
+
+
+def _split_sizes(episodes: PersonalDataset) -> dict[str, int]:
+    """Episodes of each split in the whole dataset."""
+    return dict(Counter(episode.key.split for episode in episodes.episodes()))
+
+
+def _objects(episodes: PersonalDataset, scenes: set[str]) -> dict[str, list[tuple[str, tuple[float, float]]]]:
+    """(name, middle on the floor plan) of each captioned object of the homes."""
+    found: dict[str, dict[str, tuple[float, float]]] = {scene: {} for scene in scenes}
+    for scene in sorted(scenes):
+        for split in SPLITS:
+            if (split, scene) in episodes.files:
+                for goals in episodes.content(split, scene).goals_by_category.values():
+                    for goal in goals:
+                        found[scene][goal.object_name] = (goal.position[0], goal.position[2])
+    return {scene: sorted(objects.items()) for scene, objects in found.items()}
+
+
+def _require_same_episodes(episodes: PersonalDataset, digests: set[str]) -> None:
+    if digests != {episodes.digest()}:
+        raise StudyError(
+            f"--dataset {episodes.root}: has digest {episodes.digest()[:12]}, the runs have "
+            f"{', '.join(sorted(digest[:12] for digest in digests))}; expected the same episode files. "
+            "Give the dataset on which the runs were made."
+        )
+
+
+def _write(out: Path, files: dict[str, str]) -> None:
+    """All files; overlays of an earlier report that are not among them go."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for old in out.glob("overlay-*.svg"):
+            if old.name not in files:
+                old.unlink()
+        for name, content in files.items():
+            write_whole(out / name, content)
+    except OSError as error:
+        raise StudyError(
+            f"--out: {str(out)!r} cannot be written ({error.strerror}); expected a folder, or a place for one. "
+            "Choose another."
+        ) from None

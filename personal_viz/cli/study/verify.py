@@ -1,0 +1,177 @@
+"""Verb `study verify`: does every finished trial again, home by home, and stores what it finds."""
+
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.progress import Progress
+
+from human_study.design.plan import PRACTICE_FOLDER, StudyPlan, StudyScene
+from human_study.store.record_types import TrialStatus, VerificationEntry
+from human_study.store.records import read_study
+from human_study.tickets import new_id
+from personal_viz.printed import Console
+from personal_viz.study_app.checked_options import check_options
+from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset, sim_hash
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import StudyError
+from sim.tasks.workers import SceneJob, results
+from sim.types import EpisodeKey
+
+BATCH = 20
+"""Episodes that a worker process does before it hands them over."""
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyJob(SceneJob):
+    """The finished trials of one home."""
+
+    study: Path
+    study_scene: StudyScene
+    is_practice: bool
+    scenes_dir: Path | None
+    trials: tuple[tuple[EpisodeKey, str, str], ...]
+    """(episode, trial id, participant) of each trial."""
+    run_id: str
+
+
+def verify(*, study: Path, dataset: Path, scenes_dir: Path | None, jobs: int = 1, store: bool = True) -> int:
+    """Does every finished trial of a study again; exit code 1 when one differs, or cannot be compared.
+
+    Args:
+        study: Folder.
+        dataset: That the study was made from.
+        scenes_dir: Of licensed scans.
+        jobs: Worker processes.
+        store: Whether the results are stored beside the trials, when nobody else writes to the study.
+
+    Raises:
+        StudyError: The study cannot be read, or is of another dataset.
+        DatasetError, SceneError: A home cannot be read.
+    """
+    check_options(run_id=None, jobs=jobs)
+    run_id = new_id()
+    with read_study(study) as reader:
+        reader.check()
+        people = [reader.trials(code) for code in reader.codes()]
+        plan, digest = reader.plan, reader.config.dataset.sha256
+    finished = [status for trials in people for status in trials if status.outcome is not None]
+    num_deleted = sum(bool(trials) and trials[0].is_shredded for trials in people)
+    if any(status.phase == "main" for status in finished):
+        require_same_dataset(PersonalDataset(dataset), digest)
+    work = _jobs(study, plan, finished, dataset, scenes_dir, run_id)
+    found: list[VerificationEntry] = []
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
+        bar = progress.add_task("verify", total=len(finished))
+        for entries in results(_open_home, work, processes=jobs, batch=BATCH):
+            found += entries
+            progress.update(bar, advance=len(entries))
+    _print_found(study, found, {status.trial_id: status for status in finished}, num_deleted=num_deleted)
+    if store and found:
+        _store(study, found)
+    return 0 if all(entry.status == "verified" for entry in found) else 1
+
+
+def _jobs(
+    study: Path,
+    plan: StudyPlan,
+    finished: Sequence[TrialStatus],
+    dataset: Path,
+    scenes_dir: Path | None,
+    run_id: str,
+) -> list[VerifyJob]:
+    """One job for each home."""
+    by_scene: defaultdict[str, list[tuple[EpisodeKey, str, str]]] = defaultdict(list)
+    for status in finished:
+        assert status.trial_id is not None, status
+        by_scene[status.key.scene].append((status.key, status.trial_id, status.code))
+    practice = {scene.name for scene in plan.practice_scenes}
+    return [
+        VerifyJob(
+            study / PRACTICE_FOLDER if name in practice else dataset,
+            name,
+            tuple(dict.fromkeys(key for key, _, _ in trials)),
+            study=study,
+            study_scene=plan.scene(name),
+            is_practice=name in practice,
+            scenes_dir=scenes_dir,
+            trials=tuple(trials),
+            run_id=run_id,
+        )
+        for name, trials in sorted(by_scene.items())
+    ]
+
+
+def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry, ...]]:
+    """What does one episode's trials again, by all its people."""
+    from human_study.export.verify import verify_trial
+
+    home = open_any_home(
+        job.study_scene,
+        folder=job.study,
+        is_practice=job.is_practice,
+        dataset=job.dataset_root,
+        scenes_dir=job.scenes_dir,
+    )
+    simulator = sim_hash(home)
+
+    def do_again(key: EpisodeKey) -> tuple[VerificationEntry, ...]:
+        entries = []
+        with read_study(job.study) as reader:
+            for _, trial_id, code in (trial for trial in job.trials if trial[0] == key):
+                events, outcome = [stored.event for stored in reader.events(trial_id)], reader.outcome(trial_id)
+                if outcome is None:
+                    continue  # the participant withdrew a moment ago
+                done = verify_trial(events, outcome, key, home=home, participant=code)
+                entries.append(
+                    VerificationEntry(
+                        trial_id=trial_id,
+                        run_id=job.run_id,
+                        status=done.status,
+                        max_position_error=done.max_position_error,
+                        first_bad_step=done.first_bad_step,
+                        detail=done.detail,
+                        sim_hash=simulator,
+                        at_ns=time.time_ns(),
+                    )
+                )
+        return tuple(entries)
+
+    return do_again
+
+
+def _print_found(
+    study: Path, found: Sequence[VerificationEntry], trials: dict[str | None, TrialStatus], *, num_deleted: int
+) -> None:
+    """One line per trial that is not verified, then the counts."""
+    for entry in found:
+        if entry.status != "verified":
+            status = trials[entry.trial_id]
+            place = f"{status.code}, trial {status.order_no}, attempt {status.attempt} ({status.task} {status.key})"
+            print(f"{place}: {entry.status}: {entry.detail}")
+    counts = Counter(entry.status for entry in found)
+    text = ", ".join(f"{count} {name}" for name, count in sorted(counts.items())) or "no finished trial"
+    deleted = f"; {num_deleted} people withdrew and their trials are deleted" if num_deleted else ""
+    print(f"{study}: {text}{deleted}")
+
+
+def _store(study: Path, found: Sequence[VerificationEntry]) -> None:
+    """Adds the results to the study, unless another process writes to it."""
+    from human_study.design.plan import load_plan
+    from human_study.design.study import load_study
+    from human_study.store.database import take_lock
+    from human_study.store.store import open_store
+
+    try:
+        take_lock(study).close()
+    except StudyError as error:
+        print(f"Not stored: {error}")
+        return
+    config = load_study(study)
+    with open_store(study, config, load_plan(study, config)) as store:
+        for entry in found:
+            store.add_verification(entry)
+    print(f"Stored beside the trials; study export and study report show it. Run {found[0].run_id}.")

@@ -1,0 +1,226 @@
+"""A whole study or benchmark on one page: run folders -> a row per episode with its recording and contact sheet.
+
+Run folders -> trials in figures (gathered.py) -> folders of episodes, made in worker processes
+(episode_folder.py) -> `index.html` and `index.md`.
+"""
+
+import tempfile
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import RunFileError
+from sim.files import write_whole
+from sim.homes.kind import scene_kind
+from sim.homes.open_home import find_scan
+from sim.tasks.workers import results
+from sim.types import EpisodeKey
+
+from .episode_folder import FoldersJob, cannot_write, open_home
+from .gathered import Gathered, Setting, Trial, gather
+from .made import folder_name, inputs_digest, is_made
+from .markdown import page_markdown
+from .page import page_html
+from .rows import sections
+from .wording import Page
+
+VERSION = 1
+"""Raised by whoever changes what an episode's folder holds for the same runs; others' folders are made anew."""
+PICTURE_WIDTH = 320
+"""Of what robots saw, in recordings (pixels): a study's recordings hold millions of pictures."""
+EPISODES = "episodes"
+"""Folder of the episodes' folders."""
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What a comparison wrote."""
+
+    page: Path
+    num_episodes: int
+    num_made: int
+    """Of them made now; the others were there, made from the same."""
+    num_runs: int
+    has_left_out_pixels: bool
+    """Whether geometry and pictures of scans were left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Home:
+    """One home in one setting: where it is opened from, and what is to be made of it."""
+
+    setting: Setting
+    scene: str
+    scenes_dir: Path | None
+    suffix: str
+    trials: Mapping[EpisodeKey, Sequence[Trial]]
+
+
+def write_comparison(
+    folders: Sequence[Path],
+    *,
+    dataset: Path,
+    out: Path,
+    scenes_dir: Path | None = None,
+    with_pixels: bool = False,
+    picture_width: int = PICTURE_WIDTH,
+    jobs: int = 1,
+    on_plan: Callable[[int], None] = lambda left: None,
+    on_episode: Callable[[], None] = lambda: None,
+) -> Written:
+    """Writes the page of all runs, and what it links to; what an earlier call made from the same is kept.
+
+    Args:
+        folders: Run folders, or folders of run folders.
+        dataset: Folder of the episodes.
+        out: Folder for `index.html`, `index.md` and `episodes/`.
+        scenes_dir: Folder of the scans; None = invented or schematic homes.
+        with_pixels: Write maps, geometry and pictures of scans too (their terms of use hold for the folder).
+        picture_width: Of the robots' pictures in recordings; 0 leaves them out.
+        jobs: Worker processes, one home each.
+        on_plan: Told how many episodes are to be made.
+        on_episode: Called after each of them.
+
+    Raises:
+        RunFileError: Runs are damaged, never scored, or cannot be compared.
+        RecordingError: A home is another version than that of the runs, or the folder cannot be written.
+        PersonalVizError: A home cannot be opened, or a worker process was ended from outside.
+    """
+    episodes = PersonalDataset(dataset)
+    digest = episodes.digest()
+    known = {episode.key: episode for episode in episodes.episodes()}
+    with tempfile.TemporaryDirectory(prefix="personal-compare-") as aside:
+        gathered = gather(folders, dataset_digest=digest, episodes=known, into=Path(aside))
+        homes = _homes(gathered.trials, episodes, scenes_dir)
+        page = _page(gathered, homes, known, has_scan_pixels=with_pixels)  # refuses before hours of work
+        inputs = {"dataset": digest, "with_pixels": with_pixels, "picture_width": picture_width, "version": VERSION}
+        given = [folder.resolve() for folder in folders]
+        beside = tuple(dict.fromkeys([*given, *(folder.parent for folder in given)]))
+        jobs_of_homes = [
+            _job(home, dataset, Path(aside), out, inputs, with_pixels=with_pixels, picture_width=picture_width)
+            for home in homes
+        ]
+        work = [replace(job, beside=beside) for job in jobs_of_homes]
+        on_plan(sum(len(job.keys) for job in work))
+        num_made = 0
+        most = max((len(job.keys) for job in work), default=0)
+        for _ in results(open_home, work, processes=min(jobs, len(work)), batch=max(1, most)):
+            num_made += 1
+            on_episode()
+    try:
+        write_whole(out / "index.html", page_html(page))
+        write_whole(out / "index.md", page_markdown(page))
+    except OSError as error:
+        raise cannot_write(out, error) from None
+    kinds = {home.setting.kind for home in homes}
+    num_episodes = sum(len(home.trials) for home in homes)
+    has_left_out = "scan" in kinds and not with_pixels
+    return Written(out / "index.html", num_episodes, num_made, len(gathered.runs), has_left_out)
+
+
+def _homes(trials: Sequence[Trial], dataset: PersonalDataset, scenes_dir: Path | None) -> list[_Home]:
+    """Every home with its trials, by setting and name; answers on oracle maps join other runs of the episode."""
+    by_home: dict[tuple[Setting, str], dict[EpisodeKey, list[Trial]]] = defaultdict(lambda: defaultdict(list))
+    for trial in trials:
+        if trial.setting is not None:
+            by_home[(trial.setting, trial.key.scene)][trial.key].append(trial)
+    for trial in trials:
+        if trial.setting is None:
+            own = Setting(scene_kind(dataset, trial.key.scene, scenes_dir))
+            holders = [setting for setting, scene in sorted(by_home) if trial.key in by_home[(setting, scene)]]
+            for setting in dict.fromkeys(holders) if holders else [own]:
+                by_home[(setting, trial.key.scene)][trial.key].append(trial)
+    return [
+        _Home(setting, scene, *_source(dataset, setting, scene, scenes_dir, members), members)
+        for (setting, scene), members in sorted(by_home.items())
+    ]
+
+
+def _source(
+    dataset: PersonalDataset,
+    setting: Setting,
+    scene: str,
+    scenes_dir: Path | None,
+    trials: Mapping[EpisodeKey, Sequence[Trial]],
+) -> tuple[Path | None, str]:
+    """Where a home of a kind is opened from, and the suffix that tells its folders from those of other settings."""
+    level = f"-clutter{setting.clutter}" if setting.clutter else ""
+    if scene_kind(dataset, scene, scenes_dir) == setting.kind:
+        return scenes_dir, level
+    if scene_kind(dataset, scene, None) == setting.kind:
+        return None, f"-{setting.kind}{level}"
+    run_id = next(iter(trials.values()))[0].run_id
+    found = scene_kind(dataset, scene, scenes_dir)
+    advice = "Give --scenes-dir" if setting.kind == "scan" else "Give the --dataset of the run"
+    raise RunFileError(
+        f"{run_id}: was made on a home of kind {setting.kind!r}, {scene} can only be opened as "
+        f"{found!r} here; expected the kind of the run. {advice}, or leave the run out."
+    )
+
+
+def _page(
+    gathered: Gathered, homes: Sequence[_Home], known: Mapping[EpisodeKey, Episode], *, has_scan_pixels: bool
+) -> Page:
+    folders: dict[tuple[Setting | None, EpisodeKey], str] = {}
+    for home in homes:
+        for key in home.trials:
+            folder = f"{EPISODES}/{folder_name(key, home.suffix)}"
+            folders[(home.setting, key)] = folder
+            folders.setdefault((None, key), folder)
+    queries = {key: known[key].record.query[0] for _, key in folders}
+    is_scan = any(home.setting.kind == "scan" for home in homes)
+    return Page(
+        tuple(sections(gathered.trials, gathered.runs, queries=queries, folders=folders)),
+        has_scan_pixels=is_scan and has_scan_pixels,
+        has_left_out_pixels=is_scan and not has_scan_pixels,
+    )
+
+
+def _job(
+    home: _Home,
+    dataset: Path,
+    aside: Path,
+    out: Path,
+    inputs: Mapping[str, object],
+    *,
+    with_pixels: bool,
+    picture_width: int,
+) -> FoldersJob:
+    """What is left to be made of a home."""
+    source = _file_facts(home, dataset)
+    digests = {
+        key: inputs_digest({**inputs, "home": source, "runs": tuple(trial.digest for trial in trials)})
+        for key, trials in home.trials.items()
+    }
+    left = tuple(
+        key for key, digest in digests.items() if not is_made(out / EPISODES / folder_name(key, home.suffix), digest)
+    )
+    versions = [trial.scene_digest for trials in home.trials.values() for trial in trials if trial.scene_digest]
+    return FoldersJob(
+        dataset,
+        home.scene,
+        left,
+        setting=home.setting,
+        scenes_dir=home.scenes_dir,
+        runs=aside,
+        scene_digest=versions[0] if versions else None,
+        out=out / EPISODES,
+        suffix=home.suffix,
+        inputs=tuple((key, digests[key]) for key in left),
+        with_pixels=with_pixels,
+        picture_width=picture_width,
+    )
+
+
+def _file_facts(home: _Home, dataset: Path) -> tuple[object, ...]:
+    """What shows that a home's files are those of last time, without opening the home."""
+    plan = dataset / "scenes" / f"{home.scene}.plan.json"
+    files = [plan] if plan.is_file() else []
+    if home.scenes_dir is not None and home.setting.kind == "scan":
+        scan = find_scan(home.scene, home.scenes_dir)
+        files += sorted(path for path in scan.resolve().parent.glob(f"{home.scene}.*") if path.is_file())
+    stats = [(str(path), path.stat()) for path in files]
+    return home.setting, *((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

@@ -1,0 +1,111 @@
+"""Makes one episode's folder: recording, contact sheet, thumbnail, and last of all a note of what it was made from."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from recordings.log_run import Trace
+from recordings.replay import log_comparison
+from recordings.traces import select_traces
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import RecordingError
+from sim.files import write_whole
+from sim.homes.labels import renderer_of
+from sim.homes.open_home import open_scene
+from sim.tasks.run_files import Run
+from sim.tasks.workers import SceneJob
+from sim.types import Camera, EpisodeKey
+
+from .gathered import Setting, scene_runs, setting_of
+from .made import MADE, RECORDING, SHEET, THUMBNAIL, Made, folder_name
+from .sheet import sheet_png, thumbnail_jpeg
+
+
+@dataclass(frozen=True, slots=True)
+class FoldersJob(SceneJob):
+    """All that a worker process needs to make the folders of one scene's episodes."""
+
+    setting: Setting
+    scenes_dir: Path | None
+    """Where the home is opened from; None = a plan, or else a schematic home."""
+    runs: Path
+    """What `gather` put aside."""
+    scene_digest: str | None
+    """Version of the home in which the runs were made, where a run names it."""
+    out: Path
+    """Folder below which the episodes' folders lie."""
+    suffix: str
+    """Of the folders' names."""
+    inputs: tuple[tuple[EpisodeKey, str], ...]
+    """`Made.inputs` of each episode."""
+    with_pixels: bool
+    picture_width: int
+    """Of the robots' pictures in recordings; 0 = none."""
+    beside: tuple[Path, ...] = ()
+    """Folders that may hold the run folders; maps of explored homes lie there too."""
+
+
+def open_home(job: FoldersJob) -> Callable[[EpisodeKey], EpisodeKey]:
+    """Opens a job's home and gives what makes the folder of one of its episodes.
+
+    Raises:
+        RecordingError: The home is another version than that of the runs.
+    """
+    dataset = PersonalDataset(job.dataset_root)
+    scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.setting.clutter)
+    if job.scene_digest not in (None, scene.digest):
+        raise RecordingError(
+            f"{job.scene}: the runs were made on scene_digest {job.scene_digest[:12]!r}, the home opened now has "
+            f"{scene.digest[:12]!r}; expected the same version of the home. Give the --dataset or --scenes-dir of the "
+            "runs, or run them again."
+        )
+    has_map = scene.kind != "scan" or job.with_pixels
+    renderer = renderer_of(scene) if has_map else None
+    runs = [run for run in scene_runs(job.runs, job.scene) if setting_of(run.info) in (job.setting, None)]
+    episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
+    inputs = dict(job.inputs)
+    camera = Camera(job.picture_width, job.picture_width * 3 // 4) if job.picture_width else Camera()
+
+    def make(key: EpisodeKey) -> EpisodeKey:
+        folder = job.out / folder_name(key, job.suffix)
+        traces = traces_of(runs, key)
+        try:
+            (folder / MADE).unlink(missing_ok=True)
+            log_comparison(
+                runs,
+                episode=episodes[key],
+                scene=scene,
+                out=folder / RECORDING,
+                renderer=renderer if job.picture_width else None,
+                with_pixels=job.with_pixels,
+                camera=camera,
+                dataset=dataset,
+                beside=job.beside,
+            )
+            write_whole(folder / SHEET, sheet_png(scene, episodes[key], traces, renderer=renderer))
+            write_whole(folder / THUMBNAIL, thumbnail_jpeg(scene, episodes[key], traces, has_map=has_map))
+            write_whole(folder / MADE, Made(inputs=inputs[key], scene_digest=scene.digest).model_dump_json())
+        except OSError as error:
+            raise cannot_write(folder, error) from None
+        return key
+
+    return make
+
+
+def traces_of(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
+    """An episode's PAN runs, then its answers; names and colours are distinct within each of the two."""
+    walks = [run.model_copy(update={"answers": ()}) for run in runs]
+    answers = [run.model_copy(update={"episodes": ()}) for run in runs]
+    found: list[Trace] = []
+    for group in (walks, answers):
+        if any(item.key == key for run in group for item in (*run.episodes, *run.answers)):
+            found += select_traces(group, key)
+    return found
+
+
+def cannot_write(path: Path, error: OSError) -> RecordingError:
+    """The error of a folder or file that cannot be written."""
+    return RecordingError(
+        f"{path}: cannot be written ({error.strerror or error}); expected a folder with space that you can write. "
+        "Give another --out; finished episodes are kept."
+    )

@@ -1,0 +1,135 @@
+"""A storey seen from straight above, cut under its ceiling, with the names of its rooms and objects."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from sim.copies.cut import storey_mesh
+from sim.homes.cells import cells_from_runs
+from sim.homes.plan import HomePlan, Room
+from sim.mesh import Scene
+from sim.render.raycast import SKY_RGB, Raycaster
+from sim.types import STOREY_GAP, Camera
+
+_ABOVE = 400.0
+"""Height of the camera over the cut (metres): so far that walls do not lean."""
+_BORDER = 0.3
+"""Metres around the storey."""
+_NAME_SIZE, _WORD_SIZE = 20, 12
+"""Letters of rooms and of objects, pixels."""
+_MIN_SHOWN = 30
+"""Pixels from which an object is named."""
+_PAPER = (255, 255, 255)
+_INK = (30, 30, 36)
+
+
+class _Name(NamedTuple):
+    """Words at a place of the world."""
+
+    text: str
+    xz: tuple[float, float]
+
+
+def storey_picture(scene: Scene, plan: HomePlan | None, floor_y: float, *, size: tuple[int, int]) -> Image.Image:
+    """A storey from above, at most `size` = (width, height) pixels large, north (-z) up.
+
+    Args:
+        scene: Any home.
+        plan: Its plan, which names rooms; None = rooms have no names.
+        floor_y: One of the scene's storey heights, metres.
+        size: Pixels that the picture may take.
+    """
+    mesh = storey_mesh(scene, floor_y)
+    used = mesh.vertices[np.unique(mesh.faces)].astype(float)
+    low, high = used.min(axis=0) - _BORDER, used.max(axis=0) + _BORDER
+    scale = min(size[0] / (high[0] - low[0]), size[1] / (high[2] - low[2]))
+    width, height = (max(16, int(scale * (high[axis] - low[axis]))) for axis in (0, 2))
+    eye_y = float(high[1]) + _ABOVE
+    depth = eye_y - floor_y
+    camera = Camera(width, height, hfov_deg=math.degrees(2 * math.atan(width / 2 / (scale * depth))))
+    middle = (low + high) / 2
+    T_world_down = np.eye(4)
+    T_world_down[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]  # picture right = +x, picture down = +z, ahead = -y
+    T_world_down[:3, 3] = middle[0], eye_y, middle[2]
+    frame = Raycaster(mesh).render(T_world_down, camera)
+    rgb = np.where((frame.rgb == SKY_RGB).all(axis=2, keepdims=True), np.uint8(255), frame.rgb)
+    picture = Image.fromarray(rgb)
+    counts = np.bincount(
+        frame.instance_ids.ravel(), minlength=1 + max((o.instance_id for o in scene.objects), default=0)
+    )
+    shown = sorted(
+        (item for item in scene.objects if counts[item.instance_id] >= _MIN_SHOWN),
+        key=lambda item: (-counts[item.instance_id], item.instance_id),
+    )
+    rooms = [] if plan is None else _room_names(plan, floor_y)
+    words = [_Name(item.category, (item.centre[0], item.centre[2])) for item in shown]
+
+    def at(xz: tuple[float, float]) -> tuple[float, float]:
+        return (xz[0] - middle[0]) * scale + width / 2, (xz[1] - middle[2]) * scale + height / 2
+
+    _write(picture, [(name.text, at(name.xz)) for name in rooms], [(word.text, at(word.xz)) for word in words])
+    return picture
+
+
+def _room_names(plan: HomePlan, floor_y: float) -> list[_Name]:
+    """Each room of the storey at a place well inside it."""
+    index = min(range(len(plan.storeys)), key=lambda k: abs(plan.storeys[k].floor_y - floor_y))
+    if abs(plan.storeys[index].floor_y - floor_y) >= STOREY_GAP:
+        return []
+    rooms = [room for room in plan.rooms if room.storey == index]
+    return [_Name(room.name, xz) for room in rooms if (xz := _middle(room, plan)) is not None]
+
+
+def _middle(room: Room, plan: HomePlan) -> tuple[float, float] | None:
+    """A rectangle's centre, or of an area the cell nearest to the mean of its cells; of a whole storey its cells'."""
+    if room.rect is not None:
+        return room.rect.centre
+    if plan.cells is None:
+        return None
+    rc = _cells_of(room, plan)
+    if not len(rc):
+        return None
+    nearest = rc[np.linalg.norm(rc - rc.mean(axis=0), axis=1).argmin()]
+    x, z = plan.cells.grid.xz_from_rc(nearest)
+    return float(x), float(z)
+
+
+def _cells_of(room: Room, plan: HomePlan) -> NDArray[np.int64]:
+    """(N, 2) cells of a room's area, or all walkable ones of its storey where it names none."""
+    if room.area:
+        parts = [
+            np.stack([np.full(run.length, run.row), np.arange(run.col, run.col + run.length)], axis=1)
+            for run in room.area
+        ]
+        return np.concatenate(parts)
+    assert plan.cells is not None
+    cells = cells_from_runs(plan.cells.walkable)
+    return cells.rc[np.abs(cells.y - plan.storeys[room.storey].floor_y) < STOREY_GAP / 2]
+
+
+def _write(
+    picture: Image.Image,
+    rooms: Sequence[tuple[str, tuple[float, float]]],
+    words: Sequence[tuple[str, tuple[float, float]]],
+) -> None:
+    """Rooms in large letters, then objects in small ones wherever nothing is written yet."""
+    draw = ImageDraw.Draw(picture)
+    taken: list[tuple[float, float, float, float]] = []
+    for names, size, fill in ((rooms, _NAME_SIZE, _INK), (words, _WORD_SIZE, _PAPER)):
+        font = ImageFont.load_default(size=size)
+        for text, at in names:
+            box = draw.textbbox(at, text, font=font, anchor="mm")
+            box = (box[0] - 3, box[1] - 2, box[2] + 3, box[3] + 2)
+            if size == _WORD_SIZE and any(_overlap(box, other) for other in taken):
+                continue
+            taken.append(box)
+            draw.rectangle(box, fill=fill, outline=_INK if fill == _INK else None)
+            draw.text(at, text, font=font, anchor="mm", fill=_PAPER if fill == _INK else _INK)
+
+
+def _overlap(box: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+    return box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3]

@@ -1,0 +1,177 @@
+"""A POG report's files: pages, tables for programs and papers, figures; the same runs give the same bytes."""
+
+import json
+from collections.abc import Sequence
+
+from grounding.report.sources import PAPER_IS
+from grounding.report.table import TOTAL, PogReport, PogTable
+from human_study.export.csv_cells import csv_lines
+from human_study.report.blocks import html_text, markdown_text
+from human_study.report.files import tex, tex_lines
+from sim.homes.kind import scene_label
+
+from .figures import Drawn, distance_figure, knob_figure, methods_figure
+from .gallery import DrawnFailure, Gallery
+from .map_svg import failure_svg
+from .sections import count_text, distance_name, knob_groups, knob_name, methods_name, paper_text, report_blocks
+
+_BESIDE = "figure:has(> svg[role=img]) { display: inline-block; width: 440px; margin: .6rem; vertical-align: top; }\n"
+"""Failures stand beside each other."""
+
+
+def report_files(report: PogReport, gallery: Gallery | None) -> dict[str, str | bytes]:
+    """Content by file name.
+
+    Args:
+        report: The numbers.
+        gallery: Failures; None where the dataset is not at hand.
+    """
+    drawn = _figures(report)
+    files: dict[str, str | bytes] = {
+        f"{name}.{end}": body for name, both in drawn.items() for end, body in both.items()
+    }
+    failures = {} if gallery is None else {item.file_name: failure_svg(item) for item in gallery.drawn}
+    pictures = {name: body for name, body in files.items() if isinstance(body, str)} | failures
+    blocks = report_blocks(report, gallery)
+    files |= failures | {
+        "index.md": markdown_text(blocks),
+        "index.html": html_text(blocks, pictures).replace("</style>", f"{_BESIDE}</style>", 1),
+        "report.json": json.dumps(document(report, gallery), indent=2) + "\n",
+        "table.tex": latex(report.tables),
+        **_csv_files(report),
+    }
+    if gallery is not None:
+        files["failures.csv"] = _failures_csv(gallery)
+    return files
+
+
+def document(report: PogReport, gallery: Gallery | None) -> dict[str, object]:
+    """The report as JSON holds it."""
+    values: dict[str, object] = report.model_dump(mode="json")
+    if gallery is not None:
+        values["failure_counts"] = [
+            {"table": c.table, "method": c.method, "kind": c.kind, "n": c.n, "of": c.of} for c in gallery.counts
+        ]
+        values["failures"] = [dict(zip(_FAILURE_HEADS, _failure_line(item), strict=True)) for item in gallery.drawn]
+    return values
+
+
+def latex(tables: Sequence[PogTable]) -> str:
+    """The paper's layout, one tabular per table."""
+    parts = []
+    for number, table in enumerate(tables, start=1):
+        splits = [cell.split for cell in max(table.rows, key=lambda row: len(row.cells)).cells]
+        heads = " & ".join([*(split.capitalize() for split in splits), "Top-3", tex(PAPER_IS)])
+        body = []
+        for row in table.rows:
+            cells = {cell.split: cell for cell in row.cells}
+            shown = [
+                f"${cells[split].sr:.1f}$ {{\\scriptsize ({count_text(cells[split])})}}" if split in cells else "--"
+                for split in splits
+            ]
+            by_home, top3 = cells[TOTAL].by_home, cells[TOTAL].top3
+            if by_home is not None:
+                shown[-1] += f" {{\\scriptsize [${by_home.low:.1f}$, ${by_home.high:.1f}$]}}"
+            best = "--" if top3 is None else f"${top3:.1f}$"
+            body.append(" & ".join([tex(row.name), *shown, best, tex(paper_text(row)) or "--"]) + r" \\")
+        said = [f"{table.title}, scenes: {table.scene_kind}; SR in percent within 1 m, 95% intervals by home"]
+        said += [table.scene_label] if table.scene_label else []
+        parts.append(
+            f"% Table {number}\n"
+            f"\\begin{{tabular}}{{l{'c' * (len(splits) + 2)}}}\n\\hline\nMethod & {heads} \\\\\n\\hline\n"
+            + "\n".join(body)
+            + f"\n\\hline\n{tex_lines(said, num_columns=len(splits) + 3)}\\end{{tabular}}\n"
+            + "".join(f"\n{{\\footnotesize {tex(note)}}}\n" for note in table.notes)
+        )
+    return "\n".join(parts)
+
+
+def _figures(report: PogReport) -> dict[str, Drawn]:
+    drawn = {}
+    for number, table in enumerate(report.tables, start=1):
+        drawn[methods_name(number)] = methods_figure(table)
+        drawn[distance_name(number)] = distance_figure(table)
+    for number, curves in enumerate(knob_groups(report), start=1):
+        titles = {point.table for curve in curves for point in curve.points}
+        notes = dict.fromkeys(note for table in report.tables if table.title in titles for note in table.notes)
+        drawn[knob_name(number, curves[0].knob)] = knob_figure(curves, list(notes))
+    return drawn
+
+
+def _csv_files(report: PogReport) -> dict[str, str]:
+    cells, differences, distances, options = [], [], [], []
+    for table in report.tables:
+        home = (table.title, table.scene_kind, table.scene_label)
+        for row in table.rows:
+            commits = " ".join(row.commits)
+            for cell in row.cells:
+                ranges = (*cell.by_episode, *_both(cell.by_home), cell.top3, *_both(cell.top3_by_home))
+                known = (cell.split, cell.n, cell.k, cell.sr, *ranges, cell.num_homes)
+                runs = (commits, " ".join(row.run_ids), " ".join(table.notes))
+                cells.append((*home, row.name, *known, paper_text(row), *runs))
+            for point in row.curve:
+                both = (point.sr, *_both(point.by_home), point.top3, *_both(point.top3_by_home))
+                distances.append((*home, row.name, point.metres, *both))
+        for item in table.differences:
+            pair = (item.first, item.second, item.n, item.first_minus_second)
+            differences.append((*home, *pair, *_both(item.by_home), item.only_first, item.only_second))
+    for curve in report.curves:
+        for point in curve.points:
+            firsts, threes = (point.sr, *_both(point.by_home)), (point.top3, *_both(point.top3_by_home))
+            counts = (point.value, point.n, point.num_homes)
+            kind = (curve.scene_kind, scene_label(curve.scene_kind))
+            options.append((curve.title, *kind, curve.name, curve.knob, *counts, *firsts, *threes))
+    home = ("table", "scene_kind", "scene_label")
+    of_homes = ("home_low", "home_high")
+    found = ("split", "n", "k", "sr", "episode_low", "episode_high", *of_homes)
+    top3 = ("top3", "top3_home_low", "top3_home_high")
+    source = ("homes", "paper_hm3d_maps", "commits", "runs", "sources")
+    pair = ("first", "second", "n", "first_minus_second", *of_homes, "only_first", "only_second")
+    return {
+        "table.csv": csv_lines((*home, "method", *found, *top3, *source), cells),
+        "differences.csv": csv_lines((*home, *pair), differences),
+        "distance.csv": csv_lines((*home, "method", "metres", "sr", *of_homes, *top3), distances),
+        "options.csv": csv_lines((*home, "method", "option", "value", "n", "homes", "sr", *of_homes, *top3), options),
+    }
+
+
+_FAILURE_HEADS = (
+    "table",
+    "method",
+    "run",
+    "split",
+    "scene",
+    "episode_id",
+    "kind",
+    "distance",
+    "object",
+    "why",
+    "picture",
+    "scene_kind",
+    "scene_label",
+)
+
+
+def _failures_csv(gallery: Gallery) -> str:
+    return csv_lines(_FAILURE_HEADS, [_failure_line(item) for item in gallery.drawn])
+
+
+def _failure_line(item: DrawnFailure) -> tuple[object, ...]:
+    distance = None if item.failure.distance == float("inf") else item.failure.distance
+    return (
+        item.table,
+        item.method,
+        item.info.run_id,
+        *item.episode.key,
+        item.failure.kind,
+        distance,
+        item.failure.object_name,
+        " ".join(item.reasons),
+        item.file_name,
+        item.info.scene_kind,
+        item.info.scene_label,
+    )
+
+
+def _both(interval: tuple[float, float] | None) -> tuple[float | None, float | None]:
+    return (None, None) if interval is None else (interval[0], interval[1])

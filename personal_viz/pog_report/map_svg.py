@@ -1,0 +1,229 @@
+"""One failure from above as SVG: the map's scores, the answers, the right object and what else the home holds."""
+
+import html
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grounding.maps.files import load_memory
+from grounding.maps.home_map import HomeMemory, ObjectMap
+from grounding.types import FeatureMap, Layers
+from sim.tasks.observers import FREE
+from sim.tasks.rules import SUCCESS_RADIUS
+from sim.types import STOREY_GAP, GridSpec
+
+from .gallery import DrawnFailure
+
+_PIXELS = 420
+"""Longer side of the drawing."""
+_MARGIN = 1.5
+"""Metres around everything that is drawn."""
+_GROUND, _CLOSED, _KNOWN = "#f4f4f1", "#d7d7d2", "#e4e9f2"
+_OPAQUE = 0.85
+"""Of cells: the floor that a robot saw shines through."""
+_HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], float)
+_GOAL, _ANSWER, _OTHER = "#d02020", "#ffffff", "#55555a"
+_NEAR = 2.5
+"""Other objects are named up to so many metres from the answer or the goal; the mouse shows the others' names."""
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """From metres to pixels."""
+
+    low: NDArray[np.float64]
+    scale: float
+    width: int
+    height: int
+
+    def at(self, x: float, z: float) -> tuple[float, float]:
+        """(right, down) pixels."""
+        return float((x - self.low[0]) * self.scale), float((z - self.low[1]) * self.scale)
+
+
+def failure_svg(item: DrawnFailure) -> str:
+    """The picture; the same failure gives the same text."""
+    view = _view(item)
+    layers = item.again.grounding.layers if item.again.grounding else None
+    memory = item.again.memory
+    parts = [f'<rect width="{view.width}" height="{view.height}" fill="{_GROUND}"/>', *_floor(view, item)]
+    if isinstance(memory, FeatureMap):
+        parts += _cells(view, memory, layers)
+    elif isinstance(memory, ObjectMap):
+        parts += _boxes(view, memory, layers)
+    parts += [*_others(view, item), *_targets(view, item), *_answers(view, item), _bar(view)]
+    label = item.info.scene_label
+    words = f'<text x="8" y="{view.height + 12}" font-size="9">{label}</text>' if label else ""
+    below = 18 if label else 0
+    title = html.escape(f"{item.method}: {item.episode.key}")
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{view.width}" height="{view.height + below}" role="img" '
+        f'aria-label="{title}" font-family="sans-serif" font-size="11"><title>{title}</title>'
+        f"{''.join(parts)}{words}</svg>\n"
+    )
+
+
+def _floor_y(item: DrawnFailure) -> float:
+    return item.episode.targets[0].floor_y
+
+
+def _on_storey(item: DrawnFailure) -> list[tuple[str, str, float, float, bool]]:
+    """(name, category, x, z, is right) of the objects on the goal's storey."""
+    right = {target.object_name for target in item.episode.targets}
+    return [
+        (goal.object_name, goal.object_category, goal.position[0], goal.position[2], goal.object_name in right)
+        for goal in item.goals
+        if abs(goal.floor_y - _floor_y(item)) < STOREY_GAP
+    ]
+
+
+def _view(item: DrawnFailure) -> _View:
+    points = [(x, z) for _, _, x, z, _ in _on_storey(item)] + [(p[0], p[2]) for p in item.answer.candidates]
+    memory = item.again.memory
+    if isinstance(memory, FeatureMap) and len(memory.rc):
+        points += [tuple(xz) for xz in memory.grid.xz_from_rc(memory.rc).tolist()]
+    elif isinstance(memory, ObjectMap):
+        points += [(thing.centre[0], thing.centre[2]) for thing in memory.objects]
+    found = np.array(points, float)
+    low, high = found.min(axis=0) - _MARGIN, found.max(axis=0) + _MARGIN
+    scale = _PIXELS / float(max(high - low))
+    width, height = (max(160, round(side * scale)) for side in (high - low).tolist())
+    return _View(low, scale, width, height)
+
+
+def _floor(view: _View, item: DrawnFailure) -> list[str]:
+    """What the robot that made the map knew to be free, a rectangle per run of cells in a row; none on oracle maps."""
+    if item.again.map_file is None:
+        return []
+    occupancy = _memory_of(item.again.map_file).storey_near(_floor_y(item)).occupancy
+    edges = np.diff(np.pad((occupancy.cells == FREE).astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    firsts, lasts = np.argwhere(edges == 1), np.argwhere(edges == -1)
+    cell, side = occupancy.grid.cell, occupancy.grid.cell * view.scale
+    corners = occupancy.grid.xz_from_rc(firsts) - cell / 2
+    runs = []
+    for (x, z), (_, first), (_, last) in zip(corners.tolist(), firsts.tolist(), lasts.tolist(), strict=True):
+        left, top = view.at(x, z)
+        width = (last - first) * side
+        runs.append(f"M{left:.1f} {top:.1f}h{width:.1f}v{side + 0.3:.1f}h{-width:.1f}z")
+    return [f'<path d="{"".join(runs)}" fill="#ffffff"/>']
+
+
+@lru_cache(maxsize=4)
+def _memory_of(path: Path) -> HomeMemory:
+    return load_memory(path)
+
+
+def _cells(view: _View, memory: FeatureMap, layers: Layers | None) -> list[str]:
+    """Every known cell with its final score; grey where the phrases' gate is closed."""
+    known = [_square(view, memory.grid, rc, _KNOWN if layers is None else _CLOSED) for rc in memory.rc.tolist()]
+    if layers is None:
+        return known
+    open_ = np.isfinite(layers.final)
+    colours = _heat(layers.final[open_])
+    cells = [
+        _square(view, memory.grid, rc, colour, title=f"{score:.3f}")
+        for rc, colour, score in zip(layers.rc[open_].tolist(), colours, layers.final[open_].tolist(), strict=True)
+    ]
+    return known + cells
+
+
+def _square(view: _View, grid: GridSpec, rc: list[int], colour: str, *, title: str = "") -> str:
+    x, z = grid.origin_xz[0] + rc[1] * grid.cell, grid.origin_xz[1] + rc[0] * grid.cell
+    left, top = view.at(x, z)
+    side = grid.cell * view.scale
+    shape = f'<rect x="{left:.1f}" y="{top:.1f}" width="{side:.1f}" height="{side:.1f}" fill="{colour}" '
+    shape += f'fill-opacity="{_OPAQUE}"'
+    return f"{shape}><title>{title}</title></rect>" if title else f"{shape}/>"
+
+
+def _boxes(view: _View, memory: ObjectMap, layers: Layers | None) -> list[str]:
+    scores = layers.final if layers is not None and len(layers.final) == len(memory.objects) else None
+    colours = [_KNOWN] * len(memory.objects) if scores is None else _heat(scores)
+    parts = []
+    for thing, colour in zip(memory.objects, colours, strict=True):
+        (x0, _, z0), (x1, _, z1) = thing.box
+        left, top = view.at(x0, z0)
+        width, height = (max(2.0, length * view.scale) for length in (x1 - x0, z1 - z0))
+        name = html.escape(thing.caption or "no caption")
+        parts.append(
+            f'<rect x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" height="{height:.1f}" fill="{colour}" '
+            f'stroke="#888" stroke-width=".6"><title>{name}</title></rect>'
+        )
+    return parts
+
+
+def _heat(scores: NDArray[np.float32]) -> list[str]:
+    """Colours from the least (dark blue) to the greatest (yellow); grey where there is none."""
+    is_known = np.isfinite(scores)
+    low, high = (float(scores[is_known].min()), float(scores[is_known].max())) if is_known.any() else (0.0, 0.0)
+    share = np.where(is_known, (scores - low) / (high - low) if high > low else 1.0, 0.0)
+    rgb = np.stack([np.interp(share, np.linspace(0, 1, len(_HEAT)), channel) for channel in _HEAT.T], axis=-1)
+    names = ["#{:02x}{:02x}{:02x}".format(*row) for row in np.round(rgb).astype(int).tolist()]
+    return [name if known else _CLOSED for name, known in zip(names, is_known.tolist(), strict=True)]
+
+
+def _others(view: _View, item: DrawnFailure) -> list[str]:
+    """A dot for every other object; its category beside it where it matters."""
+    marked = [(target.position[0], target.position[2]) for target in item.episode.targets]
+    marked += [(point[0], point[2]) for point in item.answer.candidates[:1]]
+    parts = []
+    for name, category, x, z, is_right in _on_storey(item):
+        if is_right:
+            continue
+        left, top = view.at(x, z)
+        same = category == item.episode.record.object_category
+        dot = f'<circle cx="{left:.1f}" cy="{top:.1f}" r="{3.2 if same else 1.8}" '
+        dot += f'fill="{_GOAL if same else _OTHER}" stroke="white" stroke-width=".7">'
+        parts.append(f"{dot}<title>{html.escape(name)}</title></circle>")
+        is_near = any(np.hypot(x - mx, z - mz) <= _NEAR for mx, mz in marked)
+        if name == item.failure.object_name or (same and is_near):
+            parts.append(_text(view, left, top - 4, category, "#222"))
+    return parts
+
+
+def _targets(view: _View, item: DrawnFailure) -> list[str]:
+    parts = []
+    for target in item.episode.targets:
+        x, y = view.at(target.position[0], target.position[2])
+        ring = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{SUCCESS_RADIUS * view.scale:.1f}" fill="none" stroke="{_GOAL}"'
+        cross = f"M{x - 5:.1f} {y - 5:.1f}l10 10m-10 0l10 -10"
+        parts.append(
+            f'{ring} stroke-width="1.6" stroke-dasharray="5 3"/>'
+            f'<path d="{cross}" stroke="white" stroke-width="4"/><path d="{cross}" stroke="{_GOAL}" stroke-width="2"/>'
+            f"{_text(view, x, y + 14, target.object_category, _GOAL)}"
+        )
+    return parts
+
+
+def _answers(view: _View, item: DrawnFailure) -> list[str]:
+    """The candidates as numbered discs, the first one black."""
+    parts = []
+    for rank, point in reversed(list(enumerate(item.answer.candidates, start=1))):
+        x, y = view.at(point[0], point[2])
+        fill, ink = ("#111", _ANSWER) if rank == 1 else (_ANSWER, "#111")
+        parts.append(
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="7.5" fill="{fill}" stroke="#111" stroke-width="1.2"/>'
+            f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle" fill="{ink}" font-weight="bold">{rank}</text>'
+        )
+    return parts
+
+
+def _bar(view: _View) -> str:
+    y = view.height - 8
+    return (
+        f'<path d="M8 {y} h{view.scale:.1f}" stroke="#111" stroke-width="2"/>'
+        f'<text x="{12 + view.scale:.1f}" y="{y + 4}">1 m</text>'
+    )
+
+
+def _text(view: _View, x: float, y: float, text: str, colour: str) -> str:
+    """Beside a place, towards the middle of the picture, so that its edge cuts nothing off."""
+    is_right = x > 0.6 * view.width
+    anchor = ' text-anchor="end"' if is_right else ""
+    return (
+        f'<text x="{x + (-7 if is_right else 7):.1f}" y="{y:.1f}" fill="{colour}" stroke="white" stroke-width="3" '
+        f'paint-order="stroke"{anchor}>{html.escape(text)}</text>'
+    )

@@ -1,0 +1,1 @@
+"""A study in the browser: gateway, workers, and the screens that participants see."""

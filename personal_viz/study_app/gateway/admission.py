@@ -1,0 +1,242 @@
+"""Who may take part, and as whom: personal tokens, the open link, Prolific's parameters, and tickets for websockets.
+
+Of a platform's id only an HMAC with the study's key reaches the database; the id itself goes to `pay.db`, and only when
+the study file asks for it.
+"""
+
+import contextlib
+import hashlib
+import hmac
+import json
+import os
+import secrets
+import sqlite3
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Protocol
+
+import msgspec
+
+from human_study.design.study import StudyConfig
+from human_study.private_files import write_private
+from sim.errors import StudyError
+
+SESSIONS_FILE = "sessions.json"
+"""Hashes of tickets, readable by the owner only, so that open pages go on after a restart; never exported."""
+PAY_FILE = "pay.db"
+"""Platform ids in clear for paying people, readable by the owner only; never exported."""
+PlatformId = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9]{4,64}\Z")]
+
+
+class DeviceProfile(msgspec.Struct, frozen=True):
+    """What a participant's browser can do, coarsely."""
+
+    webgl2: bool
+    width: Annotated[int, msgspec.Meta(ge=0, le=100_000)]
+    """Of the window, pixels, in hundreds."""
+    height: Annotated[int, msgspec.Meta(ge=0, le=100_000)]
+    dpr: Annotated[float, msgspec.Meta(gt=0, le=16)]
+    """Device pixels per pixel, in quarters."""
+    touch: bool
+
+    def coarse(self) -> "DeviceProfile":
+        """Rounded again, whatever the browser sent."""
+        width, height = (round(pixels / 100) * 100 for pixels in (self.width, self.height))
+        return DeviceProfile(self.webgl2, width, height, round(self.dpr * 4) / 4, self.touch)
+
+
+class Arrival(msgspec.Struct, frozen=True):
+    """Somebody on the open link, with Prolific's parameters if they are given."""
+
+    PROLIFIC_PID: PlatformId | None = None
+    STUDY_ID: PlatformId | None = None
+    SESSION_ID: PlatformId | None = None
+
+
+class Ticket(msgspec.Struct, frozen=True):
+    """Admission of one browser session to the websocket."""
+
+    code: str
+    """Public code of the participant."""
+    session_hash: str
+    """sha256 of the cookie that belongs to the ticket."""
+    profile: DeviceProfile | None = None
+
+    def admits(self, cookie: str) -> bool:
+        """Whether this is the ticket's own cookie; takes the same time wherever they differ."""
+        return hmac.compare_digest(_sha256(cookie), self.session_hash)
+
+
+class Tickets:
+    """Who may open a websocket, and as whom. A participant's newest ticket revokes the older ones."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        """Those of the last run of the study in `folder`; None = kept in memory only.
+
+        Raises:
+            StudyError: The file of the last run is damaged.
+        """
+        self._path = folder / SESSIONS_FILE if folder is not None else None
+        self._lock = threading.Lock()
+        self._by_hash: dict[str, Ticket] = {}
+        if self._path is not None and self._path.exists():
+            try:
+                self._by_hash = msgspec.json.decode(self._path.read_bytes(), type=dict[str, Ticket])
+            except (OSError, msgspec.MsgspecError) as error:
+                raise StudyError(
+                    f"{self._path}: cannot be read ({error}); expected the tickets of open pages. "
+                    "Delete the file: everybody then opens the personal link once more."
+                ) from None
+
+    def issue(self, code: str, profile: DeviceProfile | None = None) -> tuple[str, str]:
+        """A new (session id, ticket id) for a participant; valid also after a restart. Blocks until on disk."""
+        session_id, ticket_id = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
+        with self._lock:
+            kept = {known: ticket for known, ticket in self._by_hash.items() if ticket.code != code}
+            self._keep({**kept, _sha256(ticket_id): Ticket(code, _sha256(session_id), profile)})
+        return session_id, ticket_id
+
+    def find(self, ticket_id: str) -> Ticket | None:
+        """The ticket, None if it was never issued or is revoked."""
+        return self._by_hash.get(_sha256(ticket_id))
+
+    def code_of(self, ticket_id: str) -> str | None:
+        """Who holds the ticket."""
+        ticket = self.find(ticket_id)
+        return ticket.code if ticket is not None else None
+
+    def client_profile(self, code: str) -> dict[str, Any] | None:
+        """What the participant's browser can do, as JSON; None if it did not say."""
+        profiles = [ticket.profile for ticket in list(self._by_hash.values()) if ticket.code == code]
+        return msgspec.to_builtins(profiles[0]) if profiles and profiles[0] is not None else None
+
+    def revoke(self, code: str) -> None:
+        """Whatever tickets the participant has open no further websocket."""
+        with self._lock:
+            self._keep({known: ticket for known, ticket in self._by_hash.items() if ticket.code != code})
+
+    def _keep(self, tickets: dict[str, Ticket]) -> None:
+        if self._path is not None:
+            write_private(self._path, json.dumps(msgspec.to_builtins(tickets), indent=1) + "\n")
+        self._by_hash = tickets
+
+
+class People(Protocol):
+    """What admission needs of the store; both block until on disk."""
+
+    def code_of_token(self, token: str) -> str | None:
+        """Participant of a personal token."""
+        ...
+
+    def claim_person(self, ext_hash: str | None) -> str | None:
+        """Next free participant, the same for the same hash; None when the study is full."""
+        ...
+
+
+class PayFile:
+    """Platform ids of the people to pay, apart from the study's data."""
+
+    def __init__(self, folder: Path) -> None:
+        """Makes the file when the first id is kept."""
+        self._path = folder / PAY_FILE
+
+    def keep(self, code: str, arrival: Arrival) -> None:
+        """Once per participant; on disk when this returns.
+
+        Raises:
+            StudyError: The file cannot be written.
+        """
+        try:
+            os.close(os.open(self._path, os.O_CREAT | os.O_WRONLY, 0o600))
+            with contextlib.closing(sqlite3.connect(self._path, isolation_level=None)) as database:
+                database.execute("PRAGMA synchronous=FULL")
+                database.execute(
+                    "CREATE TABLE IF NOT EXISTS payee (code TEXT PRIMARY KEY, platform_id TEXT, study_id TEXT, "
+                    "session_id TEXT) STRICT"
+                )
+                row = (code, arrival.PROLIFIC_PID, arrival.STUDY_ID, arrival.SESSION_ID)
+                database.execute("INSERT OR IGNORE INTO payee VALUES (?, ?, ?, ?)", row)
+        except (OSError, sqlite3.Error) as error:
+            raise StudyError(
+                f"{self._path}: cannot be written ({error}); expected a file for paying people. "
+                "Free space or correct the folder's permissions."
+            ) from None
+
+    def purge(self) -> int:
+        """Deletes all ids, once everybody is paid; returns how many there were. Who comes back later is kept anew.
+
+        Raises:
+            StudyError: The file is damaged or cannot be deleted.
+        """
+        if not self._path.exists():
+            return 0
+        try:
+            with contextlib.closing(sqlite3.connect(self._path, isolation_level=None)) as database:
+                database.execute("PRAGMA secure_delete=ON")
+                num_ids = database.execute("DELETE FROM payee").rowcount
+            self._path.unlink()
+        except (OSError, sqlite3.Error) as error:
+            raise StudyError(
+                f"{self._path}: cannot be purged ({error}); expected the file of people to pay. Delete it by hand."
+            ) from None
+        return num_ids
+
+
+class Admission:
+    """Turns a token or an arrival into a participant."""
+
+    def __init__(
+        self,
+        people: People,
+        config: StudyConfig,
+        *,
+        token_of_code: Mapping[str, str],
+        platform_key: bytes,
+        pay_file: PayFile,
+    ) -> None:
+        """Knows the people of one study.
+
+        Args:
+            people: The store.
+            config: Says how people come, and what is kept of platform ids.
+            token_of_code: Personal token of each participant.
+            platform_key: The study's own key for platform ids.
+            pay_file: Filled only when the study file asks for platform ids.
+        """
+        self._people, self._config = people, config
+        self._token_of_code, self._key, self._pay_file = token_of_code, platform_key, pay_file
+
+    @property
+    def has_open_link(self) -> bool:
+        """Whether people may come without a personal link."""
+        return self._config.recruit.kind != "local"
+
+    @property
+    def needs_platform_id(self) -> bool:
+        """Whether people on the open link must bring Prolific's parameters."""
+        return self._config.recruit.kind == "prolific"
+
+    def code_of_token(self, token: str) -> str | None:
+        """Participant of a personal token, None if unknown."""
+        return self._people.code_of_token(token)
+
+    def join(self, arrival: Arrival) -> str | None:
+        """Personal token for somebody on the open link; the same person gets the same. None = the study is full.
+
+        Raises:
+            StudyError: The store or the file for paying people cannot be written.
+        """
+        asks = self._config.privacy.platform_id == "hmac"
+        person_id = arrival.PROLIFIC_PID if asks or self.needs_platform_id else None
+        ext_hash = hmac.new(self._key, person_id.encode(), hashlib.sha256).hexdigest() if person_id else None
+        code = self._people.claim_person(ext_hash)
+        if code is None:
+            return None
+        if asks and person_id is not None:
+            self._pay_file.keep(code, arrival)
+        return self._token_of_code[code]
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

@@ -1,0 +1,261 @@
+"""Our web server in front of viser: personal links, sessions, checks, and a filtered proxy of viser's websocket.
+
+viser itself has no login and listens on loopback only; whatever a browser sends passes through here.
+"""
+
+import contextlib
+import itertools
+import random
+import sys
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Protocol, TypeVar
+from urllib.parse import urlsplit
+
+import msgspec
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket
+
+from sim.errors import StudyError
+
+from ..page_version import STATIC, is_other_viser, page_of, page_version
+from ..worker_door import WorkerDoor
+from .admission import Admission, Arrival, DeviceProfile, Tickets
+from .http import Guard, address_of, small_body, too_many_tries
+from .limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, is_forwarded
+from .options import ServeOptions
+from .proxy import BAD, LATER, join
+
+SESSION_COOKIE = "personal_session"
+PROBE_COOKIE = "personal_probe"
+"""Set by `/check/download` with the flags of the session's cookie, so that `study doctor` sees what becomes of them."""
+PROBE_BYTES = 256 * 1024
+PROXY_HEADER = "X-Study-Proxy"
+"""Of `/check/download`: whether the named proxy asked, and said for whom: `none`, `named` or `silent`."""
+MAX_JSON_BYTES = 4096
+OTHER_VERSION, OTHER_VERSION_STATUS = "the study's program was updated; load the page again", 409
+"""Answer to a websocket of a page that an earlier, or a later, version of the program served."""
+MOST_PER_TICKET = 6
+"""Connections of one session: tabs, and lines that were cut and are not noticed yet."""
+Body = TypeVar("Body", bound=msgspec.Struct)
+_VISER_CSP = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob:; style-src 'unsafe-inline'; "
+    "img-src 'self' data: blob:; font-src data:; worker-src blob:; connect-src 'self' data: blob:; "
+    "frame-ancestors 'none'; base-uri 'none'"
+)
+
+
+class Seats(Protocol):
+    """What the gateway needs of the workers."""
+
+    def seat(self, code: str) -> AbstractContextManager[WorkerDoor | None]:
+        """The door of a participant's worker for one connection; None when none is ready."""
+        ...
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """What the page sends to enter."""
+
+    token: str = ""
+    device: DeviceProfile | None = None
+
+
+class Gateway:
+    """The handlers of all routes."""
+
+    def __init__(
+        self,
+        admission: Admission,
+        seats: Seats,
+        *,
+        tickets: Tickets,
+        options: ServeOptions,
+        present: Callable[[str], AbstractContextManager[None]] | None = None,
+        screen_out_code: str | None = None,
+        tell: Callable[[str], None] | None = None,
+        note_error: Callable[[str, str], None] | None = None,
+    ) -> None:
+        """Knows whom to let in and where viser is.
+
+        Args:
+            admission: Who may take part.
+            seats: The viser workers.
+            tickets: Filled here; the workers ask whose connection they have got.
+            options: Host names, limits, TLS.
+            present: Entered for each participant's connection while it is open.
+            screen_out_code: Shown to people for whom there is no place.
+            tell: One line for the person at the terminal; None = standard error.
+            note_error: Keeps what was wrong with a participant's connection with the trial; any thread.
+        """
+        self._version = options.page_version or page_version()
+        self._page = page_of(self._version)
+        self._note_error = note_error
+        self._admission, self._seats, self._tickets, self._options = admission, seats, tickets, options
+        self._present = present or (lambda _: contextlib.nullcontext())
+        self._screen_out_code = screen_out_code
+        self._tell = tell or (lambda line: print(f"personal-viz: {line}", file=sys.stderr))
+        self._guesses, self._joins, self._downloads = (AddressLimit(*rate) for rate in (GUESSES, JOINS, DOWNLOADS))
+        self._people, self._sessions = Holds(), Holds()
+        self._numbers = itertools.count(1)
+        """Of connections, in the order in which they come."""
+        self._probe = random.Random(0).randbytes(PROBE_BYTES)  # cannot be compressed on the way
+
+    def app(self) -> Starlette:
+        """The ASGI application."""
+        routes = [
+            Route("/", self.enter_page),
+            Route("/enter", self.enter, methods=["POST"]),
+            Route("/view/", self.view),
+            Route("/check/download", self.download),
+            Route("/page-version", self.version),
+            WebSocketRoute("/ws/{ticket:str}", self.websocket),
+            WebSocketRoute("/ws/{ticket:str}/{version:str}", self.websocket),
+            Mount("/static", StaticFiles(directory=STATIC)),
+        ]
+        if self._admission.has_open_link:
+            routes += [Route("/join", self.enter_page), Route("/join", self.join, methods=["POST"])]
+        return Starlette(routes=routes, middleware=[Middleware(Guard, options=self._options)])
+
+    async def enter_page(self, _: Request) -> Response:
+        """The page that trades the token in its address, or the parameters of a recruiting platform, for a session."""
+        return FileResponse(STATIC / "enter.html")
+
+    async def enter(self, request: Request) -> Response:
+        """A session for a known token: a cookie for its websocket alone, and the address of the view."""
+        if not self._is_own_origin(request):
+            return PlainTextResponse("foreign origin", status_code=403)
+        entry = await _json(request, Entry) or Entry()
+        code = await run_in_threadpool(self._admission.code_of_token, entry.token) if entry.token else None
+        if code is None:  # only now: the wrong guesses of somebody behind the same router keep no valid token out
+            if not self._guesses.allows(address_of(request, self._options), time.monotonic()):
+                return too_many_tries()
+            return PlainTextResponse("unknown token", status_code=401)
+        if self._is_crowded(code):
+            return PlainTextResponse("too many people at once", status_code=503, headers={"Retry-After": "60"})
+        profile = entry.device.coarse() if entry.device is not None else None
+        try:
+            session_id, ticket_id = await run_in_threadpool(self._tickets.issue, code, profile)
+        except StudyError as error:
+            return self._paused(error)
+        reply = JSONResponse({"view": self._view_address(request, ticket_id)})
+        self._set_cookie(reply, request, SESSION_COOKIE, session_id, path=f"/ws/{ticket_id}")
+        return reply
+
+    async def join(self, request: Request) -> Response:
+        """A personal token for somebody on the open link, or that there is no place any more."""
+        if not self._is_own_origin(request):
+            return PlainTextResponse("foreign origin", status_code=403)
+        if not self._joins.allows(address_of(request, self._options), time.monotonic()):
+            return too_many_tries()
+        arrival = await _json(request, Arrival)
+        if arrival is None or (self._admission.needs_platform_id and arrival.PROLIFIC_PID is None):
+            return PlainTextResponse("parameters of the platform are missing or damaged", status_code=400)
+        try:
+            token = await run_in_threadpool(self._admission.join, arrival)
+        except StudyError as error:
+            return self._paused(error)
+        if token is None:
+            return JSONResponse({"full": True, "code": self._screen_out_code})
+        return JSONResponse({"token": token})
+
+    async def view(self, request: Request) -> Response:
+        """viser's client; the entry page instead when the ticket in the address is not valid any more.
+
+        A page of before an upgrade that is loaded again gets the address of the version that is served now.
+        """
+        asked = request.query_params.get("websocket", "").partition("/ws/")[2]
+        ticket_id = asked.partition("/")[0]
+        if self._tickets.find(ticket_id) is None:
+            return FileResponse(STATIC / "enter.html")
+        if asked != f"{ticket_id}/{self._version}":
+            return RedirectResponse(self._view_address(request, ticket_id))
+        return Response(self._page, media_type="text/html", headers={"Content-Security-Policy": _VISER_CSP})
+
+    async def version(self, _: Request) -> Response:
+        """The version of the pages that are served, for pages that wonder whether they are still of it."""
+        return PlainTextResponse(self._version)
+
+    async def download(self, request: Request) -> Response:
+        """Bytes to measure the line with, for `study doctor`."""
+        if not self._downloads.allows(address_of(request, self._options), time.monotonic()):
+            return too_many_tries()
+        peer = request.client.host if request.client is not None else None
+        named = is_forwarded(peer, request.headers.getlist("x-forwarded-for"), self._options.proxy)
+        state = "none" if self._options.proxy is None else "named" if named else "silent"
+        reply = Response(self._probe, media_type="application/octet-stream", headers={PROXY_HEADER: state})
+        self._set_cookie(reply, request, PROBE_COOKIE, "1", path="/check/")
+        return reply
+
+    async def websocket(self, socket: WebSocket) -> None:
+        """A participant's connection, joined to viser."""
+        number = next(self._numbers)
+        ticket_id = socket.path_params["ticket"]
+        ticket = self._tickets.find(ticket_id)
+        if ticket is None or not ticket.admits(socket.cookies.get(SESSION_COOKIE, "")):
+            await socket.close(code=BAD)
+            return
+        if not self._is_own_origin(socket):
+            await socket.close(code=BAD)
+            return
+        if socket.path_params.get("version") != self._version or is_other_viser(socket.scope["subprotocols"]):
+            await socket.send_denial_response(PlainTextResponse(OTHER_VERSION, status_code=OTHER_VERSION_STATUS))
+            return
+        if self._is_crowded(ticket.code):
+            await socket.close(code=LATER)
+            return
+        with (
+            self._people.one(ticket.code, None),
+            self._sessions.one(ticket_id, MOST_PER_TICKET) as is_allowed,
+            self._seats.seat(ticket.code) as door,
+        ):
+            if door is None or not is_allowed:
+                await socket.close(code=LATER)
+                return
+            with self._present(ticket.code):
+                reason = await join(socket, door, ticket_id, number)
+        if reason is not None:
+            self._tell(f"a connection of {ticket.code} was closed: it sent {reason}")
+            if self._note_error is not None:
+                with contextlib.suppress(StudyError):  # a store that cannot write has told so itself
+                    await run_in_threadpool(self._note_error, ticket.code, f"connection closed: sent {reason}")
+
+    def _paused(self, error: StudyError) -> Response:
+        self._tell(str(error))
+        return PlainTextResponse("the study is paused", status_code=503, headers={"Retry-After": "60"})
+
+    def _view_address(self, request: Request, ticket_id: str) -> str:
+        host = request.headers["host"]
+        scheme = "wss" if self._options.is_secure(host) else "ws"
+        return f"/view/?websocket={scheme}://{host}/ws/{ticket_id}/{self._version}"
+
+    def _is_crowded(self, code: str) -> bool:
+        return code not in self._people and len(self._people) >= self._options.max_people
+
+    def _is_own_origin(self, connection: HTTPConnection) -> bool:
+        """Whether the page that asks is ours: scheme, name and port."""
+        host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
+        try:
+            parts = urlsplit(origin or "")
+        except ValueError:
+            return False
+        scheme = "https" if self._options.is_secure(host) else "http"
+        return (parts.scheme, parts.netloc.lower()) == (scheme, host.lower())
+
+    def _set_cookie(self, reply: Response, request: Request, name: str, value: str, *, path: str) -> None:
+        is_secure = self._options.is_secure(request.headers["host"])
+        reply.set_cookie(name, value, httponly=True, samesite="strict", secure=is_secure, path=path)
+
+
+async def _json(request: Request, kind: type[Body]) -> Body | None:
+    """A small JSON body; None when it is not what we expect."""
+    try:
+        return msgspec.json.decode(await small_body(request, MAX_JSON_BYTES), type=kind)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None

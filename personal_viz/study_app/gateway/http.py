@@ -1,0 +1,251 @@
+"""Around every route: time limits on a request's arrival, sizes, the Host header, counts per address, headers."""
+
+import asyncio
+import ipaddress
+import re
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from typing import Any
+from urllib.parse import urlsplit
+
+import h11
+import uvicorn
+from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from .filter import MAX_MESSAGE_BYTES
+from .limits import LOOPBACK, Holds, client_address
+from .options import ServeOptions
+
+MAX_HEADER_BYTES = 16 * 1024
+MAX_BODY_BYTES = 64 * 1024
+REQUEST_WITHIN_S = 15.0
+"""From a request's first byte, or from the connection, to its last: whoever takes longer is disconnected."""
+ANSWER_WITHIN_S = 120.0
+"""For a browser on a slow line to read a page of 1 MB."""
+CONNECTIONS_SHARE = 0.2
+"""Of the time to end, for connections when the gateway stops; the workers and the last copy need the rest."""
+OWN_PAGES_CSP = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
+}
+_HANDSHAKE = (b"connection", b"upgrade")
+_HOST = re.compile(r"\A[A-Za-z0-9.:\[\]-]{1,255}\Z")
+_HSTS = "max-age=86400"
+"""A day: long enough for a sitting, short enough to take a study's name back to plain HTTP."""
+
+
+class PromptProtocol(H11Protocol):
+    """HTTP/1.1 for clients that send a whole request within `REQUEST_WITHIN_S` and open few connections."""
+
+    request_within_s = REQUEST_WITHIN_S
+    per_address = 64
+    most_connections = 1000
+    unlimited: frozenset[str] = frozenset()
+    """Addresses that are not limited, besides loopback."""
+    _deadline: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Refuses one connection too many, then waits for a request."""
+        super().connection_made(transport)
+        peer = self.client[0] if self.client else ""
+        peers = [getattr(connection, "client", None) for connection in self.connections]
+        mine = sum(other is not None and other[0] == peer for other in peers)
+        is_limited = not _is_loopback(peer) and peer not in self.unlimited
+        if len(self.connections) > self.most_connections or (is_limited and mine > self.per_address):
+            transport.abort()
+            return
+        self._wait()
+
+    def data_received(self, data: bytes) -> None:
+        """The clock runs from the first byte of a request to its last, however they trickle in."""
+        super().data_received(data)
+        if self.transport.get_protocol() is not self:  # it became a websocket, which may be quiet for long
+            self._stop_waiting()
+        elif self.conn.their_state in (h11.IDLE, h11.SEND_BODY):
+            self._wait()
+        else:
+            self._stop_waiting()
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Refuses what `websockets` would stumble over: it quotes a damaged header in its answer, in ASCII only."""
+        if all(value.isascii() for name, value in event.headers if name in _HANDSHAKE or name.startswith(b"sec-")):
+            super().handle_websocket_upgrade(event)
+        else:
+            self.send_400_response("Bad handshake.")
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forgets the clock."""
+        self._stop_waiting()
+        super().connection_lost(exc)
+
+    def _wait(self) -> None:
+        if self._deadline is None:
+            self._deadline = self.loop.call_later(self.request_within_s, self.transport.abort)
+
+    def _stop_waiting(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+
+class Guard:
+    """ASGI middleware: refuses what no route should see, and puts the secure headers on every reply."""
+
+    def __init__(self, app: ASGIApp, options: ServeOptions) -> None:
+        """Guards one application.
+
+        Args:
+            app: All routes.
+            options: Accepted host names, the trusted proxy, limits.
+        """
+        self._app, self._options = app, options
+        self._names = options.host_names
+        self._open = Holds()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request or websocket."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        refusal = _refusal(scope, self._names)
+        address = address_of(HTTPConnection(scope), self._options)
+        most = None if address == LOOPBACK else self._options.per_address
+        with self._open.one(address, most) as is_allowed:
+            if not is_allowed:
+                refusal = (503, "too many connections")
+            if refusal is not None:
+                await _refuse(scope, receive, send, *refusal)
+            elif scope["type"] == "websocket":
+                await self._app(scope, receive, send)
+            else:
+                await self._answer(scope, receive, send)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        is_secure = self._options.is_secure(Headers(scope=scope)["host"])
+        try:
+            async with asyncio.timeout(ANSWER_WITHIN_S):
+                await self._app(scope, receive, _with_headers(send, is_secure=is_secure))
+        except TimeoutError:
+            return  # the server then closes the connection of whoever reads so slowly
+        except ClientDisconnect:
+            return  # in the middle of a body: nobody is left to answer
+
+
+def address_of(connection: HTTPConnection, options: ServeOptions) -> str:
+    """What counts as the client's address (`client_address`)."""
+    peer = connection.client.host if connection.client is not None else None
+    return client_address(peer, connection.headers.getlist("x-forwarded-for"), options.proxy)
+
+
+def too_many_tries() -> Response:
+    """For those who guess tokens, or ask for more than a person would."""
+    return PlainTextResponse("too many tries; wait a minute", status_code=429, headers={"Retry-After": "60"})
+
+
+async def small_body(request: Request, most: int) -> bytes:
+    """The body of a request; empty when it is larger than `most` bytes.
+
+    Raises:
+        ClientDisconnect: The client left before its end; `Guard` takes that.
+    """
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > most:
+            return b""
+    return body
+
+
+def uvicorn_server(app: Starlette, options: ServeOptions) -> uvicorn.Server:
+    """A server for the application that believes no header about forwarding and logs no request."""
+    limited = {
+        "per_address": options.per_address,
+        "most_connections": 3 * options.max_people + 256,
+        "unlimited": frozenset({options.proxy} if options.proxy else ()),
+    }
+    config = uvicorn.Config(
+        app,
+        http=type("GatewayProtocol", (PromptProtocol,), limited),
+        log_level="error",
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        ws="websockets-sansio",
+        ws_max_size=MAX_MESSAGE_BYTES,
+        ws_per_message_deflate=False,  # viser's messages are compressed, and a bomb cannot hide in what is not inflated
+        ws_ping_interval=20,
+        ws_ping_timeout=120,  # a home of 15 MB is ahead of the ping, on a line of 1 Mbit/s
+        h11_max_incomplete_event_size=MAX_HEADER_BYTES,
+        timeout_graceful_shutdown=max(1, round(CONNECTIONS_SHARE * options.drain_s)),
+        ssl_certfile=options.tls_cert,
+        ssl_keyfile=options.tls_key,
+    )
+    return uvicorn.Server(config)
+
+
+def _refusal(scope: Scope, names: frozenset[str]) -> tuple[int, str] | None:
+    """Status and text when the request is refused unseen."""
+    headers: Iterable[tuple[bytes, bytes]] = scope["headers"]
+    target = len(scope.get("raw_path", b"")) + len(scope["query_string"])
+    if sum(len(name) + len(value) + 4 for name, value in headers) + target > MAX_HEADER_BYTES:
+        return 431, "headers too large"
+    hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
+    if len(hosts) != 1 or host_name(hosts[0]) not in names:
+        return 400, "unknown host"
+    path = scope["path"]
+    if ".." in path.split("/") or any(ord(letter) < 32 or letter in "\\\x7f" for letter in path):
+        return 400, "bad path"
+    lengths = [value for name, value in headers if name == b"content-length"]
+    if any(not value.isdigit() or int(value) > MAX_BODY_BYTES for value in lengths):
+        return 413, "body too large"
+    return None
+
+
+def host_name(host: str) -> str:
+    """The name in a Host header, lower case, without port; empty when it is not one."""
+    if _HOST.match(host) is None:
+        return ""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, text: str) -> None:
+    if scope["type"] == "websocket":
+        await WebSocket(scope, receive, send).close(code=1008 if status < 500 else 1013)
+        return
+    response = PlainTextResponse(text, status_code=status, headers={"Connection": "close"})
+    await response(scope, receive, _with_headers(send, is_secure=False))
+
+
+def _with_headers(send: Send, *, is_secure: bool) -> Callable[[Message], Awaitable[None]]:
+    async def sending(message: MutableMapping[str, Any]) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            headers.setdefault("Content-Security-Policy", OWN_PAGES_CSP)
+            for name, value in _HEADERS.items():
+                headers[name] = value
+            if is_secure:
+                headers["Strict-Transport-Security"] = _HSTS
+        await send(message)
+
+    return sending
+
+
+def _is_loopback(address: str) -> bool:
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return False

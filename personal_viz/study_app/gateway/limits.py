@@ -1,0 +1,102 @@
+"""Whose request it is, as far as limits need to know: addresses live in memory only and are never written anywhere."""
+
+import contextlib
+import ipaddress
+from collections import Counter, OrderedDict
+from collections.abc import Hashable, Iterator
+
+from .filter import RateLimit
+
+GUESSES = (10 / 60, 10)
+"""Wrong tokens per address: ten at once, ten a minute. A right one is let in whatever its address guessed before."""
+JOINS = (10 / 60, 30)
+"""Newcomers on the open link per address: a class may come at once from behind one router."""
+DOWNLOADS = (10 / 60, 10)
+"""Measurements by `study doctor` per address."""
+LOOPBACK = "loopback"
+_MOST_ADDRESSES = 10_000
+
+
+def client_address(peer: str | None, forwarded_for: list[str], proxy: str | None) -> str:
+    """What counts as one address.
+
+    Args:
+        peer: Address at the other end of the connection.
+        forwarded_for: Values of the request's X-Forwarded-For headers, in order.
+        proxy: Address of the trusted reverse proxy; what anybody else says about forwarding is not believed.
+
+    Returns:
+        `loopback`; an IPv4 address; the /64 of an IPv6 address, which is one household's; or the text itself when it
+        is no address at all. A trusted proxy that does not say for whom it asks counts as one address.
+    """
+    if proxy is not None and _key(peer) == _key(proxy):
+        hops = [hop.strip() for value in forwarded_for for hop in value.split(",")]
+        if hops and (key := _key(hops[-1])) != "":
+            return key
+    return _key(peer)
+
+
+def is_forwarded(peer: str | None, forwarded_for: list[str], proxy: str | None) -> bool:
+    """Whether the trusted proxy says for whom it asks."""
+    hops = [hop.strip() for value in forwarded_for for hop in value.split(",")]
+    return proxy is not None and _key(peer) == _key(proxy) and bool(hops) and _key(hops[-1]) != ""
+
+
+class AddressLimit:
+    """A token bucket per address; forgets the addresses that were silent longest."""
+
+    def __init__(self, rate: float, burst: int) -> None:
+        """Nobody is limited yet."""
+        self._rate, self._burst = rate, burst
+        self._buckets: OrderedDict[str, RateLimit] = OrderedDict()
+
+    def allows(self, address: str, now_s: float) -> bool:
+        """Takes one try, if one is left."""
+        bucket = self._buckets.setdefault(address, RateLimit(self._rate, self._burst))
+        self._buckets.move_to_end(address)
+        while len(self._buckets) > _MOST_ADDRESSES:
+            self._buckets.popitem(last=False)
+        return bucket.allows(now_s)
+
+
+class Holds:
+    """How many things each key has open."""
+
+    def __init__(self) -> None:
+        """Nothing is open."""
+        self._counts: Counter[Hashable] = Counter()
+
+    def __len__(self) -> int:
+        """How many keys have something open."""
+        return len(self._counts)
+
+    def __contains__(self, key: Hashable) -> bool:
+        """Whether the key has something open."""
+        return key in self._counts
+
+    @contextlib.contextmanager
+    def one(self, key: Hashable, most: int | None) -> Iterator[bool]:
+        """Holds one more until the end of the block; False, and holds nothing, when the key has `most` already."""
+        if most is not None and self._counts[key] >= most:
+            yield False
+            return
+        self._counts[key] += 1
+        try:
+            yield True
+        finally:
+            self._counts[key] -= 1
+            if self._counts[key] <= 0:
+                del self._counts[key]
+
+
+def _key(address: str | None) -> str:
+    """Empty when there is no address in the text."""
+    try:
+        ip = ipaddress.ip_address(address or "")
+    except ValueError:
+        return ""
+    if isinstance(ip, ipaddress.IPv6Address):
+        if ip.ipv4_mapped is not None:
+            return _key(str(ip.ipv4_mapped))
+        return LOOPBACK if ip.is_loopback else str(ipaddress.ip_network((ip, 64), strict=False))
+    return LOOPBACK if ip.is_loopback else str(ip)

@@ -1,0 +1,134 @@
+"""Joins a browser's websocket to a viser worker's: what viser says passes, of what the browser says the allowed."""
+
+import asyncio
+import contextlib
+import re
+import time
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+from websockets.typing import Subprotocol
+
+from ..worker_door import SECRET_HEADER, WorkerDoor
+from .filter import ACTION_RATE, CAMERA_RATE, FLOOD_RATE, RateLimit, ViewerCameraMessage, browser_message, viser_bytes
+
+OPEN_WITHIN_S = 10.0
+_SUBPROTOCOL = re.compile(r"\Aviser-v[0-9.]{1,16}\Z")
+BAD, LATER, RESTART = 1008, 1013, 1012
+"""Close codes: a message that is not allowed; come back in a moment; the worker behind it ended."""
+
+
+async def join(socket: WebSocket, door: WorkerDoor, ticket_id: str, number: int) -> str | None:
+    """Passes messages until either side leaves.
+
+    Args:
+        socket: The browser's, not accepted yet.
+        door: Of the worker.
+        ticket_id: Told to the worker, which asks whose it is.
+        number: Of the connection, told to the worker too: of a participant's connections the highest is the newest.
+
+    Returns:
+        Why we ended the connection, in words for the researcher; None when somebody left.
+    """
+    offered = [Subprotocol(name) for name in socket.scope.get("subprotocols", []) if _SUBPROTOCOL.match(name)][:1]
+    url = f"ws://127.0.0.1:{door.port}/?connection={number}&ticket={ticket_id}"
+    try:
+        upstream = await connect(
+            url,
+            additional_headers={SECRET_HEADER: door.secret},
+            subprotocols=offered or None,
+            max_size=None,
+            compression=None,
+            open_timeout=OPEN_WITHIN_S,
+            ping_interval=None,  # a worker that loads a home may not answer for long; one that ends is noticed anyway
+            proxy=None,
+        )
+    except (OSError, TimeoutError, InvalidHandshake):
+        await socket.close(code=LATER)
+        return None
+    async with upstream:
+        await socket.accept(subprotocol=upstream.subprotocol)
+        to_viser = asyncio.create_task(_ToViser(socket, upstream).run())
+        to_browser = asyncio.create_task(_to_browser(socket, upstream))
+        _, pending = await asyncio.wait({to_viser, to_browser}, return_when=asyncio.FIRST_COMPLETED)
+        for task in pending:
+            task.cancel()
+        await asyncio.gather(to_viser, to_browser, return_exceptions=True)
+        reason = None if to_viser.cancelled() else to_viser.result()
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # the browser left by itself
+            await socket.close(code=RESTART if reason is None else BAD)
+        return reason
+
+
+class _ToViser:
+    """From the browser: one camera message is as good as many, the newest waits until the next may pass."""
+
+    def __init__(self, socket: WebSocket, upstream: ClientConnection) -> None:
+        """Nothing sent yet."""
+        self._socket, self._upstream = socket, upstream
+        self._cameras, self._all = RateLimit(*CAMERA_RATE), RateLimit(*FLOOD_RATE)
+        self._actions: dict[type, RateLimit] = {}
+        """Each type by itself: what the page reports of itself must not cost a key press."""
+        self._waiting: bytes | None = None
+        """The newest camera message, when it came too early."""
+
+    async def run(self) -> str | None:
+        """Until somebody leaves; the reason when we end it."""
+        while True:
+            try:
+                async with asyncio.timeout(self._patience_s()):
+                    received = await self._socket.receive()
+            except TimeoutError:
+                received = None
+            except RuntimeError:  # closed while we waited
+                return None
+            try:
+                reason = await self._take(received)
+            except (ConnectionClosed, WebSocketDisconnect):
+                return None
+            if reason is not None:
+                return reason
+
+    async def _take(self, received: object) -> str | None:
+        """Passes one thing on; the reason to end the connection."""
+        if received is None:
+            await self._send_camera()
+            return None
+        assert isinstance(received, dict)
+        if received["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect
+        data = received.get("bytes")
+        if data is None:
+            return "a text message, which viser never sends"
+        now_s = time.monotonic()
+        if not self._all.allows(now_s):
+            return "more messages than any browser sends"
+        message = browser_message(data)
+        if message is None:
+            return "a message that is damaged or not allowed"
+        if isinstance(message, ViewerCameraMessage):
+            self._waiting = viser_bytes(message)
+            if self._cameras.has_one(now_s):
+                await self._send_camera()
+        elif self._actions.setdefault(type(message), RateLimit(*ACTION_RATE)).allows(now_s):
+            await self._send_camera()  # first: what follows was done from there
+            await self._upstream.send(viser_bytes(message))
+        return None
+
+    def _patience_s(self) -> float | None:
+        return self._cameras.wait_s(time.monotonic()) if self._waiting is not None else None
+
+    async def _send_camera(self) -> None:
+        data, self._waiting = self._waiting, None
+        if data is not None:
+            self._cameras.allows(time.monotonic())
+            await self._upstream.send(data)
+
+
+async def _to_browser(socket: WebSocket, upstream: ClientConnection) -> None:
+    try:
+        async for data in upstream:
+            await socket.send_bytes(data if isinstance(data, bytes) else data.encode())
+    except (ConnectionClosed, WebSocketDisconnect, RuntimeError):
+        return

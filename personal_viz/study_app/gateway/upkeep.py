@@ -1,0 +1,136 @@
+"""What a study needs now and then while it is served: leases, backups, a look at the disk, and what the
+researcher asks of it by a command. In one thread.
+"""
+
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from human_study.store.database import MIN_FREE_MB, free_mb
+from human_study.store.records import DATABASE_FILE
+from human_study.store.requests import take_requests
+from human_study.store.store import StudyStore
+from sim.errors import StudyError
+
+from .lease_keeper import LeaseKeeper
+
+TICK_S = 15.0
+BACKUP_EVERY_S = 600.0
+
+
+class Backups:
+    """Copies the database when something was written since the last copy."""
+
+    def __init__(self, store: StudyStore, *, every_s: float = BACKUP_EVERY_S) -> None:
+        """The study as it is now counts as copied.
+
+        Args:
+            store: Open.
+            every_s: Shortest time between two copies.
+        """
+        self._store, self._every_s = store, every_s
+        self._copied = self._state()
+        self._copied_s: float | None = None
+
+    def tick(self, now_s: float) -> Path | None:
+        """A copy when one is due by a steady clock; its path.
+
+        Raises:
+            StudyError: It cannot be written.
+        """
+        if self._copied_s is None:
+            self._copied_s = now_s
+        return self.copy(now_s) if now_s - self._copied_s >= self._every_s else None
+
+    def copy(self, now_s: float) -> Path | None:
+        """A copy unless nothing was written since the last one; its path. Raises as `tick`."""
+        state = self._state()
+        if state == self._copied:
+            return None
+        self._copied_s = now_s  # one that fails is tried again after the same time
+        path = self._store.back_up()
+        self._copied = state
+        return path
+
+    def _state(self) -> tuple[tuple[int, int], ...]:
+        """Changes with everything that is written."""
+        path = self._store.folder / DATABASE_FILE
+        files = [path, path.with_name(f"{path.name}-wal")]
+        return tuple((stat.st_size, stat.st_mtime_ns) for stat in (file.stat() for file in files if file.exists()))
+
+
+class Upkeep:
+    """One round of everything."""
+
+    def __init__(self, store: StudyStore, keeper: LeaseKeeper, *, tell: Callable[[str], None]) -> None:
+        """Nothing is done yet.
+
+        Args:
+            store: Open.
+            keeper: Knows who is connected.
+            tell: One line for the person at the terminal.
+        """
+        self._store, self._keeper, self._tell = store, keeper, tell
+        self._backups = Backups(store)
+        self._has_warned = False
+
+    def tick(self) -> None:
+        """One round; what fails is told, and tried again in a later one."""
+        for work in (
+            self._do_requests,
+            self._keeper.tick,
+            lambda: self._backups.tick(time.monotonic()),
+            self._look_at_disk,
+        ):
+            try:
+                work()
+            except StudyError as error:
+                self._tell(str(error))
+            except Exception as error:  # the thread's door: leases and backups must go on as long as the study does
+                traceback.print_exc()
+                self._tell(f"{self._store.folder}: looking after the study failed ({error!r}); it is tried again.")
+
+    def end(self) -> None:
+        """A last copy of what was written since the one before."""
+        try:
+            self._backups.copy(time.monotonic())
+        except StudyError as error:
+            self._tell(str(error))
+
+    def _do_requests(self) -> None:
+        """What the researcher asked for with a command: withdrawals and exclusions."""
+        for line in take_requests(self._store):
+            self._tell(line)
+
+    def _look_at_disk(self) -> None:
+        """Told once each time that the disk gets nearly full."""
+        found = free_mb(self._store.folder)
+        is_low = found < MIN_FREE_MB
+        if is_low and not self._has_warned:
+            self._tell(f"{self._store.folder}: its disk has {found} MB free; free some space soon. The study goes on.")
+        self._has_warned = is_low
+
+
+@contextmanager
+def upkeep(
+    store: StudyStore, keeper: LeaseKeeper, *, tell: Callable[[str], None], tick_s: float = TICK_S
+) -> Iterator[None]:
+    """Looks after a study in a thread of its own until the end of the block."""
+    rounds, is_over = Upkeep(store, keeper, tell=tell), threading.Event()
+
+    def run() -> None:
+        while not is_over.is_set():
+            rounds.tick()
+            is_over.wait(tick_s)
+
+    thread = threading.Thread(target=run, daemon=True, name="upkeep")
+    thread.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        thread.join()
+        rounds.end()

@@ -1,0 +1,285 @@
+"""The viser workers: child processes on loopback that are started, watched, started again when they die, and ended.
+
+Each has a local socket to the store. The newest connection of a participant goes to the worker of the older ones.
+"""
+
+import contextlib
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from pathlib import Path
+
+from human_study.store.stages import Stage
+from human_study.store.store import StudyStore
+from sim.errors import StudyError
+
+from ..recruit_codes import EndCode
+from ..store_link import StoreService
+from ..worker_door import WorkerDoor
+from .admission import Tickets
+from .heartbeat import Heartbeat, answers
+
+START_S = 600.0
+"""A worker that ends is noticed at once; this is for one that hangs. A scan of a million triangles takes half a minute
+the first time (two cores that do nothing else), then four seconds."""
+END_S = 6.0
+"""Time that the workers get to end; the connections have had theirs before."""
+WORKERS_SHARE = 0.6
+"""Of the time in which a study ends."""
+MOST_FAILURES = 5
+"""A worker that so often in a row ends before it is ready, or at once after, is given up."""
+PAUSES_S = (0.0, 0.0, 0.5, 2.0, 5.0)
+"""Before it is started again after so many failures."""
+HEALTHY_S = 30.0
+"""Who has served for so long has not failed."""
+
+
+def worker_command(
+    folder: Path,
+    dataset: Path,
+    scenes_dir: Path | None,
+    *,
+    rerun: str | None = None,
+    with_pixels: bool = False,
+) -> Callable[[int], list[str]]:
+    """The program of a worker, for the file descriptor of its socket."""
+    options = ["--study", str(folder), "--dataset", str(dataset)]
+    options += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
+    options += ["--rerun", rerun] if rerun else []
+    options += ["--with-pixels"] if with_pixels else []
+    return lambda fd: [sys.executable, "-m", "personal_viz.study_app.server", "--fd", str(fd), *options]
+
+
+class Worker:
+    """One place for a viser process; whichever process is there now."""
+
+    def __init__(self, number: int) -> None:
+        """Nothing is started."""
+        self.number = number
+        self.door: WorkerDoor | None = None
+        """Where it listens; None while it is not ready."""
+        self.process: subprocess.Popen[bytes] | None = None
+        self.service: StoreService | None = None
+        self.ended = threading.Event()
+        self.codes: dict[str, int] = {}
+        """Open connections of each participant."""
+        self.hung: str | None = None
+        """Why the process was killed; None when it ended by itself."""
+        self.answered_s = 0.0
+        """`time.monotonic()` when it last answered."""
+
+    def close_socket(self) -> None:
+        """Tells the process to end."""
+        if self.service is not None:
+            self.service.close()
+
+    def end_process(self, patience_s: float) -> None:
+        """Waits for a process that was told to end, and kills it when it does not."""
+        if self.process is None:
+            return
+        try:
+            self.process.wait(timeout=max(0.1, patience_s))
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+class WorkerPool:
+    """A context manager: inside, the workers serve; `ended` is set if all had to be given up."""
+
+    def __init__(
+        self,
+        store: StudyStore,
+        command: Callable[[int], Sequence[str]],
+        *,
+        num_workers: int,
+        tickets: Tickets,
+        end_code: Callable[[str, Stage], EndCode],
+        tell: Callable[[str], None],
+        heartbeat: Heartbeat | None = None,
+        end_s: float = END_S,
+    ) -> None:
+        """Starts nothing yet.
+
+        Args:
+            store: Answers what the workers ask.
+            command: Program of a worker for the file descriptor of its socket.
+            num_workers: At least 1.
+            tickets: Whose connection a worker has got.
+            end_code: What a participant gets who ended by a stage.
+            tell: One line for the person at the terminal.
+            heartbeat: When a worker counts as hung.
+            end_s: Time that the workers get to end.
+        """
+        self._heartbeat, self._end_s = heartbeat or Heartbeat(), end_s
+        self._store, self._command, self._tickets, self._tell = store, command, tickets, tell
+        self._end_code = end_code
+        self.workers = [Worker(number) for number in range(1, num_workers + 1)]
+        self.ended = threading.Event()
+        self._closing = threading.Event()
+        self._lock = threading.Lock()
+        self._last: dict[str, Worker] = {}
+        self._watchers: list[threading.Thread] = []
+
+    def __enter__(self) -> "WorkerPool":
+        """Starts all workers together and returns when all are ready.
+
+        Raises:
+            StudyError: One cannot start; the message is its own.
+        """
+        try:
+            for worker in self.workers:
+                self._spawn(worker)
+            for worker in self.workers:
+                self._await_ready(worker)
+        except BaseException:
+            self.__exit__()
+            raise
+        for worker in self.workers:
+            watcher = threading.Thread(target=self._watch, args=(worker,), daemon=True, name=f"worker-{worker.number}")
+            watcher.start()
+            self._watchers.append(watcher)
+            name = f"pulse-{worker.number}"
+            threading.Thread(target=self._feel_pulse, args=(worker,), daemon=True, name=name).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Ends all workers: they are told first, and killed when they are still there after `end_s`."""
+        self._closing.set()
+        deadline_s = time.monotonic() + self._end_s
+        for worker in self.workers:
+            worker.ended.set()
+            worker.close_socket()
+        for watcher in self._watchers:  # one may be starting a process just now
+            watcher.join(timeout=max(0.1, deadline_s - time.monotonic()))
+        for worker in self.workers:
+            worker.close_socket()
+            worker.end_process(deadline_s - time.monotonic())
+
+    @contextlib.contextmanager
+    def seat(self, code: str) -> Iterator[WorkerDoor | None]:
+        """The door of the participant's worker for one connection; None when none is ready."""
+        worker = self._choose(code)
+        try:
+            yield worker.door if worker is not None else None
+        finally:
+            if worker is not None:
+                self._leave(worker, code)
+
+    def num_people(self) -> int:
+        """Participants connected now."""
+        with self._lock:
+            return len({code for worker in self.workers for code in worker.codes})
+
+    def _choose(self, code: str) -> Worker | None:
+        """The worker that has the participant already; else the least loaded, and of those the last one."""
+        with self._lock:
+            ready = [worker for worker in self.workers if worker.door is not None]
+            if not ready:
+                return None
+            holding = [worker for worker in ready if code in worker.codes]
+            fewest = min(len(worker.codes) for worker in ready)
+            least = [worker for worker in ready if len(worker.codes) == fewest]
+            last = self._last.get(code)
+            chosen = holding[0] if holding else (last if last in least else least[0])
+            assert chosen is not None
+            chosen.codes[code] = chosen.codes.get(code, 0) + 1
+            self._last[code] = chosen
+            return chosen
+
+    def _leave(self, worker: Worker, code: str) -> None:
+        with self._lock:
+            worker.codes[code] -= 1
+            if not worker.codes[code]:
+                del worker.codes[code]
+
+    def _spawn(self, worker: Worker) -> None:
+        ours, theirs = socket.socketpair()
+        worker.ended = threading.Event()
+        # a process group of its own: Ctrl-C reaches the gateway alone, which then closes the socket; not a session of
+        # its own, since Linux shares out the cores by session before it looks at the priority of render threads
+        # and no standard output: viser prints its own address there, which participants must not use
+        worker.process = subprocess.Popen(
+            list(self._command(theirs.fileno())),
+            pass_fds=[theirs.fileno()],
+            process_group=0,
+            stdout=subprocess.DEVNULL,
+        )
+        theirs.close()
+        worker.service = StoreService(
+            ours,
+            self._store,
+            code_of_ticket=self._tickets.code_of,
+            end_code=self._end_code,
+            client_profile=self._tickets.client_profile,
+            on_end=worker.ended.set,
+        )
+
+    def _await_ready(self, worker: Worker) -> None:
+        assert worker.service is not None
+        try:
+            worker.door = worker.service.started.result(timeout=START_S)
+        except FutureTimeoutError:
+            raise StudyError(
+                f"viser worker {worker.number} was not ready within {START_S:.0f} s; expected a scene that loads "
+                "faster. Start again when the machine is less busy, or use a smaller scene."
+            ) from None
+
+    def _watch(self, worker: Worker) -> None:
+        """Starts the worker again whenever it ends, until it fails too often or the pool closes."""
+        failures, ready_s = 0, time.monotonic()
+        while not self._closing.is_set():
+            worker.ended.wait()
+            if self._closing.is_set():
+                return
+            with self._lock:
+                worker.door = None
+            worker.close_socket()
+            worker.end_process(2.0)
+            lived_s = (time.monotonic() if worker.hung is None else worker.answered_s) - ready_s
+            failures = 0 if lived_s > HEALTHY_S else failures + 1
+            if failures >= MOST_FAILURES:
+                self._give_up(worker)
+                return
+            why, worker.hung = worker.hung or "ended", None
+            self._tell(f"viser worker {worker.number} {why}; it is started again. Nothing acknowledged is lost.")
+            if self._closing.wait(timeout=PAUSES_S[failures]):
+                return
+            self._spawn(worker)
+            if self._closing.is_set():  # it began while we spawned: nobody else would end this one
+                worker.ended.set()
+                return
+            try:
+                self._await_ready(worker)
+            except StudyError as error:
+                self._tell(str(error))
+                worker.ended.set()
+            ready_s = time.monotonic()
+
+    def _feel_pulse(self, worker: Worker) -> None:
+        """Kills the worker's process when it hangs, until the pool closes; `_watch` then starts another."""
+        while not self._closing.wait(self._heartbeat.every_s):
+            with self._lock:  # with a door, all three belong together
+                door, process, ended = worker.door, worker.process, worker.ended
+            if door is None or process is None:
+                continue
+            if answers(door.port, patience_s=self._heartbeat.patience_s, over=ended):
+                worker.answered_s = time.monotonic()
+                continue
+            with self._lock:
+                if worker.door is None or self._closing.is_set():  # it has just ended by itself
+                    continue
+                worker.hung = f"has not answered for {self._heartbeat.patience_s:.0f} s and was killed"
+            process.kill()
+            ended.wait()
+
+    def _give_up(self, worker: Worker) -> None:
+        self._tell(f"viser worker {worker.number} ended {MOST_FAILURES} times in a row; it is not started again.")
+        with self._lock:
+            self.workers = [other for other in self.workers if other is not worker]
+            if not self.workers:
+                self.ended.set()

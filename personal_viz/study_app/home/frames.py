@@ -1,0 +1,259 @@
+"""The pictures of one home for its PAN participants: rendered once per pose, kept a while, and looked ahead.
+
+Wraps the home's renderer. A picture that somebody waits for goes first; while nobody waits, one thread renders what the
+next key could show. Only what is asked for leaves this module, so browsers never get a picture ahead of its key.
+"""
+
+import os
+import sys
+import threading
+import time
+from collections import OrderedDict, deque
+from collections.abc import Callable, Hashable, Sequence
+from concurrent.futures import Future
+
+import imagecodecs
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.frames import T_world_camera
+from sim.render.renderer import Frame, Hits, Renderer
+from sim.tasks.pan import PanEnv
+from sim.types import Action, Camera, Pose
+from sim.walk.navigation_map import NavigationMap
+
+JPEG_QUALITY = 80
+KEPT_FRAMES = 128
+"""Pictures that are kept of a home, 0.9 MB each for 640 x 480: what two dozen participants may see next."""
+_STARVED = 1.6
+"""Elapsed over CPU time of a picture from which on the machine counts as busy."""
+_REST_S = 0.25
+"""How long nothing is rendered ahead once the machine is busy."""
+RENDER_NICE = 10
+"""Priority of the render threads, as of `nice`: a key that waits to be stored goes before every picture."""
+_Key = tuple[bytes, Camera]
+_Job = Callable[[], None]
+
+
+class RenderThreads:
+    """Threads of a process that render for all of its homes: first what somebody waits for, then ahead."""
+
+    def __init__(self, count: int | None = None) -> None:
+        """Starts no thread before there is something to do.
+
+        Args:
+            count: How many; None = one per core. More would only make everybody's picture late.
+        """
+        self._count = count if count is not None else len(os.sched_getaffinity(0))
+        assert self._count > 0, self._count
+        self._lock = threading.Condition()
+        self._wanted: deque[_Job] = deque()
+        self._wishes: OrderedDict[Hashable, deque[_Job]] = OrderedDict()
+        self._is_looking_ahead = False
+        self._rest_until_s = 0.0
+        self._threads: list[threading.Thread] = []
+        self._is_closed = False
+
+    def run(self, job: _Job) -> None:
+        """Does this as soon as a thread is free, in the order of calls; returns at once."""
+        with self._lock:
+            self._wanted.append(job)
+            self._wake()
+
+    def look_ahead(self, who: Hashable, jobs: Sequence[_Job]) -> None:
+        """Does these while nobody waits, the first one first; what was wished for `who` before is forgotten."""
+        with self._lock:
+            self._wishes[who] = deque(jobs)
+            self._wishes.move_to_end(who, last=False)
+            self._wake()
+
+    def close(self) -> None:
+        """Ends the threads when they have done what is wanted; wishes are forgotten."""
+        with self._lock:
+            self._is_closed = True
+            self._lock.notify_all()
+        for thread in self._threads:
+            thread.join()
+
+    def _wake(self) -> None:
+        """Called with the lock held."""
+        if len(self._threads) < self._count and not self._is_closed:
+            thread = threading.Thread(target=self._work, daemon=True, name="render")
+            self._threads.append(thread)
+            thread.start()
+        self._lock.notify()
+
+    def _work(self) -> None:
+        if sys.platform == "linux":  # elsewhere priorities belong to whole processes
+            own = threading.get_native_id()
+            os.setpriority(os.PRIO_PROCESS, own, max(RENDER_NICE, os.getpriority(os.PRIO_PROCESS, own)))
+        while True:
+            with self._lock:
+                job = self._next_job()
+                while job is None and not self._is_closed:
+                    rest_s = self._rest_until_s - time.monotonic()
+                    self._lock.wait(rest_s if rest_s > 0 and self._wishes else None)
+                    job = self._next_job()
+            if job is None:
+                return
+            job()
+
+    def _next_job(self) -> _Job | None:
+        """Called with the lock held; None = wait, or end when closed. One thread at a time looks ahead."""
+        if self._wanted:
+            return self._wanted.popleft()
+        if self._is_closed or self._is_looking_ahead or time.monotonic() < self._rest_until_s:
+            return None
+        while self._wishes:
+            who, jobs = self._wishes.popitem(last=False)
+            if jobs:
+                job = jobs.popleft()
+                self._wishes[who] = jobs
+                self._is_looking_ahead = True
+                return lambda: self._ahead(job)
+        return None
+
+    def _ahead(self, job: _Job) -> None:
+        """Does a wish; when others wanted the core meanwhile, no wish is done for a while."""
+        elapsed, cpu = time.perf_counter(), time.thread_time()
+        job()
+        elapsed, cpu = time.perf_counter() - elapsed, time.thread_time() - cpu
+        with self._lock:
+            self._is_looking_ahead = False
+            if elapsed > _STARVED * cpu + 0.002:
+                self._rest_until_s = time.monotonic() + _REST_S
+
+
+class Frames:
+    """A `Renderer` that remembers, renders ahead and encodes; every picture has the wrapped renderer's bytes.
+
+    All methods may be called from several threads at once, but not from a job of its `RenderThreads`.
+    """
+
+    def __init__(
+        self, renderer: Renderer, threads: RenderThreads, *, kept: int = KEPT_FRAMES, keep_depth: bool = False
+    ) -> None:
+        """Renders nothing yet.
+
+        Args:
+            renderer: Draws the home; with one thread per picture, several people get most pictures a second.
+            threads: Where it is called.
+            kept: Pictures that are remembered; the ones unused for longest go first.
+            keep_depth: Whether frames have their depth and object ids, for researchers who watch; otherwise these are
+                zero, since participants see neither, and a remembered frame takes a quarter of the memory.
+        """
+        self._renderer, self._threads, self._kept, self._keep_depth = renderer, threads, kept, keep_depth
+        self._lock = threading.Lock()
+        self._frames: OrderedDict[_Key, Future[Frame]] = OrderedDict()
+        self._jpegs: dict[int, bytes] = {}
+        self.num_rendered = 0
+        """Pictures that were rendered, ahead or not."""
+
+    def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+        """What the wrapped renderer gives, perhaps from memory. Raises what it raises."""
+        key = (np.asarray(T_world_camera, np.float64).tobytes(), camera)
+        place, is_new = self._place_of(key)
+        if is_new:
+            self._threads.run(lambda: self._fill(key, place))
+        return place.result()
+
+    def begin(self, pose: Pose, camera: Camera) -> None:
+        """Has the picture rendered that is about to be asked for; returns at once."""
+        key = (T_world_camera(pose, camera).tobytes(), camera)
+        place, is_new = self._place_of(key)
+        if is_new:
+            self._threads.run(lambda: self._fill(key, place))
+
+    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
+        """`render` of each of the poses (B, 4, 4)."""
+        return [self.render(T, camera) for T in Ts_world_camera]
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
+        """The wrapped renderer's hits."""
+        return self._renderer.cast(origins, directions)
+
+    def jpeg(self, rgb: NDArray[np.uint8]) -> bytes:
+        """A picture (H, W, 3) as JPEG; encoded once while it is remembered."""
+        known = self._jpegs.get(id(rgb))
+        return known if known is not None else jpeg_bytes(rgb)
+
+    def look_ahead(self, who: Hashable, poses: Sequence[Pose], camera: Camera) -> None:
+        """Renders these when nobody waits, the first one first; returns at once.
+
+        Args:
+            who: The participant; what was wished for before is forgotten.
+            poses: Where the robot may be next (`successors`).
+            camera: Of the robot.
+        """
+        keys = [(T_world_camera(pose, camera).tobytes(), camera) for pose in poses]
+        self._threads.look_ahead(who, [lambda key=key: self._fill_ahead(key) for key in keys])
+
+    def _place_of(self, key: _Key) -> tuple[Future[Frame], bool]:
+        """The remembered frame, or a new place that the caller has to fill."""
+        with self._lock:
+            place = self._frames.get(key)
+            if place is not None:
+                self._frames.move_to_end(key)
+                return place, False
+            place = self._frames[key] = Future()
+            self._forget_old()
+            return place, True
+
+    def _fill_ahead(self, key: _Key) -> None:
+        place, is_new = self._place_of(key)
+        if is_new:
+            self._fill(key, place)
+
+    def _fill(self, key: _Key, place: "Future[Frame]") -> None:
+        """Renders and remembers; a failure is told to all who wait for this frame, and forgotten."""
+        matrix, camera = key
+        try:
+            frame = self._renderer.render(np.frombuffer(matrix).reshape(4, 4), camera)
+            jpeg = jpeg_bytes(frame.rgb)
+        except Exception as error:  # a render thread's door: whoever waits for the frame must hear of it
+            with self._lock:
+                self._frames.pop(key, None)
+            place.set_exception(error)
+            return
+        with self._lock:
+            self.num_rendered += 1
+            self._jpegs[id(frame.rgb)] = jpeg
+        place.set_result(frame if self._keep_depth else _without_depth(frame))
+
+    def _forget_old(self) -> None:
+        """Called with the lock held; frames that are being rendered stay."""
+        num_over = len(self._frames) - self._kept
+        done = [key for key, place in self._frames.items() if place.done()] if num_over > 0 else []
+        for key in done[:num_over]:
+            self._jpegs.pop(id(self._frames.pop(key).result().rgb), None)
+
+
+def successors(
+    pose: Pose, navigation: NavigationMap, actions: Sequence[Action], *, last: Action | None = None
+) -> list[Pose]:
+    """Where the robot is after each action but STOP, the likeliest first: what was done last is often done again.
+
+    Args:
+        pose: Where it is now.
+        navigation: Where it can walk.
+        actions: What the participant may do.
+        last: The last action, if any.
+    """
+    moves = [action for action in actions if action is not Action.STOP]
+    moves.sort(key=lambda action: action is not last)
+    poses = []
+    for action in moves:
+        env = PanEnv(pose, navigation, renderer=None)
+        env.move(action)
+        poses.append(env.pose)
+    return poses
+
+
+def jpeg_bytes(rgb: NDArray[np.uint8]) -> bytes:
+    """A picture (H, W, 3) as JPEG; the same picture gives the same bytes. Other threads run on meanwhile."""
+    return bytes(imagecodecs.jpeg8_encode(rgb, level=JPEG_QUALITY, subsampling="420"))
+
+
+def _without_depth(frame: Frame) -> Frame:
+    shape = frame.depth_m.shape
+    return Frame(frame.rgb, np.broadcast_to(np.float32(0), shape), np.broadcast_to(np.int32(0), shape))

@@ -1,0 +1,86 @@
+"""Opens a study's homes for doing trials again: what `study verify` and `study import-check` compare with."""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+from human_study.design.plan import PRACTICE_FOLDER, StudyScene
+from human_study.export.verify import TrialHome
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import StudyError
+from sim.mesh import Scene
+from sim.tasks.pan import SIMULATOR_VERSION
+from sim.tasks.run_files import Vector3
+
+
+def require_same_dataset(dataset: PersonalDataset, digest: str) -> None:
+    """Refuses to compare trials with other episodes than theirs.
+
+    Args:
+        dataset: That was given.
+        digest: Of the study's dataset.
+
+    Raises:
+        StudyError: They differ.
+    """
+    found = dataset.digest()
+    if found != digest:
+        raise StudyError(
+            f"--dataset {dataset.root}: has digest {found[:12]}; expected {digest[:12]}, the study's. "
+            "Give the dataset that the study was made from."
+        )
+
+
+def open_trial_home(dataset: PersonalDataset, study_scene: StudyScene, scenes_dir: Path | None) -> TrialHome:
+    """A home of the study's own episodes.
+
+    Args:
+        dataset: With the home's episodes.
+        study_scene: Which home, with how much clutter.
+        scenes_dir: Of licensed scans; None = plans and schematic homes.
+
+    Raises:
+        DatasetError, SceneError: The home or its episodes cannot be read.
+    """
+    from sim.homes.open_home import open_scene
+    from sim.tasks.rules import scene_storeys
+
+    scene = open_scene(dataset, study_scene.name, scenes_dir=scenes_dir, clutter=study_scene.clutter)
+    return TrialHome(
+        navigation=scene.navigation,
+        scene_digest=scene.digest,
+        storeys=scene_storeys(dataset.goals(scene.name).values()),
+        episode=dataset.episode,
+        cast=_caster(scene),
+    )
+
+
+def open_any_home(
+    study_scene: StudyScene, *, folder: Path, is_practice: bool, dataset: Path, scenes_dir: Path | None
+) -> TrialHome:
+    """A home of the study or of its practice, whose episodes are in the study's or export's folder `practice`."""
+    if is_practice:
+        return open_trial_home(PersonalDataset(folder / PRACTICE_FOLDER), study_scene, None)
+    return open_trial_home(PersonalDataset(dataset), study_scene, scenes_dir)
+
+
+def sim_hash(home: TrialHome) -> str:
+    """Stands for the simulator and the home with which trials are done again."""
+    return hashlib.sha256(f"{SIMULATOR_VERSION}/{home.scene_digest}".encode()).hexdigest()
+
+
+def _caster(scene: Scene) -> Callable[[float, Vector3, Vector3], Vector3 | None]:
+    """Casts clicks into the storey that was shown; the storeys are cut at the first click."""
+    from sim.render.raycast import Raycaster
+    from sim.tasks.pog import PogScene
+
+    opened: list[PogScene] = []
+
+    def cast(storey_y: float, origin: Vector3, direction: Vector3) -> Vector3 | None:
+        if not opened:
+            opened.append(PogScene(scene, make_renderer=Raycaster))
+        storeys = opened[0].storeys
+        shown = min(range(len(storeys)), key=lambda index: abs(storeys[index] - storey_y))
+        return opened[0].hit(shown, origin, direction)
+
+    return cast

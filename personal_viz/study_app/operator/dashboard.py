@@ -1,0 +1,164 @@
+"""A read-only page for the researcher on a loopback port of its own: who is where, what is done. Never outcomes.
+
+It has its own server and its own token; the gateway that participants reach knows nothing of it.
+"""
+
+import contextlib
+import functools
+import hmac
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Route
+
+from human_study.store.progress import study_progress
+from human_study.store.records import read_study
+from sim.errors import StudyError
+
+from ..gateway.http import Guard, small_body, too_many_tries, uvicorn_server
+from ..gateway.limits import GUESSES, AddressLimit
+from ..gateway.options import ServeOptions
+from .dashboard_view import Serving, shown_study
+
+PAGE = Path(__file__).parent / "dashboard_page"
+FILES = {"/": "dashboard.html", "/dashboard.js": "dashboard.js", "/dashboard.css": "dashboard.css"}
+LOOK_EVERY_S = 1.0
+"""The database is read at most so often, however many pages are open."""
+MAX_TOKEN_BYTES = 256
+START_WITHIN_S = 30.0
+
+
+class Dashboard:
+    """The page of one study, served in a thread."""
+
+    def __init__(self, folder: Path, *, serving: Callable[[], Serving] = Serving) -> None:
+        """Serves nothing yet.
+
+        Args:
+            folder: Of the study.
+            serving: What the process that serves the study knows.
+        """
+        self._folder, self._serving = folder, serving
+        self._token, self._session = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
+        self._guesses = AddressLimit(*GUESSES)
+        self._lock = threading.Lock()
+        self._looked: tuple[float, bytes] | None = None
+        self._stop: Callable[[], None] | None = None
+
+    def start(self, port: int = 0) -> str:
+        """Serves on loopback until `close`; returns the link, which holds the token.
+
+        Raises:
+            StudyError: The port is taken, or the server does not start.
+        """
+        listener = _listen(port)
+        port = listener.getsockname()[1]
+        server = uvicorn_server(self.app(port), ServeOptions())
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True, name="dashboard")
+        thread.start()
+
+        def stop() -> None:
+            server.should_exit = True
+            thread.join()
+            listener.close()
+
+        self._stop = stop
+        return f"http://127.0.0.1:{port}/#{self._token}"
+
+    def close(self) -> None:
+        """Ends the server; twice is once."""
+        stop, self._stop = self._stop, None
+        if stop is not None:
+            stop()
+
+    def app(self, port: int) -> Starlette:
+        """The ASGI application, for the port that browsers use."""
+        self._origin = f"http://127.0.0.1:{port}"
+        self._cookie = f"personal_dashboard_{port}"  # browsers do not keep the cookies of two ports apart
+        routes = [Route(path, functools.partial(_file, name)) for path, name in FILES.items()]
+        routes += [Route("/enter", self.enter, methods=["POST"]), Route("/progress", self.progress)]
+        routes += [Route("/favicon.ico", _no_icon)]
+        return Starlette(routes=routes, middleware=[Middleware(Guard, options=ServeOptions())])
+
+    async def enter(self, request: Request) -> Response:
+        """A cookie for the token."""
+        if request.headers.get("origin") != self._origin:
+            return PlainTextResponse("foreign origin", status_code=403)
+        if not hmac.compare_digest(await small_body(request, MAX_TOKEN_BYTES), self._token.encode()):
+            if not self._guesses.allows("", time.monotonic()):
+                return too_many_tries()
+            return PlainTextResponse("unknown token", status_code=401)
+        reply = Response(status_code=204)
+        reply.set_cookie(self._cookie, self._session, httponly=True, samesite="strict", path="/progress")
+        return reply
+
+    async def progress(self, request: Request) -> Response:
+        """The study's progress, for whoever has the cookie."""
+        cookie = request.cookies.get(self._cookie, "")
+        if not hmac.compare_digest(cookie.encode(), self._session.encode()):
+            return PlainTextResponse("unknown session", status_code=401)
+        try:
+            return Response(await run_in_threadpool(self._look), media_type="application/json")
+        except StudyError:
+            return PlainTextResponse("the study cannot be read now", status_code=503)
+
+    def _look(self) -> bytes:
+        with self._lock:
+            now_s = time.monotonic()
+            if self._looked is None or now_s - self._looked[0] >= LOOK_EVERY_S:
+                with read_study(self._folder) as reader:
+                    found = study_progress(reader, now_ns=time.time_ns())
+                self._looked = now_s, msgspec.json.encode(shown_study(found, self._serving()))
+            return self._looked[1]
+
+
+@contextlib.contextmanager
+def dashboard(folder: Path, port: int = 0, *, serving: Callable[[], Serving] = Serving) -> Iterator[str]:
+    """The dashboard's link, valid until the end of the block.
+
+    Args:
+        folder: Of the study.
+        port: On loopback; 0 takes a free one.
+        serving: What the process that serves the study knows.
+
+    Raises:
+        StudyError: The port is taken.
+    """
+    page = Dashboard(folder, serving=serving)
+    try:
+        yield page.start(port)
+    finally:
+        page.close()
+
+
+async def _file(name: str, _: Request) -> Response:
+    return FileResponse(PAGE / name)
+
+
+async def _no_icon(_: Request) -> Response:
+    return Response(status_code=204)
+
+
+def _listen(port: int) -> socket.socket:
+    listener = socket.socket()
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+        listener.listen(16)
+    except OSError as error:
+        listener.close()
+        raise StudyError(
+            f"port {port} of 127.0.0.1: cannot be used for the dashboard ({error.strerror}); expected a free one. "
+            "Take another, or 0 for any."
+        ) from None
+    return listener

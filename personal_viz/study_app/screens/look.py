@@ -1,0 +1,138 @@
+"""The look screens: a home before the task, in pictures from above or as a 3-D model, with a clock, without texts."""
+
+import base64
+import functools
+import html
+from collections.abc import Awaitable, Callable
+
+from human_study.trial.commands import CloseMap, Command, LookFrom, ShowStorey
+from human_study.trial.events import MapKind
+from human_study.trial.views import LookView
+
+from ..camera_samples import CameraSamples
+from ..home.scene_view import SceneView, StoreyCopies
+from ..home.top_view import TopView
+from .camera_buttons import add_camera_buttons
+from .panels import Page, overlay_html, roomy_html
+
+Send = Callable[[Command], Awaitable[None]]
+_TITLES: dict[MapKind, str] = {
+    "topdown": "Look at the home from above",
+    "glb": "Look around in the home",
+    "home": "Look around in the home",
+}
+_ADVICE: dict[MapKind, str] = {
+    "topdown": "Afterwards you will walk in it, without this map.",
+    "glb": "Drag to turn, scroll to zoom, right-drag to move. Afterwards you will walk in it, without this view.",
+    "home": "Drag to turn, scroll to zoom, right-drag to move. Afterwards you will read what to find, and point at it.",
+}
+_BEGIN: dict[MapKind, str] = {"topdown": "Start walking", "glb": "Start walking", "home": "Show what to find"}
+
+_LONGEST = "88:88 minutes left. You can go on in 88:88 minutes."
+"""The clock at its longest: what stands below it has its place from the beginning."""
+
+
+class LookApp:
+    """Draws a look at a home on a page and turns presses into commands."""
+
+    def __init__(self, page: Page, view: LookView, send: Send, *, copies: StoreyCopies, progress: str) -> None:
+        """Builds the screen.
+
+        Args:
+            page: The participant's page.
+            view: What to show first.
+            send: Where commands go.
+            copies: The home's browser copies and pictures.
+            progress: "Trial 1 of 6".
+        """
+        self._page, self._copies, self._shown = page, copies, view
+        page.clear()
+        self._status = page.client.gui.add_html("")
+        page.add(self._status)
+        self._caption = f"{html.escape(progress)} &middot; {html.escape(copies.scene.unnamed_label)}"
+        self._scene_view: SceneView | None = None
+        if view.what == "topdown":
+            self._picture = page.overlay("")
+        else:
+            self._scene_view = SceneView(page.client, copies)
+            page.listen_to_camera(CameraSamples(send_camera(send)).moved)
+        if len(view.storeys) > 1:
+            for index in range(len(view.storeys)):
+                page.button(f"Show storey {index + 1} of {len(view.storeys)}", sender(send, ShowStorey(index)))
+        if self._scene_view is not None:
+            add_camera_buttons(page, is_map=False)
+        page.button(_BEGIN[view.what], sender(send, CloseMap()), color="green")
+        page.hotkey("enter", _BEGIN[view.what], sender(send, CloseMap()))
+        self._show_storey(view.storey)
+        self._draw_status()
+
+    def show(self, view: LookView) -> None:
+        """Draws what has changed."""
+        before, self._shown = self._shown, view
+        if view.storey != before.storey:
+            self._show_storey(view.storey)
+        if (view.wait_s, view.left_s, view.storey) != (before.wait_s, before.left_s, before.storey):
+            self._draw_status()
+
+    def close(self) -> None:
+        """Takes the home out of the browser; `Page.clear` ends the rest."""
+        if self._scene_view is not None:
+            self._scene_view.remove()
+
+    def _show_storey(self, index: int) -> None:
+        if self._scene_view is not None:
+            self._scene_view.show_storey(index)
+        else:
+            self._picture.content = overlay_html(picture_html(self._copies.maps[index]))
+            self._page.client.flush()
+
+    def _draw_status(self) -> None:
+        view = self._shown
+        clock = "Take as long as you like."
+        if view.left_s is not None:
+            clock = f"{_seconds(view.left_s)} left."
+        if view.wait_s:
+            clock += f" You can go on in {_seconds(view.wait_s)}."
+        self._status.content = (
+            f'<div class="personal-caption">{self._caption}</div>'
+            f'<div class="personal-text" style="padding:.3em .65rem">'
+            f'<p style="font-size:1.2em;font-weight:600;margin:.2em 0">{_TITLES[view.what]}</p>'
+            f'<p style="margin:.2em 0">{_ADVICE[view.what]}</p>'
+            f'<div role="timer" style="margin:.5em 0;font-weight:600">{roomy_html(clock, _LONGEST)}</div></div>'
+        )
+        self._page.client.flush()
+
+
+def sender(send: Send, command: Command) -> Callable[[], Awaitable[None]]:
+    """What a button does: send one command."""
+
+    async def press() -> None:
+        await send(command)
+
+    return press
+
+
+def send_camera(send: Send) -> Callable[[LookFrom], Awaitable[None]]:
+    """Camera poses as commands."""
+
+    async def sample(look: LookFrom) -> None:
+        await send(look)
+
+    return sample
+
+
+@functools.lru_cache(maxsize=16)
+def picture_html(view: TopView) -> str:
+    """A storey's picture as large as the screen allows."""
+    data = base64.b64encode(view.jpeg()).decode()
+    return (
+        f'<img alt="The home from above, {html.escape(view.name.lower())}" src="data:image/jpeg;base64,{data}" '
+        'style="max-width:100%;max-height:100vh;object-fit:contain">'
+    )
+
+
+def _seconds(count: int) -> str:
+    """`1 second`, `45 seconds`, `2:05 minutes`."""
+    if count >= 60:
+        return f"{count // 60}:{count % 60:02d} minutes"
+    return f"{count} second{'' if count == 1 else 's'}"

@@ -1,0 +1,180 @@
+"""The PAN screen: the robot's present view, texts, step counter, buttons, keys. No mesh and no goal in the browser.
+
+What a press of STOP or of giving up asks for stands on the button itself and over the picture: nothing moves under the
+pointer between the first press and the second.
+"""
+
+import base64
+import html
+from collections.abc import Awaitable, Callable, Mapping
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from human_study.trial.commands import GiveUp, Move, PanCommand, PressStop
+from human_study.trial.views import PanView
+from sim.types import Action
+
+from ..home.frames import jpeg_bytes
+from ..page_script import KeyAction
+from .panels import AGAIN, GIVE_UP, GIVING_UP, Page, overlay_html, relabel, show_giving_up
+
+BUTTON_LABELS = {
+    Action.FORWARD: ("Forward", "W or Up"),
+    Action.LEFT: ("Turn left", "A or Left"),
+    Action.RIGHT: ("Turn right", "D or Right"),
+    Action.LOOK_UP: ("Look up", "R"),
+    Action.LOOK_DOWN: ("Look down", "F"),
+    Action.STOP: ("STOP here", "Enter"),
+}
+"""What a button says and which keys do the same."""
+HOTKEYS = {
+    "W": ("KeyW", Action.FORWARD),
+    "arrowup": ("ArrowUp", Action.FORWARD),
+    "A": ("KeyA", Action.LEFT),
+    "arrowleft": ("ArrowLeft", Action.LEFT),
+    "D": ("KeyD", Action.RIGHT),
+    "arrowright": ("ArrowRight", Action.RIGHT),
+    "R": ("KeyR", Action.LOOK_UP),
+    "F": ("KeyF", Action.LOOK_DOWN),
+}
+"""viser's key names to (code that is logged, action); DESIGN.md, keys."""
+BLOCKED = "Blocked: something is in the way"
+STOP_ARMED = "Press Enter or STOP again to finish"
+Send = Callable[[PanCommand], Awaitable[None]]
+Encode = Callable[[NDArray[np.uint8]], bytes]
+
+
+class PanApp:
+    """Draws one PAN trial on a page and turns presses into commands."""
+
+    def __init__(
+        self,
+        page: Page,
+        view: PanView,
+        send: Send,
+        *,
+        scene_label: str,
+        progress: str,
+        display_scale: float = 2.0,
+        encode: Encode = jpeg_bytes,
+        own_keys: Callable[[], Mapping[KeyAction, str]] = dict,
+    ) -> None:
+        """Builds the screen.
+
+        Args:
+            page: The participant's page.
+            view: What to show first.
+            send: Where commands go.
+            scene_label: What kind of home it is (schematic and invented homes say so), without its name.
+            progress: "Trial 1 of 6".
+            display_scale: The picture fills the window up to this many times its size.
+            encode: A picture as JPEG; `Frames.jpeg` remembers.
+            own_keys: Action to `KeyboardEvent.code` where the participant chose other keys; may change meanwhile.
+        """
+        self._page, self._encode, self._display_scale = page, encode, display_scale
+        self._own_keys = own_keys
+        self._buttons: dict[Action, viser.GuiButtonHandle] = {}
+        page.clear()
+        self._caption = f"{html.escape(progress)} &middot; {html.escape(scene_label)}"
+        with page.client.atomic():
+            self._status_html = _status_html(self._caption, view)
+            self._status = page.client.gui.add_html(self._status_html)
+            page.add(self._status)
+            page.task_texts(view.task)
+            self._image = page.overlay(self._image_html(view))
+            self._shown = (view.rgb, view.step)
+            self._add_controls(view, send)
+        page.client.flush()
+
+    def show(self, view: PanView) -> None:
+        """Draws what has changed, picture or texts; on its way to the browser when this returns.
+
+        A view without a picture leaves the last one there.
+        """
+        status = _status_html(self._caption, view)
+        if status != self._status_html:
+            self._status_html = self._status.content = status
+        self._show_sign(view)
+        if view.rgb is not None and (view.rgb is not self._shown[0] or view.step != self._shown[1]):
+            self._shown = (view.rgb, view.step)
+            self._image.content = overlay_html(self._image_html(view))
+        for action, button in self._buttons.items():
+            relabel(button, button_label(action, self._own_keys(), is_armed=view.is_armed))
+        show_giving_up(self._give_up, is_giving_up=view.is_giving_up)
+        self._page.client.flush()
+
+    def _show_sign(self, view: PanView) -> None:
+        """What another press would end, or that the step before was blocked: again after each such step."""
+        if view.is_armed or view.is_giving_up:
+            self._page.sign(STOP_ARMED if view.is_armed else GIVING_UP)
+        else:
+            self._page.sign(BLOCKED if view.is_blocked else "", view.step if view.is_blocked else 0)
+
+    def _add_controls(self, view: PanView, send: Send) -> None:
+        """A button for every key, and the keys."""
+        page = self._page
+        for action in view.task.actions:
+            if action is not Action.STOP:
+                press = _sender(send, Move(action, code=f"button-{action.value}"))
+                self._buttons[action] = page.button(button_label(action, self._own_keys()), press)
+        stop = _sender(send, PressStop(code="button-stop"))
+        self._buttons[Action.STOP] = page.button(button_label(Action.STOP, self._own_keys()), stop, color="red")
+        self._give_up = page.button(GIVE_UP, _sender(send, GiveUp()), color="gray")
+        for key, (code, action) in HOTKEYS.items():
+            if action in view.task.actions:
+                page.hotkey(key, f"{action.value} ({code})", _sender(send, Move(action, code=code)))
+        page.hotkey("enter", "stop (Enter)", _sender(send, PressStop(code="Enter")))
+
+    def _image_html(self, view: PanView) -> str:
+        """The robot's view as an inline JPEG; empty while there is none."""
+        if view.rgb is None:
+            return ""
+        data = base64.b64encode(self._encode(view.rgb)).decode()
+        height, width = view.rgb.shape[:2]
+        bump = ' class="personal-bump"' if view.is_blocked else ""
+        most = round(self._display_scale * width)
+        return (
+            f'<img alt="What the robot sees" data-step="{view.step}"{bump} '
+            f'style="width:min(100%, calc(100vh * {width} / {height}));max-width:{most}px;height:auto" '
+            f'src="data:image/jpeg;base64,{data}">'
+        )
+
+
+def button_label(action: Action, own_keys: Mapping[KeyAction, str], *, is_armed: bool = False) -> str:
+    """What a button says, with the keys that do the same: the participant's own where there are some.
+
+    Args:
+        action: The button's.
+        own_keys: Action to `KeyboardEvent.code`.
+        is_armed: Whether STOP was pressed once.
+    """
+    text, keys = BUTTON_LABELS[action]
+    own = own_keys.get(action.value)
+    if own is not None:
+        keys = own.removeprefix("Key").removeprefix("Digit").removeprefix("Arrow")
+    if action is not Action.STOP:
+        return f"{text} ({keys})"
+    return f"{text}{AGAIN} ({keys})" if is_armed else f"{text} ({keys} twice)"
+
+
+def _sender(send: Send, command: PanCommand) -> Callable[[], Awaitable[None]]:
+    async def press() -> None:
+        await send(command)
+
+    return press
+
+
+def _status_html(caption: str, view: PanView) -> str:
+    """Trial, steps and time left: two lines, whatever they say; read aloud when they change."""
+    left = "" if view.left_s is None else f" &middot; {_duration(view.left_s)} left"
+    return (
+        f'<div class="personal-caption">{caption}</div>'
+        f'<div role="status" aria-live="polite" class="personal-text personal-line">'
+        f"<b>Step {view.step} of {view.task.max_steps}</b>{left}</div>"
+    )
+
+
+def _duration(left_s: int) -> str:
+    return f"{left_s // 60} min" if left_s >= 60 and left_s % 60 == 0 else f"{left_s} s"

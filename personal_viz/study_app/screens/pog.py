@@ -1,0 +1,172 @@
+"""The POG screen: texts beside the home or its map, storey buttons, a mark that can be moved, confirm. No feedback."""
+
+import html
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import viser
+import viser.transforms
+
+from human_study.trial.commands import Command, Confirm, GiveUp, ShowStorey
+from human_study.trial.views import PogView
+from sim.tasks.run_files import ClickRay, Vector3
+
+from ..camera_samples import CameraSamples, four, three
+from .camera_buttons import add_camera_buttons
+from .look import send_camera, sender
+from .panels import GIVE_UP, GIVING_UP, Page, roomy_html, show_giving_up
+
+NUDGE_M = 0.1
+"""How far one press moves the mark (metres): a tenth of the success radius."""
+_MARKED = "Click again to move your mark, or confirm it."
+_SIDES = {"Left": (-1, 0), "Up": (0, 1), "Down": (0, -1), "Right": (1, 0)}
+"""Names of buttons to (right, up) on the screen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nudge:
+    """The mark is to be moved over the ground; from the middle of the storey when there is none."""
+
+    x_m: float
+    z_m: float
+    """World metres."""
+
+
+Send = Callable[[Command | ClickRay | Nudge], Awaitable[None]]
+
+
+class Surface(Protocol):
+    """What is pointed at: a `SceneView` or a `MapView`."""
+
+    advice: str
+    """How to look around."""
+    is_map: bool
+    """Whether it is a picture from above."""
+
+    def show_storey(self, index: int, *, move_camera: bool = True) -> None:
+        """Shows one storey, without a mark."""
+        ...
+
+    def show_mark(self, position: Vector3) -> None:
+        """Puts the mark there."""
+        ...
+
+    def remove(self) -> None:
+        """Takes everything out of the browser."""
+        ...
+
+
+class PogApp:
+    """Draws one POG trial on a page and turns clicks into rays and commands."""
+
+    def __init__(
+        self, page: Page, view: PogView, send: Send, *, surface: Surface, scene_label: str, progress: str
+    ) -> None:
+        """Builds the screen.
+
+        Args:
+            page: The participant's page.
+            view: What to show first.
+            send: Where commands go, the rays of clicks, and what moves the mark.
+            surface: The home, or its map.
+            scene_label: What kind of home it is (schematic and invented homes say so), without its name.
+            progress: "Trial 1 of 6".
+        """
+        self._page, self._send, self._surface = page, send, surface
+        self._shown = view
+        page.clear()
+        self._status = page.client.gui.add_html("")
+        page.add(self._status)
+        self._caption = f"{html.escape(progress)} &middot; {html.escape(scene_label)}"
+        page.task_texts(view.task)
+        if len(view.storeys) > 1:
+            for index in range(len(view.storeys)):
+                page.button(f"Show storey {index + 1} of {len(view.storeys)}", sender(send, ShowStorey(index)))
+        add_camera_buttons(page, is_map=surface.is_map)
+        self._add_nudges()
+        page.button("Confirm the mark", sender(send, Confirm()), color="green")
+        self._give_up = page.button(GIVE_UP, sender(send, GiveUp()), color="gray")
+        page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
+        page.listen_to_camera(CameraSamples(send_camera(send)).moved)
+        surface.show_storey(view.storey)
+        if view.marker is not None:
+            surface.show_mark(view.marker)
+        self._draw_status()
+
+    def show(self, view: PogView) -> None:
+        """Draws what has changed."""
+        before, self._shown = self._shown, view
+        if view.storey != before.storey:
+            self._surface.show_storey(view.storey)
+        if view.marker is not None and (view.marker, view.storey) != (before.marker, before.storey):
+            self._surface.show_mark(view.marker)
+        if _status_of(view) != _status_of(before):
+            self._draw_status()
+
+    def close(self) -> None:
+        """Takes the home out of the browser and stops listening to clicks; `Page.clear` ends the rest."""
+        self._page.client.scene.remove_click_callback(self._on_click)
+        self._surface.remove()
+
+    def _add_nudges(self) -> None:
+        group = self._page.client.gui.add_button_group("Move the mark", tuple(_SIDES), hint="Also with the arrow keys")
+
+        @group.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            await self._nudge(event.target.value)
+
+        self._page.add(group)
+        for name in _SIDES:
+            self._page.hotkey(f"arrow{name.lower()}", f"move the mark {name.lower()}", self._nudger(name))
+
+    def _nudger(self, name: str) -> Callable[[], Awaitable[None]]:
+        async def press() -> None:
+            await self._nudge(name)
+
+        return press
+
+    async def _nudge(self, name: str) -> None:
+        """Moves the mark as it looks on the screen, whichever way the camera looks."""
+        if name not in _SIDES:  # a browser may name any button of a group
+            return
+        right, up = _SIDES[name]
+        R_world_camera = viser.transforms.SO3(np.asarray(self._page.client.camera.wxyz, float)).as_matrix()
+        along = right * R_world_camera[:, 0] - up * R_world_camera[:, 1]  # the camera's y points down
+        length = float(np.hypot(along[0], along[2]))
+        if length > 0:
+            await self._send(Nudge(*(float(NUDGE_M * along[axis] / length) for axis in (0, 2))))
+
+    def _draw_status(self) -> None:
+        view = self._shown
+        advices = f"{self._surface.advice} Click the middle of the object.", _MARKED
+        advice = advices[view.marker is not None]
+        left = "" if view.left_s is None else f'<div role="timer">At most {left_text(view.left_s)} left</div>'
+        self._status.content = (
+            f'<div class="personal-caption">{self._caption}</div>'
+            f'<div class="personal-text personal-line"><b>{roomy_html(advice, *advices)}</b>{left}</div>'
+        )
+        self._page.sign(GIVING_UP if view.is_giving_up else "")
+        show_giving_up(self._give_up, is_giving_up=view.is_giving_up)
+        self._page.client.flush()
+
+    async def _on_click(self, event: viser.SceneClickEvent) -> None:
+        camera = event.client.camera
+        ray = ClickRay(
+            origin=three(event.ray_origin),
+            direction=three(event.ray_direction),
+            camera_position=three(camera.position),
+            camera_wxyz=four(camera.wxyz),
+            storey_y=self._shown.storeys[self._shown.storey],
+        )
+        await self._send(ray)
+
+
+def left_text(seconds: int) -> str:
+    """`3 minutes`, `40 seconds`: the coarse time that views have."""
+    return f"{seconds} seconds" if seconds <= 60 else f"{seconds // 60} minutes"
+
+
+def _status_of(view: PogView) -> tuple[bool, bool, int | None]:
+    return view.marker is None, view.is_giving_up, view.left_s

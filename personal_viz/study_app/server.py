@@ -1,0 +1,184 @@
+"""The viser worker: a child process of the gateway that serves a few participants on loopback.
+
+It owns homes, simulator and viser; the store stays with the gateway, at the other end of a local socket.
+"""
+
+import argparse
+import asyncio
+import contextlib
+import socket
+import sys
+import time
+import warnings
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import viser
+
+from human_study.design.plan import PRACTICE_FOLDER, StudyScene, load_plan
+from human_study.design.study import StudyConfig, load_study
+from human_study.texts.participants import TEXT_FILES
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import MissingDependencyError, PersonalVizError, StudyError
+from sim.homes.labels import renderer_of
+from sim.homes.open_home import open_scene
+from sim.tasks.pog import PogScene
+from sim.tasks.rules import scene_storeys
+
+from .home.frames import Frames, RenderThreads
+from .home.home import Home, pan_env
+from .home.homes import HomeLibrary
+from .home.scene_view import StoreyCopies
+from .screens.seat import Seat, Study
+from .store_link import StoreLink
+from .viser_threads import make_updates_safe
+from .watch import Watches
+from .worker_door import WorkerDoor, open_door
+
+
+def main() -> None:
+    """Serves until the gateway closes the socket."""
+    parser = argparse.ArgumentParser(
+        prog="personal_viz.study_app.server", description="started by personal-viz study serve"
+    )
+    parser.add_argument("--fd", type=int, required=True, help="our end of the socket to the gateway")
+    parser.add_argument("--study", type=Path, required=True)
+    parser.add_argument("--dataset", type=Path, required=True)
+    parser.add_argument("--scenes-dir", type=Path)
+    parser.add_argument("--rerun", help="show each trial live: a folder of recordings or a viewer's address")
+    parser.add_argument("--with-pixels", action="store_true", help="pictures of licensed scans too")
+    options = parser.parse_args()
+    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")  # people leave in mid-trial
+    link = StoreLink(socket.socket(fileno=options.fd))
+    try:
+        study = open_study(
+            options.study, options.dataset, options.scenes_dir, rerun=options.rerun, with_pixels=options.with_pixels
+        )
+        with study.homes.use(study.plan.scenes[0].name):  # what cannot be opened at all is told before anybody comes
+            server, door = serve(study, link)
+    except PersonalVizError as error:
+        with contextlib.suppress(StudyError):  # the gateway, once told, does not wait for our thanks
+            link.tell_failed(str(error))
+        sys.exit(1)
+    link.tell_ready(door)
+    link.is_closed.wait()
+    server.stop()
+    study.homes.close()
+
+
+def open_study(
+    folder: Path, dataset: Path, scenes_dir: Path | None, *, rerun: str | None = None, with_pixels: bool = False
+) -> Study:
+    """A study with a library of its homes, of which none is open yet.
+
+    Args:
+        folder: Of the study.
+        dataset: Of the counted trials; those of practice are in the study's folder.
+        scenes_dir: Of licensed scans.
+        rerun: What a researcher sees: a folder or a viewer's address.
+        with_pixels: As in `RerunObserver`.
+
+    Raises:
+        PersonalVizError: Study, plan or datasets cannot be read.
+    """
+    config = load_study(folder)
+    plan = load_plan(folder, config)
+    counted = PersonalDataset(dataset)
+    practice = PersonalDataset(folder / PRACTICE_FOLDER) if plan.practice_scenes else None
+
+    threads = RenderThreads()
+
+    def open_one(name: str) -> Home:
+        scene = plan.scene(name)
+        if practice is not None and scene in plan.practice_scenes:
+            return open_home(config, scene, practice, None, threads=threads)
+        watched = {"rerun": rerun, "with_pixels": with_pixels, "is_pilot": plan.is_pilot}
+        return open_home(config, scene, counted, scenes_dir, threads=threads, **watched)
+
+    names = plan.texts or TEXT_FILES
+    texts = {name: path.read_text("utf-8") for name in names if (path := folder / name).is_file()}
+    return Study(config, plan, HomeLibrary(open_one), time.monotonic(), texts)
+
+
+def open_home(
+    config: StudyConfig,
+    study_scene: StudyScene,
+    dataset: PersonalDataset,
+    scenes_dir: Path | None,
+    *,
+    threads: RenderThreads,
+    rerun: str | None = None,
+    with_pixels: bool = False,
+    is_pilot: bool = False,
+) -> Home:
+    """One of the study's homes with all that participants need of it, and what a researcher sees.
+
+    Raises:
+        PersonalVizError: Scene or episodes cannot be read, or a system library is missing.
+    """
+    try:
+        from sim.render.raycast import Raycaster
+    except (ImportError, OSError) as error:
+        raise MissingDependencyError(
+            f"open3d: cannot be loaded ({error}); expected its system libraries. "
+            "Install them: apt-get install -y libgl1 libegl1 libx11-6 libusb-1.0-0 libudev1 libgomp1"
+        ) from None
+    name = study_scene.name
+    scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=study_scene.clutter)
+    renderer = Frames(renderer_of(scene, threads=1), threads, keep_depth=rerun is not None)
+    observers = None
+    if rerun is not None:
+        from .watch_rerun import RerunObservers  # Rerun takes a second to import
+
+        observers = RerunObservers(scene, config, rerun, with_pixels=with_pixels, is_pilot=is_pilot)
+    return Home(
+        scene=scene,
+        renderer=renderer,
+        pog_scene=PogScene(scene, make_renderer=Raycaster),
+        copies=StoreyCopies(scene),
+        episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
+        storeys=scene_storeys(dataset.goals(name).values()),
+        watches=Watches(observers, make_env=lambda episode: pan_env(episode, scene, renderer, config)),
+    )
+
+
+def serve(study: Study, link: StoreLink) -> tuple[viser.ViserServer, WorkerDoor]:
+    """A viser server behind a door that gives every admitted connection a seat."""
+    server, door = open_door()
+    server.scene.set_up_direction("+y")  # before any camera is placed: the browser turns cameras with the scene
+    seats: dict[int, Seat] = {}
+
+    @server.on_client_connect
+    async def _(client: viser.ClientHandle) -> None:
+        ticket, connection = address_of(server, client.client_id)
+        code = await asyncio.get_running_loop().run_in_executor(None, link.code_of_ticket, ticket)
+        if code is None or client.client_id not in server.get_clients():
+            return  # unknown, or gone while we asked
+        make_updates_safe(client)
+        others = [seat for seat in seats.values() if seat.code == code]
+        older = [seat for seat in others if seat.connection <= connection]
+        mine = Seat(client, code, link, study, connection=connection, took_over=bool(older))
+        for seat in older if len(older) == len(others) else (*older, mine):  # the ticket of a newer one was found first
+            seat.supersede()
+        seats[client.client_id] = mine
+
+    @server.on_client_disconnect
+    async def _(client: viser.ClientHandle) -> None:
+        seat = seats.pop(client.client_id, None)
+        if seat is not None:
+            seat.leave()
+
+    return server, door
+
+
+def address_of(server: viser.ViserServer, client_id: int) -> tuple[str, int]:
+    """Ticket and number in a connection's URL, `("", 0)` = none (private API of the pinned viser; a test watches)."""
+    connection = server._websock_server._live_connections.get(client_id)
+    request = connection.request if connection is not None else None
+    asked = parse_qs(urlsplit(request.path).query) if request is not None else {}
+    number = asked.get("connection", ["0"])[0]
+    return asked.get("ticket", [""])[0], int(number) if number.isdecimal() else 0
+
+
+if __name__ == "__main__":
+    main()

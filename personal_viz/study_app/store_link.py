@@ -1,0 +1,400 @@
+"""The local socket between a viser worker and the gateway's store: typed requests, answered after commit.
+
+One JSON object per line. Requests carry a number, so that several threads of a worker can wait at once.
+"""
+
+import contextlib
+import itertools
+import socket
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import msgspec
+from pydantic import TypeAdapter
+
+from human_study.design.plan import Phase
+from human_study.design.study import Condition
+from human_study.store.record_types import TrialStatus
+from human_study.store.stages import Stage, StageEntry, has_reached, way_out
+from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError
+from human_study.store.writer import StoreFullError
+from human_study.trial.events import Event, event_from_json, event_to_json
+from human_study.trial.outcome import Outcome
+from sim.errors import StudyError
+from sim.types import EpisodeKey, TaskKind
+
+from .recruit_codes import EndCode
+from .worker_door import WorkerDoor
+
+_ERRORS: dict[str, type[StudyError]] = {
+    kind.__name__: kind for kind in (StudyError, StoreFullError, SupersededError, TrialEndedError)
+}
+_OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
+
+
+class Ready(msgspec.Struct, tag=True, frozen=True):
+    """The worker serves behind this door."""
+
+    door: WorkerDoor
+
+
+class Failed(msgspec.Struct, tag=True, frozen=True):
+    """The worker cannot start; the message is for the person at the terminal."""
+
+    message: str
+
+
+class WhoHolds(msgspec.Struct, tag=True, frozen=True):
+    """Whose ticket is it?"""
+
+    ticket: str
+
+
+class AskPerson(msgspec.Struct, tag=True, frozen=True):
+    """Where the participant is in the study."""
+
+    code: str
+
+
+class EnterStage(msgspec.Struct, tag=True, frozen=True):
+    """The participant reached a stage."""
+
+    code: str
+    stage: Stage
+    detail: dict[str, Any]
+
+
+class GiveConsent(msgspec.Struct, tag=True, frozen=True):
+    """The participant's answer to the text that was shown."""
+
+    code: str
+    text: str
+    given: bool
+
+
+class Withdraw(msgspec.Struct, tag=True, frozen=True):
+    """The participant withdraws."""
+
+    code: str
+
+
+class NextTrial(msgspec.Struct, tag=True, frozen=True):
+    """The participant's trial that is due."""
+
+    code: str
+
+
+class OpenTrial(msgspec.Struct, tag=True, frozen=True):
+    """Begin or take over a trial."""
+
+    code: str
+    order_no: int
+    connection: int = 0
+
+
+class ListEvents(msgspec.Struct, tag=True, frozen=True):
+    """All stored events of a trial."""
+
+    trial_id: str
+
+
+class AppendEvents(msgspec.Struct, tag=True, frozen=True):
+    """Store events together."""
+
+    trial_id: str
+    epoch: int
+    events: list[str]
+
+
+class FinishTrial(msgspec.Struct, tag=True, frozen=True):
+    """Close a trial with its outcome."""
+
+    trial_id: str
+    outcome: str
+
+
+Request = (
+    Ready
+    | Failed
+    | WhoHolds
+    | AskPerson
+    | EnterStage
+    | GiveConsent
+    | Withdraw
+    | NextTrial
+    | OpenTrial
+    | ListEvents
+    | AppendEvents
+    | FinishTrial
+)
+
+
+class Letter(msgspec.Struct, frozen=True):
+    """One request on the wire."""
+
+    number: int
+    request: Request
+
+
+class Reply(msgspec.Struct, frozen=True):
+    """Its answer: a value as JSON, or an error."""
+
+    number: int
+    value: msgspec.Raw = msgspec.Raw(b"null")
+    error: str | None = None
+    """Class name of a StudyError."""
+    message: str = ""
+
+
+class TrialPlace(msgspec.Struct, frozen=True):
+    """One assigned trial of a participant."""
+
+    order_no: int
+    phase: Phase
+    task: TaskKind
+    condition: Condition
+    key: EpisodeKey
+    is_begun: bool
+    is_over: bool
+    """Ended, or given back to others."""
+
+
+class PersonPlace(msgspec.Struct, frozen=True):
+    """Where a participant is in the study."""
+
+    code: str
+    task: TaskKind
+    stages: list[StageEntry]
+    """Oldest first."""
+    trials: list[TrialPlace]
+    """In order, without those given back; each with its last attempt."""
+    completion_code: str | None
+    """What the participant shows whoever pays, by how the study ended; None before that is stored, or without one."""
+    end_url: str | None = None
+    """The recruiting platform's page that takes the code; None without one."""
+
+    @property
+    def is_withdrawn(self) -> bool:
+        """Whether the participant withdrew."""
+        return has_reached(self.stages, "withdrawn")
+
+
+class StoreLink:
+    """The worker's end: the store's methods, each blocking until the gateway has committed."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        """Starts listening for answers; `is_closed` is set when the gateway is gone."""
+        self._connection = connection
+        self._waiting: dict[int, Future[Reply]] = {}
+        self._numbers = itertools.count(1)
+        self._lock = threading.Lock()
+        self.is_closed = threading.Event()
+        threading.Thread(target=self._listen, daemon=True, name="store-link").start()
+
+    def tell_ready(self, door: WorkerDoor) -> None:
+        """Tell the gateway where the worker listens, and its secret."""
+        self._ask(Ready(door))
+
+    def tell_failed(self, message: str) -> None:
+        """Tell the gateway why the worker cannot start."""
+        self._ask(Failed(message))
+
+    def code_of_ticket(self, ticket: str) -> str | None:
+        """Participant who holds a ticket, None if nobody does."""
+        return msgspec.json.decode(self._ask(WhoHolds(ticket)), type=str | None)
+
+    def person(self, code: str) -> PersonPlace:
+        """Where the participant is in the study."""
+        return msgspec.json.decode(self._ask(AskPerson(code)), type=PersonPlace)
+
+    def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
+        """`StudyStore.enter_stage`."""
+        self._ask(EnterStage(code, stage, detail or {}))
+
+    def give_consent(self, code: str, text: str, *, given: bool) -> None:
+        """`StudyStore.give_consent`."""
+        self._ask(GiveConsent(code, text, given))
+
+    def withdraw(self, code: str) -> None:
+        """`StudyStore.withdraw`."""
+        self._ask(Withdraw(code))
+
+    def next_trial(self, code: str) -> TrialPlace | None:
+        """The trial that is due, None when there is nothing (more) to do (`StudyStore.next_trial`)."""
+        return msgspec.json.decode(self._ask(NextTrial(code)), type=TrialPlace | None)
+
+    def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
+        """`StudyStore.open_trial`."""
+        return msgspec.json.decode(self._ask(OpenTrial(code, order_no, connection)), type=Trial)
+
+    def events(self, trial_id: str) -> list[Event]:
+        """All stored events of a trial, in order."""
+        lines = msgspec.json.decode(self._ask(ListEvents(trial_id)), type=list[str])
+        return [event_from_json(line) for line in lines]
+
+    def append_many(self, trial_id: str, epoch: int, events: Sequence[Event]) -> None:
+        """`StudyStore.append_many`; the events are on disk when this returns."""
+        self._ask(AppendEvents(trial_id, epoch, [event_to_json(event) for event in events]))
+
+    def finish_trial(self, trial_id: str, outcome: Outcome) -> None:
+        """`StudyStore.finish_trial`; the outcome is on disk when this returns."""
+        self._ask(FinishTrial(trial_id, outcome.model_dump_json()))
+
+    def _ask(self, request: Request) -> bytes:
+        number = next(self._numbers)
+        answer: Future[Reply] = Future()
+        self._waiting[number] = answer
+        try:
+            with self._lock:
+                self._connection.sendall(msgspec.json.encode(Letter(number, request)) + b"\n")
+        except OSError:
+            raise self._gone() from None
+        if self.is_closed.is_set() and not answer.done():
+            raise self._gone()
+        reply = answer.result()
+        if reply.error is not None:
+            raise _ERRORS.get(reply.error, StudyError)(reply.message)
+        return bytes(reply.value)
+
+    def _listen(self) -> None:
+        try:
+            for line in self._connection.makefile("rb"):
+                reply = msgspec.json.decode(line, type=Reply)
+                self._waiting.pop(reply.number).set_result(reply)
+        except (OSError, msgspec.MsgspecError):
+            pass  # the gateway is gone, perhaps in the middle of a line
+        finally:
+            self.is_closed.set()
+            for answer in list(self._waiting.values()):
+                answer.set_exception(self._gone())
+
+    def _gone(self) -> StudyError:
+        return StudyError(
+            "the gateway has ended; expected it to run. Start the study again: nothing acknowledged is lost."
+        )
+
+
+class StoreService:
+    """The gateway's end: answers one worker's requests from the store."""
+
+    def __init__(
+        self,
+        connection: socket.socket,
+        store: StudyStore,
+        *,
+        code_of_ticket: Callable[[str], str | None],
+        end_code: Callable[[str, Stage], EndCode],
+        client_profile: Callable[[str], dict[str, Any] | None],
+        on_end: Callable[[], None],
+    ) -> None:
+        """Starts answering.
+
+        Args:
+            connection: Our end of the socket pair.
+            store: Owned by the gateway.
+            code_of_ticket: Participant who holds a ticket.
+            end_code: What a participant gets who ended by this stage; asked for only when that is stored.
+            client_profile: What a participant's browser can do, coarsely; stored with each sitting. None = not known.
+            on_end: Called once when the worker is gone, whoever ended it.
+        """
+        self._connection = connection
+        self._store = store
+        self._code_of_ticket = code_of_ticket
+        self._end_code = end_code
+        self._client_profile = client_profile
+        self._on_end = on_end
+        self._lock = threading.Lock()
+        self._pool = ThreadPoolExecutor(8, thread_name_prefix="store-service")
+        self.started: Future[WorkerDoor] = Future()
+        """The worker's door, or StudyError when it cannot start or ends before it is ready."""
+        threading.Thread(target=self._listen, daemon=True, name="store-service").start()
+
+    def close(self) -> None:
+        """Ends the connection; the worker ends by itself."""
+        with contextlib.suppress(OSError):  # the worker may be gone already
+            self._connection.shutdown(socket.SHUT_RDWR)  # close alone waits for the listening thread's file
+        self._connection.close()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def _listen(self) -> None:
+        try:
+            for line in self._connection.makefile("rb"):
+                self._pool.submit(self._answer, msgspec.json.decode(line, type=Letter))
+        except (OSError, ValueError, RuntimeError, msgspec.MsgspecError):
+            pass  # closed by us, or the worker ended in the middle of a line
+        finally:
+            if not self.started.done():
+                self.started.set_exception(
+                    StudyError("the viser worker ended before it was ready; see its message above.")
+                )
+            self._on_end()
+
+    def _answer(self, letter: Letter) -> None:
+        try:
+            reply = Reply(letter.number, msgspec.Raw(msgspec.json.encode(self._value(letter.request))))
+        except StudyError as error:
+            reply = Reply(letter.number, error=type(error).__name__, message=str(error))
+        except Exception as error:  # a live session's door: whoever waits at the other end must get an answer
+            traceback.print_exc()
+            reply = Reply(letter.number, error="StudyError", message=f"the store failed: {error!r}")
+        with self._lock, contextlib.suppress(OSError):  # a worker that is gone needs no answer
+            self._connection.sendall(msgspec.json.encode(reply) + b"\n")
+
+    def _value(self, request: Request) -> object:
+        match request:
+            case Ready(door=door):
+                self.started.set_result(door)
+            case Failed(message=message):
+                self.started.set_exception(StudyError(message))
+            case WhoHolds(ticket=ticket):
+                return self._code_of_ticket(ticket)
+            case AskPerson(code=code):
+                return self._person(code)
+            case EnterStage(code=code, stage=stage, detail=detail):
+                profile = self._client_profile(code) if stage == "sitting_started" else None
+                self._store.enter_stage(code, stage, {**detail, "client": profile} if profile else detail)
+            case GiveConsent(code=code, text=text, given=given):
+                self._store.give_consent(code, text, given=given)
+            case Withdraw(code=code):
+                self._store.withdraw(code)
+            case NextTrial(code=code):
+                due = self._store.next_trial(code)
+                return None if due is None else _place(due)
+            case OpenTrial(code=code, order_no=order_no, connection=connection):
+                return self._store.open_trial(code, order_no, connection=connection)
+            case ListEvents(trial_id=trial_id):
+                return [event_to_json(stored.event) for stored in self._store.events(trial_id)]
+            case AppendEvents(trial_id=trial_id, epoch=epoch, events=lines):
+                self._store.append_many(trial_id, epoch, [event_from_json(line) for line in lines])
+            case FinishTrial(trial_id=trial_id, outcome=outcome):
+                self._store.finish_trial(trial_id, _OUTCOME.validate_json(outcome))
+        return None
+
+    def _person(self, code: str) -> PersonPlace:
+        record = self._store.participant(code)
+        latest = {trial.order_no: trial for trial in self._store.trials(code) if not trial.is_released}
+        ending = "finished" if has_reached(record.stages, "finished") else way_out(record.stages)
+        end = self._end_code(code, ending) if ending is not None else EndCode()
+        return PersonPlace(
+            code=code,
+            task=record.task,
+            stages=list(record.stages),
+            trials=[_place(trial) for trial in latest.values()],
+            completion_code=end.code,
+            end_url=end.url,
+        )
+
+
+def _place(trial: TrialStatus) -> TrialPlace:
+    return TrialPlace(
+        order_no=trial.order_no,
+        phase=trial.phase,
+        task=trial.task,
+        condition=trial.condition,
+        key=trial.key,
+        is_begun=trial.trial_id is not None,
+        is_over=not trial.is_due,
+    )

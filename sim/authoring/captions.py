@@ -1,0 +1,141 @@
+"""Words for invented homes: what an object is called, ownership sentences, queries."""
+
+import re
+
+import numpy as np
+
+from sim.homes.invented.looks import with_article
+from sim.homes.plan import Furniture, HomePlan, Rect
+
+_NEXT_TO, _NEAR = 0.35, 1.2
+"""Gaps between two pieces that a caption calls "next to" and "near" (planar metres)."""
+_NEAR_WINDOW = 0.7
+_ABOVE = 0.6
+"""What begins this high above the floor and stands on nothing hangs at a wall (metres)."""
+_TOUCH = 0.03
+_QUERIES = (
+    "Find {}", "Where is {}?", "Locate {}", "Retrieve {} position", "Identify the position of {}",
+    "Give me the coordinates of {}",
+)  # fmt: skip
+"""The six sentences of the release (DATA_FORMAT.md, section 3)."""
+
+
+def caption_of(piece: Furniture, plan: HomePlan) -> str:
+    """What a person would call the piece: size, colour, pattern, material, category, and where it is; no article.
+
+    All that it says holds in the plan. It never contains " in ", behind which ownership sentences name the room.
+    """
+    others = [other for other in plan.furniture if other.room == piece.room and other.category != piece.category]
+    places = [text for text in (_carried(piece, others), _hung(piece, others, plan)) if text][:1]
+    used = " ".join(places)
+    for text in (*_beside(piece, others), _at_window(piece, plan)):
+        if text and len(places) < 2 and text.split(" the ", 1)[1] not in used:
+            places.append(text)
+            used = " ".join(places)
+    if not places:
+        places = ["located against the wall" if _is_at_wall(piece, plan) else "located with space all around it"]
+    if len(places) == 2 and all(place.startswith("near ") for place in places):
+        places[1] = places[1].removeprefix("near ")
+    return f"{piece.caption or piece.category} {' and '.join(places)}"
+
+
+def are_mixed_up(first: str, second: str) -> bool:
+    """Whether a query for one category could mean the other: "chair" of "desk chair", "armchair"."""
+    short, long = sorted((first, second), key=len)
+    return re.search(rf"\b{re.escape(short)}s?\b", long) is not None or long.endswith(short)
+
+
+def ownership_sentence(owner: str, phrase: str, room: str) -> str:
+    """The `extracted_summary` sentence of one edge."""
+    return f"{owner} owns {with_article(phrase)} in the {room}"
+
+
+def queries_for(owner: str, category: str, *, one_of: bool = False) -> tuple[str, ...]:
+    """The six equivalent questions for one object, or for one of several of a category."""
+    asked = f"one of {owner}'s {category}s" if one_of else f"{owner}'s {category}"
+    return tuple(query.format(asked) for query in _QUERIES)
+
+
+def _called(piece: Furniture) -> str:
+    return f"the {piece.caption or piece.category}"
+
+
+def _carried(piece: Furniture, others: list[Furniture]) -> str:
+    """ "on the oak desk"; or, of rugs, what stands on them."""
+    bottom = piece.centre[1] - piece.size[1] / 2
+    for other in others:
+        low, high = other.centre[1] - other.size[1] / 2, other.centre[1] + other.size[1] / 2
+        is_inside = other.rect.holds(piece.centre[0], piece.centre[2])
+        if is_inside and other.size[1] > 0.1 and low + 0.1 < bottom <= high + _TOUCH:
+            return f"on {_called(other)}"
+    if piece.size[1] > 0.1:
+        return ""
+    above = [o for o in others if o.size[1] > 0.1 and piece.rect.holds_rect(o.rect) and _stands_by(o, piece)]
+    return f"located under {_called(min(above, key=lambda o: o.name))}" if above else ""
+
+
+def _hung(piece: Furniture, others: list[Furniture], plan: HomePlan) -> str:
+    """ "located above the red couch" of what hangs at a wall."""
+    bottom = piece.centre[1] - piece.size[1] / 2
+    if bottom < _floor_y(piece, plan) + _ABOVE:
+        return ""
+    below = [
+        other
+        for other in others
+        if other.centre[1] + other.size[1] / 2 <= bottom
+        and other.size[1] > 0.1
+        and _gap(piece.rect, other.rect) < 0.15
+        and other.rect.grown(0.3).holds(piece.centre[0], piece.centre[2])
+    ]
+    return f"located above {_called(min(below, key=lambda o: (-o.size[1], o.name)))}" if below else ""
+
+
+def _beside(piece: Furniture, others: list[Furniture]) -> list[str]:
+    """ "next to the oak bookshelf", "near ...", nearest first; pieces of much the same height only."""
+    found = []
+    for other in others:
+        overlap_y = (piece.size[1] + other.size[1]) / 2 - abs(piece.centre[1] - other.centre[1])
+        gap = _gap(piece.rect, other.rect)
+        if 0 < gap <= _NEAR and overlap_y > -0.3 and other.size[1] > 0.1:
+            found.append((gap, other.name, f"{'next to' if gap <= _NEXT_TO else 'near'} {_called(other)}"))
+    return [text for _, _, text in sorted(found)]
+
+
+def _at_window(piece: Furniture, plan: HomePlan) -> str:
+    storey = next(room.storey for room in plan.rooms if room.name == piece.room)
+    room = next(room for room in plan.rooms if room.name == piece.room)
+    for wall in plan.walls:
+        for opening in wall.openings:
+            if wall.storey != storey or opening.kind != "window" or room.rect is None:
+                continue
+            share = opening.offset / wall.length
+            x = wall.start[0] + (wall.end[0] - wall.start[0]) * share
+            z = wall.start[1] + (wall.end[1] - wall.start[1]) * share
+            is_along_x = wall.start[1] == wall.end[1]
+            half = opening.width / 2
+            pane = Rect(x - half, z, x + half, z) if is_along_x else Rect(x, z - half, x, z + half)
+            if room.rect.grown(0.01).holds(x, z) and _gap(piece.rect, pane) <= _NEAR_WINDOW:
+                return "near the window"
+    return ""
+
+
+def _stands_by(other: Furniture, rug: Furniture) -> bool:
+    """Whether a piece stands on the floor that the rug lies on."""
+    return abs((other.centre[1] - other.size[1] / 2) - (rug.centre[1] - rug.size[1] / 2)) < 0.05
+
+
+def _floor_y(piece: Furniture, plan: HomePlan) -> float:
+    storey = next(room.storey for room in plan.rooms if room.name == piece.room)
+    return plan.storeys[storey].floor_y
+
+
+def _gap(first: Rect, second: Rect) -> float:
+    """Planar metres between two rectangles, 0 where they meet."""
+    dx = max(first.x0 - second.x1, second.x0 - first.x1, 0.0)
+    dz = max(first.z0 - second.z1, second.z0 - first.z1, 0.0)
+    return float(np.hypot(dx, dz))
+
+
+def _is_at_wall(piece: Furniture, plan: HomePlan) -> bool:
+    rects = [room.rect for room in plan.rooms if room.name == piece.room and room.rect is not None]
+    return any(not rect.grown(-0.3).holds_rect(piece.rect) for rect in rects)

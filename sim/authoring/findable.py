@@ -1,0 +1,173 @@
+"""Who can be told apart: whether an episode's target differs from its like by something the description says.
+
+Episode + plan + scene -> `FindVerdict`. A difference counts only where our home shows it: words that the plan does not
+realise are worth nothing.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.frames import T_world_camera, yaw_towards
+from sim.homes.plan import Furniture, HomePlan
+from sim.mesh import Scene
+from sim.render.renderer import Renderer
+from sim.types import TURN_STEP, Camera, EpisodeKey, Pose
+from sim.walk.viewpoints import view_points_around
+
+from ..episodes.described import described_object
+from ..episodes.schema import Episode, Goal
+from .cues import cues, storey_of_piece
+
+MIN_PIXELS = 150
+"""An object that fills less of the best 640 x 480 view than this is hardly seen (12 by 12 pixels)."""
+_LOOK = Camera(160, 120)
+"""For choosing the best view point."""
+_SEEN_BESIDE = 4
+"""Pixels of _LOOK that something beside the target needs to be noticed."""
+_MAX_PLACES = 32
+"""View points that are tried, those with the best coverage first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """How an object looks from the best of its view points."""
+
+    pixels: int
+    """Of 640 x 480."""
+    position: tuple[float, float, float] | None
+    """Feet of the robot there; None where it is seen from nowhere."""
+    beside: frozenset[int]
+    """Instance ids that some view of the object shows as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class FindVerdict:
+    """Whether an episode's target can be found by reading and looking."""
+
+    key: EpisodeKey
+    target: str
+    """`object_name` of the right object that was judged; of several the one that is easiest to find."""
+    pixels: int
+    """Of the target at its best view point, 640 x 480."""
+    cues: tuple[tuple[str, str], ...]
+    """(name, what tells the target from it) for each object of the same category on the storey that can be told."""
+    alike: tuple[str, ...]
+    """Names of those that cannot."""
+
+    @property
+    def findable(self) -> bool:
+        """Whether the target is seen and can be told from every other object of its category."""
+        return self.pixels >= MIN_PIXELS and not self.alike
+
+    @property
+    def reason(self) -> str:
+        """Why it is not findable, one line; empty where it is."""
+        if self.pixels < MIN_PIXELS:
+            return f"{self.target} has {self.pixels} pixels at its best view point"
+        return f"{self.target} cannot be told from {', '.join(self.alike)}" if self.alike else ""
+
+
+def find_verdicts(
+    episodes: Sequence[Episode], plan: HomePlan, scene: Scene, *, renderer: Renderer
+) -> tuple[FindVerdict, ...]:
+    """The verdict on each episode of one scene, in order.
+
+    Args:
+        episodes: All of the plan's scene.
+        plan: The home.
+        scene: Made of the plan.
+        renderer: Of the scene's mesh.
+    """
+    sights: dict[str, Sight] = {}
+    for goal in (goal for episode in episodes for goal in episode.targets):
+        if goal.object_name not in sights:
+            sights[goal.object_name] = best_sight(goal, scene, renderer=renderer)
+    return tuple(find_verdict(episode, plan, scene, sights=sights) for episode in episodes)
+
+
+def find_verdict(episode: Episode, plan: HomePlan, scene: Scene, *, sights: Mapping[str, Sight]) -> FindVerdict:
+    """The verdict on one episode; of several right objects the one that is easiest to find is judged.
+
+    Args:
+        episode: Of the plan's scene.
+        plan: The home.
+        scene: Made of the plan; its objects' ids are those in `sights`.
+        sights: By `object_name`, of each of the episode's targets.
+    """
+    verdicts = [_verdict(episode, goal, plan, scene, sights[goal.object_name]) for goal in episode.targets]
+    return min(verdicts, key=lambda verdict: (not verdict.findable, len(verdict.alike), -verdict.pixels))
+
+
+def best_sight(goal: Goal, scene: Scene, *, renderer: Renderer) -> Sight:
+    """How an object looks from the best of its standable original view points, or else of places found around it."""
+    item = next((item for item in scene.objects if item.name == goal.object_name), None)
+    if item is None:
+        return Sight(0, None, frozenset())
+    points = sorted(goal.original_view_points, key=lambda point: -(point.iou or 0.0))
+    places = [point.agent_state.position for point in points]
+    places = [place for place in places if scene.navigation.is_navigable(np.array(place))][:_MAX_PLACES]
+    if not places:
+        around = view_points_around(item, scene.mesh, navigation=scene.navigation, renderer=renderer)
+        places = [seen.position for seen in around[:_MAX_PLACES]]
+    if not places:
+        return Sight(0, None, frozenset())
+    poses = [pose_towards(place, item.centre) for place in places]
+    frames = renderer.render_batch(np.stack([T_world_camera(pose, _LOOK) for pose in poses]), _LOOK)
+    counts = [np.bincount(frame.instance_ids.ravel(), minlength=item.instance_id + 1) for frame in frames]
+    best = int(np.argmax([count[item.instance_id] for count in counts]))
+    noticed = [np.flatnonzero(count >= _SEEN_BESIDE) for count in counts if count[item.instance_id] >= _SEEN_BESIDE]
+    whole = renderer.render(T_world_camera(poses[best], Camera()), Camera())
+    pixels = int((whole.instance_ids == item.instance_id).sum())
+    if not pixels:
+        return Sight(0, None, frozenset())
+    return Sight(pixels, places[best], frozenset(np.concatenate([[0], *noticed]).astype(int).tolist()) - {0})
+
+
+def pose_towards(position: tuple[float, float, float], centre: tuple[float, float, float]) -> Pose:
+    """A robot at `position` that looks at `centre`, with one look up or down where that brings it into the picture."""
+    away = math.hypot(centre[0] - position[0], centre[2] - position[2])
+    rise = math.atan2(centre[1] - position[1] - Camera().mount_height, away)
+    half = math.atan(Camera().height / 2 / Camera().focal)
+    tilt = 0.0 if abs(rise) <= half else math.copysign(TURN_STEP, rise)
+    return Pose(position, yaw_towards((position[0], position[2]), (centre[0], centre[2])), tilt)
+
+
+def _verdict(episode: Episode, goal: Goal, plan: HomePlan, scene: Scene, sight: Sight) -> FindVerdict:
+    pieces = {piece.name: piece for piece in plan.furniture}
+    target = pieces.get(goal.object_name)
+    if target is None:
+        return FindVerdict(episode.key, goal.object_name, 0, (), ())
+    storey = storey_of_piece(target, plan)
+    like = [
+        piece
+        for piece in plan.furniture
+        if piece.category == target.category
+        and piece.name not in episode.record.object_names
+        and storey_of_piece(piece, plan) == storey
+    ]
+    ids = {item.instance_id: item.name for item in scene.objects}
+    noticed = [pieces[ids[instance]] for instance in sorted(sight.beside) if ids.get(instance) in pieces]
+    captions = dict(zip(episode.record.object_names, episode.record.captions_per_object, strict=True))
+    caption = " . ".join(captions[goal.object_name])
+    said = described_object(episode.record, caption=caption, category=target.category, owner=episode.record.owner)
+    told: list[tuple[str, str]] = []
+    alike: list[str] = []
+    for other in like:
+        cue = next(cues(said, target, other, plan, noticed), None) or _exclusion(episode, target, other, plan)
+        if cue is None:
+            alike.append(other.name)
+        else:
+            told.append((other.name, cue))
+    return FindVerdict(episode.key, target.name, sight.pixels, tuple(told), tuple(alike))
+
+
+def _exclusion(episode: Episode, target: Furniture, other: Furniture, plan: HomePlan) -> str | None:
+    """What the description says about the other object, and only that one shows: somebody else's red chair."""
+    if not other.caption:
+        return None
+    said = described_object(episode.record, caption=other.caption, category=other.category, owner=None)
+    cue = next(cues(said, other, target, plan, plan.furniture), None)
+    return cue and f"the other's {cue}"

@@ -1,0 +1,49 @@
+"""Small GLB copies of a home for viser and Rerun: one storey without its ceiling, few triangles, few small textures."""
+
+import PIL
+
+from sim.cache import cached_bytes
+
+from ..mesh import FLAT, Scene, TriangleMesh
+from .atlas import atlased
+from .cut import storey_mesh
+from .decimate import decimated
+from .glb_writer import glb_from_mesh as glb_from_mesh
+
+MAX_FACES = 300_000
+MAX_BYTES = 15_000_000
+VERSION = 1
+"""Raised by whoever changes what a copy of the same scene looks like; kept copies of another number are left aside."""
+
+
+def browser_glb(scene: Scene, floor_y: float, *, srgb_colours: bool = False) -> bytes:
+    """One storey of a scene as binary glTF 2.0: world axes (y up), unlit, the same bytes for the same scene.
+
+    At most MAX_FACES triangles, MAX_BYTES bytes and as many texels as `atlased` allows. Made once: the cache folder
+    keeps it.
+
+    Args:
+        scene: Any home.
+        floor_y: One of the scene's storey heights, metres.
+        srgb_colours: Whether vertex colours are written as Rerun reads them; see `glb_from_mesh`.
+
+    Raises:
+        SceneError: No face of the scene is on that storey.
+    """
+    srgb_colours = srgb_colours and _has_colours(scene.mesh)
+    key = f"{VERSION} {PIL.__version__} {scene.digest} {scene.kind} {floor_y!r} {srgb_colours}"
+    return cached_bytes("glb", key, lambda: _made(scene, floor_y, srgb_colours=srgb_colours))
+
+
+def _made(scene: Scene, floor_y: float, *, srgb_colours: bool) -> bytes:
+    mesh = decimated(storey_mesh(scene, floor_y), max_faces=MAX_FACES)
+    glb = glb_from_mesh(atlased(mesh), srgb_colours=srgb_colours)
+    while len(glb) > MAX_BYTES:  # loose triangles take three times the vertices of a closed surface
+        mesh = decimated(mesh, max_faces=int(0.95 * len(mesh.faces) * MAX_BYTES / len(glb)))
+        glb = glb_from_mesh(atlased(mesh), srgb_colours=srgb_colours)
+    return glb
+
+
+def _has_colours(mesh: TriangleMesh) -> bool:
+    """Whether vertex colours are shown, on their own or on textures."""
+    return mesh.vertex_rgb is not None and bool((mesh.face_texture != FLAT).any())

@@ -1,0 +1,286 @@
+"""One storey of a scene without its ceiling: what browsers and recordings show, and what clicks are intersected with.
+
+The cut is a true one: triangles are clipped at two level planes. `storey_cut` finds the planes' heights from the
+storey's floor and ceiling, so that no walkable part stays covered.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sim.compiled import njit
+from sim.errors import SceneError
+from sim.types import CUT_HEIGHT, STOREY_GAP
+from sim.walk.navigation_map import NavigationMap
+
+from ..mesh import IdImages, Scene, TriangleMesh
+
+CUT_BELOW = 0.4
+"""Storeys begin this far below their lowest floor (metres): they keep their floor and the first steps of a stair down.
+"""
+CUT_RANGE = (1.6, 2.2)
+"""Lowest and highest cut above the floor (metres): over an eye's height and the furniture, around door heads."""
+UNDER_CEILING = 0.15
+"""How far under the ceiling the cut is (metres); ceilings of scans are not level."""
+_MIN_CLEARANCE = 1.5
+"""What is less than this above the floor covers no room: table tops, the underside of a stair (metres)."""
+_MIN_AREA = 1.0
+"""Smaller floors are steps of a stair, smaller ceilings are lamps and door heads (m2)."""
+_MIN_COVERED = 0.1
+"""With a ceiling over less than this share of its floor, a storey has none."""
+_OVER_FLOOR = 0.3
+"""At least so much stays visible above every floor of the storey (metres)."""
+_CELL = 0.1
+"""Side of the cells in which floors and ceilings are counted (metres)."""
+_LEVEL = 0.1
+"""Height of the bins in which they are counted (metres)."""
+_LEVEL_SHARE = 0.05
+"""So much of a level may lie lower than the height that it gets: a step, a beam."""
+
+
+class StoreyCut(NamedTuple):
+    """Between which heights a storey is shown; world metres."""
+
+    bottom_y: float
+    top_y: float
+
+
+def storey_mesh(scene: Scene, floor_y: float) -> TriangleMesh:
+    """The cut storey of a scene at full resolution.
+
+    Args:
+        scene: Any home.
+        floor_y: One of the scene's storey heights, metres.
+
+    Raises:
+        SceneError: No face of the scene is on that storey.
+    """
+    heights = storey_cut(scene, floor_y)
+    mesh = cut_storey(scene.mesh, floor_y, cut_y=heights.top_y, bottom_y=heights.bottom_y)
+    if not len(mesh.faces):
+        known = ", ".join(f"{height:.2f}" for height in scene.navigation.storey_heights)
+        raise SceneError(
+            f"{scene.label}: found no face on a storey at {floor_y!r} m; expected a height near one of [{known}]. "
+            "Take one of the scene's storey heights."
+        )
+    return mesh
+
+
+def storey_cut(scene: Scene, floor_y: float) -> StoreyCut:
+    """Where to cut a storey: under its lowest ceiling, over all of its floors.
+
+    Ceilings are looked for over the walkable places of the storey. A ceiling or floor counts from 1 m2 at one height,
+    so a split level, a platform and a slope count, while a stair's steps, lamps and door heads do not.
+
+    Args:
+        scene: Any home.
+        floor_y: One of the scene's storey heights, metres.
+
+    Returns:
+        CUT_HEIGHT above and CUT_BELOW below the floor where the storey has no walkable place or no ceiling.
+    """
+    x, y, z = _floor_cells(scene.navigation, floor_y)
+    if not len(y):
+        return StoreyCut(floor_y - CUT_BELOW, floor_y + CUT_HEIGHT)
+    floors = _levels(x, y, z)
+    lowest, highest = min([floor_y, *floors]), max([floor_y, *floors])
+    ceiling = _ceilings(scene.mesh.vertices, scene.mesh.faces, x, y, z, _CELL, _MIN_CLEARANCE)
+    covered = np.isfinite(ceiling)
+    top = floor_y + CUT_HEIGHT
+    highest_top = floor_y + (CUT_RANGE[1] if scene.kind == "scan" else CUT_HEIGHT)
+    if covered.mean() >= _MIN_COVERED:
+        # no floor's cut is below an eye's height over it, whatever hangs there
+        under = np.maximum(ceiling - UNDER_CEILING, y + CUT_RANGE[0])[covered]
+        top = min([*_levels(x[covered], under, z[covered]), highest_top])
+    return StoreyCut(lowest - CUT_BELOW, max(top, highest + _OVER_FLOOR))
+
+
+def cut_storey(
+    mesh: TriangleMesh, floor_y: float, *, cut_y: float | None = None, bottom_y: float | None = None
+) -> TriangleMesh:
+    """The part of a mesh between two heights; triangles are clipped there, with everything that they carry.
+
+    Args:
+        mesh: World frame.
+        floor_y: Height of the storey's floor, metres.
+        cut_y: Upper height; None = CUT_HEIGHT above the floor.
+        bottom_y: Lower height; None = CUT_BELOW below the floor.
+
+    Returns:
+        A mesh without unused vertices, maybe without faces. Neighbours that shared an edge share its new vertex.
+    """
+    top = np.float32(floor_y + CUT_HEIGHT if cut_y is None else cut_y)
+    bottom = np.float32(floor_y - CUT_BELOW if bottom_y is None else bottom_y)
+    y = mesh.vertices[mesh.faces, 1]
+    near = mesh.select((y.min(axis=1) <= top) & (y.max(axis=1) >= bottom))
+    return _compact(_clipped(_clipped(near, top, side=1), bottom, side=-1))
+
+
+def _floor_cells(navigation: NavigationMap, floor_y: float) -> tuple[NDArray, NDArray, NDArray]:
+    """x, y, z of the storey's walkable places, at most one per cell of _CELL and level of _LEVEL; each (N,)."""
+    grid = navigation.top_down(floor_y).grid
+    rows, cols = grid.shape
+    half = np.array([cols, rows]) * grid.cell / 2
+    middle = np.array([grid.origin_xz[0] + half[0], floor_y, grid.origin_xz[1] + half[1]])
+    points = navigation.points_within(middle[None], float(np.hypot(*half)) + grid.cell, max_dy=STOREY_GAP)
+    if not len(points):
+        return np.empty(0), np.empty(0), np.empty(0)
+    cells = np.floor(points / [_CELL, _LEVEL, _CELL] + 1e-6).astype(np.int64)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    return points[first, 0], points[first, 1], points[first, 2]
+
+
+def _levels(x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64]) -> list[float]:
+    """Height of each group of at least _MIN_AREA: adjoining places within one bin of _LEVEL and the next."""
+    bins, col, row = (
+        np.floor(value / size + 1e-6).astype(np.int64) for value, size in ((y, _LEVEL), (x, _CELL), (z, _CELL))
+    )
+    col, row = col - col.min(), row - row.min()
+    found = []
+    for level in np.unique(bins):
+        here = np.flatnonzero((bins == level) | (bins == level + 1))
+        if len(here) * _CELL**2 < _MIN_AREA:
+            continue
+        image = np.zeros((row.max() + 1, col.max() + 1), bool)
+        image[row[here], col[here]] = True
+        groups: NDArray[np.int32] = ndimage.label(image)[0]  # type: ignore
+        areas = np.bincount(groups.ravel())[1:] * _CELL**2
+        if areas.max() >= _MIN_AREA:
+            large = areas[groups[row[here], col[here]] - 1] >= _MIN_AREA
+            found.append(float(np.quantile(y[here][large], _LEVEL_SHARE)))
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _ceilings(vertices, faces, x, y, z, cell, clearance):
+    """(N,) height of the lowest face at least `clearance` above each place, inf where there is none.
+
+    Faces steeper than 60 degrees are walls. Places are held in columns of a grid of `cell` metres.
+    """
+    x0, z0 = x.min(), z.min()
+    cols, rows = int((x.max() - x0) / cell) + 1, int((z.max() - z0) / cell) + 1
+    first = np.zeros(rows * cols + 1, np.int64)
+    column = np.empty(len(x), np.int64)
+    for i in range(len(x)):
+        column[i] = int((z[i] - z0) / cell) * cols + int((x[i] - x0) / cell)
+        first[column[i] + 1] += 1
+    first = np.cumsum(first)
+    order = np.argsort(column, kind="mergesort")
+    found = np.full(len(x), np.inf)
+    for f in range(len(faces)):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        ux, uy, uz = float(b[0] - a[0]), float(b[1] - a[1]), float(b[2] - a[2])
+        vx, vy, vz = float(c[0] - a[0]), float(c[1] - a[1]), float(c[2] - a[2])
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        if ny * ny <= 0.25 * (nx * nx + ny * ny + nz * nz):
+            continue
+        c0 = max(int((min(a[0], b[0], c[0]) - x0) / cell), 0)
+        c1 = min(int((max(a[0], b[0], c[0]) - x0) / cell), cols - 1)
+        r0 = max(int((min(a[2], b[2], c[2]) - z0) / cell), 0)
+        r1 = min(int((max(a[2], b[2], c[2]) - z0) / cell), rows - 1)
+        for r in range(r0, r1 + 1):
+            for k in range(first[r * cols + c0], first[r * cols + c1 + 1]) if c1 >= c0 else range(0):
+                i = order[k]
+                dx, dz = x[i] - a[0], z[i] - a[2]
+                s = (dz * vx - dx * vz) / ny  # barycentric coordinates of the place seen from above
+                t = (dx * uz - dz * ux) / ny
+                if s >= 0 and t >= 0 and s + t <= 1:
+                    height = a[1] + s * uy + t * vy
+                    if height >= y[i] + clearance and height < found[i]:
+                        found[i] = height
+    return found
+
+
+class _Pieces(NamedTuple):
+    """What a plane leaves of the faces that it cuts; each corner lies between two corners of its old face."""
+
+    rows: NDArray[np.int64]
+    """(P,) the old faces."""
+    kept: NDArray[np.int64]
+    """(P, 3) the old corner (0-2) that is not cut off."""
+    lost: NDArray[np.int64]
+    """(P, 3) the one at the other end of the edge; equal to `kept` where the corner is an old one."""
+    share: NDArray[np.float64]
+    """(P, 3) how far from `kept` to `lost` the corner lies, 0-1."""
+
+    def between(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Values (F, 3, K) of the old faces' corners at the pieces' corners, (P, 3, K)."""
+        at_kept, at_lost = (
+            np.take_along_axis(values[self.rows], corner[..., None], axis=1) for corner in (self.kept, self.lost)
+        )
+        return (at_kept + self.share[..., None] * (at_lost - at_kept)).astype(np.float32)
+
+
+def _clipped(mesh: TriangleMesh, height: np.float32, *, side: int) -> TriangleMesh:
+    """The part of a mesh below (`side` 1) or above (-1) a height."""
+    over = (mesh.vertices[:, 1] - height) * np.float32(side)
+    whole = (over[mesh.faces] <= 0).all(axis=1)
+    pieces = _pieces(over[mesh.faces])
+    faces = mesh.faces[pieces.rows]
+    a = np.take_along_axis(faces, pieces.kept, axis=1)
+    b = np.take_along_axis(faces, pieces.lost, axis=1)
+    is_new = pieces.share > 0
+    edges, first, number = np.unique(
+        a[is_new].astype(np.int64) << 32 | b[is_new], return_index=True, return_inverse=True
+    )
+    a[is_new] = number.reshape(-1) + len(mesh.vertices)
+    ends, share = (edges >> 32, edges & 0xFFFFFFFF), pieces.share[is_new][first]
+    points = _mixed(mesh.vertices, *ends, share).astype(np.float32)
+    points[:, 1] = height
+    rgb = mesh.vertex_rgb
+    if rgb is not None:
+        rgb = np.concatenate([rgb, np.rint(_mixed(rgb, *ends, share)).astype(np.uint8)])
+    ids = mesh.ids and IdImages(
+        mesh.ids.images,
+        np.concatenate([mesh.ids.face_image[whole], mesh.ids.face_image[pieces.rows]]),
+        np.concatenate([mesh.ids.face_uv[whole], pieces.between(mesh.ids.face_uv)]),
+    )
+    cut = TriangleMesh(
+        np.concatenate([mesh.vertices, points]),
+        np.concatenate([mesh.faces[whole], a]),
+        np.concatenate([mesh.face_rgb[whole], mesh.face_rgb[pieces.rows]]),
+        np.concatenate([mesh.face_instance[whole], mesh.face_instance[pieces.rows]]),
+        np.concatenate([mesh.face_texture[whole], mesh.face_texture[pieces.rows]]),
+        np.concatenate([mesh.face_uv[whole], pieces.between(mesh.face_uv)]),
+        mesh.textures,
+        rgb,
+        ids,
+    )
+    a, b, c = cut.faces.T
+    return cut.select((a != b) & (b != c) & (c != a))
+
+
+def _pieces(over: NDArray[np.float32]) -> _Pieces:
+    """The pieces of faces whose corners are `over` (F, 3) metres beyond the plane; one or two for each face cut."""
+    inside = over <= 0
+    count = inside.sum(axis=1)
+    tips, stumps = np.flatnonzero(count == 1), np.flatnonzero(count == 2)
+    # corners turned so that the one alone on its side comes first
+    tip = (inside[tips].argmax(axis=1)[:, None] + np.arange(3)) % 3
+    stump = (inside[stumps].argmin(axis=1)[:, None] + np.arange(3)) % 3
+    rows = np.concatenate([tips, stumps, stumps])
+    kept = np.concatenate([tip[:, [0, 0, 0]], stump[:, [1, 1, 2]], stump[:, [1, 2, 2]]])
+    lost = np.concatenate([tip, stump[:, [0, 1, 2]], stump[:, [0, 2, 0]]])
+    at_kept = np.take_along_axis(over[rows], kept, axis=1).astype(float)
+    at_lost = np.take_along_axis(over[rows], lost, axis=1).astype(float)
+    # from inside to outside on every edge, so that all faces at an edge find the same point
+    share = np.where(kept == lost, 0.0, at_kept / np.where(kept == lost, 1.0, at_kept - at_lost))
+    return _Pieces(rows, kept, lost, share)
+
+
+def _mixed(values: NDArray, a: NDArray[np.int64], b: NDArray[np.int64], share: NDArray[np.float64]) -> NDArray:
+    """Values (N, K) of vertices `a` moved by `share` towards those of `b`."""
+    start, end = values[a].astype(float), values[b].astype(float)
+    return start + share[:, None] * (end - start)
+
+
+def _compact(mesh: TriangleMesh) -> TriangleMesh:
+    """The mesh without the vertices that no face uses."""
+    used = np.zeros(len(mesh.vertices), bool)
+    used[mesh.faces] = True
+    number = np.cumsum(used, dtype=np.int32) - 1
+    rgb = None if mesh.vertex_rgb is None else mesh.vertex_rgb[used]
+    return replace(mesh, vertices=mesh.vertices[used], faces=number[mesh.faces].astype(np.int32), vertex_rgb=rgb)

@@ -1,0 +1,145 @@
+"""Runs in other formats: run folders again, TUM trajectories, Minari datasets; each written whole or not at all."""
+
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from sim.errors import RunFileError
+from sim.files import write_whole
+
+from ..tasks.run_files import Run
+
+ExportFormat = Literal["jsonl", "tum", "minari"]
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What was written of one run."""
+
+    folder: Path
+    num_episodes: int
+    num_answers: int
+    """Answers among the files; TUM and Minari have no place for any."""
+    num_left_out: int
+    """Answers that the format cannot hold."""
+
+
+def export_runs(runs: Sequence[Run], *, format: ExportFormat, out: Path) -> list[Exported]:
+    """Writes runs below `out`, one folder per run.
+
+    Args:
+        runs: Runs in memory; parts of one run (from recordings of single episodes) are put together.
+        format: `jsonl` as ours, `tum` one trajectory per episode, `minari` a dataset that Minari opens.
+        out: Folder that gets `<run_id>/`, for Minari `personal/<run_id>-v0/`.
+
+    Returns:
+        What was written; runs without anything that the format can hold are left out.
+
+    Raises:
+        RunFileError: A folder exists already or cannot be written, two different runs have one name, or nothing at all
+            can be written in this format.
+    """
+    merged = merge_parts(runs)
+    kept = [run for run in merged if run.episodes or (format == "jsonl" and run.answers)]
+    if not kept:
+        names = ", ".join(run.info.run_id for run in merged) or "no run"
+        raise RunFileError(
+            f"{names}: found no episode with poses to write as {format}; expected PAN runs. POG answers are exported "
+            "with --format jsonl only."
+        )
+    targets = [_target(out, run, format) for run in kept]
+    for target in targets:
+        if target.exists():
+            raise RunFileError(f"{target}: exists already; expected a new folder. Give another --out, or remove it.")
+    done = []
+    for run, target in zip(kept, targets, strict=True):
+        with _new_folder(target) as folder:
+            _write(run, format, folder)
+        answers = len(run.answers) if format == "jsonl" else 0
+        done.append(Exported(target, len(run.episodes), answers, len(run.answers) - answers))
+    return done
+
+
+def merge_parts(runs: Sequence[Run]) -> list[Run]:
+    """Runs with those of one `run_id` put together, repeated trials once.
+
+    Raises:
+        RunFileError: Two runs of one name differ in `run.json`.
+    """
+    parts: dict[str, list[Run]] = {}
+    for run in runs:
+        same = parts.setdefault(run.info.run_id, [])
+        if same and same[0].info != run.info:
+            raise RunFileError(
+                f"{run.info.run_id}: two runs of this name have different run.json; expected one run per name. "
+                "Export them one by one, each into its own --out."
+            )
+        same.append(run)
+    return [
+        Run(
+            info=same[0].info,
+            episodes=tuple({item.model_dump_json(): item for run in same for item in run.episodes}.values()),
+            answers=tuple({item.model_dump_json(): item for run in same for item in run.answers}.values()),
+        )
+        if len(same) > 1
+        else same[0]
+        for same in parts.values()
+    ]
+
+
+def write_run_folder(run: Run, folder: Path) -> None:
+    """A run folder as the runner writes it: `read_run` gives the same run.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    write_whole(folder / "run.json", run.info.model_dump_json(indent=2) + "\n")
+    if run.episodes:
+        lines = [line for episode in run.episodes for line in (episode.start, *episode.steps, episode.end)]
+        write_whole(folder / "steps.jsonl", "".join(line.model_dump_json() + "\n" for line in lines))
+    if run.answers:
+        write_whole(folder / "answers.jsonl", "".join(answer.model_dump_json() + "\n" for answer in run.answers))
+
+
+def _target(out: Path, run: Run, format: ExportFormat) -> Path:
+    if format == "minari":
+        from .export_minari import dataset_id
+
+        return out / dataset_id(run.info)
+    return out / run.info.run_id
+
+
+def _write(run: Run, format: ExportFormat, folder: Path) -> None:
+    if format == "jsonl":
+        write_run_folder(run, folder)
+    elif format == "tum":
+        from .export_tum import write_tum_files
+
+        write_tum_files(run, folder)
+    else:
+        from .export_minari import write_minari_dataset
+
+        write_minari_dataset(run, folder)
+
+
+@contextmanager
+def _new_folder(target: Path) -> Iterator[Path]:
+    """A folder that gets its name when it is whole; what was begun is removed otherwise."""
+    beside = target.with_name(target.name + ".part")
+    try:
+        if beside.exists():
+            shutil.rmtree(beside)
+        beside.mkdir(parents=True)
+        yield beside
+        os.replace(beside, target)
+    except OSError as error:
+        raise RunFileError(
+            f"{target}: cannot be written ({error}); expected a folder with space that you can write. "
+            "Give another --out, or make room."
+        ) from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)

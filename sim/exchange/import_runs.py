@@ -1,0 +1,248 @@
+"""Bring PAN runs of another simulator in: check every step, compute all measures here, write an ordinary run folder.
+
+Files come from `recordings/habitat_writer.py`, or are pose lists of any program (`pose_files`). Nothing that a file
+says about its own success, measures or collisions is used; a file with an impossible step is refused with its line
+number, and then nothing at all is written.
+"""
+
+import hashlib
+import math
+import re
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import RunFileError, line_from_validation_error
+from sim.homes.kind import common_kind
+from sim.types import EpisodeKey, SceneKind
+
+from ..tasks.provenance import make_run_info
+from ..tasks.rules import score_run
+from ..tasks.run_files import EpisodeEnd, EpisodeRun, RunInfo, read_episode_runs
+from ..tasks.run_writer import RunWriter
+from ..tasks.step_checks import CheckedRun, check_free_motion, check_places, check_steps, start_problem, with_own_facts
+from .episode_names import find_episode, key_of_table
+from .pose_actions import run_from_poses
+from .pose_files import PoseReading, is_pose_file, poses_from_table, read_pose_tables, undeclared_frame
+from .pose_tables import PoseTable
+
+
+def import_runs(
+    files: Sequence[Path],
+    *,
+    dataset: PersonalDataset,
+    scenes_dir: Path | None,
+    out: Path,
+    who: str,
+    run_id: str | None = None,
+    allow_schematic: bool = False,
+    reading: PoseReading | None = None,
+) -> list[Path]:
+    """Check files that another simulator wrote, score their runs and write them as run folders below `out`.
+
+    Args:
+        files: Steps or pose files, read as one run (an evaluation may write one file per worker or episode).
+        dataset: The episodes that were played.
+        scenes_dir: Folder with the scans; None only for invented homes, whose plan lies beside the episodes.
+        out: Folder that gets `<run_id>/`.
+        who: The agent's name in tables.
+        run_id: Name of the folder; None = `who` and the digest of the files. Importing the same files again resumes.
+        allow_schematic: Score on homes recovered from the episodes; their distances are not those of the scans.
+        reading: The declared conventions of pose files; None when there is none among the files.
+
+    Returns:
+        The folder written.
+
+    Raises:
+        RunFileError: A line is damaged, a step is impossible, an episode is unknown or comes twice, or `out` cannot be
+            written.
+        SceneError: The scenes are of several kinds, or one cannot be opened.
+    """
+    _require_one_kind(files, reading)
+    checked = [run for path in files for run in check_file(path, dataset=dataset, reading=reading)]
+    _require_some_and_no_twins(checked, files)
+    kind = common_kind(dataset, {item.episode.key.scene for item in checked}, scenes_dir)
+    if kind == "schematic" and not allow_schematic:
+        raise RunFileError(
+            f"{dataset.root}: there are neither scans nor plans of its homes, only schematic homes, which another "
+            "simulator did not use; expected the scenes that were played. Give --scenes-dir the folder of their GLBs."
+        )
+    declared = _declared(reading, checked) if reading else {}
+    info = _run_info(files, dataset=dataset, kind=kind, who=who, run_id=run_id, declared=declared)
+    scored = _score(checked, dataset=dataset, scenes_dir=scenes_dir)
+    writer = RunWriter(out / info.run_id, info)
+    for run in scored:
+        if run.key not in writer.done:
+            writer.add_episode(run)
+    return [writer.folder]
+
+
+def check_file(path: Path, *, dataset: PersonalDataset, reading: PoseReading | None = None) -> Iterator[CheckedRun]:
+    """Each complete run of a file, once all its steps are found possible.
+
+    Args:
+        path: A steps file, or a pose file (CSV, TUM, JSON, npz).
+        dataset: The episodes that were played.
+        reading: The declared conventions of pose files.
+
+    Raises:
+        RunFileError: A line is damaged or a step is impossible; the message begins with `file:line`.
+    """
+    if is_pose_file(path):
+        if reading is None:
+            raise undeclared_frame(path)
+        yield from _check_poses(path, dataset, reading)
+        return
+    for lines, run in read_episode_runs(path):
+        wheres = tuple(f"{path}:{line}" for line in lines)
+        if run.start.motion == "free":
+            raise RunFileError(
+                f"{wheres[0]}: motion is 'free'; expected 'paper' in steps files. Export the run as tum and import "
+                "that with --motion free."
+            )
+        named = EpisodeKey(run.start.split, run.start.scene, run.start.episode_id)
+        episode = find_episode(wheres[0], named, dataset, partial(start_problem, run.start))
+        check_steps(wheres, run)
+        yield CheckedRun(episode, with_own_facts(run, episode), wheres)
+
+
+def _check_poses(path: Path, dataset: PersonalDataset, reading: PoseReading) -> Iterator[CheckedRun]:
+    for table in read_pose_tables(path, reading):
+        named = key_of_table(table, reading.episode, dataset)
+
+        def problem(episode: Episode, table: PoseTable = table) -> str | None:
+            return start_problem(_run(table, reading, episode)[1].start, episode)
+
+        episode = find_episode(table.where, named, dataset, problem)
+        wheres, run = _run(table, reading, episode)
+        if reading.free is None:
+            check_steps(wheres, run, rounding=reading.rounding)
+        else:
+            bounds = reading.free
+            max_turn = math.radians(bounds.max_turn_deg)
+            check_free_motion(wheres, run, max_move=bounds.max_move, max_turn=max_turn, max_steps=bounds.max_steps)
+        yield CheckedRun(episode, with_own_facts(run, episode), wheres, ignored=table.ignored)
+
+
+def _run(table: PoseTable, reading: PoseReading, episode: Episode) -> tuple[tuple[str, ...], EpisodeRun]:
+    poses = poses_from_table(table, reading, episode.start)
+    return run_from_poses(table, reading, poses, key=episode.key, start=episode.start)
+
+
+def _require_some_and_no_twins(checked: Sequence[CheckedRun], files: Sequence[Path]) -> None:
+    if not checked:
+        names = ", ".join(str(path) for path in files) or "no file"
+        raise RunFileError(
+            f"{names}: found no finished episode; expected at least one. "
+            "Give files of habitat_writer.py, or pose files."
+        )
+    first: dict[EpisodeKey, str] = {}
+    for run in checked:
+        if run.episode.key in first:
+            raise RunFileError(
+                f"{run.wheres[0]}: episode {run.episode.key} comes a second time (first at {first[run.episode.key]}); "
+                "expected once per run. Import repeated runs one by one, each with its own --run-id."
+            )
+        first[run.episode.key] = run.wheres[0]
+
+
+def _require_one_kind(files: Sequence[Path], reading: PoseReading | None) -> None:
+    """Conventions are declared for pose files only; runs of two action spaces never share a row of a table."""
+    if reading is None:
+        return
+    ours = [path for path in files if not is_pose_file(path)]
+    if len(ours) == len(files) or (ours and reading.free):
+        raise RunFileError(
+            f"{ours[0]}: is a steps file, which says itself how to read it; expected pose files (.csv, .tum, .json, "
+            ".npz) beside --frame. Leave --frame out, or import it alone."
+        )
+    if reading.episode is not None and len(files) > 1:
+        raise RunFileError(
+            f"{files[1]}: is a second file beside --episode, which names one; expected one file. Import them one by "
+            "one, or name each SPLIT-SCENE-ID."
+        )
+
+
+def _score(checked: Sequence[CheckedRun], *, dataset: PersonalDataset, scenes_dir: Path | None) -> list[EpisodeRun]:
+    """Every run with its measures, in the order given; one scene is open at a time."""
+    from sim.homes.open_home import open_scene
+
+    scored: dict[EpisodeKey, EpisodeRun] = {}
+    for name in sorted({item.episode.key.scene for item in checked}):
+        scene = open_scene(dataset, name, scenes_dir=scenes_dir)
+        for item in checked:
+            if item.episode.key.scene != name:
+                continue
+            check_places(item, scene.navigation)
+            measures = score_run(
+                item.episode,
+                item.run.poses,
+                stopped=item.run.end.reason == "stop",
+                navigation=scene.navigation,
+                collisions=sum(step.collided for step in item.run.steps),
+                scene_digest=scene.digest,
+            )
+            end = EpisodeEnd(reason=item.run.end.reason, measures=measures)
+            scored[item.episode.key] = item.run.model_copy(update={"end": end})
+    return [scored[item.episode.key] for item in checked]
+
+
+def _run_info(
+    files: Sequence[Path],
+    *,
+    dataset: PersonalDataset,
+    kind: SceneKind,
+    who: str,
+    run_id: str | None,
+    declared: dict[str, str | int | float | bool | None],
+) -> RunInfo:
+    digest = _digest(files)
+    names = " ".join(path.name for path in files)
+    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", who).strip("-.")[:60] or "run"
+    try:
+        return make_run_info(
+            run_id or f"{slug}-{digest[:8]}",
+            who=who,
+            who_kind="agent",
+            scene_kind=kind,
+            condition="free motion" if "max_move" in declared else "none",
+            dataset_digest=dataset.digest(),
+            config={"imported": names, "imported_digest": digest, **declared},
+        )
+    except ValidationError as error:
+        advice = "Give another --run-id (letters, digits, '.', '_', '-') or --who."
+        raise RunFileError(line_from_validation_error("import", error, advice=advice)) from None
+
+
+def _declared(reading: PoseReading, checked: Sequence[CheckedRun]) -> dict[str, str | int | float | bool | None]:
+    """What was declared about pose files and what of them was left out, for `run.json`."""
+    free = reading.free
+    ignored = dict.fromkeys(name for run in checked for name in run.ignored)
+    return {
+        "frame": reading.frame,
+        "quaternion": reading.quaternion,
+        "poses": reading.poses,
+        "camera_axes": reading.camera_axes,
+        "columns": ",".join(reading.columns) or None,
+        "rows": reading.rows,
+        "stopped": reading.stopped,
+        "allow_sliding": reading.allow_sliding,
+        "rounding": reading.rounding,
+        "ignored_columns": ",".join(ignored) or None,
+        **({"max_move": free.max_move, "max_turn_deg": free.max_turn_deg, "max_steps": free.max_steps} if free else {}),
+    }
+
+
+def _digest(files: Sequence[Path]) -> str:
+    """sha256 over the bytes of all files, in the order given."""
+    total = hashlib.sha256()
+    for path in files:
+        try:
+            total.update(path.read_bytes())
+        except OSError as error:
+            raise RunFileError(f"{path}: cannot be read ({error}); expected JSON lines. Check the path.") from None
+    return total.hexdigest()

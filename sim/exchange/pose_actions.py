@@ -1,0 +1,269 @@
+"""Poses in a row to a run: the actions that a file names, or those that alone can have led from pose to pose."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from sim.errors import RunFileError
+from sim.frames import wrap_angle
+from sim.types import MAX_STEPS, TURN_STEP, Action, EndReason, EpisodeKey, Pose
+
+from ..tasks.run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
+from ..tasks.step_checks import ANGLE_TOLERANCE
+from .pose_files import PoseReading, tells_tilt
+from .pose_tables import PoseTable, number_of, short, truth_of
+
+_LAB_NAMES = {
+    "move_forward": "forward",
+    "turn_left": "left",
+    "turn_right": "right",
+}
+_ORDER = tuple(Action)
+"""Habitat's numbers 0-5."""
+_STILL = 1e-6
+"""Metres and radians below which a robot has not moved."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Walk:
+    """Start, and what was done from it."""
+
+    start: Pose
+    actions: tuple[Action, ...]
+    poses: tuple[Pose, ...]
+    """After each action."""
+    rows: tuple[int, ...]
+    """Of each pose after an action."""
+
+
+def run_from_poses(
+    table: PoseTable, reading: PoseReading, poses: Sequence[Pose], *, key: EpisodeKey, start: Pose
+) -> tuple[tuple[str, ...], EpisodeRun]:
+    """(`file:line` of start, each step and end; the run that the poses tell of, unchecked).
+
+    Args:
+        table: The rows.
+        reading: Their declared conventions.
+        poses: World pose of each row.
+        key: The episode.
+        start: The episode's start pose, for files whose first row is after the first action.
+
+    Raises:
+        RunFileError: An action is unknown or missing, no action leads from one pose to the next, or nothing says
+            whether the run stopped.
+    """
+    actions = _given_actions(table)
+    if reading.free is not None:
+        walk = _free_walk(poses, stops=bool(actions) and actions[-1] is Action.STOP)
+    elif actions is None:
+        walk = _inferred_walk(table, reading, poses)
+    else:
+        walk = _given_walk(table, reading, poses, actions, start)
+    if not tells_tilt(table, reading):
+        walk = _with_counted_tilt(walk)
+    max_steps = reading.free.max_steps if reading.free else MAX_STEPS
+    walk = _ended(table, reading, walk, is_told=actions is not None)
+    has_stopped = bool(walk.actions) and walk.actions[-1] is Action.STOP
+    reason: EndReason = "stop" if has_stopped else "steps" if len(walk.actions) == max_steps else "abandoned"
+    sliding = table.facts.get("allow_sliding")
+    times = _times(table)
+    run = EpisodeRun(
+        start=EpisodeStart(
+            split=key.split,
+            scene=key.scene,
+            episode_id=key.episode_id,
+            position=walk.start.position,
+            yaw=walk.start.yaw,
+            motion="free" if reading.free else "paper",
+            allow_sliding=reading.allow_sliding if sliding is None else truth_of(table.where, "allow_sliding", sliding),
+        ),
+        steps=tuple(
+            Step(action=action, position=pose.position, yaw=pose.yaw, tilt=pose.tilt, t_s=times[row])
+            for action, pose, row in zip(walk.actions, walk.poses, walk.rows, strict=True)
+        ),
+        end=EpisodeEnd(reason=reason),
+    )
+    wheres = (table.wheres[0], *(table.wheres[row] for row in walk.rows), table.wheres[-1])
+    return wheres, run
+
+
+def _given_actions(table: PoseTable) -> list[Action | None] | None:
+    """The file's actions, None for empty ones; None when it has none at all."""
+    if table.actions is None or all(value in (None, "") for value in table.actions):
+        return None
+    found: list[Action | None] = []
+    for row, value in enumerate(table.actions):
+        where = table.wheres[min(row, len(table.wheres) - 1)]
+        found.append(None if value in (None, "", "none") else _action(where, value))
+    return found
+
+
+def _action(where: str, value: object) -> Action:
+    number = number_of(value)
+    if number is not None and number.is_integer() and 0 <= number < len(_ORDER):
+        return _ORDER[int(number)]
+    if isinstance(value, str):
+        name = _LAB_NAMES.get(value.strip().lower(), value.strip().lower())
+        if name in tuple(Action):
+            return Action(name)
+    raise RunFileError(
+        f"{where}: action is {short(value)}; expected 0-5 or one of {', '.join(Action)} (or habitat-lab's names). "
+        "Runs with other actions are imported with --motion free."
+    )
+
+
+def _given_walk(
+    table: PoseTable, reading: PoseReading, poses: Sequence[Pose], actions: list[Action | None], start: Pose
+) -> _Walk:
+    """The run when the file names the actions; which pose follows which action is told by the empty one."""
+    count = len(poses)
+    if len(actions) not in (count - 1, count):
+        raise RunFileError(
+            f"{table.where}: found {len(actions)} actions and {count} poses; expected as many, or one action fewer "
+            "(the first pose is the start). Write the file again."
+        )
+    is_full = len(actions) == count
+    rows = reading.rows
+    if is_full and (actions[0] is None) != (actions[-1] is None):
+        told = "after-action" if actions[0] is None else "before-action"
+        if rows not in (None, told):
+            raise RunFileError(
+                f"{table.where}: the {'first' if actions[0] is None else 'last'} row has no action, so poses are "
+                f"{told}; found --rows {rows}. Leave --rows out."
+            )
+        actions = actions[1:] if actions[0] is None else actions[:-1]
+        is_full = False
+    named = [action for action in actions if action is not None]
+    if len(named) != len(actions):
+        row = actions.index(None)
+        raise RunFileError(
+            f"{table.wheres[row]}: found no action; expected one in every row but the first (pose after the action) or "
+            "the last (pose before it). Write the row again."
+        )
+    if not is_full:
+        return _Walk(poses[0], tuple(named), tuple(poses[1:]), tuple(range(1, count)))
+    if rows == "after-action":
+        return _Walk(start, tuple(named), tuple(poses), tuple(range(count)))
+    if rows is None:
+        raise RunFileError(
+            f"{table.where}: every row has an action, and nothing says whether a row's pose is before or after it; "
+            "expected a declaration. Give --rows before-action or --rows after-action."
+        )
+    if named[-1] is not Action.STOP:
+        raise RunFileError(
+            f"{table.wheres[-1]}: the last action is {named[-1].value!r} and the pose after it is missing; expected "
+            "'stop', or one more row. Leave the last action empty to end the run before it."
+        )
+    return _Walk(poses[0], tuple(named), (*poses[1:], poses[-1]), (*range(1, count), count - 1))
+
+
+def _inferred_walk(table: PoseTable, reading: PoseReading, poses: Sequence[Pose]) -> _Walk:
+    actions = []
+    for row in range(1, len(poses)):
+        action = _inferred(poses[row - 1], poses[row], rounding=reading.rounding)
+        if action is None:
+            before, after = poses[row - 1], poses[row]
+            turned, tilted = wrap_angle(after.yaw - before.yaw), wrap_angle(after.tilt - before.tilt)
+            raise RunFileError(
+                f"{table.wheres[row]}: moved {math.dist(before.position, after.position):.3f} m, turned "
+                f"{math.degrees(turned):.1f} and tilted {math.degrees(tilted):.1f} degrees since the row before; "
+                "expected one action: a move of 0.25 m or less, or a turn or look of 30 degrees. "
+                "Runs with other actions are imported with --motion free."
+            )
+        actions.append(action)
+    return _Walk(poses[0], tuple(actions), tuple(poses[1:]), tuple(range(1, len(poses))))
+
+
+def _inferred(before: Pose, after: Pose, *, rounding: float) -> Action | None:
+    """The action that alone can have led from one pose to the next, or None.
+
+    A robot that stays where it is has walked against a wall: of the actions that a pose shows, only that leaves it so.
+    (Looks are seen only where the file tells the tilt.) Whether a move is possible is for `check_steps`.
+    """
+    turned, tilted = wrap_angle(after.yaw - before.yaw), wrap_angle(after.tilt - before.tilt)
+    if abs(turned) <= ANGLE_TOLERANCE and abs(tilted) <= ANGLE_TOLERANCE:
+        return Action.FORWARD
+    if math.dist(before.position, after.position) > rounding:
+        return None
+    for action, turn, tilt in (
+        (Action.LEFT, TURN_STEP, 0.0),
+        (Action.RIGHT, -TURN_STEP, 0.0),
+        (Action.LOOK_UP, 0.0, TURN_STEP),
+        (Action.LOOK_DOWN, 0.0, -TURN_STEP),
+    ):
+        if abs(wrap_angle(turned - turn)) <= ANGLE_TOLERANCE and abs(wrap_angle(tilted - tilt)) <= ANGLE_TOLERANCE:
+            return action
+    return None
+
+
+def _free_walk(poses: Sequence[Pose], *, stops: bool) -> _Walk:
+    """Nearest names for moves of another action space: forward where it moved or stood still, else the turn's side."""
+    actions = []
+    for before, after in pairwise(poses):
+        turned = wrap_angle(after.yaw - before.yaw)
+        is_turn = math.dist(before.position, after.position) < _STILL and abs(turned) >= _STILL
+        actions.append((Action.LEFT if turned > 0 else Action.RIGHT) if is_turn else Action.FORWARD)
+    walk = _Walk(poses[0], tuple(actions), tuple(poses[1:]), tuple(range(1, len(poses))))
+    return _with_stop(walk, may_rename=True) if stops else walk
+
+
+def _ended(table: PoseTable, reading: PoseReading, walk: _Walk, *, is_told: bool) -> _Walk:
+    """The run with STOP as its last action where the file or the person says that it stopped."""
+    has_stopped = bool(walk.actions) and walk.actions[-1] is Action.STOP
+    fact = table.facts.get("stopped")
+    stopped = reading.stopped if fact is None else truth_of(table.where, "stopped", fact)
+    if fact is None and has_stopped:
+        return walk
+    if stopped is None:
+        if is_told:
+            return walk
+        raise RunFileError(
+            f"{table.where}: nothing says whether the run ended with STOP; expected an action column, a 'stopped' "
+            "field or a declaration. Give --stopped yes or --stopped no."
+        )
+    if has_stopped and not stopped:
+        raise RunFileError(
+            f"{table.where}: stopped is false, but the last action is 'stop'; expected them to agree. Correct one."
+        )
+    return _with_stop(walk, may_rename=not is_told) if stopped and not has_stopped else walk
+
+
+def _with_stop(walk: _Walk, *, may_rename: bool) -> _Walk:
+    """The walk with STOP at its end: its last row, where that repeats the row before and was not named, or one more."""
+    poses = (walk.start, *walk.poses)
+    if may_rename and len(poses) > 1 and _is_same(poses[-2], poses[-1]):
+        return _Walk(walk.start, (*walk.actions[:-1], Action.STOP), walk.poses, walk.rows)
+    last_row = walk.rows[-1] if walk.rows else 0
+    return _Walk(walk.start, (*walk.actions, Action.STOP), (*walk.poses, poses[-1]), (*walk.rows, last_row))
+
+
+def _is_same(one: Pose, other: Pose) -> bool:
+    turned, tilted = wrap_angle(one.yaw - other.yaw), wrap_angle(one.tilt - other.tilt)
+    return math.dist(one.position, other.position) < _STILL and abs(turned) < _STILL and abs(tilted) < _STILL
+
+
+def _with_counted_tilt(walk: _Walk) -> _Walk:
+    """The walk with the tilt that its looks add up to."""
+    tilt, poses = 0.0, []
+    for action, pose in zip(walk.actions, walk.poses, strict=True):
+        tilt += TURN_STEP * ((action is Action.LOOK_UP) - (action is Action.LOOK_DOWN))
+        poses.append(Pose(pose.position, pose.yaw, tilt))
+    return _Walk(walk.start, walk.actions, tuple(poses), walk.rows)
+
+
+def _times(table: PoseTable) -> list[float]:
+    """Seconds since the start of each row; zeros where the file has none."""
+    name = next((name for name in ("t_s", "timestamp") if table.has(name)), None)
+    if name is None:
+        return [0.0] * len(table.wheres)
+    times = table.numbers(name)[:, 0]
+    if name == "timestamp":
+        times = times - times[0]
+    for row in range(len(times)):
+        if times[row] < (times[row - 1] if row else 0.0):
+            raise RunFileError(
+                f"{table.wheres[row]}: {name} is {times[row]:.3f}, before the row above (or negative); expected "
+                "seconds that grow. Write the row again."
+            )
+    return times.tolist()

@@ -1,0 +1,243 @@
+"""Collects quads of a finish and makes a TriangleMesh of them: textured, with soft light baked into its vertices."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...mesh import VERTEX_COLOURS, TriangleMesh
+from ..plan import Finish
+from .light import baked_light
+from .patches import Patches, Quads, patches_of
+from .textures import Texture, texture_of
+
+_UNIT_BOX = np.array(
+    [
+        [[-1, 1, -1], [-1, 1, 1], [1, 1, 1], [1, 1, -1]],  # top
+        [[-1, -1, -1], [1, -1, -1], [1, -1, 1], [-1, -1, 1]],  # bottom
+        [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],  # +z
+        [[1, -1, -1], [-1, -1, -1], [-1, 1, -1], [1, 1, -1]],  # -z
+        [[1, -1, 1], [1, -1, -1], [1, 1, -1], [1, 1, 1]],  # +x
+        [[-1, -1, -1], [-1, -1, 1], [-1, 1, 1], [-1, 1, -1]],  # -x
+    ],
+    float,
+)  # (6, 4, 3), counter-clockwise from outside
+_DRUM_SIDES = 10
+_UP = np.array([0.0, 1.0, 0.0])
+_IS_FLOOR = 0.9
+"""A quad of no object that looks up so far is a floor (y of its normal)."""
+
+
+class _Batch(NamedTuple):
+    """What one call added."""
+
+    corners: NDArray[np.float64]
+    normals: NDArray[np.float64] | None
+    """(N, 4, 3), not unit; None = flat."""
+    uv: NDArray[np.float64] | None
+    """(N, 4, 2) metres; None = laid on from the side."""
+    finish: Finish
+    instance: int
+
+
+class QuadBuilder:
+    """Grows a mesh of quads; every add takes world metres and a finish."""
+
+    def __init__(self) -> None:
+        self._batches: list[_Batch] = []
+
+    def add_quads(
+        self,
+        corners: ArrayLike,
+        finish: Finish,
+        *,
+        uv: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        instance: int = 0,
+    ) -> None:
+        """Adds quads of one finish.
+
+        Args:
+            corners: (N, 4, 3) world metres, counter-clockwise from their front. Two equal corners make a triangle.
+            finish: Of all of them.
+            uv: (N, 4, 2) places on the finish in metres, u to the right and v down, wood's grain along u; None = laid
+                on from the side that the quad faces, by world coordinates, so that neighbours in one plane fit
+                together. A picture is fitted to each quad and `uv` only says how it is turned.
+            normals: (N, 3), or (N, 4, 3) per corner, outward vectors that light the quads of objects instead of their
+                own normals, for rounded solids.
+            instance: Object id, 0 = none: floors, walls and other parts of the house.
+        """
+        quads = np.asarray(corners, np.float64).reshape(-1, 4, 3)
+        if not len(quads):
+            return
+        places = None if uv is None else np.asarray(uv, np.float64).reshape(-1, 4, 2)
+        smooth = None
+        if normals is not None and instance != 0:
+            given = np.asarray(normals, np.float64)
+            smooth = np.broadcast_to(given.reshape(len(given), -1, 3), quads.shape)
+        self._batches.append(_Batch(quads, smooth, places, finish, instance))
+
+    def add_box(
+        self,
+        centre: ArrayLike,
+        size: ArrayLike,
+        *,
+        finish: Finish,
+        yaw: float = 0.0,
+        is_round: bool = False,
+        instance: int = 0,
+    ) -> None:
+        """A box (or an upright drum) with its centre and its extents (3,) along its own axes, turned by `yaw`."""
+        corners = _drum() if is_round else _UNIT_BOX
+        local = corners * np.asarray(size, float) / 2
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        turned = local @ np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]).T
+        self.add_quads(turned + np.asarray(centre, float), finish, uv=_planar_uv(local), instance=instance)
+
+    def mesh(self, *, lamps: Sequence[tuple[float, float, float]] = ()) -> TriangleMesh:
+        """Everything added so far as triangles with one texture per finish, and light.
+
+        Args:
+            lamps: World places of light bulbs; what is near them and faces them is lighter and warmer.
+
+        Returns:
+            Large quads are split where light changes. `vertex_rgb` is the light on textured faces and the lit colour
+            of the others; `face_rgb` is the lit mean colour of all faces.
+        """
+        batches = self._batches
+        counts = [len(batch.corners) for batch in batches]
+        quads = Quads(
+            np.concatenate([batch.corners for batch in batches]),
+            self._normals(),
+            np.repeat(np.array([batch.instance for batch in batches], np.int32), counts),
+        )
+        uv = _planar_uv(quads.corners)
+        for batch, end in zip(batches, np.cumsum(counts), strict=True):
+            if batch.uv is not None:
+                uv[end - len(batch.corners) : end] = batch.uv
+        is_floor = (quads.instance == 0) & (quads.normals[:, 0, 1] > _IS_FLOOR)
+        looks = list(dict.fromkeys(batch.finish for batch in batches))
+        number = {finish: index for index, finish in enumerate(looks)}
+        look = _look(looks, np.repeat([number[batch.finish] for batch in batches], counts), uv, is_floor)
+        patches = patches_of(quads)
+        light = patches.interpolated(baked_light(quads.corners, patches, lamps=lamps))
+        return _triangles(quads, look, patches, light)
+
+    def _normals(self) -> NDArray[np.float64]:
+        """(Q, 4, 3) unit vectors: those given, or else the quads' own."""
+        corners = np.concatenate([batch.corners for batch in self._batches])
+        normals = np.repeat(_crossed(corners)[:, None], 4, axis=1)
+        first = 0
+        for batch in self._batches:
+            if batch.normals is not None:
+                normals[first : first + len(batch.corners)] = batch.normals
+            first += len(batch.corners)
+        lengths = np.linalg.norm(normals, axis=2, keepdims=True)
+        return np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), _UP)
+
+
+class _Look(NamedTuple):
+    """What each quad looks like before it is lit."""
+
+    texture: NDArray[np.int16]
+    """(Q,) index into `images`, or VERTEX_COLOURS."""
+    uv: NDArray[np.float64]
+    """(Q, 4, 2) in shares of the image."""
+    rgb: NDArray[np.float64]
+    """(Q, 3) mean colour."""
+    images: tuple[NDArray[np.uint8], ...]
+
+
+def _look(
+    finishes: list[Finish], which: NDArray[np.int64], uv: NDArray[np.float64], is_floor: NDArray[np.bool_]
+) -> _Look:
+    """One image for each of the finishes that shows one, and one more where it is walked on.
+
+    Args:
+        finishes: All that occur.
+        which: (Q,) index of each quad's.
+        uv: (Q, 4, 2) metres; changed into shares.
+        is_floor: (Q,).
+    """
+    images: list[NDArray[np.uint8]] = []
+    numbers: dict[int, int] = {}
+    texture, rgb = np.full(len(which), VERTEX_COLOURS, np.int16), np.empty((len(which), 3))
+    order = np.argsort(2 * which + is_floor, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff((2 * which + is_floor)[order])) + 1)
+    for group in groups:
+        finish = finishes[which[group[0]]]
+        found = texture_of(finish, is_floor=bool(is_floor[group[0]]))
+        rgb[group] = finish.rgb if found is None else found.rgb
+        if found is None:
+            continue
+        number = numbers.setdefault(id(found), len(images))
+        if number == len(images):
+            images.append(found.image)
+        texture[group], uv[group] = number, _shares(uv[group], found)
+    return _Look(texture, uv, rgb, tuple(images))
+
+
+def _shares(uv: NDArray[np.float64], texture: Texture) -> NDArray[np.float64]:
+    """Places (N, 4, 2) in metres as shares of the image."""
+    if not texture.is_whole:
+        return uv / texture.metres
+    low, high = uv.min(axis=1, keepdims=True), uv.max(axis=1, keepdims=True)
+    return (uv - low) / np.maximum(high - low, 1e-9)
+
+
+def _triangles(quads: Quads, look: _Look, patches: Patches, light: NDArray[np.float64]) -> TriangleMesh:
+    """Two triangles per patch, cut along the diagonal on which light changes less; light is (P, 4, 3)."""
+    num, of = len(patches.quad), patches.quad
+    rgb = np.where((look.texture[of] == VERTEX_COLOURS)[:, None, None], look.rgb[of][:, None], 255.0) * light
+    grey = light.sum(axis=2)
+    is_turned = np.abs(grey[:, 0] - grey[:, 2]) > np.abs(grey[:, 1] - grey[:, 3])
+    split = np.where(is_turned[:, None], [0, 1, 3, 1, 2, 3], [0, 1, 2, 0, 2, 3])  # (P, 6)
+    faces = (split + 4 * np.arange(num)[:, None]).reshape(-1, 3).astype(np.int32)
+    vertices = patches.corners.reshape(-1, 3).astype(np.float32)
+    uv = patches.blended(look.uv).reshape(-1, 2).astype(np.float32)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    keep = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9
+    faces, patch = faces[keep], np.repeat(np.arange(num), 2)[keep]
+    face_texture = look.texture[of][patch]
+    lit = look.rgb[of][patch] * light.mean(axis=1)[patch]
+    return TriangleMesh(
+        vertices,
+        faces,
+        _bytes(lit),
+        quads.instance[of][patch],
+        face_texture,
+        np.where((face_texture >= 0)[:, None, None], uv[faces], np.float32(0)),
+        look.images,
+        _bytes(rgb.reshape(-1, 3)),
+    )
+
+
+def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.clip(values, 0, 255).round().astype(np.uint8)
+
+
+def _crossed(quads: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) normals of quads, as long as twice their area."""
+    return np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+
+
+def _planar_uv(quads: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 4, 2) metres to the right and down on each quad, seen from the axis that it faces most."""
+    normal = _crossed(quads)
+    axis = np.abs(np.round(normal, 12)).argmax(axis=1)
+    sign = np.where(normal[np.arange(len(quads)), axis] < 0, -1.0, 1.0)[:, None]
+    x, y, z = np.moveaxis(quads, 2, 0)  # (N, 4) each
+    right = np.select([(axis == 0)[:, None], (axis == 1)[:, None]], [-sign * z, x], sign * x)
+    down = np.where((axis == 1)[:, None], sign * z, -y)
+    return np.stack([right, down], axis=2)
+
+
+def _drum() -> NDArray[np.float64]:
+    """Sides and lids of an upright drum in the box [-1, 1]^3; (S + 2 * (S / 2 - 1), 4, 3)."""
+    angle = -np.arange(_DRUM_SIDES + 1) * 2 * np.pi / _DRUM_SIDES
+    ring = np.stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)], axis=1)
+    top, bottom = ring + _UP, ring - _UP
+    sides = np.stack([bottom[:-1], bottom[1:], top[1:], top[:-1]], axis=1)
+    fan = [[0, k, k + 1, k + 2] for k in range(1, _DRUM_SIDES - 2, 2)]
+    return np.concatenate([sides, top[fan], bottom[fan][:, ::-1]])

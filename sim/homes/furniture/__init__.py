@@ -1,0 +1,1 @@
+"""Pieces of furniture as shapes: one family builds many categories."""

@@ -1,0 +1,129 @@
+"""What a caption says about colour, pattern and material, as a `Finish`; used by recover, invent and clutter."""
+
+import zlib
+
+from sim.homes.plan import Finish
+from sim.words.finishes import Material, Pattern, Rgb
+
+from ...words.captions import OwnWords, own_words
+from ...words.colours import COLOURS as COLOURS
+from ...words.colours import OF_MATERIAL, WOODS, colours_in
+from ...words.colours import tinted as tinted
+from .families import Family, look_of
+from .usual import usual_finish
+
+_MATERIAL_WORDS: tuple[tuple[Material, str], ...] = (
+    ("wood", " ".join(sorted(WOODS))),
+    ("fabric", "fabric cloth velvet wool woolen cotton linen fur"),
+    ("leather", "leather suede"),
+    ("ceramic", "ceramic porcelain enamel terracotta clay"),
+    ("metal", "silver golden gold brass bronze copper"),
+    ("glass", "glass"),
+    ("plastic", "plastic"),
+    ("paper", "paper"),
+    ("tile", "tiled tiles"),
+)
+_MATERIALS: dict[str, Material] = {
+    **{word: material for material, words in _MATERIAL_WORDS for word in words.split()},
+    **{word: material for word, (material, _) in OF_MATERIAL.items()},
+}
+_PATTERN_WORDS: tuple[tuple[Pattern, str], ...] = (
+    ("striped", "striped stripes stripe stripy lined lines"),
+    ("plaid", "plaid tartan"),
+    ("checked", "checkered checked chequered checkerboard squares"),
+    ("floral", "floral flowery flowers flower flowered roses"),
+    ("dotted", "dotted dots spotted polka"),
+    ("patterned", "patterned pattern patterns geometric ornate chevron motif decorated zigzag persian oriental"),
+    ("patterned", "colorful multicolored hexagonal circles drawings decoration decorations"),
+)
+_PATTERNS: dict[str, Pattern] = {word: pattern for pattern, words in _PATTERN_WORDS for word in words.split()}
+_SOFT = ("fabric", "carpet", "leather")
+_ONE_MATERIAL: dict[Family, Material] = {
+    "flat": "carpet", "picture": "picture", "calendar": "picture", "curtain": "fabric", "towel": "fabric",
+    "clothes": "fabric", "blanket": "fabric", "pillow": "fabric", "bed": "fabric", "fire extinguisher": "plastic",
+    "toy": "fabric",
+}  # fmt: skip
+"""Families that are of one material whatever words their captions hold; a bed of wood has its own branch."""
+_CAN_BE_PATTERNED = (*_SOFT, "tile", "paper", "ceramic", "wicker")
+
+
+def finish_from_text(text: str, category: str, *, seed: str = "") -> Finish:
+    """The finish that a caption describes; what it leaves out is as usual for the category.
+
+    The thing's own attributes count, not those of what else is mentioned: "white sofa with red pillows" and "the white
+    sofa next to a red chair" are white.
+
+    Args:
+        text: A caption, or anything in English; may be empty.
+        category: The object's category; its own words count where the text names no material or colour.
+        seed: What makes two objects differ of which nothing is known, such as their names.
+    """
+    family, _ = look_of(category)
+    digest = zlib.crc32(f"{category}|{text}|{seed}".encode())
+    usual = usual_finish(family, digest // 7)
+    said = own_words(text, category)
+    if family in ("picture", "calendar"):
+        said = said._replace(parts=[])  # frames are no part of the painting
+    colours, is_of_part = _colours(said)
+    material = _material(family, said, usual)
+    pattern = _pattern(family, said, len(colours), material)
+    if not colours:
+        own = [OF_MATERIAL[word][1] for word in (*said.noun, *said.rest, *said.parts) if word in OF_MATERIAL]
+        colours = own[:1] or [_usual_rgb(material, usual)]
+    second = colours[1] if len(colours) > 1 else None
+    if family == "bed" and is_of_part and material != "wood":
+        pattern = "plain" if pattern == "patterned" else pattern
+    return Finish(material=material, pattern=pattern, rgb=colours[0], rgb2=second)
+
+
+def names_colour(text: str, category: str) -> bool:
+    """Whether a caption tells its object's colour, by a colour word or by a material that has one."""
+    said = own_words(text, category)
+    words = (*said.noun, *said.rest, *said.parts)
+    return bool(_colours(said)[0]) or any(word in OF_MATERIAL for word in words)
+
+
+def _colours(said: OwnWords) -> tuple[list[Rgb], bool]:
+    """Colours in the order in which they count, at most two, and whether the first is that of a part."""
+    for with_woods in (False, True):
+        for words in (said.noun, said.rest):
+            found = colours_in(words, with_woods=with_woods)
+            if found:
+                return [*found, *(rgb for rgb in colours_in(said.parts) if rgb not in found)][:2], False
+        found = colours_in(said.parts, with_woods=with_woods)
+        if found:
+            return found[:2], True
+    return [], False
+
+
+def _material(family: Family, said: OwnWords, usual: Finish) -> Material:
+    """The first material that the caption names for the thing, if such things can be of it."""
+    named: list[Material] = [_MATERIALS[word] for word in (*said.noun, *said.rest) if word in _MATERIALS]
+    if family == "bed" and "wood" in named and not colours_in(said.noun, with_woods=False):
+        return "wood"
+    if family in _ONE_MATERIAL:
+        return _ONE_MATERIAL[family]
+    if named:
+        return named[0]
+    part: list[Material] = [_MATERIALS[word] for word in said.parts if word in _MATERIALS]
+    return part[0] if part and usual.material not in _SOFT else usual.material
+
+
+def _pattern(family: Family, said: OwnWords, num_colours: int, material: Material) -> Pattern:
+    if material not in _CAN_BE_PATTERNED or family in ("toilet", "tub", "sink"):
+        return "plain"
+    words = (*said.noun, *said.rest, *said.parts)
+    ignored = {"flower", "flowers"} if family in ("plant", "flowers", "vase") else set()
+    named: list[Pattern] = [_PATTERNS[word] for word in words if word in _PATTERNS and word not in ignored]
+    if named:
+        return min(named, key=lambda pattern: pattern == "patterned")  # "floral pattern" is floral
+    return "patterned" if num_colours > 1 and material in ("fabric", "carpet") else "plain"
+
+
+def _usual_rgb(material: Material, usual: Finish) -> Rgb:
+    """The usual colour, unless the named material cannot have it."""
+    if material == usual.material or material not in ("wood", "leather", "glass", "metal"):
+        return usual.rgb
+    return {"wood": COLOURS["wood"], "leather": COLOURS["brown"], "glass": (190, 214, 218), "metal": COLOURS["silver"]}[
+        material
+    ]

@@ -1,0 +1,66 @@
+"""Furniture -> parts: the piece's family builds it at a sensible size, then it is shrunk into the piece's own box."""
+
+import re
+import zlib
+
+import numpy as np
+
+from sim.homes.plan import Furniture
+
+from ...words.captions import own_words
+from . import (
+    appliances,
+    bathroom,
+    beds,
+    floor_things,
+    heating,
+    lamps,
+    machines,
+    plants,
+    seating,
+    small_things,
+    storage,
+    structure,
+    tables,
+    textiles,
+    wall_things,
+)
+from .families import Vec, look_of
+from .order import Builder, Order, Part
+from .shapes import Shape
+
+LEAST_SHARE = 0.6
+"""What is smaller than this share of its usual size along an axis is built at its usual size and squeezed."""
+_MODULES = (
+    seating, tables, storage, beds, bathroom, appliances, lamps, plants, textiles, wall_things, structure, heating,
+    machines, small_things, floor_things,
+)  # fmt: skip
+BUILDERS: dict[str, Builder] = {family: build for module in _MODULES for family, build in module.BUILDERS.items()}
+"""What builds each family."""
+
+
+def parts_of(piece: Furniture) -> list[Part]:
+    """The shapes of one piece, each with its finish; all lie inside its box of width, height and depth (metres).
+
+    Equal pieces give equal parts: what neither category nor caption says follows from the piece's name.
+    """
+    family, usual = look_of(piece.category)
+    built_at = _vec(np.where(np.array(piece.size) < LEAST_SHARE * np.array(usual), usual, piece.size))
+    words = own_words(piece.caption, piece.category).all | frozenset(re.findall(r"[a-z]+", piece.category.lower()))
+    rng = np.random.default_rng(zlib.crc32(piece.name.encode()))
+    order = Order(piece.category, built_at, piece.finish, words, rng)
+    ratio = np.array(piece.size) / built_at
+    return [Part(_fitted(part.shape, ratio, piece.size), part.finish) for part in BUILDERS[family](order)]
+
+
+def _fitted(shape: Shape, ratio: np.ndarray, size: Vec) -> Shape:
+    """The shape at its own size; what stands out of the box by rounding or by a leaning part is pushed in."""
+    if (ratio < 1).any():
+        shape = shape.scaled(_vec(ratio))
+    w, h, d = size
+    return shape._replace(corners=np.clip(shape.corners, [-w / 2, 0.0, -d / 2], [w / 2, h, d / 2]))
+
+
+def _vec(values: np.ndarray) -> Vec:
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)

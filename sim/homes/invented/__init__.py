@@ -1,0 +1,1 @@
+"""Homes from a seed: layouts, rooms, and what stands in them."""

@@ -1,0 +1,170 @@
+"""Open a scene by name: a scan on disk, the plan of an invented home, or the schematic home of a dataset's scene."""
+
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from sim.cache import cached_bytes
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import SceneError
+from sim.types import AGENT_HEIGHT, AGENT_RADIUS, ClutterLevel, SceneKind
+from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
+
+from ..mesh import Scene, SceneObject, TriangleMesh
+from ..scans.hm3d import find_semantics, load_semantics
+from ..scans.meshes import load_mesh
+from ..scans.up_axis import Up, up_axis
+from .cells import cells_from_runs
+from .clutter.clutter import with_clutter
+from .house import mesh_from_plan
+from .kind import plan_of, scene_kind
+from .plan import HOMES_VERSION, HomePlan, plan_bytes
+from .recovered.recover import recover_plan
+from .recovered.walkable import PLAN_CLIMB
+
+if TYPE_CHECKING:
+    from sim.walk.navmesh import NavMesh
+
+_SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
+"""Of a scan's file, in the order in which they are looked for."""
+
+
+def open_scene(
+    dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None, clutter: ClutterLevel = 0
+) -> Scene:
+    """The scene that the dataset's episodes of `name` take place in.
+
+    Args:
+        dataset: Its folder may hold `scenes/<name>.plan.json`, the plan of an invented home.
+        name: Scene name, as in the content files.
+        scenes_dir: Folder of scans; `<name>.glb` or what `find_scan` says is loaded from any folder below. Beside it,
+            `<name>.semantic.glb` and `.semantic.txt` bring objects, and a `.navmesh` for a robot of our size the
+            navigation map; without one the map is made from the mesh. Files are z-up as HM3D's, unless Habitat's
+            configuration files say otherwise (`up_axis`). None = a plan, or else a schematic home.
+        clutter: How much furniture without a caption is added to a plan or schematic home (`with_clutter`).
+
+    Raises:
+        DatasetError: The dataset has no such scene.
+        SceneError: The scan, a file beside it or the plan is missing, damaged, or cannot be walked in; or clutter is
+            asked for in a scan.
+        MissingDependencyError: The scan has Basis textures and the extra `basis` is not installed.
+    """
+    dataset.require_scene(name)
+    if scenes_dir is not None:
+        if clutter:
+            raise SceneError(
+                f"{scenes_dir}: found clutter level {clutter} for the scan of {name!r}; expected 0, since a scan "
+                "has its own. Leave out --clutter, or --scenes-dir to use the home made from its plan or episodes."
+            )
+        scan = find_scan(name, scenes_dir)
+        return _scan(scan, name, scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir))
+    return scene_from_plan(_cluttered(plan_of(dataset, name) or recover_plan(dataset, name), clutter))
+
+
+def _cluttered(plan: HomePlan, level: ClutterLevel) -> HomePlan:
+    """`with_clutter` with seed 0, kept in the cache folder by the plan and its version."""
+    if level in (0, plan.clutter):
+        return plan
+    content = hashlib.sha256(plan_bytes(plan)).hexdigest()
+    key = f"clutter {level} {content} {HOMES_VERSION} {np.__version__} {scipy.__version__}"
+    return HomePlan.model_validate_json(
+        cached_bytes("plan", key, lambda: plan_bytes(with_clutter(plan, level, seed=0)))
+    )
+
+
+def scene_from_plan(plan: HomePlan) -> Scene:
+    """A planned home with its mesh, objects and walkable places.
+
+    Raises:
+        SceneError: The robot can stand nowhere in it.
+    """
+    mesh, objects = mesh_from_plan(plan)
+    digest = hashlib.sha256(mesh.digest().encode())
+    if plan.cells is None:
+        navigation = floor_grid_from_mesh(mesh)
+    else:
+        cells = cells_from_runs(plan.cells.walkable)
+        navigation = FloorGrid.from_cells(cells.rc, cells.y, grid=plan.cells.grid, max_climb=PLAN_CLIMB)
+        digest.update(navigation.digest.encode())
+    return Scene(plan.name, plan.kind, mesh, objects, navigation, digest.hexdigest(), plan.clutter)
+
+
+def find_scan(name: str, scenes_dir: Path) -> Path:
+    """The file of a scan, in any folder below `scenes_dir`, as HM3D's `00800-<name>/<name>.basis.glb`.
+
+    `<name>.glb` goes before `<name>.basis.glb`, which needs the extra `basis`; then come `.gltf`, `.ply` and `.obj`.
+    Links to folders are followed, as Habitat's downloader makes them; of two files, one reached without links goes
+    first, then the first by path. The path is as found, links and all.
+
+    Raises:
+        SceneError: No folder below `scenes_dir` holds any of them.
+    """
+    order = {f"{name}{suffix}": place for place, suffix in enumerate(_SUFFIXES)}
+    found = [(order[path.name], depth, path) for path, depth in _files_below(scenes_dir, set(order)) if path.exists()]
+    if found:
+        return min(found)[2]
+    raise SceneError(
+        f"{scenes_dir}: found no {name}.glb in any folder below; expected {scenes_dir}/**/{name}.glb "
+        f"(or {', '.join(_SUFFIXES[1:])}). Give --scenes-dir the folder that holds the scans, or leave it out to use "
+        "the schematic home."
+    )
+
+
+def _files_below(root: Path, names: set[str]) -> Iterator[tuple[Path, int]]:
+    """Files of these names in any folder below `root`, each with the number of links to folders that lead to it.
+
+    Each folder is read once, whatever links lead to it: folders reached by fewer links come first.
+    """
+    seen = set[tuple[int, int]]()
+    starts, depth = [str(root)], 0
+    while starts:
+        links: list[str] = []
+        for start in starts:
+            for folder, below, files in os.walk(start):
+                status = os.stat(folder)
+                if (status.st_dev, status.st_ino) in seen:
+                    below.clear()
+                    continue
+                seen.add((status.st_dev, status.st_ino))
+                below.sort()
+                links += [path for name in below if os.path.islink(path := os.path.join(folder, name))]
+                yield from ((Path(folder, name), depth) for name in names.intersection(files))
+        starts, depth = links, depth + 1
+
+
+def _scan(path: Path, name: str, kind: SceneKind, up: Up) -> Scene:
+    mesh = load_mesh(path, up=up)
+    objects: tuple[SceneObject, ...] = ()
+    files = find_semantics(path, name)
+    if files is not None:
+        mesh, objects, _ = load_semantics(*files, mesh, up=up)
+    navmesh = _fitting_navmesh(path, name, mesh)
+    if navmesh is not None:
+        digest = hashlib.sha256(f"{mesh.digest()} {navmesh.digest}".encode()).hexdigest()
+        return Scene(name, kind, mesh, objects, navmesh, digest)
+    try:
+        navigation = floor_grid_from_mesh(mesh)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    return Scene(name, kind, mesh, objects, navigation, mesh.digest())
+
+
+def _fitting_navmesh(path: Path, name: str, mesh: TriangleMesh) -> "NavMesh | None":
+    """The `.navmesh` beside a scan, if made for our robot; HM3D's own, for a taller and thinner one, is not used."""
+    from sim.walk.navmesh import load_navmesh
+
+    for beside in (
+        path.with_suffix(".navmesh"),
+        path.with_name(f"{name}.navmesh"),
+        path.with_name(f"{name}.basis.navmesh"),
+    ):
+        if beside.is_file():
+            navmesh = load_navmesh(beside, mesh=mesh)
+            if navmesh.fits(AGENT_RADIUS, AGENT_HEIGHT):
+                return navmesh
+    return None

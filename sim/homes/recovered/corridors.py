@@ -1,0 +1,255 @@
+"""Guessed corridors of a schematic home, sought so that its paths are as long as the recorded ones.
+
+A recorded length binds from both sides. Where our path is too long, something is missing: the cheapest way over
+unknown floor whose length fits is opened. Where it is too short, one of the corridors opened for others is a way
+through a wall: it is closed, and those who needed it look for another. Known floor is never closed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import GridSpec
+from sim.walk.floor_grid import SNAP_CLIMB, SNAP_HEIGHT, SNAP_REACH, FloorGrid
+from sim.walk.grid_kernels import snap_all
+
+from ..cells import Cells
+from .recorded import PathLength
+from .route_kernels import End, Ground, free_parts, is_touched, mark_near, polyline_length, route, work_for
+
+PLAN_CLIMB = 0.3
+"""Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
+CORRIDOR_RADIUS = 0.1
+"""Half the width of a corridor for the robot's centre (metres)."""
+_RELUCTANCES = (50.0, 12.0, 4.0, 1.5, 0.6, 0.25, 0.1)
+_TOO_SHORT, _TOO_LONG = 0.975, 1.025
+_WRONG = 0.955  # a path this short is worth the search for what to close
+_CUT = 1.25  # paths longer than this many times the record are not measured
+_ROUNDS = 2
+_CHOICES = 3
+_LONGEST_WAY = 1.1
+_DETOUR_RADII = (0.3, 0.6, 0.9)
+_DETOUR_PRICE = 20.0
+_CLOSED_RADIUS = 0.2
+_CLOSED_PRICE = 2.0  # floor that proved wrong is dearer afterwards
+_CELL_COST = 2e-4  # misfit that a cell of corridor must be worth
+_UNREACHED = 0.4
+
+Polyline = NDArray[np.float64]
+Nodes = NDArray[np.int64]
+
+
+class _Opening(NamedTuple):
+    """Unknown floor that would become a corridor, and what that does."""
+
+    nodes: Nodes
+    gain: float
+    measured: dict[int, tuple[float, Polyline]]
+    """Path ratio and path of each record that changes."""
+
+
+def with_corridors(known: Cells, unknown: Cells, lengths: tuple[PathLength, ...], *, grid: GridSpec) -> Cells:
+    """The known cells and those unknown ones that the recorded lengths call for, the latter marked as guessed.
+
+    Args:
+        known: Floor that is certain, never closed; holds the ends of all lengths.
+        unknown: Cells that may be floor.
+        lengths: Records; impossible ones, those shorter than two cells and those that end off the floor are left out.
+        grid: Place of the cells.
+    """
+    rc, y = np.concatenate([known.rc, unknown.rc]), np.concatenate([known.y, unknown.y])
+    order = np.lexsort((y, rc[:, 1], rc[:, 0]))  # the order of FloorGrid's nodes
+    is_known = (np.arange(len(rc)) < len(known.rc))[order]
+    floor = FloorGrid.from_cells(rc, y, grid=grid, max_climb=PLAN_CLIMB)
+    search = _Search(floor, is_known, tuple(record for record in lengths if _is_usable(record, floor)))
+    search.run()
+    kept = search.ground.is_free
+    return Cells(rc[order][kept], y[order][kept], ~is_known[kept])
+
+
+class _Search:
+    """Greedy search with undo; lengths in cells."""
+
+    def __init__(self, floor: FloorGrid, is_known: NDArray[np.bool_], records: tuple[PathLength, ...]) -> None:
+        self.ground = Ground(floor.cells, is_known.copy(), np.ones(len(is_known)))
+        self._is_known = is_known
+        self._work = work_for(len(is_known))
+        self._cell = floor.grid.cell
+        self._lengths = [record.length / self._cell for record in records]
+        self._ends = list(
+            zip(
+                _ends(floor, [record.start for record in records]),
+                _ends(floor, [record.end for record in records]),
+                strict=True,
+            )
+        )
+        straight = [math.dist(record.start, record.end) / self._cell for record in records]
+        # nearly straight paths leave least choice, so they come first
+        tightness = np.array(self._lengths) / np.maximum(straight, 1e-6)
+        self._order: list[int] = np.argsort(tightness, kind="stable").tolist()
+        self._ratios = np.full(len(records), math.inf)
+        self._paths: list[Polyline] = [np.empty((0, 3))] * len(records)
+        self._parts = free_parts(self.ground)
+        for i in range(len(records)):
+            self._measure_anew(i)
+
+    def run(self) -> None:
+        """Opens and closes corridors until the records fit."""
+        for _ in range(_ROUNDS):
+            self._open(self._order)
+            self._close()
+        self._open(self._order)
+
+    def _measure(self, i: int) -> tuple[float, Polyline]:
+        """(our length / recorded length, path) of a record; inf and an empty path where it is much too long."""
+        limit = min(self._ratios[i] + 0.01, _CUT) * self._lengths[i] + 2
+        path = route(self.ground, self._work, *self._ends[i], math.inf, limit)
+        return (polyline_length(path) / self._lengths[i], path) if len(path) else (math.inf, path)
+
+    def _measure_anew(self, i: int) -> None:
+        """Measure a record of whose present path nothing is known."""
+        start, goal = self._ends[i]
+        self._ratios[i], self._paths[i] = math.inf, np.empty((0, 3))
+        if self._parts[start.node] == self._parts[goal.node]:
+            self._ratios[i], self._paths[i] = self._measure(i)
+
+    def _open(self, order: list[int]) -> None:
+        """For each record whose path is too long, the opening that gains most."""
+        for i in order:
+            if self._ratios[i] <= _TOO_LONG:
+                continue
+            best: _Opening | None = None
+            for nodes in self._candidates(i):
+                best = self._tried(nodes, best.gain if best else 0.0) or best
+            if best is not None:
+                self.ground.is_free[best.nodes] = True
+                self._parts = free_parts(self.ground)
+                for j, (ratio, path) in best.measured.items():
+                    self._ratios[j], self._paths[j] = ratio, path
+
+    def _candidates(self, i: int) -> list[Nodes]:
+        """The ways of a record over unknown floor whose lengths fit best."""
+        found: dict[float, Nodes] = {}
+        path = np.empty((0, 3))
+        for reluctance in _RELUCTANCES:
+            path = self._route(i, reluctance)
+            if not len(path) or self._add_way(i, path, found) < _TOO_SHORT:
+                break
+        if len(path) and all(error > _TOO_LONG - 1 for error in found):
+            self._add_detours(i, path, found)
+        return [found[error] for error in sorted(found)[:_CHOICES]]
+
+    def _add_way(self, i: int, path: Polyline, found: dict[float, Nodes]) -> float:
+        """Adds the unknown floor of a path to those found, by the error of its length; the ratio of its length."""
+        ratio = polyline_length(path) / self._lengths[i]
+        error = round(abs(ratio - 1), 3)
+        if ratio <= _LONGEST_WAY and error not in found:
+            nodes = self._near([path], CORRIDOR_RADIUS)
+            nodes = nodes[~self.ground.is_free[nodes]]
+            if len(nodes):
+                found[error] = nodes
+        return ratio
+
+    def _add_detours(self, i: int, path: Polyline, found: dict[float, Nodes]) -> None:
+        """Adds ways around the unknown floor of a path that is too short, farther and farther round."""
+        price = self.ground.price.copy()
+        for radius in _DETOUR_RADII:
+            nodes = self._near([path], radius)
+            self.ground.price[nodes] = price[nodes] + _DETOUR_PRICE
+            way = self._route(i, 1.0)
+            if not len(way) or self._add_way(i, way, found) >= _TOO_SHORT:
+                break
+        self.ground.price[:] = price
+
+    def _route(self, i: int, reluctance: float) -> Polyline:
+        limit = 1.06 * self._lengths[i] + 3
+        return route(self.ground, self._work, *self._ends[i], reluctance, limit)
+
+    def _near(self, paths: list[Polyline], radius: float) -> Nodes:
+        mark = np.zeros(len(self._is_known), bool)
+        for path in paths:
+            mark_near(self.ground.cells, path, radius / self._cell, mark)
+        return np.flatnonzero(mark)
+
+    def _tried(self, nodes: Nodes, least: float) -> _Opening | None:
+        """What opening `nodes` would gain; None as soon as it is certain to be no more than `least`."""
+        concerned = self._concerned(nodes)
+        self.ground.is_free[nodes] = True
+        measured: dict[int, tuple[float, Polyline]] = {}
+        gain = -_CELL_COST * len(nodes)
+        possible = sum(_misfit(self._ratios[j]) for j in concerned)
+        for j in concerned:
+            if gain + possible <= least:
+                break
+            measured[j] = self._measure(j)
+            misfit = _misfit(self._ratios[j])
+            gain += misfit - _misfit(measured[j][0])
+            possible -= misfit
+        self.ground.is_free[nodes] = False
+        return _Opening(nodes, gain, measured) if gain > least else None
+
+    def _concerned(self, nodes: Nodes) -> list[int]:
+        """Records whose paths may become shorter when `nodes` are opened, those with the largest misfit first."""
+        cells = self.ground.cells
+        u, v = cells.col[nodes] + 0.5, cells.row[nodes] + 0.5
+        links = cells.links[nodes]
+        joined = set(self._parts[links[links >= 0]].tolist())
+        found = []
+        for j, (start, goal) in enumerate(self._ends):
+            parts = {int(self._parts[start.node]), int(self._parts[goal.node])}
+            around = np.hypot(u - start.u, v - start.v) + np.hypot(u - goal.u, v - goal.v)
+            is_nearer = around.min() < min(self._ratios[j], _CUT) * self._lengths[j]
+            if is_nearer and (len(parts) == 1 or parts <= joined):
+                found.append(j)
+        return sorted(found, key=lambda j: -_misfit(self._ratios[j]))
+
+    def _close(self) -> None:
+        """For each record whose path is too short, close the corridors it uses, unless that makes things worse."""
+        for i in np.argsort(self._ratios, kind="stable").tolist():
+            if self._ratios[i] >= _WRONG:
+                continue
+            nodes = self._near([self._paths[i]], _CLOSED_RADIUS)
+            nodes = nodes[self.ground.is_free[nodes] & ~self._is_known[nodes]]
+            if not len(nodes):
+                continue
+            before = self.ground.is_free.copy(), self._ratios.copy(), list(self._paths)
+            self.ground.is_free[nodes] = False
+            self.ground.price[nodes] += _CLOSED_PRICE
+            self._measure_again(nodes)
+            self._open([j for j in self._order if self._ratios[j] > before[1][j] or not math.isfinite(self._ratios[j])])
+            if sum(map(_misfit, self._ratios.tolist())) >= sum(map(_misfit, before[1].tolist())) - 1e-6:
+                self.ground.is_free[:], self._ratios, self._paths = before
+                self._parts = free_parts(self.ground)
+
+    def _measure_again(self, closed: Nodes) -> None:
+        """Measure the records whose paths use closed nodes."""
+        self._parts = free_parts(self.ground)
+        mark = np.zeros(len(self._is_known), bool)
+        mark[closed] = True
+        for j, path in enumerate(self._paths):
+            if is_touched(self.ground.cells, path, mark):
+                self._measure_anew(j)
+
+
+def _is_usable(record: PathLength, floor: FloorGrid) -> bool:
+    """Whether a record can tell something about the floor."""
+    is_on_floor = all(floor.snap(np.array(place)) is not None for place in (record.start, record.end))
+    return record.is_possible and record.length >= 2 * floor.grid.cell and is_on_floor
+
+
+def _misfit(ratio: float) -> float:
+    """How bad a path ratio is: its error, and a fine where it passes 5 % and 10 %."""
+    error = min(abs(ratio - 1), 0.3) if math.isfinite(ratio) else _UNREACHED
+    fines = [min(max((error - limit + 0.02) / 0.04, 0.0), 1.0) for limit in (0.05, 0.1)]
+    return error + 0.1 * sum(fines)
+
+
+def _ends(floor: FloorGrid, points: list[tuple[float, float, float]]) -> list[End]:
+    """Points on the floor's nodes."""
+    world = np.array(points, float).reshape(-1, 3)
+    (x0, z0), cell = floor.grid.origin_xz, floor.grid.cell
+    at = (world[:, 0] - x0) / cell, world[:, 1] / cell, (world[:, 2] - z0) / cell
+    u, v, h, nodes = snap_all(floor.cells, *at, SNAP_REACH / cell, SNAP_HEIGHT / cell, SNAP_CLIMB / cell)
+    return [End(*end) for end in zip(u.tolist(), v.tolist(), h.tolist(), nodes.tolist(), strict=True)]

@@ -1,0 +1,157 @@
+"""A schematic home from the episode files alone: where the robot stood is floor, where it looked is open, else wall.
+
+Episode files -> HomePlan, kept on disk. Floor: walkable.py; objects: recovered_objects.py; rooms: recovered_rooms.py.
+"""
+
+import hashlib
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from sim.cache import cached_bytes
+from sim.episodes.dataset import PersonalDataset, read_bytes
+from sim.errors import SceneError
+from sim.types import SPLITS, STOREY_GAP, ClutterLevel, Split
+
+from ..cells import CELL, CellGrid, runs_from_cells
+from ..clutter.clutter import with_clutter
+from ..plan import HOMES_VERSION, HomePlan, Storey, plan_bytes
+from .open_space import step_cells
+from .recorded import Recorded, recorded_facts
+from .recovered_objects import RecoveredObject, recovered_objects
+from .recovered_rooms import recovered_rooms
+from .room_words import room_texts
+from .unhidden import unhidden
+from .walkable import walkable_cells
+
+MARGIN = 2.0
+"""Empty border around the standing points (metres)."""
+_SAME_HEIGHT = 0.15
+_FEWEST = 10
+"""Points of a storey that is not the only one."""
+_CEILING, _HIGHEST = 2.5, 3.4
+_ABOVE_TOP = 0.05
+_SLAB = 0.1
+_BESIDE = 2.2
+"""Storeys less far apart lie beside each other, as in a home on a slope (metres)."""
+_FLOOR_LABELS = {"0": "ground floor", "1": "first floor", "2": "second floor", "-1": "basement"}
+
+
+def recover_plan(
+    dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...] = SPLITS, clutter: ClutterLevel = 0
+) -> HomePlan:
+    """The schematic home of a scene, from its episodes in the named splits.
+
+    Takes seconds at first and milliseconds afterwards: plans are kept in the cache folder, by the content of the
+    scene's files and `HOMES_VERSION`.
+
+    Args:
+        dataset: Released or other PersONAL episodes.
+        scene: Name of the scene.
+        splits: Whose files are read; the others' are not.
+        clutter: How much furniture without a caption is added (`with_clutter`, seed 0).
+
+    Raises:
+        DatasetError: The scene is unknown or its files are damaged.
+        SceneError: The files hold no place to stand.
+    """
+    dataset.require_scene(scene)
+    named: tuple[Split, ...] = tuple(split for split in SPLITS if split in splits)
+    versions = f"{HOMES_VERSION} {np.__version__} {scipy.__version__}"
+    key = f"{scene} {','.join(named)} {_content_digest(dataset, scene, named)} {versions}"
+    content = cached_bytes("plan", key, lambda: plan_bytes(_recovered(dataset, scene, named)))
+    plan = HomePlan.model_validate_json(content)
+    if clutter == 0:
+        return plan
+    content = cached_bytes("plan", f"{key} clutter {clutter}", lambda: plan_bytes(with_clutter(plan, clutter, seed=0)))
+    return HomePlan.model_validate_json(content)
+
+
+def _content_digest(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) -> str:
+    """sha256 of the scene's decompressed files in these splits."""
+    total = hashlib.sha256()
+    for split in splits:
+        if (split, scene) in dataset.files:
+            total.update(f"{split}\n".encode() + read_bytes(dataset.files[split, scene]))
+    return total.hexdigest()
+
+
+def _recovered(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) -> HomePlan:
+    recorded = recorded_facts(dataset, scene, splits=splits)
+    if not len(recorded.standing):
+        raise SceneError(
+            f"{dataset.root}: scene {scene!r} has no original view point and no episode in {', '.join(splits)}; "
+            "expected places to stand. Give --scenes-dir the folder of its scan."
+        )
+    storeys = _storeys(recorded)
+    objects = unhidden(recovered_objects(recorded, storeys), recorded.goals)
+    storeys = _with_ceilings(storeys, objects)
+    grid = _empty_grid(recorded.places)
+    grid = grid.model_copy(update={"walkable": runs_from_cells(walkable_cells(recorded, storeys, grid=grid))})
+    steps = step_cells(recorded, objects, storeys, grid=grid)
+    grid = grid.model_copy(update={"plinth": runs_from_cells(steps)})
+    texts = room_texts(dataset, scene, splits=splits)
+    found = recovered_rooms(texts, recorded.goals, storeys, grid=grid)
+    furniture = tuple(
+        item.piece.model_copy(update={"room": found.room_of[_nearest_goal(item, objects)]}) for item in objects
+    )
+    return HomePlan(name=scene, kind="schematic", storeys=storeys, rooms=found.rooms, furniture=furniture, cells=grid)
+
+
+def _nearest_goal(item: RecoveredObject, objects: Sequence[RecoveredObject]) -> str:
+    """Name of the recorded object itself, or of the one that a support stands at."""
+    own = [other for other in objects if other.piece.role == "captioned"]
+    return min(own, key=lambda other: (math.dist(other.piece.centre, item.piece.centre), other.piece.name)).piece.name
+
+
+def _storeys(recorded: Recorded) -> tuple[Storey, ...]:
+    """Floors at the heights where most points are, at least STOREY_GAP apart."""
+    left = np.sort(recorded.standing[:, 1])
+    found: list[float] = []
+    while len(left):
+        inside = np.searchsorted(left, left + _SAME_HEIGHT, side="right") - np.arange(len(left))
+        first = int(inside.argmax())
+        height = float(np.median(left[first : first + inside[first]]))
+        if not found or inside[first] >= _FEWEST:
+            found.append(height)
+        left = left[np.abs(left - height) >= STOREY_GAP]
+    found.sort()
+    labels = [_label(recorded, height, index) for index, height in enumerate(found)]
+    return tuple(
+        Storey(label=label if labels.count(label) == 1 else f"{label} at {height:.1f} m", floor_y=round(height, 2))
+        for label, height in zip(labels, found, strict=True)
+    )
+
+
+def _with_ceilings(storeys: tuple[Storey, ...], objects: Sequence[RecoveredObject]) -> tuple[Storey, ...]:
+    """The storeys with walls as high as what stands in them, and below the next storey."""
+    found = []
+    for k, storey in enumerate(storeys):
+        tops = [
+            item.piece.centre[1] + item.piece.size[1] / 2 - storey.floor_y
+            for item in objects
+            if item.stand == "floor" and abs(item.piece.centre[1] - item.piece.size[1] / 2 - storey.floor_y) < 0.5
+        ]
+        ceiling = min(max([_CEILING, *(top + _ABOVE_TOP for top in tops)]), _HIGHEST)
+        gap = storeys[k + 1].floor_y - storey.floor_y if k + 1 < len(storeys) else math.inf
+        if gap > _BESIDE:
+            ceiling = min(ceiling, gap - _SLAB)
+        found.append(storey.model_copy(update={"ceiling": round(ceiling, 2)}))
+    return tuple(found)
+
+
+def _label(recorded: Recorded, height: float, index: int) -> str:
+    labels = Counter(g.floor_id for g in recorded.goals.values() if abs(g.floor_y - height) < STOREY_GAP / 2)
+    label = labels.most_common(1)[0][0] if labels else str(index)
+    return _FLOOR_LABELS.get(label, f"floor {label}")
+
+
+def _empty_grid(standing: NDArray[np.float64]) -> CellGrid:
+    low = np.floor((standing[:, [0, 2]].min(axis=0) - MARGIN) / CELL) * CELL
+    cols, rows = np.ceil((standing[:, [0, 2]].max(axis=0) + MARGIN - low) / CELL).astype(int)
+    origin = (round(float(low[0]), 4), round(float(low[1]), 4))
+    return CellGrid(origin_xz=origin, shape=(int(rows), int(cols)), walkable=())

@@ -1,0 +1,156 @@
+"""Recovered objects changed so that none hides another from the places that see it; after recovered_objects.py.
+
+Only sizes change, and supports that nobody recorded may go. Walls do not matter: they stand in no line of sight.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sim.episodes.schema import Goal
+from sim.render.raycast import Raycaster
+from sim.types import Camera
+from sim.walk.object_surface import object_surface
+
+from ...mesh import FLAT, TriangleMesh
+from ..building.furniture_mesh import add_piece
+from ..building.quads import QuadBuilder
+from ..plan import Finish, Furniture
+from .recovered_objects import RecoveredObject
+from .sightlines import original_places
+
+_ROUNDS = 6
+_ENOUGH = 0.97
+"""Share of an object's view points that must see it; below, whatever hides it gives way."""
+_SAMPLES = 32
+_SHRUNK = 0.8
+_SMALLEST, _LEAST_SHARE = 0.08, 0.55
+"""A blocker shrinks neither below this width and depth (metres) nor below this share of its first ones."""
+_LIP = 0.01
+"""How far a thing inside another one reaches out of it (metres)."""
+_FARTHEST_OUT = 0.4
+
+
+class _Hidden(NamedTuple):
+    """An object that too few places see, and what stands in front."""
+
+    index: int
+    by: Counter[int]
+    """Lines of sight that other pieces cut, by their index."""
+
+
+def unhidden(found: Sequence[RecoveredObject], goals: Mapping[str, Goal]) -> tuple[RecoveredObject, ...]:
+    """The objects with sizes such that (nearly) all original view points of each see some of it past the others.
+
+    Names, centres and yaws stay; supports (role `clutter`) are left out where they hide something.
+    """
+    objects = list(found)
+    for _ in range(_ROUNDS):
+        hidden = _hidden([item.piece for item in objects], goals)
+        if not hidden:
+            break
+        pieces = [item.piece for item in objects]
+        dropped: set[int] = set()
+        for case in hidden:
+            for index, _ in sorted(case.by.items(), key=lambda item: (-item[1], item[0]))[:2]:
+                if pieces[index].role == "clutter":
+                    dropped.add(index)
+                else:
+                    width, _, depth = found[index].piece.size
+                    least = (max(_SMALLEST, _LEAST_SHARE * width), max(_SMALLEST, _LEAST_SHARE * depth))
+                    pieces[case.index], pieces[index] = made_way(pieces[case.index], pieces[index], least=least)
+        objects = [
+            item._replace(piece=piece)
+            for index, (item, piece) in enumerate(zip(objects, pieces, strict=True))
+            if index not in dropped
+        ]
+    return tuple(objects)
+
+
+def made_way(
+    piece: Furniture, blocker: Furniture, *, least: tuple[float, float] = (_SMALLEST, _SMALLEST)
+) -> tuple[Furniture, Furniture]:
+    """The hidden piece and what hides it, one of them with another size.
+
+    A piece whose centre lies inside the other reaches a little out of its front or top, as an oven in a cabinet or a
+    blanket on a bed; else the blocker shrinks, at most to `least` metres of width and depth.
+    """
+    x, y, z = piece.centre
+    half_h = blocker.size[1] / 2
+    if blocker.rect.holds(x, z) and abs(y - blocker.centre[1]) < half_h:
+        front, back = _gaps(piece, blocker)
+        top = blocker.centre[1] + half_h - y
+        width, height, depth = piece.size
+        if depth / 2 < front + _LIP <= _FARTHEST_OUT and front < back + _LIP:
+            return piece.model_copy(update={"size": (width, height, 2 * (front + _LIP))}), blocker
+        if height / 2 < top + _LIP <= _FARTHEST_OUT:
+            return piece.model_copy(update={"size": (width, 2 * (top + _LIP), depth)}), blocker
+    width, height, depth = blocker.size
+    smaller = (max(min(least[0], width), width * _SHRUNK), height, max(min(least[1], depth), depth * _SHRUNK))
+    return piece, blocker.model_copy(update={"size": smaller})
+
+
+def _gaps(piece: Furniture, blocker: Furniture) -> tuple[float, float]:
+    """Metres from the piece's centre to where its front direction and the opposite one leave the blocker's bounds."""
+    (x, _, z), rect = piece.centre, blocker.rect
+    sin, cos = math.sin(piece.yaw), math.cos(piece.yaw)
+    ends = (rect.x1 - x, x - rect.x0) if abs(sin) > abs(cos) else (rect.z1 - z, z - rect.z0)
+    return ends if sin + cos > 0 else (ends[1], ends[0])
+
+
+def _hidden(pieces: Sequence[Furniture], goals: Mapping[str, Goal]) -> list[_Hidden]:
+    """The recorded pieces that fewer than _ENOUGH of their view points see."""
+    mesh = _shapes(pieces)
+    caster = Raycaster(mesh)
+    found: list[_Hidden] = []
+    for index, piece in enumerate(pieces):
+        places = original_places(goals[piece.name]) if piece.name in goals else np.zeros((0, 3))
+        if not len(places):
+            continue
+        eyes = places + np.array([0.0, Camera().mount_height, 0.0])
+        targets = object_surface(mesh, index + 1, centre=piece.centre, size=piece.world_size, count=_SAMPLES)
+        starts = np.repeat(eyes, len(targets), axis=0)
+        hits = caster.cast(starts, np.tile(targets, (len(eyes), 1)) - starts)
+        ids = np.where(hits.face_ids >= 0, mesh.face_instance[hits.face_ids], 0).reshape(len(eyes), -1)
+        is_blind = (ids != index + 1).all(axis=1)
+        if is_blind.sum() > (1 - _ENOUGH) * len(eyes):
+            others = ids[is_blind]
+            found.append(_Hidden(index, Counter((others[others > 0] - 1).tolist())))
+    return found
+
+
+class _Shapes(QuadBuilder):
+    """Collects corners and ids only: no texture, no light."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.quads: list[NDArray[np.float64]] = []
+        self.ids: list[NDArray[np.int32]] = []
+
+    def add_quads(self, corners: ArrayLike, finish: Finish, *, instance: int = 0, **more: Any) -> None:
+        quads = np.asarray(corners, np.float64).reshape(-1, 4, 3)
+        self.quads.append(quads)
+        self.ids.append(np.full(len(quads), instance, np.int32))
+
+
+def _shapes(pieces: Sequence[Furniture]) -> TriangleMesh:
+    """The pieces alone; ids are 1, 2, ... in their order."""
+    builder = _Shapes()
+    for instance, piece in enumerate(pieces, start=1):
+        add_piece(builder, piece, instance=instance)
+    corners = np.concatenate(builder.quads).reshape(-1, 3).astype(np.float32)
+    first = np.arange(len(corners) // 4, dtype=np.int32)[:, None, None] * 4
+    faces = (first + np.array([[0, 1, 2], [0, 2, 3]], np.int32)).reshape(-1, 3)
+    num = len(faces)
+    return TriangleMesh(
+        corners,
+        faces,
+        np.zeros((num, 3), np.uint8),
+        np.repeat(np.concatenate(builder.ids), 2),
+        np.full(num, FLAT, np.int16),
+        np.zeros((num, 3, 2), np.float32),
+    )

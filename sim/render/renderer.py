@@ -1,0 +1,60 @@
+"""What a renderer gives; implemented by sim/render/raycast.py. Light, so that environments and sessions can name it."""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Camera
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One rendered view."""
+
+    rgb: NDArray[np.uint8]
+    """(H, W, 3)."""
+    depth_m: NDArray[np.float32]
+    """(H, W) planar depth in metres, 0 where nothing was hit."""
+    instance_ids: NDArray[np.int32]
+    """(H, W), 0 where no object."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """Where rays met the scene first."""
+
+    range_m: NDArray[np.float64]
+    """(N,) metres along the unit ray, inf where nothing was hit."""
+    positions: NDArray[np.float64]
+    """(N, 3) world metres, nan where nothing was hit."""
+    face_ids: NDArray[np.int64]
+    """(N,) face of the mesh, -1 where nothing was hit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Backend:
+    """What finds the first hits of rays, and why it was chosen."""
+
+    name: Literal["embree", "open3d"]
+    packet_width: int
+    """Rays that are traced together: 16, 8 or 4; 1 with Open3D."""
+    reason: str
+    """One sentence."""
+
+
+class Renderer(Protocol):
+    """Renders views of one scene and casts rays into it."""
+
+    def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+        """RGB, planar depth and instance ids seen by a camera at (4, 4)."""
+        ...
+
+    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
+        """What `render` gives for each of the poses (B, 4, 4), in order; faster than one after the other."""
+        ...
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
+        """First hits of rays; both (N, 3), directions need not be unit length."""
+        ...

@@ -1,0 +1,236 @@
+"""Reads a GLB or glTF file into a `TriangleMesh` in the world frame; every scan enters here."""
+
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.frames import T_world_glb_zup
+
+from ..mesh import FLAT, VERTEX_COLOURS, TriangleMesh
+from .gltf_file import MAX_ELEMENTS, GltfFile, floats, read_gltf
+from .gltf_nodes import placed_meshes
+from .gltf_schema import Primitive
+from .gltf_textures import Look, TextureSet, look_of
+
+MAX_PARTS = 1 << 13
+MAX_EXTENT = 1e5
+"""Metres from the origin: beyond, float32 has no centimetres, and no home lies there."""
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_BLOCK = 1 << 16
+"""Vertices that are placed in one go, in float64."""
+
+
+class _Part(NamedTuple):
+    """One primitive at one node."""
+
+    primitive: Primitive
+    T_world_mesh: NDArray[np.float64]
+    """(4, 4)."""
+    look: Look
+    is_textured: bool
+    vertices: slice
+    """Of the mesh's vertices; parts of one node with the same positions and vertex colours share them."""
+    faces: slice
+    """Of the mesh's faces."""
+
+
+class _Counts(NamedTuple):
+    vertices: int
+    faces: int
+    has_colours: bool
+
+
+def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linear", "srgb"] = "linear") -> TriangleMesh:
+    """The triangles of a glTF 2.0 file, with node transforms applied, in the world frame.
+
+    Colours are unlit, as Habitat shows scans: the product of base colour, texture and vertex colours, of those that a
+    primitive has. Vertices of a mesh with such colours are white where their primitive has none. Alpha, skins,
+    morph targets, points and lines are left out. All faces have instance 0. `face_rgb` is the mean of a face's vertex
+    colours where it shows them alone. Basis textures need the extra `basis`.
+
+    Args:
+        path: A `.glb`, or a `.gltf` with its buffers and images inside or in the same folder.
+        up: The file's up axis; HM3D is z-up, glTF's own convention is y-up.
+        colours: Vertex colours stay the file's numbers, or are encoded from linear light, as glTF says they are.
+
+    Raises:
+        SceneError: The file is missing, damaged, without faces, too large, or uses what we cannot read.
+        MissingDependencyError: It has Basis textures and the extra `basis` is not installed.
+    """
+    file = read_gltf(path)
+    parts, counts = _parts(file, T_world_glb_zup if up == "z" else np.eye(4))
+    if not counts.faces:
+        raise file.refused("found no faces", "a mesh of triangles", advice="Export the scene with its geometry.")
+    vertices = np.empty((counts.vertices, 3), np.float32)
+    vertex_rgb = np.full((counts.vertices, 3), 255, np.uint8) if counts.has_colours else None
+    faces = np.empty((counts.faces, 3), np.int32)
+    face_rgb = np.empty((counts.faces, 3), np.uint8)
+    face_texture = np.empty(counts.faces, np.int16)
+    face_uv = np.zeros((counts.faces, 3, 2), np.float32)
+    textures = TextureSet(file)
+    placed, coloured = set[int](), set[int]()
+    for part in parts:
+        if part.vertices.start not in placed:
+            placed.add(part.vertices.start)
+            _place_vertices(file, part, vertices[part.vertices])
+        corners = _corners(file, part)
+        np.add(corners, part.vertices.start, out=faces[part.faces], dtype=np.int32, casting="unsafe")
+        attributes, look = part.primitive.attributes, part.look
+        face_rgb[part.faces] = _bytes(np.array(look.plain))
+        if vertex_rgb is not None and "COLOR_0" in attributes and part.vertices.start not in coloured:
+            coloured.add(part.vertices.start)
+            vertex_rgb[part.vertices] = _vertex_colours(file, part, srgb=colours == "srgb")
+        if part.is_textured:
+            uv = _texture_coordinates(file, part, corners)
+            face_texture[part.faces] = textures.place(look, uv)
+            face_uv[part.faces] = uv.reshape(-1, 3, 2)
+        elif vertex_rgb is not None and "COLOR_0" in attributes:
+            face_texture[part.faces] = VERTEX_COLOURS
+            total = vertex_rgb[faces[part.faces]].sum(axis=1, dtype=np.uint16)
+            face_rgb[part.faces] = (2 * total + 3) // 6
+        else:
+            face_texture[part.faces] = FLAT
+    _require_a_home(file, vertices)
+    instance = np.zeros(counts.faces, np.int32)
+    return TriangleMesh(vertices, faces, face_rgb, instance, face_texture, face_uv, textures.textures(), vertex_rgb)
+
+
+def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part], _Counts]:
+    """All primitives with triangles that the scene shows; nothing large is read or made yet."""
+    parts: list[_Part] = []
+    known: dict[tuple, slice] = {}
+    looks: dict[int | None, Look] = {}
+    num_vertices = num_faces = num_seen = 0
+    for node, mesh, T_glb_mesh in placed_meshes(file):
+        with np.errstate(over="ignore", invalid="ignore"):
+            T_world_mesh = T_world_glb @ T_glb_mesh
+        for primitive in file.document.meshes[mesh].primitives:
+            num_seen += 1
+            if num_seen > MAX_PARTS:
+                raise file.refused(f"shows more than {MAX_PARTS} primitives", "fewer", advice="Join its meshes.")
+            if primitive.mode < _TRIANGLES or "POSITION" not in primitive.attributes:
+                continue
+            if primitive.material not in looks:
+                looks[primitive.material] = look_of(file, primitive.material)
+            look = looks[primitive.material]
+            count = _count(file, primitive.attributes["POSITION"])
+            faces = slice(num_faces, num_faces + _num_faces(file, primitive, count))
+            if faces.stop == faces.start:
+                continue
+            colours = primitive.attributes.get("COLOR_0")
+            is_textured = look.image is not None and look.coordinates in primitive.attributes
+            tint = None if colours is None or is_textured else look.factor  # else the texels have it, or nothing has
+            key = (node, primitive.attributes["POSITION"], colours, tint)
+            vertices = known.setdefault(key, slice(num_vertices, num_vertices + count))
+            parts.append(_Part(primitive, T_world_mesh, look, is_textured, vertices, faces))
+            num_vertices, num_faces = max(num_vertices, vertices.stop), faces.stop
+            if max(num_vertices, num_faces) > MAX_ELEMENTS:
+                found = f"announces {num_vertices} vertices and {num_faces} faces"
+                raise file.refused(found, f"at most {MAX_ELEMENTS} of each", advice="Split the scene.")
+    has_colours = any("COLOR_0" in part.primitive.attributes for part in parts)
+    return parts, _Counts(num_vertices, num_faces, has_colours)
+
+
+def _count(file: GltfFile, accessor: int) -> int:
+    return file.get("accessors", accessor, of="a primitive").count
+
+
+def _num_faces(file: GltfFile, primitive: Primitive, num_vertices: int) -> int:
+    count = num_vertices if primitive.indices is None else _count(file, primitive.indices)
+    if primitive.mode != _TRIANGLES:
+        return max(count - 2, 0)
+    if count % 3:
+        raise file.refused(f"a primitive has {count} corners of triangles", "a multiple of 3")
+    return count // 3
+
+
+def _place_vertices(file: GltfFile, part: _Part, out: NDArray[np.float32]) -> None:
+    """Write the part's vertices (V, 3) into `out`, world frame."""
+    accessor = part.primitive.attributes["POSITION"]
+    points = _attribute(file, part, "POSITION", widths=(3,))
+    normalized = file.document.accessors[accessor].normalized
+    R, t = part.T_world_mesh[:3, :3], part.T_world_mesh[:3, 3]
+    if not (part.T_world_mesh - np.eye(4)).any():
+        out[...] = floats(points, normalized=normalized)
+        return
+    with np.errstate(over="ignore", invalid="ignore"):
+        for first in range(0, len(points), _BLOCK):
+            block = floats(points[first : first + _BLOCK], normalized=normalized).astype(np.float64)
+            out[first : first + _BLOCK] = block @ R.T + t
+
+
+def _corners(file: GltfFile, part: _Part) -> NDArray[np.integer]:
+    """(F, 3) vertices of each face within the part; a mirroring node turns faces, so that they keep their side."""
+    primitive, count = part.primitive, part.vertices.stop - part.vertices.start
+    if primitive.indices is None:
+        index = np.arange(count, dtype=np.uint32)
+    else:
+        index = file.elements(primitive.indices, of="a primitive")
+        if index.dtype.kind != "u" or index.shape[1] != 1:
+            raise file.refused(f"accessors.{primitive.indices} holds no indices", "unsigned integers")
+        index = index[:, 0]
+        if len(index) and int(index.max()) >= count:
+            wrong = int(np.argmax(index >= count))
+            found = f"face {wrong // 3} of accessors.{primitive.indices} uses vertex {int(index[wrong])}"
+            raise file.refused(found, f"0 to {count - 1}, the vertices that it has")
+    first = np.arange(max(len(index) - 2, 0))
+    if primitive.mode == _STRIP:
+        corners = index[np.stack([first, first + 1 + first % 2, first + 2 - first % 2], axis=1)]
+    elif primitive.mode == _FAN:
+        corners = index[np.stack([first + 1, first + 2, np.zeros_like(first)], axis=1)]
+    else:
+        corners = index.reshape(-1, 3)
+    with np.errstate(over="ignore", invalid="ignore"):
+        mirrored = np.linalg.det(part.T_world_mesh[:3, :3]) < 0
+    return corners[:, [0, 2, 1]] if mirrored else corners
+
+
+def _attribute(file: GltfFile, part: _Part, name: str, *, widths: tuple[int, ...]) -> NDArray:
+    """(V, width) of a vertex attribute, as the file has it; as many as the part has vertices."""
+    accessor = part.primitive.attributes[name]
+    count = _count(file, accessor)
+    num_vertices = part.vertices.stop - part.vertices.start
+    if count != num_vertices:
+        raise file.refused(f"{name} (accessors.{accessor}) has {count} elements", f"{num_vertices}, one per vertex")
+    values = file.elements(accessor, of=name)
+    if values.shape[1] not in widths or values.dtype == np.uint32:
+        found = f"{name} (accessors.{accessor}) has {values.shape[1]} numbers of {values.dtype} each"
+        raise file.refused(found, f"{' or '.join(map(str, widths))} that a vertex can have")
+    return values
+
+
+def _texture_coordinates(file: GltfFile, part: _Part, corners: NDArray[np.integer]) -> NDArray[np.float32]:
+    """(3F, 2) of the corners, as the file has them."""
+    name = part.look.coordinates
+    values = _attribute(file, part, name, widths=(2,))[corners.reshape(-1)]
+    return floats(values, normalized=file.document.accessors[part.primitive.attributes[name]].normalized)
+
+
+def _vertex_colours(file: GltfFile, part: _Part, *, srgb: bool) -> NDArray[np.uint8]:
+    """(V, 3) times the base colour, unless the texture has it.
+
+    Integers count as shares of their largest value also where the file forgot it.
+    """
+    colours = floats(_attribute(file, part, "COLOR_0", widths=(3, 4))[:, :3], normalized=True)
+    if srgb:
+        low, high = colours * 12.92, 1.055 * np.maximum(colours, 0.0031308) ** (1 / 2.4) - 0.055
+        colours = np.where(colours <= 0.0031308, low, high)
+    return _bytes(colours if part.is_textured else colours * np.array(part.look.factor, np.float32))
+
+
+def _bytes(shares: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """0 to 255 of 0 to 1, rounded; what is no number becomes 0."""
+    return (np.clip(np.nan_to_num(shares), 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def _require_a_home(file: GltfFile, vertices: NDArray[np.float32]) -> None:
+    """Raises SceneError unless all vertices are finite and near the origin."""
+    for first in range(0, len(vertices), _BLOCK):
+        usable = (np.abs(vertices[first : first + _BLOCK]) <= MAX_EXTENT).all(axis=1)
+        if not usable.all():
+            wrong = first + int(np.argmin(usable))
+            found = f"vertex {wrong} is {vertices[wrong].tolist()}"
+            expected = f"finite metres within {MAX_EXTENT:.0f} of the origin"
+            raise file.refused(found, expected, advice="Export the scene again.")

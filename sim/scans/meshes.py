@@ -1,0 +1,32 @@
+"""Reads a scene's mesh from a file by its suffix: glTF with our own reader, PLY and OBJ with trimesh."""
+
+from pathlib import Path
+from typing import Literal
+
+from ..mesh import TriangleMesh
+from .glb import load_glb
+from .scene_files import refused
+
+SUFFIXES = (".glb", ".gltf", ".ply", ".obj")
+
+
+def load_mesh(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
+    """The triangles of a scene file in the world frame.
+
+    Args:
+        path: `.glb`, `.gltf`, `.ply` or `.obj`; files that it names lie in its folder.
+        up: The file's up axis.
+
+    Raises:
+        SceneError: The file is missing, damaged, too large, without faces, or of another kind.
+        MissingDependencyError: It has Basis textures and the extra `basis` is not installed.
+    """
+    suffix = path.suffix.lower()
+    if suffix in (".glb", ".gltf"):
+        return load_glb(path, up=up)
+    if suffix in SUFFIXES:
+        from .ply_obj import load_ply_or_obj  # trimesh takes seconds to import
+
+        return load_ply_or_obj(path, up=up)
+    found = f"is a {suffix} file" if suffix else "has no suffix"
+    raise refused(path, found, f"one of {', '.join(SUFFIXES)}", advice="Export the scene as .glb.")

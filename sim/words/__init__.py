@@ -1,0 +1,1 @@
+"""The words of captions: what an object is called and what colour it has."""
