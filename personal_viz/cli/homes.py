@@ -5,7 +5,6 @@ import multiprocessing
 import os
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -31,6 +30,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
 from sim.homes.kind import scene_terms
 from sim.homes.plan import save_plan
+from sim.tasks.workers import end_with_parent
 
 from ..study_app.checked_options import check_options
 
@@ -110,7 +110,7 @@ def _measured(work: Sequence[_HomeJob], *, jobs: int) -> Iterator[HomeFacts]:
         return
     # spawn: forked children of a process that has loaded numba can deadlock in its thread pool
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, len(work)), mp_context=context, initializer=_end_with_parent)
+    pool = ProcessPoolExecutor(min(jobs, len(work)), mp_context=context, initializer=end_with_parent)
     try:
         yield from pool.map(_measure, work)
     except BrokenProcessPool:
@@ -120,18 +120,6 @@ def _measured(work: Sequence[_HomeJob], *, jobs: int) -> Iterator[HomeFacts]:
         ) from None
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _end_with_parent() -> None:
-    """Lets a worker process end when the program is killed; it would else wait for work for ever."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None, "not in a worker process"
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _measure(job: _HomeJob) -> HomeFacts:

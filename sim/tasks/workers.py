@@ -57,7 +57,7 @@ def results(
         return
     # spawn: forked children of a process that has loaded numba, torch or Open3D can deadlock in their thread pools
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_end_with_parent)
+    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=end_with_parent)
     try:
         batches = [
             pool.submit(_do_batch, open_scene, replace(job, keys=()), job.keys[first : first + batch])
@@ -83,6 +83,18 @@ def without(jobs: Sequence[Job], done: Container[EpisodeKey]) -> list[Job]:
     return [replace(job, keys=tuple(key for key in job.keys if key not in done)) for job in jobs]
 
 
+def end_with_parent() -> None:
+    """Lets a worker process end when the program is killed; it would else wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None, "not in a worker process"
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 def _do_batch(
     open_scene: Callable[[Job], Callable[[EpisodeKey], Result]], job: Job, keys: Sequence[EpisodeKey]
 ) -> _Batch[Result]:
@@ -94,18 +106,6 @@ def _do_batch(
     except PersonalVizError as error:
         return _Batch(tuple(found), error)
     return _Batch(tuple(found), None)
-
-
-def _end_with_parent() -> None:
-    """Lets a worker process end when the program is killed; it would else wait for work for ever."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None, "not in a worker process"
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 @lru_cache(maxsize=1)
