@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.compiled import njit
 
-from .grid_kernels import INSET, walk
+from .grid_kernels import INSET, length, walk
 from .heap import pop, push
 
 
@@ -38,12 +38,6 @@ def _anchor(cells, field, anchor):
 
 
 @njit(cache=True, nogil=True)
-def _length(u, v, h, other_u, other_v, other_h):
-    """Straight 3-D length between two points."""
-    return math.sqrt((u - other_u) ** 2 + (v - other_v) ** 2 + (h - other_h) ** 2)
-
-
-@njit(cache=True, nogil=True)
 def spread(cells, field):
     """Fill an empty field (distance inf, parent -1): Dijkstra in which a node may take its parent's parent in sight."""
     count = len(cells.row)
@@ -55,7 +49,7 @@ def spread(cells, field):
     for goal in range(len(field.goal_node)):
         node = field.goal_node[goal]
         u, v = cells.col[node] + 0.5, cells.row[node] + 0.5
-        away = _length(field.goal_u[goal], field.goal_v[goal], field.goal_h[goal], u, v, cells.h[node])
+        away = length(field.goal_u[goal], field.goal_v[goal], field.goal_h[goal], u, v, cells.h[node])
         if away < distance[node]:
             distance[node], parent[node] = away, count + goal
             size = push(keys, values, size, away, node)
@@ -71,13 +65,13 @@ def spread(cells, field):
             if other < 0 or closed[other]:
                 continue
             u, v, h = cells.col[other] + 0.5, cells.row[other] + 0.5, cells.h[other]
-            total = to_go + _length(from_u, from_v, from_h, u, v, h)
+            total = to_go + length(from_u, from_v, from_h, u, v, h)
             if total >= distance[other]:
                 continue
             via = parent[node]
             if walk(cells, from_u, from_v, from_node, u, v)[0] != other:
                 via = node
-                total = distance[node] + _length(node_u, node_v, cells.h[node], u, v, h)
+                total = distance[node] + length(node_u, node_v, cells.h[node], u, v, h)
                 if total >= distance[other]:
                     continue
             distance[other], parent[other] = total, via
@@ -97,13 +91,13 @@ def _first_anchor(cells, field, u, v, h, node):
         while goal < len(field.goal_node) and field.goal_node[goal] == near:
             goal_u, goal_v = field.goal_u[goal], field.goal_v[goal]
             is_same = near == node and goal_u == u and goal_v == v
-            total = 0.0 if is_same else _length(u, v, h, goal_u, goal_v, field.goal_h[goal])
+            total = 0.0 if is_same else length(u, v, h, goal_u, goal_v, field.goal_h[goal])
             if total < best and walk(cells, u, v, node, goal_u, goal_v)[0] == near:
                 best, found = total, count + goal
             goal += 1
         for anchor in (field.parent[near], near):
             to_u, to_v, to_h, to_node, to_go = _anchor(cells, field, anchor)
-            total = to_go + _length(u, v, h, to_u, to_v, to_h)
+            total = to_go + length(u, v, h, to_u, to_v, to_h)
             if total < best and walk(cells, u, v, node, to_u, to_v)[0] == to_node:
                 best, found = total, anchor
     return found
@@ -129,11 +123,11 @@ def _into_corners(cells, at, nodes):
     for i in range(1, len(at) - 1):
         here = nodes[i]
         (u0, v0, h0), (u1, v1, h), (u2, v2, h2) = at[i - 1], at[i], at[i + 1]
-        best = _length(u0, v0, h0, u1, v1, h) + _length(u1, v1, h, u2, v2, h2)
+        best = length(u0, v0, h0, u1, v1, h) + length(u1, v1, h, u2, v2, h2)
         for k in range(4):
             u = cells.col[here] + (INSET if k % 2 else 1 - INSET)
             v = cells.row[here] + (INSET if k // 2 else 1 - INSET)
-            total = _length(u0, v0, h0, u, v, h) + _length(u, v, h, u2, v2, h2)
+            total = length(u0, v0, h0, u, v, h) + length(u, v, h, u2, v2, h2)
             if total >= best or walk(cells, u0, v0, nodes[i - 1], u, v)[0] != here:
                 continue
             if walk(cells, u, v, here, u2, v2)[0] == nodes[i + 1]:
@@ -187,5 +181,5 @@ def lengths_to_goals(cells, field, u, v, h, nodes):
         if len(at) == 2 and on[0] == on[1] and at[0][0] == at[1][0] and at[0][1] == at[1][1]:
             continue
         for k in range(len(at) - 1):
-            lengths[i] += _length(*at[k], *at[k + 1])
+            lengths[i] += length(*at[k], *at[k + 1])
     return lengths

@@ -38,6 +38,12 @@ class Cells(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
+def length(u, v, h, other_u, other_v, other_h):
+    """Straight 3-D length between two points."""
+    return math.sqrt((u - other_u) ** 2 + (v - other_v) ** 2 + (h - other_h) ** 2)
+
+
+@njit(cache=True, nogil=True)
 def linked_layers(row, col, h, first, rows, cols, max_climb):
     """(N, 4) nearest layer of each side's column that is at most `max_climb` higher or lower, -1 = none."""
     links = np.full((len(row), 4), -1, np.int32)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.compiled import njit
-from sim.walk.grid_kernels import Cells
+from sim.walk.grid_kernels import Cells, length
 from sim.walk.heap import pop, push
 
 _TIE = 1e-9
@@ -65,12 +65,6 @@ def work_for(count: int) -> Work:
 def _rate(ground, node, reluctance):
     """Cost per length on a node; unknown floor has none (inf) where reluctance is inf."""
     return 1.0 if ground.is_free[node] else 1.0 + reluctance * ground.price[node]
-
-
-@njit(cache=True, nogil=True)
-def _length(u, v, h, other_u, other_v, other_h):
-    """Straight 3-D length."""
-    return math.sqrt((u - other_u) ** 2 + (v - other_v) ** 2 + (h - other_h) ** 2)
 
 
 @njit(cache=True, nogil=True)
@@ -129,14 +123,14 @@ def _relax(ground, work, counts, node, start, goal, reluctance, limit):
         if other < 0 or work.is_closed[other]:
             continue
         other_u, other_v, other_h = cells.col[other] + 0.5, cells.row[other] + 0.5, cells.h[other]
-        straight = _length(from_u, from_v, from_h, other_u, other_v, other_h)
+        straight = length(from_u, from_v, from_h, other_u, other_v, other_h)
         if to_go + straight >= work.distance[other]:
             continue  # neither way can be shorter
         rate = _rate(ground, other, reluctance)
-        ahead = _length(start.u, start.v, start.h, other_u, other_v, other_h)
-        if rate == math.inf or ahead + _length(goal.u, goal.v, goal.h, other_u, other_v, other_h) > limit:
+        ahead = length(start.u, start.v, start.h, other_u, other_v, other_h)
+        if rate == math.inf or ahead + length(goal.u, goal.v, goal.h, other_u, other_v, other_h) > limit:
             continue
-        step = _length(u, v, h, other_u, other_v, other_h)
+        step = length(u, v, h, other_u, other_v, other_h)
         total = work.distance[node] + step * (_rate(ground, node, reluctance) + rate) / 2
         via = node
         if to_go + straight < total:
@@ -158,10 +152,10 @@ def _last_leg(ground, work, node, start, goal, reluctance):
     cells = ground.cells
     u, v, h = cells.col[node] + 0.5, cells.row[node] + 0.5, cells.h[node]
     rate = _rate_along(ground, reluctance, u, v, node, start.u, start.v, start.node)
-    best, found = work.distance[node] + rate * _length(u, v, h, start.u, start.v, start.h), np.int64(node)
+    best, found = work.distance[node] + rate * length(u, v, h, start.u, start.v, start.h), np.int64(node)
     from_u, from_v, from_h, from_node, to_go = _anchor(cells, work, node, goal)
     rate = _rate_along(ground, reluctance, from_u, from_v, from_node, start.u, start.v, start.node)
-    total = to_go + rate * _length(from_u, from_v, from_h, start.u, start.v, start.h)
+    total = to_go + rate * length(from_u, from_v, from_h, start.u, start.v, start.h)
     return (total, np.int64(work.parent[node])) if total < best else (best, found)
 
 
@@ -173,12 +167,12 @@ def route(ground, work, start, goal, reluctance, limit):
     """
     cells = ground.cells
     u, v, h = cells.col[goal.node] + 0.5, cells.row[goal.node] + 0.5, cells.h[goal.node]
-    work.distance[goal.node] = _length(goal.u, goal.v, goal.h, u, v, h) * _rate(ground, goal.node, reluctance)
+    work.distance[goal.node] = length(goal.u, goal.v, goal.h, u, v, h) * _rate(ground, goal.node, reluctance)
     work.parent[goal.node] = -1
     work.touched[0] = goal.node
     counts = (
         push(
-            work.keys, work.values, 0, work.distance[goal.node] + _length(start.u, start.v, start.h, u, v, h), goal.node
+            work.keys, work.values, 0, work.distance[goal.node] + length(start.u, start.v, start.h, u, v, h), goal.node
         ),
         1,
     )
