@@ -130,7 +130,8 @@ class RenderedHere:
 
     def __init__(self) -> None:
         self._renderer = PoseColours()
-        self.wishes: list[tuple[str, int]] = []
+        self.ahead: dict[str, int] = {}
+        """How many pictures are wished for, by participant."""
         self.begun: list[Any] = []
 
     def render(self, T_world_camera: Any, camera: Camera) -> Frame:
@@ -146,7 +147,7 @@ class RenderedHere:
         self.begun.append(pose)
 
     def look_ahead(self, who: str, poses: Sequence[Any], camera: Camera) -> None:
-        self.wishes.append((who, len(poses)))
+        self.ahead[who] = len(poses)
 
 
 class Pointed:

@@ -41,7 +41,7 @@ def let_in(folder: Path, serving: Serving = SERVING) -> Iterator[TestClient]:
     """A browser that has shown the token."""
     page = Dashboard(folder, serving=lambda: serving)
     client = client_of(page)
-    assert client.post("/enter", content=page._token, headers={"Origin": ORIGIN}).status_code == 204
+    assert client.post("/enter", content=page.token, headers={"Origin": ORIGIN}).status_code == 204
     yield client
 
 
@@ -59,19 +59,19 @@ def test_the_page_shows_nothing_without_the_token(busy: Path) -> None:
     assert client.get("/progress").status_code == 401
     assert client.post("/enter", content="wrong", headers={"Origin": ORIGIN}).status_code == 401
     assert client.get("/progress").status_code == 401
-    assert client.get("/progress", cookies={f"personal_dashboard_{PORT}": page._token}).status_code == 401
+    assert client.get("/progress", cookies={f"personal_dashboard_{PORT}": page.token}).status_code == 401
     for path in ("/", "/dashboard.js", "/dashboard.css"):
         reply = client.get(path)
         assert reply.status_code == 200
-        assert page._token not in reply.text
+        assert page.token not in reply.text
         assert "p01" not in reply.text
 
 
 def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(busy: Path) -> None:
     page = Dashboard(busy)
-    reply = client_of(page).post("/enter", content=page._token, headers={"Origin": ORIGIN})
+    reply = client_of(page).post("/enter", content=page.token, headers={"Origin": ORIGIN})
     cookie = reply.headers["set-cookie"]
-    assert page._token not in cookie
+    assert page.token not in cookie
     assert all(part in cookie for part in ("HttpOnly", "SameSite=strict", "Path=/progress"))
 
 
@@ -79,8 +79,8 @@ def test_another_sites_page_and_another_host_name_are_refused(busy: Path) -> Non
     page = Dashboard(busy)
     client = client_of(page)
     for origin in ("http://evil.example", f"http://127.0.0.1:{PORT + 1}", "null"):
-        assert client.post("/enter", content=page._token, headers={"Origin": origin}).status_code == 403
-    assert client.post("/enter", content=page._token).status_code == 403
+        assert client.post("/enter", content=page.token, headers={"Origin": origin}).status_code == 403
+    assert client.post("/enter", content=page.token).status_code == 403
     for host in ("evil.example", "study.example.org"):
         assert client.get("/", headers={"Host": host}).status_code == 400
 
@@ -90,7 +90,7 @@ def test_guesses_are_limited_and_keep_the_right_token_not_out(busy: Path) -> Non
     client = client_of(page)
     replies = [client.post("/enter", content=f"g{n}", headers={"Origin": ORIGIN}).status_code for n in range(12)]
     assert replies == [401] * 10 + [429] * 2
-    assert client.post("/enter", content=page._token, headers={"Origin": ORIGIN}).status_code == 204
+    assert client.post("/enter", content=page.token, headers={"Origin": ORIGIN}).status_code == 204
 
 
 def test_pages_have_the_strict_headers_and_no_inline_script(busy: Path) -> None:

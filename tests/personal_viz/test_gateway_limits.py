@@ -51,9 +51,14 @@ def test_ten_tries_a_minute_for_each_address_of_its_own() -> None:
 
 def test_many_addresses_do_not_fill_the_memory() -> None:
     limit = AddressLimit(10 / 60, 10)
-    for number in range(20_000):
+    while limit.allows("first", 100.0):
+        pass
+    for number in range(9_999):
         limit.allows(str(number), 100.0)
-    assert len(limit._buckets) == 10_000
+    assert not limit.allows("first", 100.0)
+    for number in range(10_000):
+        limit.allows(str(number), 100.0)
+    assert limit.allows("first", 100.0), "of more than 10,000 addresses the oldest is forgotten"
 
 
 def test_holds_are_given_back_and_counted_by_key() -> None:

@@ -49,7 +49,9 @@ class Dashboard:
             serving: What the process that serves the study knows.
         """
         self._folder, self._serving = folder, serving
-        self._token, self._session = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
+        self.token = secrets.token_urlsafe(16)
+        """What the link holds; who shows it gets the session."""
+        self._session = secrets.token_urlsafe(16)
         self._guesses = AddressLimit(*GUESSES)
         self._lock = threading.Lock()
         self._looked: tuple[float, bytes] | None = None
@@ -73,7 +75,7 @@ class Dashboard:
             listener.close()
 
         self._stop = stop
-        return f"http://127.0.0.1:{port}/#{self._token}"
+        return f"http://127.0.0.1:{port}/#{self.token}"
 
     def close(self) -> None:
         """Ends the server; twice is once."""
@@ -94,7 +96,7 @@ class Dashboard:
         """A cookie for the token."""
         if request.headers.get("origin") != self._origin:
             return PlainTextResponse("foreign origin", status_code=403)
-        if not hmac.compare_digest(await small_body(request, MAX_TOKEN_BYTES), self._token.encode()):
+        if not hmac.compare_digest(await small_body(request, MAX_TOKEN_BYTES), self.token.encode()):
             if not self._guesses.allows("", time.monotonic()):
                 return too_many_tries()
             return PlainTextResponse("unknown token", status_code=401)
