@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sim.frames import T_world_agent, T_world_camera
 from sim.mesh import Scene
 from sim.render.raycast import own_cores
+from sim.render.renderer import jpeg_bytes
 from sim.tasks.fog import SeenArea
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
@@ -23,7 +24,6 @@ from .live_blueprint import live_blueprint
 from .log_goal import GoalRegion, log_goal
 from .log_insight import Place, log_insight, log_insight_maps, log_insight_styles, require_fits
 from .log_maps import StoreyMap, log_map_picture, storey_map, storeys_of
-from .log_run import jpeg_bytes
 from .log_scene import log_scene
 from .log_steps import (
     DEPTH_FACTOR,

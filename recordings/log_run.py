@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import imagecodecs
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from sim.types import Camera
 from . import paths
 from .palette import Rgb as Rgb
 
-JPEG_QUALITY = 80
 LIFT = 0.15
 """Paths are drawn this far above the feet (metres), so that no floor covers them; recorded heights are noisy."""
 UNDER_TRAIL = np.array([0.0, 0.04, 0.0])
@@ -232,8 +230,3 @@ def dimmed(rgb: Rgb) -> Rgb:
 def rgba_u32(rgb: Rgb) -> int:
     """Rerun's packed opaque colour."""
     return (rgb[0] << 24) | (rgb[1] << 16) | (rgb[2] << 8) | 255
-
-
-def jpeg_bytes(rgb: NDArray[np.uint8]) -> bytes:
-    """A picture (H, W, 3) as JPEG; the same picture gives the same bytes. Other threads run on, unlike with Pillow."""
-    return bytes(imagecodecs.jpeg8_encode(rgb, level=JPEG_QUALITY, subsampling="420"))

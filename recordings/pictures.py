@@ -8,10 +8,8 @@ import numpy as np
 
 from sim.frames import T_world_camera
 from sim.render.raycast import own_cores
-from sim.render.renderer import Renderer
+from sim.render.renderer import Renderer, jpeg_bytes
 from sim.types import Camera, Pose
-
-from .log_run import jpeg_bytes
 
 Way = Sequence[Pose]
 PIXEL_BUDGET = 190_000_000

@@ -13,13 +13,12 @@ from PIL import Image
 from pydantic import BaseModel, ConfigDict
 
 from recordings.live import LiveSink
-from recordings.log_run import JPEG_QUALITY, jpeg_bytes
 from recordings.observer import RerunObserver
 from recordings.replay import log_comparison
 from sim.errors import MissingDependencyError
 from sim.homes.labels import renderer_of
 from sim.mesh import Scene
-from sim.render.renderer import Renderer
+from sim.render.renderer import JPEG_QUALITY, Renderer, jpeg_bytes
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Run
 from sim.types import Observation

@@ -1,12 +1,16 @@
-"""What a renderer gives; implemented by sim/render/raycast.py. Light, so that environments and sessions can name it."""
+"""What a renderer gives, also as JPEG; implemented by sim/render/raycast.py. Light: environments and sessions name it."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Camera
+
+JPEG_QUALITY = 80
+"""Of pictures that participants and recordings show."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +62,8 @@ class Renderer(Protocol):
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
         """First hits of rays; both (N, 3), directions need not be unit length."""
         ...
+
+
+def jpeg_bytes(rgb: NDArray[np.uint8]) -> bytes:
+    """A picture (H, W, 3) as JPEG; the same picture gives the same bytes. Other threads run on, unlike with Pillow."""
+    return bytes(imagecodecs.jpeg8_encode(rgb, level=JPEG_QUALITY, subsampling="420"))

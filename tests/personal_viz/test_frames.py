@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from human_study.trial.commands import Move, Start
 from human_study.trial.events import Act, Event, Key, Shown
 from human_study.trial.session import PanSession
-from personal_viz.study_app.home.frames import RENDER_NICE, Frames, RenderThreads, jpeg_bytes, successors
+from personal_viz.study_app.home.frames import RENDER_NICE, Frames, RenderThreads, successors
 from sim.errors import SceneError
 from sim.frames import T_world_camera
-from sim.render.renderer import Frame
+from sim.render.renderer import Frame, jpeg_bytes
 from sim.tasks.pan import PanEnv
 from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Pose
 from tests.human_study.small_world import CAMERA, SCENE_DIGEST, PoseColours, SquareRoom, episode, study

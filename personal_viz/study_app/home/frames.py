@@ -12,17 +12,15 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import Future
 
-import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.frames import T_world_camera
-from sim.render.renderer import Frame, Hits, Renderer
+from sim.render.renderer import Frame, Hits, Renderer, jpeg_bytes
 from sim.tasks.pan import PanEnv
 from sim.types import Action, Camera, Pose
 from sim.walk.navigation_map import NavigationMap
 
-JPEG_QUALITY = 80
 KEPT_FRAMES = 128
 """Pictures that are kept of a home, 0.9 MB each for 640 x 480: what two dozen participants may see next."""
 _STARVED = 1.6
@@ -247,11 +245,6 @@ def successors(
         env.move(action)
         poses.append(env.pose)
     return poses
-
-
-def jpeg_bytes(rgb: NDArray[np.uint8]) -> bytes:
-    """A picture (H, W, 3) as JPEG; the same picture gives the same bytes. Other threads run on meanwhile."""
-    return bytes(imagecodecs.jpeg8_encode(rgb, level=JPEG_QUALITY, subsampling="420"))
 
 
 def _without_depth(frame: Frame) -> Frame:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from human_study.trial.commands import GiveUp, Move, PanCommand, PressStop
 from human_study.trial.views import PanView
+from sim.render.renderer import jpeg_bytes
 from sim.types import Action
 
-from ..home.frames import jpeg_bytes
 from ..page_script import KeyAction
 from .panels import AGAIN, GIVE_UP, GIVING_UP, Page, overlay_html, relabel, show_giving_up
 
