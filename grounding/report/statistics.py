@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.tasks import metrics
+
 LEVEL = 0.95
 """Of all intervals."""
-_Z = 1.959963984540054
-"""Of LEVEL."""
 NUM_RESAMPLES = 10_000
 FEWEST_HOMES = 5
 """With fewer, a bootstrap of homes is far too narrow and is left out."""
@@ -29,12 +29,8 @@ class Range(NamedTuple):
 
 def wilson(k: float, n: int) -> Range:
     """Wilson's interval of a share of n episodes; k may be a sum of episodes' means over several seeds."""
-    assert n > 0
-    share = min(max(k / n, 0.0), 1.0)
-    centre, denominator = share + _Z**2 / (2 * n), 1 + _Z**2 / n
-    half = _Z * math.sqrt(share * (1 - share) / n + _Z**2 / (4 * n**2))
-    low, high = (centre - half) / denominator, (centre + half) / denominator
-    return Range(0.0 if share == 0 else low, 1.0 if share == 1 else high)
+    low, high = metrics.wilson(k, n)
+    return Range(0.0 if k <= 0 else low, 1.0 if k >= n else high)
 
 
 def mean_of_shares(shares: Sequence[float], ranges: Sequence[Range]) -> Range:

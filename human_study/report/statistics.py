@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 from scipy import stats
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
+
+from sim.tasks.metrics import wilson
 
 from ..design.analysis import LEVEL, NUM_RESAMPLES
 
@@ -279,14 +281,8 @@ def pigeonhole_interval(trials: Trials, *, seed: int = 0, num_resamples: int = N
 def wilson_interval(k: int, n: int) -> Interval:
     """Of a share of n independent trials: each participant and each episode once, or one run, which says nothing of
     other participants."""
-    z = float(ndtri((1 + LEVEL) / 2))
-    centre, denominator = k / n + z**2 / (2 * n), 1 + z**2 / n
-    half = z * np.sqrt(k / n * (1 - k / n) / n + z**2 / (4 * n**2))
-    return Interval(
-        low=float((centre - half) / denominator),
-        high=float((centre + half) / denominator),
-        method="Wilson, trials independent",
-    )
+    low, high = wilson(k, n)
+    return Interval(low=low, high=high, method="Wilson, trials independent")
 
 
 def mcnemar_p(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:

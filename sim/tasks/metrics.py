@@ -1,5 +1,6 @@
 """Stored runs to tables; only aggregates, with numpy and pydantic alone. Distances were computed when runs ended."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -12,6 +13,9 @@ from sim.errors import RunFileError
 from sim.types import RULE_NOTES, SPLITS, EpisodeKey, SuccessRule, TaskKind
 
 from .run_files import FAR_FROM_VIEW, Answer, EpisodeRun, Measures, Run, RunInfo, read_run
+
+_Z_95 = 1.959963984540054
+"""Standard errors of a 95 % interval's half."""
 
 
 class RuleFigures(BaseModel):
@@ -276,6 +280,18 @@ def _pog_row(names: dict[str, Any], split: str, answers: Sequence[Answer]) -> Me
         sr=_percent(successes, len(scored)),
         top3=_percent(top3, len(scored)) if ranked else None,
     )
+
+
+def wilson(k: float, n: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share of n > 0 independent trials; k may be a sum of means over several seeds.
+
+    At k = 0 and k = n rounding may leave the share itself by 1e-16.
+    """
+    assert n > 0
+    share = min(max(k / n, 0.0), 1.0)
+    centre, denominator = share + _Z_95**2 / (2 * n), 1 + _Z_95**2 / n
+    half = _Z_95 * math.sqrt(share * (1 - share) / n + _Z_95**2 / (4 * n**2))
+    return (centre - half) / denominator, (centre + half) / denominator
 
 
 def _total(cells: Sequence[MetricRow]) -> MetricRow:
