@@ -1,4 +1,4 @@
-"""What a renderer gives, also as JPEG; implemented by sim/render/raycast.py. Light: environments and sessions name it."""
+"""What a renderer gives, also as JPEG; made by sim/render/raycast.py. Light: environments and sessions name it."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol
