@@ -1,1 +1,50 @@
-"""Explore, map, ground: where on a map is the object that the query names."""
+"""Explore, map, ground: where on a map is the object that the query names.
+
+The public names are loaded when they are first used: `import grounding` itself loads no other module.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .agents.explore import explore as explore
+    from .checks import check_encoder as check_encoder
+    from .encoders.protocol import TextEncoder as Encoder
+    from .free_text import ground as ground
+    from .home_maps import build_map as build_map
+    from .maps.home_map import HomeMemory as Map
+    from .phrases.sources import PhraseSource as Phrases
+
+_PLACES = {
+    "Encoder": ("grounding.encoders.protocol", "TextEncoder"),
+    "Map": ("grounding.maps.home_map", "HomeMemory"),
+    "Phrases": ("grounding.phrases.sources", "PhraseSource"),
+    "build_map": ("grounding.home_maps", "build_map"),
+    "check_encoder": ("grounding.checks", "check_encoder"),
+    "explore": ("grounding.agents.explore", "explore"),
+    "ground": ("grounding.free_text", "ground"),
+}
+"""Module of each public name, and what it is called there."""
+__all__ = [
+    "Encoder",
+    "Map",
+    "Phrases",
+    "build_map",
+    "check_encoder",
+    "explore",
+    "ground",
+]
+
+if not TYPE_CHECKING:  # a type checker that saw it would accept any name
+
+    def __getattr__(name: str) -> object:
+        """Loads a public name (PEP 562)."""
+        if name not in _PLACES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, own_name = _PLACES[name]
+        return getattr(import_module(module), own_name)
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

@@ -4,6 +4,7 @@ Exploration (explore.py, an agent's observations only) -> views of its way -> ma
 scene. The views are rendered again with instance ids where perception is an oracle; the encoder's name says so.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -13,6 +14,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import RunFileError
 from sim.mesh import Scene
+from sim.types import Camera
 
 from .agents.progress_notes import Say, scene_note
 from .encoders.by_name import is_model, make_encoder, make_image_encoder
@@ -23,6 +25,7 @@ from .perception.oracle_perception import OraclePerception, PerceptionOptions
 from .settings import CELLS, GroundSettings
 
 if TYPE_CHECKING:
+    from .agents.explore import Exploration
     from .encoders.protocol import DenseEncoder
     from .maps.grid_map import MapBuilder
 
@@ -148,6 +151,36 @@ def make_home_map(
         scene=scene.name, kind=scene.kind, digest=scene.digest, builder=f"{builder.name} by {settings.map_encoder}"
     )
     save_memory(folders.map_file(scene_name), builder.finish(), source)
+
+
+def build_map(
+    dataset: PersonalDataset,
+    home: Scene,
+    walks: "Sequence[Exploration]",
+    *,
+    encoder: str = "hashed",
+    camera: Camera = Camera(),  # noqa: B008 - frozen value
+) -> HomeMemory:
+    """The map of what was seen on walks through a home, in cells of 1 m.
+
+    Args:
+        dataset: Of the home; `hashed` and `minilm` see with oracle perception, the captions of its episodes.
+        home: The home.
+        walks: Of `explore`, in this home.
+        encoder: `EncoderName`.
+        camera: Of the pictures that are mapped.
+
+    Raises:
+        SceneError: A walk was made in another home.
+        AgentError: The encoder is unknown or cannot be loaded.
+    """
+    from .agents.explore import frames_of
+
+    builder = _builder(dataset, home, GroundSettings("joint", map="explore", encoder=encoder), ModelOptions())
+    for walk in walks:
+        for frame in frames_of(home, walk, camera=camera, every=VIEWS_EVERY):
+            builder.add(frame)
+    return builder.finish()
 
 
 def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions) -> "MapBuilder":

@@ -1,1 +1,47 @@
-"""People do the same tasks as agents."""
+"""People do the same tasks as agents.
+
+The public names are loaded when they are first used: `import human_study` itself loads no other module.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .design.planning import make_plan as make_plan
+    from .design.study import StudyConfig as Study
+    from .design.study import load_study as load_study
+    from .report.report import study_report as study_report
+    from .store.records import read_study as read_records
+    from .store.store import open_store as open_store
+
+_PLACES = {
+    "Study": ("human_study.design.study", "StudyConfig"),
+    "load_study": ("human_study.design.study", "load_study"),
+    "make_plan": ("human_study.design.planning", "make_plan"),
+    "open_store": ("human_study.store.store", "open_store"),
+    "read_records": ("human_study.store.records", "read_study"),
+    "study_report": ("human_study.report.report", "study_report"),
+}
+"""Module of each public name, and what it is called there."""
+__all__ = [
+    "Study",
+    "load_study",
+    "make_plan",
+    "open_store",
+    "read_records",
+    "study_report",
+]
+
+if not TYPE_CHECKING:  # a type checker that saw it would accept any name
+
+    def __getattr__(name: str) -> object:
+        """Loads a public name (PEP 562)."""
+        if name not in _PLACES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, own_name = _PLACES[name]
+        return getattr(import_module(module), own_name)
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

@@ -1,1 +1,38 @@
-"""Runs and answers as Rerun recordings."""
+"""Runs and answers as Rerun recordings.
+
+The public names are loaded when they are first used: `import recordings` itself loads no other module.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .observer import RerunObserver as RerunObserver
+    from .read import read_rrd as read_rrd
+    from .replay import log_comparison as log_comparison
+
+_PLACES = {
+    "RerunObserver": ("recordings.observer", "RerunObserver"),
+    "log_comparison": ("recordings.replay", "log_comparison"),
+    "read_rrd": ("recordings.read", "read_rrd"),
+}
+"""Module of each public name, and what it is called there."""
+__all__ = [
+    "RerunObserver",
+    "log_comparison",
+    "read_rrd",
+]
+
+if not TYPE_CHECKING:  # a type checker that saw it would accept any name
+
+    def __getattr__(name: str) -> object:
+        """Loads a public name (PEP 562)."""
+        if name not in _PLACES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, own_name = _PLACES[name]
+        return getattr(import_module(module), own_name)
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

@@ -27,7 +27,7 @@ ROOMS = {
     "grounding": """
         types extras posed_frames
         encoders.protocol encoders phrases perception.segments perception.paraphrase maps perception encoders.by_name
-        methods agents robot settings oracle_source home_maps evaluate report checks
+        methods agents robot settings oracle_source home_maps evaluate free_text report checks
     """,
     "human_study": "private_files tickets design trial store texts export report",
     "personal_viz": """

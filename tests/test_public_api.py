@@ -43,7 +43,7 @@ PUBLIC = {
     "human_study.export.verify": ["verify_trial"],
     "sim.tasks.observers": ["Detection", "Explains", "Insight", "Observer"],
     "recordings.replay": ["log_comparison"],
-    "recordings.read_rrd": ["read_rrd"],
+    "recordings.read": ["read_rrd"],
     "recordings.observer": ["RerunObserver"],
     "recordings.habitat_writer": ["RunWriter"],
 }

@@ -119,7 +119,7 @@ def explore(
     scene: Scene,
     start: Pose,
     *,
-    seed: int,
+    seed: int = 0,
     max_steps: int = MAX_STEPS,
     camera: Camera = Camera(),  # noqa: B008 - frozen value
     plan: HomePlan | None = None,

@@ -36,7 +36,7 @@ def _read(paths: tuple[Path, ...]) -> list[Run]:
     found: list[Run] = []
     for path in paths:
         if path.suffix.lower() == ".rrd":
-            from recordings.read_rrd import read_rrd
+            from recordings.read import read_rrd
 
             found += read_rrd(path)
         else:

@@ -80,6 +80,19 @@ class MetricRow(BaseModel):
     """What rule `paper` accepts although the way to see the object is long; PAN only."""
 
 
+def metrics(folders: Sequence[Path | str], *, rule: SuccessRule = "paper") -> list[MetricRow]:
+    """Rows per who, task, condition and split of run folders, then a total row for each.
+
+    Args:
+        folders: Run folders, or folders one level above some.
+        rule: Success rule of the PAN rows.
+
+    Raises:
+        RunFileError: A folder holds no run, or runs are damaged or cannot be pooled (`metric_rows`).
+    """
+    return metric_rows(read_runs([Path(folder) for folder in folders]), rule=rule)
+
+
 def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[MetricRow]:
     """Rows per who, task, condition and split, then a total row for each.
 

@@ -1,11 +1,14 @@
 """PAN: walk to the object. `PanEnv` owns the pose, takes actions, gives observations; it knows nothing of the goal."""
 
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 
-from sim.errors import TaskStateError
+from sim.episodes.schema import Episode
+from sim.errors import SceneError, TaskStateError
 from sim.frames import T_start_camera, T_world_camera, forward_from_yaw, gps_from_poses, wrap_angle
+from sim.mesh import Scene
 from sim.render.renderer import Renderer
 from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, Camera, EndReason, Observation, Pose
 from sim.walk.navigation_map import NavigationMap
@@ -46,6 +49,36 @@ class PanEnv:
         self._renderer = renderer
         self._allow_sliding = allow_sliding
         self._steps: list[Step] = []
+
+    @classmethod
+    def in_home(
+        cls,
+        home: Scene,
+        episode: Episode,
+        *,
+        camera: Camera = Camera(),  # noqa: B008 - frozen value
+        pictures: bool = True,
+    ) -> Self:
+        """The environment of one episode in its home, with a renderer of its own.
+
+        Args:
+            home: Where the episode takes place (`open_home`).
+            episode: Only its start is used.
+            camera: Intrinsics and mounting height.
+            pictures: Whether observations hold `rgb` and `depth_m`.
+
+        Raises:
+            SceneError: The episode takes place in another home.
+        """
+        if home.name != episode.key.scene:
+            raise SceneError(
+                f"{episode.key}: got the home {home.name!r}; expected its own. Open {episode.key.scene!r}."
+            )
+        if not pictures:
+            return cls(episode.start, home.navigation, renderer=None, camera=camera)
+        from sim.homes.labels import renderer_of
+
+        return cls(episode.start, home.navigation, renderer=renderer_of(home), camera=camera)
 
     @property
     def pose(self) -> Pose:

@@ -99,6 +99,34 @@ class Watch:
             self._observer, self.problem = None, error
 
 
+def play(
+    agent: Agent,
+    episode: Episode,
+    home: Scene,
+    *,
+    seed: int = 0,
+    camera: Camera = Camera(),  # noqa: B008 - frozen value
+    pictures: bool = True,
+) -> EpisodeRun:
+    """One episode played by an agent, scored under every rule.
+
+    Args:
+        agent: Who acts; told the description and the query, never the goal.
+        episode: Which episode.
+        home: Where it takes place (`open_home`).
+        seed: Of the agent's random numbers.
+        camera: Of the robot.
+        pictures: Whether the agent's observations hold `rgb` and `depth_m`.
+
+    Raises:
+        SceneError: The episode takes place in another home.
+        AgentError: The agent raised, or returned something that is not one of the task's actions.
+    """
+    env = PanEnv.in_home(home, episode, camera=camera, pictures=pictures)
+    play_episode(agent, env, episode.task("pan", actions=PAPER6), seed=seed)
+    return run_from_env(episode, env, scene_digest=home.digest, navigation=home.navigation)
+
+
 def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, watch: Watch | None = None) -> None:
     """Steps `env` with the agent's actions until the episode is over.
 

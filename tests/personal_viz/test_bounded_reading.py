@@ -25,7 +25,7 @@ READERS = {
     "map": "from grounding.maps.files import load_memory as read",
     "exploration": "from grounding.agents.exploration_files import load_exploration as read",
     "run": "from sim.tasks.run_files import read_run as read",
-    "recording": "from recordings.read_rrd import read_recorded as read",
+    "recording": "from recordings.read import read_recorded as read",
 }
 """Kind of file to the import of what reads it."""
 DEEP = "[" * 400_000

@@ -14,7 +14,7 @@ from personal_viz.cli.explore import watching
 from recordings.live import LiveSink, live_sink
 from recordings.observer_explore import ExplorationObserver
 from recordings.paths import ExplorationKey
-from recordings.read_rrd import read_rrd
+from recordings.read import read_rrd
 from recordings.replay_exploration import (
     ObserveExplorations,
     WatchedExploration,

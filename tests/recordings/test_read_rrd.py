@@ -10,7 +10,7 @@ import rerun_cli
 
 from recordings import paths
 from recordings.log_record import log_record_end, log_record_start, log_record_step
-from recordings.read_rrd import read_recorded, read_rrd
+from recordings.read import read_recorded, read_rrd
 from recordings.replay import log_comparison
 from recordings.stream import open_recording
 from sim.episodes.schema import Episode

@@ -1,0 +1,51 @@
+"""One question in free text to a map: no episode is needed."""
+
+from pathlib import Path
+
+from sim.types import Task
+
+from .encoders.by_name import make_encoder
+from .encoders.protocol import ORACLE_SUFFIX, EncoderName, TextEncoder
+from .maps.files import load_memory
+from .maps.home_map import HomeMemory, ObjectMap, merged_storeys
+from .methods.by_name import GrounderName, make_grounder
+from .phrases.rules import RulePhrases
+from .phrases.sources import PhraseSource
+from .types import Grounding
+
+
+def ground(
+    map: HomeMemory | Path | str,
+    *,
+    description: str,
+    query: str,
+    method: GrounderName | None = None,
+    phrases: PhraseSource | None = None,
+    encoder: TextEncoder | EncoderName = "hashed",
+    storey_y: float | None = None,
+) -> Grounding:
+    """Where on a map the object of the query is: candidates in world metres, best first.
+
+    Args:
+        map: Made by `build_map`, or the `.npz` file of one.
+        description: The paragraph that says who owns what; may be empty.
+        query: What to find, such as "Lily's backpack".
+        method: Name of a grounder; None = `joint`, on maps of objects `object-dual`.
+        phrases: Reads the description; None = by rules.
+        encoder: The one that the map was built with, or its name.
+        storey_y: Height of the storey that is searched, metres; None = all storeys.
+
+    Raises:
+        RunFileError: The file is missing, damaged or no map.
+        AgentError: The map is empty, of another encoder, or of a kind that the method does not take.
+    """
+    home = map if isinstance(map, HomeMemory) else load_memory(Path(map))
+    memory = merged_storeys(home) if storey_y is None else home.storey_near(storey_y).memory
+    name = method or ("object-dual" if isinstance(memory, ObjectMap) else "joint")
+    if isinstance(encoder, str):
+        is_perceived = memory.encoder.endswith(ORACLE_SUFFIX) and not encoder.endswith(ORACLE_SUFFIX)
+        encoder = make_encoder(encoder + ORACLE_SUFFIX if is_perceived else encoder)
+    grounder = make_grounder(name, encoder)
+    task = Task("pog", description=description, queries=(query,))
+    found = (phrases or RulePhrases()).phrases(task) if grounder.uses_phrases else ()
+    return grounder.ground(memory, task, found)
