@@ -147,7 +147,7 @@ def served(folder: Path, dataset: Path, scenes_dir: Path | None = None) -> Itera
     program = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--dataset", str(dataset)]
     program += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
     program += ["--port", "0", "--pilot"]
-    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, process_group=0, preexec_fn=_hear_ctrl_c)
+    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, process_group=0, preexec_fn=hear_ctrl_c)
     try:
         assert process.stdout is not None
         links: dict[str, dict[str, str]] = {"PAN": {}, "POG": {}}
@@ -190,6 +190,11 @@ def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> S
     return Site(folder, dataset, scenes_dir, links["pan"], None, links["pog"])
 
 
+def hear_ctrl_c() -> None:
+    """In the child: Ctrl-C ends it, also where the shell that started us ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def cpu_seconds(pid: int) -> float:
     """CPU seconds of a process and its children so far (Linux; 0 elsewhere)."""
     total = 0.0
@@ -212,8 +217,3 @@ def _stat_fields(pid: int) -> list[str]:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return []
-
-
-def _hear_ctrl_c() -> None:
-    """In the child: Ctrl-C ends it, also where the shell that started us ignores it."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -26,6 +26,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.types import TaskKind
 
+from ..bots.site import hear_ctrl_c
 from ..study_app.study_files import plan_study
 
 _HOME = "PictureHome"
@@ -88,7 +89,7 @@ def served_study(folder: Path, **choices: Any) -> Iterator[dict[TaskKind, str]]:
     plan_study(study, dataset, None, pilot=True)
     program = [sys.executable, "-m", "personal_viz", "study", "serve", str(study), "--dataset", str(dataset)]
     program += ["--port", "0", "--pilot", "--workers", "1"]
-    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, preexec_fn=_hear_ctrl_c)
+    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, preexec_fn=hear_ctrl_c)
     assert process.stdout is not None
     try:
         links: dict[TaskKind, str] = {}
@@ -103,10 +104,6 @@ def served_study(folder: Path, **choices: Any) -> Iterator[dict[TaskKind, str]]:
     finally:
         process.send_signal(signal.SIGINT)
         process.wait(timeout=60)
-
-
-def _hear_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _press(page: Page, name: str) -> None:

@@ -24,6 +24,7 @@ from human_study.design.study import (
     load_study,
     save_study,
 )
+from personal_viz.bots.site import hear_ctrl_c
 from personal_viz.study_app.study_files import PRACTICE_HOME, plan_study
 from sim.episodes.dataset import PersonalDataset
 from sim.types import TaskKind
@@ -122,11 +123,6 @@ def started(command: list[str], *, stderr: IO[str] | None = None) -> Iterator[tu
     finally:
         process.kill()
         process.communicate()
-
-
-def hear_ctrl_c() -> None:
-    """A child of a job that ignores Ctrl-C would ignore it too."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def free_port() -> int:

@@ -15,6 +15,7 @@ import viser
 from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.trial.events import Cam
+from personal_viz.bots.site import hear_ctrl_c
 from personal_viz.browse.app import browser_app, is_own_page
 from personal_viz.browse.catalogue import Wanted
 from personal_viz.browse.layers import Layers, Outlined
@@ -267,11 +268,6 @@ def test_ctrl_c_ends_the_command_cleanly(made: Path) -> None:
         finally:
             process.kill()
         assert "Traceback" not in process.stderr.read()
-
-
-def hear_ctrl_c() -> None:
-    """Programs started in the background of a shell ignore it, and so do their children."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def test_a_busy_port_is_one_clear_line(served: tuple[Library, str], made: Path) -> None:

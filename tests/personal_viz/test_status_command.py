@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 from human_study.store.progress_people import PersonProgress, Place, State
+from personal_viz.bots.site import hear_ctrl_c
 from personal_viz.cli.study.status import MIN_WIDTH, page, progress_now, status
 from personal_viz.study_app.progress_words import age_words, disk_words, place_words
 from sim.errors import StudyError
@@ -100,11 +101,6 @@ def test_watching_shows_what_is_new_until_ctrl_c(tmp_path: Path) -> None:
             process.kill()
             process.wait()
     assert (process.returncode, errors) == (0, "")
-
-
-def hear_ctrl_c() -> None:
-    """A shell that runs jobs in the background lets them ignore Ctrl-C, and its children inherit that."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def test_a_folder_without_a_study_is_one_line(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
+from personal_viz.bots.site import hear_ctrl_c
 from recordings import viewer
 from recordings.rerun_process import RerunProcess, program, quiet_environment, running_rerun
 from recordings.viewer import live_viewer, open_file, open_folder
@@ -78,11 +79,6 @@ def python(code: str) -> Iterator[subprocess.Popen[str]]:
     finally:
         process.kill()
         process.communicate()
-
-
-def hear_ctrl_c() -> None:
-    """Programs started in the background of a shell ignore it, and so do their children."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def wait_until_gone(pid: int) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from sim.cache import VARIABLE
 from sim.errors import StudyError
 
-from ...bots.site import Site
+from ...bots.site import Site, hear_ctrl_c
 from .processes import children
 
 END_S = 30.0
@@ -82,7 +82,7 @@ class Server:
                 text=True,
                 env={**os.environ, **cache},
                 process_group=0,
-                preexec_fn=_hear_signals,
+                preexec_fn=hear_ctrl_c,
             )
 
     def until_ready(self) -> Site:
@@ -145,8 +145,3 @@ def _free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
-
-
-def _hear_signals() -> None:
-    """In the child: Ctrl-C ends it, also where the shell that started us ignores it."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
