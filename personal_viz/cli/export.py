@@ -1,36 +1,45 @@
-"""Worker of `personal-viz export`: runs in other formats."""
+"""Verb `export`: runs in other formats."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
-from sim.exchange.export_runs import ExportFormat, export_runs
-from sim.tasks.metrics import read_runs
-from sim.tasks.run_files import Run
+
+if TYPE_CHECKING:
+    from sim.tasks.run_files import Run
 
 
-def export(*, runs: tuple[Path, ...], out: Path, format: ExportFormat = "jsonl") -> int:
-    """Writes runs in another format, prints where.
+@dataclass
+class Export:
+    """Write runs in other formats: JSONL as ours, TUM trajectories, or an episode folder that Minari opens."""
 
-    Args:
-        runs: Run folders, folders of those, or recordings (.rrd) of ours.
-        out: Folder that gets one folder per run.
-        format: `jsonl`, `tum` or `minari`.
+    runs: Annotated[Positional[tuple[Path, ...]], arg(help="Run folders, or recordings (.rrd) of ours.")]
+    out: Annotated[Path, arg(help="Folder.")]
+    format: Literal["jsonl", "tum", "minari"] = "jsonl"
 
-    Returns:
-        0; problems are raised as one-line errors.
-    """
-    for written in export_runs(_read(runs), format=format, out=out):
-        answers = f", {written.num_answers} answers" if written.num_answers else ""
-        left = f" {written.num_left_out} POG answers left out: {format} has no place for them."
-        print(f"{written.folder}: {written.num_episodes} episodes{answers}.{left if written.num_left_out else ''}")
-        if format == "minari":
-            name = written.folder.relative_to(out).as_posix()
-            print(f'MINARI_DATASETS_PATH={out.resolve()} python -c "import minari; minari.load_dataset({name!r})"')
-    return 0
+    def work(self) -> int:
+        from sim.exchange.export_runs import export_runs
+
+        for written in export_runs(_read(self.runs), format=self.format, out=self.out):
+            answers = f", {written.num_answers} answers" if written.num_answers else ""
+            left = f" {written.num_left_out} POG answers left out: {self.format} has no place for them."
+            print(f"{written.folder}: {written.num_episodes} episodes{answers}.{left if written.num_left_out else ''}")
+            if self.format == "minari":
+                name = written.folder.relative_to(self.out).as_posix()
+                out = self.out.resolve()
+                print(f'MINARI_DATASETS_PATH={out} python -c "import minari; minari.load_dataset({name!r})"')
+        return 0
 
 
 def _read(paths: tuple[Path, ...]) -> list[Run]:
     """The runs of folders and recordings, in the order given."""
+    from sim.tasks.metrics import read_runs
+
     if not paths:
         raise PersonalVizError("export: found no run; expected run folders or .rrd files. Give at least one.")
     found: list[Run] = []

@@ -31,3 +31,4 @@ Rerun = Annotated[
     arg(help="Show episodes live: FILE.rrd, a folder (one file per episode), rerun+http://HOST:PORT/proxy, or spawn."),
 ]
 WithPixels = Annotated[bool, arg(help="Store pictures of licensed scans too; you must have the right to share them.")]
+OpenIt = Annotated[bool, arg(help="Open it in a viewer on this machine, until Ctrl-C or until the viewer is closed.")]

@@ -5,11 +5,14 @@ from typing import Annotated
 import tyro
 from tyro.conf import subcommand
 
+from .browse import Browse
+from .compare import Compare
+from .export import Export
 from .options_ground import Ground
 from .options_grounding import Explore, Map, PogReport, ShowExploration, ShowMap
 from .options_homes import ContactSheet, Homes, Invent, Stats, Validate
-from .options_recordings import Browse, Compare, Export, Replay
 from .options_runs import Bench, CheckHabitat, Import, Metrics, Run
+from .replay import Replay
 from .study.options_study import Demo, Study
 
 Verb = (

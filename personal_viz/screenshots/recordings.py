@@ -7,8 +7,8 @@ from human_study.design.study import load_study
 from sim.types import Action, EpisodeKey, Split
 
 from ..browser import open_chromium
-from ..cli.compare import compare
-from ..cli.recordings import replay
+from ..cli.compare import Compare
+from ..cli.replay import Replay
 from ..cli.runs import run
 from ..cli.study.export import export
 from .rerun_page import screenshot_rrd
@@ -59,14 +59,14 @@ def picture_recordings(pictures: Path, study: Path, *, dataset: Path, folder: Pa
     agent = run_agent(AGENT, key=key, dataset=dataset, runs=folder / "agents", name="explorer")
     people = tuple(sorted(path for path in (folder / "people").iterdir() if (path / "steps.jsonl").is_file()))
     rrd = folder / "pair.rrd"
-    replay(runs=(*people, agent), out=rrd, dataset=dataset, scenes_dir=None, episode=str(key))
+    Replay(runs=(*people, agent), out=rrd, dataset=dataset, scenes_dir=None, episode=str(key)).work()
     screenshot_rrd(rrd, pictures / "replay.png", at_end=True)
     page = folder / "page"
     agents = [
         run_agent(agent, dataset=dataset, runs=folder / "agents", name=name, split=key.split)
         for agent, name in ((AGENT, "explorer-all"), ("random", "random-all"), ("shortest-path", "shortest-all"))
     ]
-    compare(runs=(*people, *agents), dataset=dataset, out=page)
+    Compare(runs=(*people, *agents), dataset=dataset, out=page).work()
     with open_chromium(width=_PAGE[0], height=_PAGE[1]) as browser:
         tab = browser.new_page()
         tab.goto((page / "index.html").as_uri())

@@ -20,7 +20,7 @@ from personal_viz.browse.app import browser_app, is_own_page
 from personal_viz.browse.catalogue import Wanted
 from personal_viz.browse.layers import Layers, Outlined
 from personal_viz.browse.library import Library, open_library
-from personal_viz.cli.browse import browse
+from personal_viz.cli.browse import Browse
 from personal_viz.cli.runs import run
 from personal_viz.study_app.page_version import VISER_CLIENT
 from sim.episodes.ownership import ownership_graph
@@ -273,6 +273,6 @@ def test_ctrl_c_ends_the_command_cleanly(made: Path) -> None:
 def test_a_busy_port_is_one_clear_line(served: tuple[Library, str], made: Path) -> None:
     port = int(re.findall(r"\d+", served[1])[-1])
     with pytest.raises(PersonalVizError, match=rf"--port {port}: cannot be used .* 0 for any free one"):
-        browse(dataset=made / "data", port=port)
+        Browse(dataset=made / "data", port=port).work()
     with pytest.raises(PersonalVizError, match="--port 70000"):
-        browse(dataset=made / "data", port=70_000)
+        Browse(dataset=made / "data", port=70_000).work()

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from human_study.design.study import StudyConfig, StudyDataset
-from personal_viz.cli.recordings import replay
+from personal_viz.cli.replay import Replay
 from personal_viz.cli.runs import run
 from personal_viz.cli.study.options_study import StudyServe
 from personal_viz.cli.verbs import Run, Study, parse
@@ -48,9 +48,9 @@ def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, tm
 def test_a_recording_is_made_in_the_home_of_its_runs(dataset: Path, tmp_path: Path) -> None:
     plain, cluttered = (made(dataset, tmp_path, level) for level in (0, 1))
     common = {"dataset": dataset, "scenes_dir": None}
-    assert replay(runs=(cluttered,), out=tmp_path / "a.rrd", **common) == 0
+    assert Replay(runs=(cluttered,), out=tmp_path / "a.rrd", **common).work() == 0
     with pytest.raises(RecordingError, match=r"found clutter levels 0 \(.*\), 1 \(.*clutter1.*\); expected one"):
-        replay(runs=(plain, cluttered), out=tmp_path / "b.rrd", **common)
+        Replay(runs=(plain, cluttered), out=tmp_path / "b.rrd", **common).work()
 
 
 def test_a_study_freezes_its_level_and_older_studies_keep_their_hash() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from personal_viz.cli.export import export
+from personal_viz.cli.export import Export
 from personal_viz.cli.import_runs import import_files
 from sim.errors import PersonalVizError
 from sim.tasks.metrics import metric_rows
@@ -60,7 +60,7 @@ def test_every_format_is_written_and_says_where(home: Path, tmp_path: Path) -> N
 
 
 def test_tum_files_are_imported_to_the_same_poses_and_measures(home: Path, tmp_path: Path) -> None:
-    export(runs=(home / "runs" / RUN,), out=tmp_path, format="tum")
+    Export(runs=(home / "runs" / RUN,), out=tmp_path, format="tum").work()
     files = sorted((tmp_path / RUN).glob("*.tum"))
     done = personal_viz(
         *("import", *map(str, files), "--dataset", str(home / "data"), "--who", "again"),
@@ -85,7 +85,7 @@ def test_a_recording_is_exported_as_the_run_that_it_shows(home: Path, tmp_path: 
         *("--episode", str(key), "--out", str(tmp_path / "one.rrd")),
     )
     assert done.returncode == 0, done.stderr
-    export(runs=(tmp_path / "one.rrd",), out=tmp_path / "out", format="jsonl")
+    Export(runs=(tmp_path / "one.rrd",), out=tmp_path / "out", format="jsonl").work()
     original = read_run(home / "runs" / RUN)
     assert read_run(tmp_path / "out" / RUN) == original.model_copy(update={"episodes": original.episodes[:1]})
 

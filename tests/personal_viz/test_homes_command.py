@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from personal_viz.cli.homes import homes
-from personal_viz.cli.recordings import replay
+from personal_viz.cli.replay import Replay
 from personal_viz.cli.runs import metrics, run
 from personal_viz.cli.verbs import ContactSheet, Homes, parse
 from sim.authoring.generation import dataset_files, write_files
@@ -169,6 +169,6 @@ def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed:
     (runs[1] / "run.json").write_text(info.replace('"scene_kind": "schematic"', '"scene_kind": "scan"'))
     key = str(next(PersonalDataset(mixed).episodes(scenes=(SCENE,))).key)
     with pytest.raises(RecordingError, match=r"was made on a home of kind 'scan'.*opened as 'schematic'"):
-        replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, scenes_dir=None, episode=key)
+        Replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, scenes_dir=None, episode=key).work()
     with pytest.raises(RunFileError, match=r"found scene kinds invented .* scan"):
         metrics(runs=runs, rule="paper", json=False)

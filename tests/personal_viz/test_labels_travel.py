@@ -9,12 +9,12 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 from human_study.export.study_export import export_study
-from personal_viz.cli.compare import compare
+from personal_viz.cli.compare import Compare
 from personal_viz.cli.contact_sheet import contact_sheet
-from personal_viz.cli.export import export
+from personal_viz.cli.export import Export
 from personal_viz.cli.homes import homes
 from personal_viz.cli.pog_report import pog_report
-from personal_viz.cli.recordings import replay
+from personal_viz.cli.replay import Replay
 from personal_viz.cli.runs import metrics
 from personal_viz.cli.study.report import report
 from personal_viz.cli.verbs import parse
@@ -133,9 +133,9 @@ def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Compared, tmp
 
 @pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
 def test_every_export_of_runs_says_it(made: Compared, scans: Compared, tmp_path: Path, format: ExportFormat) -> None:
-    assert export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format) == 0
+    assert Export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format).work() == 0
     assert silent_files(tmp_path / "invented") == []
-    assert export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format) == 0
+    assert Export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format).work() == 0
     found = [path for path in (tmp_path / "scan").rglob("*") if path.is_file()]
     assert [path.name for path in found if BASELINE in said_in(path)] == []
 
@@ -149,7 +149,7 @@ def test_exports_of_reconstructed_homes_name_whose_terms_may_apply(
     (tmp_path / "idle" / "run.json").write_text(json.dumps(info | {"scene_kind": "schematic"}))
     for run, is_named in ((tmp_path / "idle", True), (made.runs / "idle", False)):
         out = tmp_path / f"out-{is_named}"
-        assert export(runs=(run,), out=out, format=format) == 0
+        assert Export(runs=(run,), out=out, format=format).work() == 0
         text = " ".join(said_in(path) for path in out.rglob("*") if path.is_file())
         assert ("HM3D's terms may apply to your use: https://matterport.com/" in text) == is_named
 
@@ -162,7 +162,7 @@ def test_every_table_of_a_study_export_says_it(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> None:
-    assert compare(runs=(made.runs / "idle", made.runs / "evil"), dataset=made.data, out=tmp_path / "c") == 0
+    assert Compare(runs=(made.runs / "idle", made.runs / "evil"), dataset=made.data, out=tmp_path / "c").work() == 0
     assert silent_files(tmp_path / "c") == []
     page = (tmp_path / "c" / "index.html").read_text()
     assert "Rule paper = our reading of the PersONAL paper" in page
@@ -170,7 +170,7 @@ def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> N
     out = tmp_path / "r" / "one.rrd"
     out.parent.mkdir()
     key = str(made.episodes[0].key)
-    assert replay(runs=(made.runs / "idle",), out=out, dataset=made.data, scenes_dir=None, episode=key) == 0
+    assert Replay(runs=(made.runs / "idle",), out=out, dataset=made.data, scenes_dir=None, episode=key).work() == 0
     assert silent_files(out.parent) == []
 
 

@@ -1,0 +1,84 @@
+"""Verb `replay`: run folders become one Rerun recording of one episode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from sim.errors import RecordingError
+from sim.types import ClutterLevel
+
+from .options_shared import Dataset, OpenIt, ScenesDir, WithPixels
+
+if TYPE_CHECKING:
+    from sim.tasks.run_files import Run
+
+
+@dataclass
+class Replay:
+    """Write one Rerun recording with any number of runs of one episode."""
+
+    dataset: Dataset
+    runs: Annotated[tuple[Path, ...], arg(help="Run folders of people, agents, grounders and imports.")]
+    out: Annotated[Path, arg(help="An .rrd file.")]
+    scenes_dir: ScenesDir = None
+    episode: Annotated[str | None, arg(help="SPLIT/SCENE/ID; needed when the runs share several episodes.")] = None
+    with_pixels: WithPixels = False
+    open: OpenIt = False
+
+    def work(self) -> int:
+        from recordings.replay import common_episode, log_comparison
+        from recordings.viewer import open_file
+        from sim.episodes.dataset import PersonalDataset
+        from sim.homes.labels import renderer_of
+        from sim.homes.open_home import open_scene
+        from sim.tasks.run_files import read_run
+
+        from ..study_app.checked_options import key_from_text
+
+        read = [read_run(folder) for folder in self.runs]
+        key = common_episode(read) if self.episode is None else key_from_text(self.episode)
+        episodes = PersonalDataset(self.dataset)
+        found = episodes.episode(key)
+        scene = open_scene(episodes, key.scene, scenes_dir=self.scenes_dir, clutter=_common_clutter(read))
+        has_pictures = scene.kind != "scan" or self.with_pixels
+        log_comparison(
+            read,
+            episode=found,
+            scene=scene,
+            out=self.out,
+            renderer=renderer_of(scene) if has_pictures else None,
+            with_pixels=self.with_pixels,
+            dataset=episodes,
+            beside=[folder.resolve().parent for folder in self.runs],
+        )
+        print(f"{self.out}: {key} in {scene.label}. Open it with --open, or: rerun {self.out}")
+        if not has_pictures:
+            print(
+                "Geometry and pictures of the scan are left out; --with-pixels writes them, "
+                "under the scan's terms of use."
+            )
+        if self.open:
+            open_file(self.out)
+        return 0
+
+
+def _common_clutter(runs: Sequence[Run]) -> ClutterLevel:
+    """The clutter level on which all runs were made; answers on oracle maps have none.
+
+    Raises:
+        RecordingError: They were made on several levels.
+    """
+    levels: dict[str, str] = {}
+    for run in runs:
+        if run.info.scene_kind != "oracle-map":
+            levels.setdefault(str(run.info.config.get("clutter", 0)), run.info.run_id)
+    if len(levels) > 1:
+        found = ", ".join(f"{level} ({run_id})" for level, run_id in sorted(levels.items()))
+        raise RecordingError(f"runs: found clutter levels {found}; expected one in a recording. Leave the others out.")
+    level = next(iter(levels), "0")
+    return 1 if level == "1" else 2 if level == "2" else 0
