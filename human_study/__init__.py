@@ -1,10 +1,11 @@
 """People do the same tasks as agents.
 
-The public names are loaded when they are first used: `import human_study` itself loads no other module.
+The public names are loaded when they are first used: `import human_study` itself loads nothing heavy.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from sim.public_names import loader_of
 
 if TYPE_CHECKING:
     from .design.planning import make_plan as make_plan
@@ -33,13 +34,7 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:  # a type checker that saw it would accept any name
-
-    def __getattr__(name: str) -> object:
-        """Loads a public name (PEP 562)."""
-        if name not in _PLACES:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        module, own_name = _PLACES[name]
-        return getattr(import_module(module), own_name)
+    __getattr__ = loader_of(__name__, _PLACES)
 
 
 def __dir__() -> list[str]:

@@ -13,7 +13,7 @@ from human_study.trial.events import Clicked, Confidence, Event, Shown
 from human_study.trial.views import LookView, PanView, PogView
 from personal_viz.study_app.screens.desk import GoneError, WithdrawnError
 from sim.tasks.run_files import Answer, EpisodeEnd
-from sim.types import Action
+from sim.types import Action, Camera, Pose
 
 from ..human_study.finished import room
 from ..human_study.small_world import episode
@@ -71,9 +71,9 @@ def test_the_pictures_of_the_next_keys_are_wished_for_and_forgotten_at_the_end(f
     wished: list[int] = []
 
     class Noting(RenderedHere):
-        def begin(self, *arguments: object) -> None:
+        def begin(self, pose: Pose, camera: Camera) -> None:
             wished.append(self.ahead["p02"])
-            super().begin(*arguments)  # type: ignore[arg-type]
+            super().begin(pose, camera)
 
     frames = Noting()
     played(fake_screens, MemoryLink("pan"), FORWARD, home_options={"renderer": frames})

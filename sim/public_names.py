@@ -1,0 +1,22 @@
+"""How each package loads its public names: when they are first used, so that importing a package costs nothing."""
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+
+
+def loader_of(package: str, places: Mapping[str, tuple[str, str]]) -> Callable[[str], object]:
+    """The `__getattr__` of a package (PEP 562).
+
+    Args:
+        package: Its name, for the error.
+        places: Public name to its module and what it is called there.
+    """
+
+    def load(name: str) -> object:
+        """The object of this public name; AttributeError for any other."""
+        if name not in places:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        module, own_name = places[name]
+        return getattr(import_module(module), own_name)
+
+    return load
