@@ -7,7 +7,6 @@ import numpy as np
 
 from sim.compiled import njit
 
-from .navmesh_bounds import lower_bounds, new_bounds
 from .navmesh_kernels import (
     FAR,
     apart,
@@ -28,10 +27,6 @@ _AT_EDGE_SQ = np.float32(1e-6)
 """A start this near to its first edge begins on it (square metres)."""
 _TRIVIAL = np.float32(1e-10)
 """Ends are the same when their squared distance is below this share of their squared norms (Eigen's isApprox)."""
-_MANY = 16
-"""From so many goals on, lower bounds of all lengths are worth computing."""
-_STAYS_SQ = np.float32(1e-10)
-"""An end that is moved by less than this stays where it was asked for (square metres)."""
 _ZERO = np.float32(0.0)
 
 
@@ -135,21 +130,6 @@ def _single_path(mesh, search, query, start, start_polygon, from_point, end, end
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _stays(mesh, polygon, point):
-    """Whether a point is an end of paths in its polygon as it is, not moved to the border."""
-    return apart_sq(on_border(mesh, polygon, point), point) <= _STAYS_SQ
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _all_stay(mesh, points, polygons):
-    """Whether all points (N, 3) that are on a polygon stay where they are as ends of paths."""
-    stay = True
-    for i in range(len(points)):
-        stay = stay and (polygons[i] < 0 or _stays(mesh, polygons[i], at(points, i)))
-    return stay
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _straight(mesh, start, polygon, where, goals, polygons, points):
     """(N,) straight distances from a start to goals (N, 3), inf to those that no path can lead to."""
     result = np.full(len(goals), FAR, np.float32)
@@ -169,11 +149,8 @@ def lengths(mesh, starts, goals):
     """
     search = new_search(mesh)
     polygons, points = project(mesh, goals)
-    bounds = new_bounds(mesh, goals, polygons)
     result = np.full(len(starts), FAR, np.float32)
     nearest = np.full(len(starts), -1, np.int32)
-    # Only ends that stay where they were asked for make the straight distance a lower bound, and the order free.
-    goals_stay = len(goals) >= _MANY and _all_stay(mesh, goals, polygons)
     query = 0
     for i in range(len(starts)):
         start = at(starts, i)
@@ -181,7 +158,6 @@ def lengths(mesh, starts, goals):
         if polygon < 0:
             continue
         least = _straight(mesh, start, polygon, where, goals, polygons, points)
-        may_bound = goals_stay and _stays(mesh, polygon, start)
         while len(goals):
             g = np.argmin(least)
             if least[g] == FAR or least[g] > result[i]:
@@ -192,10 +168,6 @@ def lengths(mesh, starts, goals):
             least[g] = FAR
             if length < result[i]:
                 result[i], nearest[i] = length, g
-                if may_bound:  # once: from here on by what is known of all lengths
-                    may_bound = False
-                    least = lower_bounds(mesh, bounds, start, polygon, length)
-                    least[g] = FAR
     return result, nearest
 
 

@@ -24,14 +24,6 @@ class Polygons(NamedTuple):
     """(P,) corners, 3-6."""
     neighbour: NDArray[np.int32]
     """(P, 6) polygon across the edge from corner k to corner k + 1; -1 = wall (no polygon or a disabled one)."""
-    vertex: NDArray[np.int32]
-    """(P, 6) numbers of the corners; the same corner has the same one in each polygon."""
-    bends: NDArray[np.bool_]
-    """(V,) whether a shortest path can bend there: at a wall with polygons around more than half a turn."""
-    first_around: NDArray[np.int64]
-    """(V + 1,) where each vertex's polygons start in `around`."""
-    around: NDArray[np.int32]
-    """Usable polygons that have each vertex."""
     island: NDArray[np.int32]
     """(P,) connected part, numbered in the order of the polygons; -1 = disabled."""
     low: NDArray[np.float32]
@@ -71,17 +63,12 @@ def polygons_from_data(data: NavMeshData) -> Polygons:
     usable = ((data.flags & _WALKABLE) != 0) & (areas >= _MIN_AREA)
     neighbour = np.where(is_meant & usable[:, None], data.neighbours, -1)
     neighbour = np.where((neighbour >= 0) & usable[neighbour], neighbour, -1).astype(np.int32)
-    used = data.corners[is_meant & usable[:, None]]
     low = np.minimum(corner.min(axis=1), np.minimum.reduceat(triangle.min(axis=1), first[:-1]))
     high = np.maximum(corner.max(axis=1), np.maximum.reduceat(triangle.max(axis=1), first[:-1]))
     return Polygons(
         corner=corner,
         count=count,
         neighbour=neighbour,
-        vertex=data.corners,
-        bends=_bends(data, corner, neighbour, usable),
-        first_around=np.concatenate([[0], np.cumsum(np.bincount(used, minlength=len(data.vertices)))]),
-        around=np.nonzero(is_meant & usable[:, None])[0][np.argsort(used, kind="stable")].astype(np.int32),
         island=_islands(neighbour, usable),
         low=low,
         high=high,
@@ -144,28 +131,6 @@ def _detail_triangles(
     triangle = corner[owner[:, None], np.where(is_own, index, 0)]
     triangle[~is_own] = data.detail_vertices[(first_vertex[owner, None] + index - own)[~is_own]]
     return first.astype(np.int32), triangle, rows[:, :3].copy(), rows[:, 3].copy()
-
-
-def _bends(
-    data: NavMeshData, corner: NDArray[np.float32], neighbour: NDArray[np.int32], usable: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """(V,) whether a shortest path can bend at each vertex."""
-    polygon, k = np.nonzero((np.arange(MAX_CORNERS) < data.counts[:, None]) & usable[:, None])
-    count = data.counts[polygon]
-    here = corner[polygon, k][:, [0, 2]].astype(np.float64)
-    following = corner[polygon, (k + 1) % count][:, [0, 2]] - here
-    before = corner[polygon, (k - 1) % count][:, [0, 2]] - here
-    crossed = following[:, 0] * before[:, 1] - following[:, 1] * before[:, 0]
-    turns = np.bincount(
-        data.corners[polygon, k],
-        np.arctan2(np.abs(crossed), (following * before).sum(axis=1)),
-        minlength=len(data.vertices),
-    )
-    at_wall = np.zeros(len(data.vertices), bool)
-    is_wall = neighbour[polygon, k] < 0
-    at_wall[data.corners[polygon, k][is_wall]] = True
-    at_wall[data.corners[polygon, (k + 1) % count][is_wall]] = True
-    return at_wall & (turns > np.pi - 1e-3)
 
 
 def _islands(neighbour: NDArray[np.int32], usable: NDArray[np.bool_]) -> NDArray[np.int32]:
