@@ -1,8 +1,8 @@
 """Installs into the venv that runs it what a target of the Makefile needs, and says in a few lines what it does.
 
 `install.py [EXTRA]` takes the pinned versions of constraints.txt, `install.py --locked` the files of the locks and no
-others. Everything that pip says goes to pip.log in the venv; its end is printed when pip fails. For tests our loops are
-compiled then. Standard library only.
+others. Everything that pip says goes to pip.log in the venv; its end is printed when pip fails. For tests our loops
+and the test modules are compiled then. Standard library only.
 """
 
 import importlib.metadata
@@ -28,7 +28,7 @@ def main():
     print(f"Installing into {LOG.parent} ({how})", flush=True)
     code = install_locked() if locked else install_constrained(f".[{extra}]" if extra else ".")
     if code == 0 and (locked or extra == "test"):
-        code = compile_loops()
+        code = compile_for_tests()
     return code
 
 
@@ -56,9 +56,15 @@ def install_locked():
     return code or pip(["--no-deps", "--no-build-isolation", "-e", "."])
 
 
-def compile_loops():
-    """Exit code of `compile_loops.py`."""
-    return subprocess.run([sys.executable, ".ci/compile_loops.py"]).returncode
+def compile_for_tests():
+    """Compiles our loops and, beside them, the test modules, which each process of pytest would do again; exit code."""
+    collect = [sys.executable, "-m", "pytest", "--collect-only", "--quiet"]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    with subprocess.Popen(collect, env=environment, stdout=subprocess.DEVNULL) as tests:
+        loops = subprocess.run([sys.executable, ".ci/compile_loops.py"], env=environment).returncode
+    if tests.returncode:
+        print("  The tests cannot be collected; `.venv/bin/python -m pytest --collect-only` says why.")
+    return loops or tests.returncode
 
 
 def cpu_build():

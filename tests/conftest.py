@@ -2,7 +2,6 @@
 
 import os
 import shutil
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -60,18 +59,18 @@ def own_cache(shared_dir: Path) -> None:
 
 
 @pytest.fixture(scope="session")
-def demo_root(shared_dir: Path) -> Path:
+def demo_root(own_cache: None) -> Path:
     """Dataset of the invented home Demo (seed 1, two storeys), with scan, plan and 8 episodes per split.
 
     Tests only read it; one that changes a file copies the folder first.
     """
-    return built_once(shared_dir, "demo", partial(_invent, "Demo", 1))
+    return _made_dataset("Demo", 1)
 
 
 @pytest.fixture(scope="session")
-def small_home_root(shared_dir: Path) -> Path:
+def small_home_root(own_cache: None) -> Path:
     """The same for the invented home Small (seed 3), which has one storey and costs the least."""
-    return built_once(shared_dir, "small", partial(_invent, "Small", 3))
+    return _made_dataset("Small", 3)
 
 
 @pytest.fixture(scope="session")
@@ -85,7 +84,7 @@ def invented_root(shared_dir: Path, demo_root: Path, small_home_root: Path) -> P
     return built_once(shared_dir, "invented", build)
 
 
-def _invent(name: str, seed: int, out: Path) -> None:
-    from sim.authoring.generation import invent_dataset
+def _made_dataset(name: str, seed: int) -> Path:
+    from .personal_viz.invented import made_dataset
 
-    invent_dataset(out, name=name, seed=seed)
+    return made_dataset(name, seed)

@@ -32,7 +32,7 @@ def install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
     monkeypatch.setattr(module.sys, "argv", ["install.py"])
     monkeypatch.setattr(module, "has_nvidia_driver", lambda: False)
     monkeypatch.setattr(module, "has_torch", lambda: False)
-    monkeypatch.setattr(module, "compile_loops", lambda: 0)
+    monkeypatch.setattr(module, "compile_for_tests", lambda: 0)
     monkeypatch.delenv("TORCH_INDEX", raising=False)
     return module
 

@@ -1,4 +1,4 @@
-"""Invented homes for tests that change or move their dataset: made once per run, then copied."""
+"""Invented homes: each is made once per run, and copied for tests that change or move their dataset."""
 
 import shutil
 from pathlib import Path
@@ -10,7 +10,12 @@ from ..built_once import built_once
 
 
 def invented_dataset(out: Path, *, name: str, seed: int, episodes_per_split: int | None = None) -> None:
-    """What `invent_dataset` writes into `out`, or with `episodes_per_split` what `dataset_files` gives."""
+    """Copies into `out` what `made_dataset` gives."""
+    shutil.copytree(made_dataset(name, seed, episodes_per_split), out, dirs_exist_ok=True)
+
+
+def made_dataset(name: str, seed: int, episodes_per_split: int | None = None) -> Path:
+    """The folder, only read, that `invent_dataset` wrote, or with `episodes_per_split` what `dataset_files` gives."""
 
     def build(folder: Path) -> None:
         if episodes_per_split is None:
@@ -19,5 +24,4 @@ def invented_dataset(out: Path, *, name: str, seed: int, episodes_per_split: int
             write_files(folder, dataset_files(name, seed=seed, episodes_per_split=episodes_per_split))
 
     shared = cache_dir().parent  # conftest's `own_cache` has named it, for all workers of this run
-    made = built_once(shared, f"{name}-{seed}-{episodes_per_split}", build)
-    shutil.copytree(made, out, dirs_exist_ok=True)
+    return built_once(shared, f"{name}-{seed}-{episodes_per_split}", build)

@@ -19,6 +19,7 @@ from human_study.store.progress import study_progress
 from human_study.store.records import read_study
 from human_study.trial.events import Act
 
+from .conftest import Profiles
 from .flow_steps import HOLD_MS, see_step, start
 from .flow_studies import children, free_port, started
 from .gateways import running, wait_until
@@ -28,26 +29,28 @@ LONG_MS = 90_000
 
 
 @contextmanager
-def serving(folder: Path, port: int, **choices: Any) -> Iterator[tuple[subprocess.Popen[str], str, list[str]]]:
-    """A planned study served with these choices: the program, p01's link, and its lines of standard error."""
+def serving(
+    folder: Path, port: int, **choices: Any
+) -> Iterator[tuple[subprocess.Popen[str], dict[str, str], list[str]]]:
+    """A planned study served with these choices: the program, links to PAN, and its lines of standard error."""
     command = [sys.executable, "-m", "tests.personal_viz.serve_with", str(folder), str(folder.parent / "dataset")]
     errors, told = folder.parent / "errors.txt", list[str]()
     with errors.open("w") as written, started([*command, str(port), json.dumps(choices)], stderr=written) as program:
         process, said = program
-        link = re.search(r"PAN\s+p01\s+(http://\S+)", said)
-        assert link, errors.read_text()
-        yield process, link.group(1), told
+        links = dict(re.findall(r"PAN\s+(p\d+)\s+(http://\S+)", said))
+        assert links, errors.read_text()
+        yield process, links, told
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=60)
         told += errors.read_text().splitlines()
     assert process.returncode == 0
 
 
-def num_steps(folder: Path) -> int:
-    """Steps of p01 that are stored; the chains are whole."""
+def num_steps(folder: Path, code: str = "p01") -> int:
+    """Steps of a participant's first trial that are stored; the chains are whole."""
     with read_study(folder) as reader:
         reader.check()
-        trial_id = reader.trials("p01")[0].trial_id or ""
+        trial_id = reader.trials(code)[0].trial_id or ""
         return sum(isinstance(stored.event, Act) for stored in reader.events(trial_id))
 
 
@@ -63,41 +66,53 @@ def notice(page: Page) -> Locator:
 
 
 def test_a_page_of_before_an_upgrade_says_so_and_loads_itself_or_by_a_button(
-    quick_folder: Path, browser: BrowserContext
+    quick_folder: Path, browser: BrowserContext, chromium: Profiles
 ) -> None:
     folder, port, page, loaded = quick_folder, free_port(), browser.new_page(), list[str]()
     page.on("request", lambda request: loaded.append(request.url) if request.is_navigation_request() else None)
-    with serving(folder, port, page_version="first") as (_, link, _):
-        start(page, link)
-        see_step(page, 0)
-        step(page, 1)
-    with serving(folder, port, page_version="second"):
-        loaded.clear()
-        expect(notice(page)).to_be_visible(timeout=LONG_MS)
-        expect(notice(page)).to_contain_text("Nothing that you did is lost.")
-        expect(notice(page)).to_contain_text("This page is loaded again in a moment.")
-        expect(page.get_by_role("button", name="Load the page again")).to_be_focused()
-        page.wait_for_url("**/second")  # loaded by itself
-        see_step(page, 1)
-        expect(notice(page)).to_be_hidden()
-        step(page, 2)
-        assert [url.rpartition("/")[2] for url in loaded] == ["first", "second"], "once, and sent on to its own version"
-        page.get_by_role("button", name="Keys", exact=True).click()  # somebody chooses keys: not by itself then
-    with serving(folder, port, page_version="third"):
-        expect(notice(page)).to_be_visible(timeout=LONG_MS)
-        expect(notice(page)).not_to_contain_text("in a moment")
-        page.keyboard.press("Escape")
-        page.keyboard.press("a", delay=HOLD_MS)
-        expect(notice(page)).to_be_visible()
-        button = page.get_by_role("button", name="Load the page again")
-        page.keyboard.press("Tab")
-        page.keyboard.press("Shift+Tab")
-        expect(button).to_be_focused()
-        page.keyboard.press("Enter")
-        page.wait_for_url("**/third")
-        see_step(page, 2)
-        step(page, 3)
-    assert num_steps(folder) == 3
+    with chromium() as other_profile:
+        chooser = other_profile.new_page()
+        with serving(folder, port, page_version="first") as (_, links, _):
+            codes = list(links)[:2]
+            for person, code in zip((page, chooser), codes, strict=True):
+                start(person, links[code])
+                see_step(person, 0)
+                step(person, 1)
+            chooser.get_by_role("button", name="Keys", exact=True).click()  # this page is not loaded by itself then
+        with serving(folder, port, page_version="second"):
+            loaded.clear()
+            see_it_load_itself(page, loaded)
+            load_it_by_the_button(chooser)
+    assert [num_steps(folder, code) for code in codes] == [2, 2]
+
+
+def see_it_load_itself(page: Page, loaded: list[str]) -> None:
+    """Sees the notice, the same trial in a page of the new version, and the second step; `loaded` grows."""
+    expect(notice(page)).to_be_visible(timeout=LONG_MS)
+    expect(notice(page)).to_contain_text("Nothing that you did is lost.")
+    expect(notice(page)).to_contain_text("This page is loaded again in a moment.")
+    expect(page.get_by_role("button", name="Load the page again")).to_be_focused()
+    page.wait_for_url("**/second")
+    see_step(page, 1)
+    expect(notice(page)).to_be_hidden()
+    step(page, 2)
+    assert [url.rpartition("/")[2] for url in loaded] == ["first", "second"], "once, and sent on to its own version"
+
+
+def load_it_by_the_button(page: Page) -> None:
+    """Keys do nothing beside the notice but move to its button, which loads the same trial; then the second step."""
+    expect(notice(page)).to_be_visible(timeout=LONG_MS)
+    expect(notice(page)).not_to_contain_text("in a moment")
+    page.keyboard.press("Escape")
+    page.keyboard.press("a", delay=HOLD_MS)
+    expect(notice(page)).to_be_visible()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Shift+Tab")
+    expect(page.get_by_role("button", name="Load the page again")).to_be_focused()
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/second")
+    see_step(page, 1)
+    step(page, 2)
 
 
 def test_a_page_that_stays_as_old_as_it_was_is_not_loaded_for_ever(tmp_path: Path, browser: BrowserContext) -> None:
@@ -150,8 +165,8 @@ def num_reconnects(folder: Path) -> int:
 
 def test_a_page_goes_on_after_its_worker_died_and_after_it_hung(quick_folder: Path, browser: BrowserContext) -> None:
     folder, page = quick_folder, browser.new_page()
-    with serving(folder, free_port(), patience_s=5, every_s=0.2) as (process, link, told):
-        start(page, link)
+    with serving(folder, free_port(), patience_s=5, every_s=0.2) as (process, links, told):
+        start(page, links["p01"])
         see_step(page, 0)
         step(page, 1)
         for number, harm in ((2, signal.SIGKILL), (3, signal.SIGSTOP)):

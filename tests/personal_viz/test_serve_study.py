@@ -26,10 +26,10 @@ from .wire import enter
 
 
 @contextmanager
-def served(folder: Path, dataset: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The home Small served by two workers, and what was printed; standard error goes to `errors.txt`."""
+def served(folder: Path, dataset: Path, *, workers: int) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The home Small served by some workers, and what was printed; standard error goes to `errors.txt`."""
     command = [sys.executable, "-m", "personal_viz", "study", "serve", "--dataset", str(dataset), "--scene", "Small"]
-    command += ["--out", str(folder / "study"), "--port", "0", "--workers", "2"]
+    command += ["--out", str(folder / "study"), "--port", "0", "--workers", str(workers)]
     with (folder / "errors.txt").open("a") as errors, started(command, stderr=errors) as program:
         yield program
 
@@ -47,8 +47,8 @@ def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_
     tmp_path: Path, invented_root: Path
 ) -> None:
     tokens: set[str] = set()
-    for number, first in ((signal.SIGTERM, 0), (signal.SIGINT, 3)):
-        with served(tmp_path, invented_root) as (process, said):
+    for number, first, num_workers in ((signal.SIGTERM, 0, 2), (signal.SIGINT, 3, 1)):
+        with served(tmp_path, invented_root, workers=num_workers) as (process, said):
             lines = said.splitlines()
             found = [
                 re.fullmatch(r"  (PAN|POG)  (p\d\d)  (http://127\.0\.0\.1:\d+/#[\w-]{22})", line) for line in lines
@@ -58,7 +58,7 @@ def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_
             tokens |= {link.partition("#")[2] for link in links.values()}
             assert said.splitlines()[-1] == f"Everything is written to {tmp_path / 'study'}. Ctrl-C ends the study."
             workers = children(process.pid)
-            assert len(workers) == 2
+            assert len(workers) == num_workers
             with enter(links["PAN"]) as walker, enter(links["POG"]) as pointer:
                 pointer.receive_until(lambda message: "Gui" in message["type"])
                 if first == 0:
