@@ -35,9 +35,7 @@ def test_a_viser_whose_event_loop_is_blocked_does_not_and_then_does_again(server
         blocked.set()
         go_on.wait()
 
-    loop = server._websock_server._background_event_loop
-    assert loop is not None
-    loop.call_soon_threadsafe(block)
+    server.get_event_loop().call_soon_threadsafe(block)
     assert blocked.wait(LONG_S)
     try:
         assert not answers(server.get_port(), patience_s=SHORT_S, over=NEVER)
@@ -53,9 +51,7 @@ def test_a_question_is_answered_late_when_the_loop_goes_on_late(server: viser.Vi
         blocked.set()
         go_on.wait()
 
-    loop = server._websock_server._background_event_loop
-    assert loop is not None
-    loop.call_soon_threadsafe(block)
+    server.get_event_loop().call_soon_threadsafe(block)
     assert blocked.wait(LONG_S)
     asking = threading.Thread(target=lambda: found.append(answers(server.get_port(), patience_s=LONG_S, over=NEVER)))
     asking.start()
