@@ -67,8 +67,8 @@ def _work(*arguments: str) -> None:
 
 
 def main() -> None:
-    """Writes the three pictures into `personal_viz/pictures`."""
-    pictures = Path(__file__).parents[1] / "pictures"
+    """Writes the three pictures into `docs/pictures`."""
+    pictures = Path(__file__).parents[2] / "docs" / "pictures"
     with tempfile.TemporaryDirectory(prefix="personal-grounding-") as folder:
         picture_grounding(pictures, Path(folder))
 

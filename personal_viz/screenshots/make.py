@@ -18,13 +18,13 @@ from .recordings import KEYS, first_walk, picture_recordings, run_agent
 from .simulator import picture_simulator
 from .study import picture_study_pages
 
-PICTURES = Path(__file__).parents[1] / "pictures"
+PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 SHOWN_STEP = 5
 """Of the PAN screen's picture."""
 
 
 def main() -> None:
-    """Writes pictures of studies, simulator, recordings, grounding, homes and `browse` into `personal_viz/pictures`."""
+    """Writes pictures of studies, simulator, recordings, grounding, homes and `browse` into `docs/pictures`."""
     PICTURES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="personal-pictures-") as folder:
         dataset = Path(folder) / "demo" / "dataset"

@@ -1,4 +1,4 @@
-"""The proxies' texts of DEPLOY.md work: real nginx and Caddy read them where they are installed, and lines stay."""
+"""The proxies' texts of docs/deploy.md work: real nginx and Caddy read them where they are installed; lines stay."""
 
 import os
 import re
@@ -15,18 +15,17 @@ from pathlib import Path
 
 import pytest
 
-import personal_viz
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.operator.doctor import examine
 
 from .gateways import running, wait_until
 from .tls_proxy import self_signed
 
-DEPLOY = Path(personal_viz.__file__).parent / "DEPLOY.md"
+DEPLOY = Path(__file__).parents[2] / "docs" / "deploy.md"
 NGINX, CADDY = shutil.which("nginx"), shutil.which("caddy")
 Proxy = Callable[..., AbstractContextManager[None]]
-needs_nginx = pytest.mark.skipif(NGINX is None, reason="found no nginx; install it to check the text of DEPLOY.md")
-needs_caddy = pytest.mark.skipif(CADDY is None, reason="found no caddy; install it to check the text of DEPLOY.md")
+needs_nginx = pytest.mark.skipif(NGINX is None, reason="found no nginx; install it to check the text of docs/deploy.md")
+needs_caddy = pytest.mark.skipif(CADDY is None, reason="found no caddy; install it to check the text of docs/deploy.md")
 
 
 def text_of(language: str) -> str:

@@ -30,7 +30,7 @@ from .tls_proxy import Settings, TlsProxy, self_signed, tls_proxy
 def deployed(
     folder: Path, settings: Settings | None = None, *, days: int = 90, named: str = "127.0.0.1"
 ) -> Iterator[tuple[TlsProxy, Running]]:
-    """A gateway as DEPLOY.md says, behind a proxy with these settings."""
+    """A gateway as docs/deploy.md says, behind a proxy with these settings."""
     with tls_proxy(folder, settings, days=days) as proxy:
         options = ServeOptions(port=0, public=True, hosts=(f"localhost:{proxy.port}",), proxy=named, pilot=True)
         require_may_serve(options, small_config(), ["invented"])

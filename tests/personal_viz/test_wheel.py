@@ -34,11 +34,10 @@ def files_of_git() -> list[str]:
     return [name for name in listed.split("\0") if name and (ROOT / name).is_file()]
 
 
-def test_the_wheel_holds_every_file_of_the_packages_but_the_pictures(wheel: Path) -> None:
+def test_the_wheel_holds_every_file_of_the_packages(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
-    ours = {name for name in files_of_git() if name.split("/")[0] in PACKAGES}
-    assert held == {name for name in ours if not name.startswith("personal_viz/pictures/")}
+    assert held == {name for name in files_of_git() if name.split("/")[0] in PACKAGES}
 
 
 @pytest.mark.release

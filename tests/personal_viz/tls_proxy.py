@@ -1,4 +1,4 @@
-"""A small reverse proxy with TLS, set up as personal_viz/DEPLOY.md says, or with one of its settings wrong."""
+"""A small reverse proxy with TLS, set up as docs/deploy.md says, or with one of its settings wrong."""
 
 import asyncio
 import contextlib
@@ -45,7 +45,7 @@ def self_signed(folder: Path, *, days: int = 90) -> tuple[Path, Path]:
 
 @dataclass(frozen=True)
 class Settings:
-    """What the proxy does; the defaults are those of DEPLOY.md."""
+    """What the proxy does; the defaults are those of docs/deploy.md."""
 
     passes_upgrade: bool = True
     passes_host: bool = True

@@ -124,7 +124,7 @@ def _require_addresses(options: ServeOptions) -> None:
         if asked:
             raise StudyError(
                 f"{asked[0]}: opens the study to other machines; expected --public beside it. "
-                "Read personal_viz/DEPLOY.md, then add --public."
+                "Read docs/deploy.md, then add --public."
             )
     if (options.tls_cert is None) != (options.tls_key is None):
         raise StudyError("--tls-cert and --tls-key: found one of them; expected both. Give the other too.")
@@ -139,7 +139,7 @@ def _require_addresses(options: ServeOptions) -> None:
     if options.public and not options.has_tls and options.proxy is None:
         raise StudyError(
             "--public: without TLS anybody on the way reads tokens; expected --tls-cert and --tls-key, or --proxy "
-            "ADDRESS of a reverse proxy that does TLS. Add one of them; personal_viz/DEPLOY.md says how."
+            "ADDRESS of a reverse proxy that does TLS. Add one of them; docs/deploy.md says how."
         )
     if options.public and not options.hosts and (_is_wildcard(options.bind) or is_loopback):
         raise StudyError(

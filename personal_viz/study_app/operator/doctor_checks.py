@@ -27,7 +27,7 @@ EXPECTED_HEADERS = {
 }
 """What each of our pages carries: name and what the value must contain."""
 OWN_PAGE = b"/static/enter.js"
-_PROXY_ADVICE = "personal_viz/DEPLOY.md shows the settings of nginx and Caddy."
+_PROXY_ADVICE = "docs/deploy.md shows the settings of nginx and Caddy."
 
 
 def check_certificate(site: Site) -> Check:
