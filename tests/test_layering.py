@@ -29,7 +29,7 @@ ROOMS = {
         encoders.protocol encoders phrases perception.segments perception.paraphrase maps perception encoders.by_name
         methods agents robot settings oracle_source home_maps evaluate free_text report checks
     """,
-    "human_study": "private_files tickets design trial store texts export report",
+    "human_study": "private_files tickets design trial store.stages journey store texts export report",
     "personal_viz": """
         printed browser
         study_app study_app.home study_app.gateway study_app.screens study_app.operator study_app.server

@@ -115,7 +115,7 @@ def _slots(rows: Sequence[PersonRow]) -> tuple[SlotCount, ...]:
     """One count for each task, condition and split that the plan has."""
     holders = defaultdict(list)
     for row in rows:
-        for trial in row.trials:
+        for trial in row.person.trials:
             if trial.phase == "main":
                 holders[trial.slot].append(trial)
     counts: dict[tuple[TaskKind, Condition, Split], dict[str, int]] = defaultdict(lambda: defaultdict(int))
@@ -134,7 +134,7 @@ def _timeline(rows: Sequence[PersonRow]) -> tuple[TimePoint, ...]:
     ends = sorted(
         trial.ended_ns
         for row in rows
-        for trial in row.trials
+        for trial in row.person.trials
         if trial.phase == "main" and trial.is_done and trial.ended_ns is not None
     )
     points = [TimePoint(at_ns, number) for number, at_ns in enumerate(ends, start=1)]

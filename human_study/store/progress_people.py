@@ -1,4 +1,4 @@
-"""Where a participant is and whether somebody should look after them, from what is stored alone."""
+"""Whether somebody should look after a participant, from what is stored alone."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,33 +6,11 @@ from typing import Literal
 from sim.types import TaskKind
 
 from ..design.study import StudyConfig
-from .progress_rows import AssignedTrial, PersonRow
-from .stages import has_dropped_out, has_reached, way_out
+from ..journey import GONE, Place, journey_of
+from .progress_rows import PersonRow
 
 STUCK_AFTER_S = 180.0
 """Nothing stored for so long in a trial: the participant may need help."""
-Place = Literal[
-    "not_arrived",
-    "device",
-    "consent",
-    "instructions",
-    "quiz",
-    "practice",
-    "trial",
-    "break",
-    "pause",
-    "ending",
-    "finished",
-    "dropped_out",
-    "declined",
-    "withdrawn",
-    "screened_out",
-    "full",
-]
-"""`trial`: in a counted or attention trial, or before the next; `pause`: between two sittings; `ending`: all given
-trials are over, the last page was not reached yet."""
-GONE: tuple[Place, ...] = ("finished", "dropped_out", "declined", "withdrawn", "screened_out", "full")
-"""Nobody waits for these."""
 State = Literal["not_arrived", "active", "stuck", "away", "finished", "out"]
 """`active`: something was stored within `lease_s`; `stuck`: in a trial, but silent; `away`: silent for longer."""
 
@@ -65,41 +43,6 @@ class PersonProgress:
     """Trials to which the participant came back too late, or never."""
 
 
-def place_of(config: StudyConfig, row: PersonRow) -> Place:
-    """Where a participant is, from what is stored."""
-    out = way_out(row.stages)
-    if out is not None:
-        return out  # type: ignore[return-value]
-    if has_reached(row.stages, "finished"):
-        return "finished"
-    if has_dropped_out(row.stages):
-        return "dropped_out"
-    if not row.is_claimed:
-        return "not_arrived"
-    has_begun = any(trial.is_begun for trial in row.trials)
-    passed = {
-        "device": has_reached(row.stages, "device_ok"),
-        "consent": has_reached(row.stages, "consented"),
-        "instructions": has_reached(row.stages, "instructed") or has_begun,
-        "quiz": has_reached(row.stages, "quiz_passed"),
-    }
-    for step in config.flow:
-        if not passed[step]:
-            return step
-    due = _due(row)
-    if due is None:
-        return "ending"
-    if due.phase == "practice":
-        return "practice"
-    rest = next(
-        (entry for entry in reversed(row.stages) if entry.stage in ("break_started", "break_ended", "sitting_started")),
-        None,
-    )
-    if due.is_begun or rest is None or rest.stage != "break_started":
-        return "trial"
-    return "pause" if rest.detail["sitting"] else "break"
-
-
 def person_progress(config: StudyConfig, row: PersonRow, *, now_ns: int, stuck_after_s: float) -> PersonProgress:
     """How far one participant is.
 
@@ -109,21 +52,21 @@ def person_progress(config: StudyConfig, row: PersonRow, *, now_ns: int, stuck_a
         now_ns: The server's wall clock.
         stuck_after_s: Who stores nothing for so long in a trial is stuck.
     """
-    place = place_of(config, row)
-    due = _due(row)
-    counted = [trial for trial in row.trials if trial.phase == "main" and not trial.is_released]
-    num_over = sum(trial.end is not None for trial in counted)
-    is_in_trial = place in ("practice", "trial") and due is not None and due.is_begun
+    person = row.person
+    journey = journey_of(config, person)
+    place = journey.place
+    due = person.due if place in ("practice", "trial") else None
+    is_in_trial = due is not None and due.is_open
     silent_s = None if row.last_ns is None else max(0.0, (now_ns - row.last_ns) / 1e9)
     return PersonProgress(
-        code=row.code,
-        task=row.task,
+        code=person.code,
+        task=person.task,
         place=place,
         state=_state(config, place, silent_s, stuck_after_s if is_in_trial else None),
-        num_done=sum(trial.is_done for trial in counted),
-        num_planned=len(counted),
-        trial_no=num_over + 1 if place == "trial" and num_over < len(counted) else None,
-        order_no=due.order_no if due is not None and place in ("practice", "trial") else None,
+        num_done=sum(trial.is_done for trial in person.trials if trial.phase == "main"),
+        num_planned=journey.num_all,
+        trial_no=journey.num_done + 1 if place == "trial" and journey.num_done < journey.num_all else None,
+        order_no=due.order_no if due is not None else None,
         is_in_trial=is_in_trial,
         last_activity_s=silent_s,
         num_reconnects=row.num_reconnects,
@@ -143,7 +86,3 @@ def _state(config: StudyConfig, place: Place, silent_s: float | None, stuck_afte
     if silent_s > config.lease_s:
         return "away"
     return "stuck" if stuck_after_s is not None and silent_s > stuck_after_s else "active"
-
-
-def _due(row: PersonRow) -> AssignedTrial | None:
-    return next((trial for trial in row.trials if trial.is_due), None)

@@ -1,66 +1,26 @@
-"""What the database says about how far people are, without decrypting anything and without how a trial ended.
+"""What the database says about how far people are, without decrypting anything and without how well a trial went.
 
 Of the reasons for a trial's end only `technical` and `abandoned` leave the database; all others read `done`.
 """
 
+import json
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import Literal
 
-from sim.types import EpisodeKey, TaskKind
+from sim.types import EpisodeKey
 
-from ..design.plan import Phase
-from ..design.study import Condition
+from ..journey import AssignedTrial, Person
 from .records import StudyReader
 from .stages import StageEntry
 
-End = Literal["done", "technical", "abandoned"]
 _END = "CASE WHEN end_reason IS NULL OR end_reason IN ('technical', 'abandoned') THEN end_reason ELSE 'done' END"
 
 
 @dataclass(frozen=True, slots=True)
-class AssignedTrial:
-    """An assigned trial and its newest attempt."""
-
-    order_no: int
-    phase: Phase
-    task: TaskKind
-    condition: Condition
-    key: EpisodeKey
-    rep: int
-    is_released: bool
-    is_begun: bool
-    end: End | None
-    """None while the newest attempt has not ended."""
-    ended_ns: int | None
-
-    @property
-    def is_due(self) -> bool:
-        """Whether the participant has still to do, or finish, it."""
-        return self.end is None and not self.is_released
-
-    @property
-    def is_done(self) -> bool:
-        """Whether it ended with something to count and was kept."""
-        return self.end == "done" and not self.is_released
-
-    @property
-    def slot(self) -> tuple[TaskKind, Condition, EpisodeKey, int]:
-        """What one person after the other may hold."""
-        return self.task, self.condition, self.key, self.rep
-
-
-@dataclass(frozen=True, slots=True)
 class PersonRow:
-    """What is stored about one participant."""
+    """What is stored about one participant, with what an operator looks at."""
 
-    code: str
-    task: TaskKind
-    is_claimed: bool
-    """Whether somebody came with this link, or took it from an open one."""
-    stages: tuple[StageEntry, ...]
-    trials: tuple[AssignedTrial, ...]
-    """In the participant's order."""
+    person: Person
     num_reconnects: int
     num_technical: int
     num_abandoned: int
@@ -68,12 +28,18 @@ class PersonRow:
     """The newest thing that is stored of the participant, by the server's wall clock; None = nothing."""
 
 
+def stored_person(reader: StudyReader, code: str) -> Person:
+    """One participant.
+
+    Raises:
+        StudyError: There is no such participant.
+    """
+    reader.participant(code)
+    return _people(reader, code)[0]
+
+
 def person_rows(reader: StudyReader) -> list[PersonRow]:
     """All participants, p01 first."""
-    stages = defaultdict(list)
-    for stage, participant in _stages(reader):
-        stages[participant].append(stage)
-    trials = _trials(reader)
     ends = _ends(reader)
     reconnects = dict(
         reader.rows(
@@ -82,20 +48,15 @@ def person_rows(reader: StudyReader) -> list[PersonRow]:
         )
     )
     latest = dict(reader.rows(_LATEST))
-    people = reader.rows("SELECT code, task FROM participant ORDER BY length(code), code")
     return [
         PersonRow(
-            code=code,
-            task=task,
-            is_claimed=code in latest,
-            stages=tuple(stages[code]),
-            trials=tuple(trials[code]),
-            num_reconnects=reconnects.get(code, 0),
-            num_technical=ends.get((code, "technical"), 0),
-            num_abandoned=ends.get((code, "abandoned"), 0),
-            last_ns=latest.get(code),
+            person,
+            num_reconnects=reconnects.get(person.code, 0),
+            num_technical=ends.get((person.code, "technical"), 0),
+            num_abandoned=ends.get((person.code, "abandoned"), 0),
+            last_ns=latest.get(person.code),
         )
-        for code, task in people
+        for person in _people(reader)
     ]
 
 
@@ -117,34 +78,49 @@ SELECT code, max(at_ns) FROM (
 """
 
 
-def _stages(reader: StudyReader) -> list[tuple[StageEntry, str]]:
-    """All stages in order, each with its participant; of their details only what says that a sitting ended."""
-    rows = reader.rows(
-        "SELECT code, stage, json_extract(detail, '$.done'), json_extract(detail, '$.sitting'), at_ns FROM stage"
-        " ORDER BY seq"
+def _people(reader: StudyReader, code: str | None = None) -> list[Person]:
+    """All participants, p01 first, or only this one."""
+    only, values = ("", ()) if code is None else (" WHERE code = ?", (code,))
+    stages: dict[str, list[StageEntry]] = defaultdict(list)
+    for owner, stage, detail, at_ns in reader.rows(
+        f"SELECT code, stage, detail, at_ns FROM stage{only} ORDER BY seq", *values
+    ):
+        stages[owner].append(StageEntry(stage, json.loads(detail), at_ns))
+    trials = _trials(reader, only, values)
+    people = reader.rows(
+        "SELECT code, task, EXISTS(SELECT 1 FROM claim WHERE claim.code = participant.code)"
+        f" FROM participant{only} ORDER BY length(code), code",
+        *values,
     )
     return [
-        (StageEntry(stage, {"done": done, "sitting": bool(ends)}, at_ns), code)
-        for code, stage, done, ends, at_ns in rows
+        Person(
+            code=owner,
+            task=task,
+            is_claimed=bool(is_claimed or stages[owner] or any(trial.is_begun for trial in trials[owner])),
+            stages=tuple(stages[owner]),
+            trials=tuple(trials[owner]),
+        )
+        for owner, task, is_claimed in people
     ]
 
 
-def _trials(reader: StudyReader) -> dict[str, list[AssignedTrial]]:
+def _trials(reader: StudyReader, only: str, values: tuple[str, ...]) -> dict[str, list[AssignedTrial]]:
     rows = reader.rows(
         "SELECT code, order_no, phase, task, condition, split, scene, episode_id, rep, release.at_ns IS NOT NULL,"
-        f" EXISTS(SELECT 1 FROM sitting WHERE sitting.trial_id = trial.trial_id), {_END}, outcome.at_ns FROM assignment"
+        " trial_id IS NOT NULL, EXISTS(SELECT 1 FROM sitting WHERE sitting.trial_id = trial.trial_id),"
+        f" {_END}, outcome.at_ns FROM assignment"
         " LEFT JOIN trial ON trial.assignment_id = assignment.assignment_id AND attempt = (SELECT max(attempt)"
         " FROM trial AS other WHERE other.assignment_id = assignment.assignment_id)"
         " LEFT JOIN outcome USING(trial_id) LEFT JOIN release ON release.assignment_id = assignment.assignment_id"
-        " ORDER BY order_no"
+        f"{only} ORDER BY order_no",
+        *values,
     )
     found = defaultdict(list)
     for code, order_no, phase, task, condition, split, scene, episode_id, rep, *rest in rows:
-        is_released, is_begun, end, ended_ns = rest
+        is_released, is_begun, is_open, end, ended_ns = rest
         key = EpisodeKey(split, scene, episode_id)
-        found[code].append(
-            AssignedTrial(order_no, phase, task, condition, key, rep, bool(is_released), bool(is_begun), end, ended_ns)
-        )
+        flags = bool(is_released), bool(is_begun), bool(is_open)
+        found[code].append(AssignedTrial(order_no, phase, task, condition, key, rep, *flags, end, ended_ns))
     return found
 
 

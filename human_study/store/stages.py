@@ -53,3 +53,8 @@ def has_dropped_out(entries: Sequence[StageEntry]) -> bool:
     """Whether the participant's trials were given to others and the participant has not returned since."""
     moves = [entry.stage for entry in entries if entry.stage in ("dropped_out", "returned")]
     return bool(moves) and moves[-1] == "dropped_out"
+
+
+def last_detail(entries: Sequence[StageEntry], stage: Stage) -> dict:
+    """What was stored with the newest entry of a stage; {} where there is none."""
+    return next((entry.detail for entry in reversed(entries) if entry.stage == stage), {})

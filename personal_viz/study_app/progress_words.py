@@ -1,6 +1,7 @@
 """A study's progress in words that terminal and dashboard share."""
 
-from human_study.store.progress_people import PersonProgress, Place, State
+from human_study.journey import Place
+from human_study.store.progress_people import PersonProgress, State
 
 _PLACES: dict[Place, str] = {
     "not_arrived": "not arrived",

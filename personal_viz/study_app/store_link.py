@@ -15,16 +15,15 @@ from typing import Any
 import msgspec
 from pydantic import TypeAdapter
 
-from human_study.design.plan import Phase
-from human_study.design.study import Condition
-from human_study.store.record_types import TrialStatus
-from human_study.store.stages import Stage, StageEntry, has_reached, way_out
+from human_study.journey import AssignedTrial, Person
+from human_study.store.progress_rows import stored_person
+from human_study.store.records import read_study
+from human_study.store.stages import Stage, has_reached, way_out
 from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.trial.events import Event, event_from_json, event_to_json
 from human_study.trial.outcome import Outcome
 from sim.errors import StudyError
-from sim.types import EpisodeKey, TaskKind
 
 from .recruit_codes import EndCode
 from .worker_door import WorkerDoor
@@ -149,37 +148,14 @@ class Reply(msgspec.Struct, frozen=True):
     message: str = ""
 
 
-class TrialPlace(msgspec.Struct, frozen=True):
-    """One assigned trial of a participant."""
-
-    order_no: int
-    phase: Phase
-    task: TaskKind
-    condition: Condition
-    key: EpisodeKey
-    is_begun: bool
-    is_over: bool
-    """Ended, or given back to others."""
-
-
 class PersonPlace(msgspec.Struct, frozen=True):
-    """Where a participant is in the study."""
+    """A participant, and what belongs to the way on which the participant ended."""
 
-    code: str
-    task: TaskKind
-    stages: list[StageEntry]
-    """Oldest first."""
-    trials: list[TrialPlace]
-    """In order, without those given back; each with its last attempt."""
+    person: Person
     completion_code: str | None
     """What the participant shows whoever pays, by how the study ended; None before that is stored, or without one."""
     end_url: str | None = None
     """The recruiting platform's page that takes the code; None without one."""
-
-    @property
-    def is_withdrawn(self) -> bool:
-        """Whether the participant withdrew."""
-        return has_reached(self.stages, "withdrawn")
 
 
 class StoreLink:
@@ -222,9 +198,9 @@ class StoreLink:
         """`StudyStore.withdraw`."""
         self._ask(Withdraw(code))
 
-    def next_trial(self, code: str) -> TrialPlace | None:
+    def next_trial(self, code: str) -> AssignedTrial | None:
         """The trial that is due, None when there is nothing (more) to do (`StudyStore.next_trial`)."""
-        return msgspec.json.decode(self._ask(NextTrial(code)), type=TrialPlace | None)
+        return msgspec.json.decode(self._ask(NextTrial(code)), type=AssignedTrial | None)
 
     def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
         """`StudyStore.open_trial`."""
@@ -361,8 +337,9 @@ class StoreService:
             case Withdraw(code=code):
                 self._store.withdraw(code)
             case NextTrial(code=code):
-                due = self._store.next_trial(code)
-                return None if due is None else _place(due)
+                if self._store.next_trial(code) is None:
+                    return None
+                return self._person(code).person.due
             case OpenTrial(code=code, order_no=order_no, connection=connection):
                 return self._store.open_trial(code, order_no, connection=connection)
             case ListEvents(trial_id=trial_id):
@@ -374,27 +351,8 @@ class StoreService:
         return None
 
     def _person(self, code: str) -> PersonPlace:
-        record = self._store.participant(code)
-        latest = {trial.order_no: trial for trial in self._store.trials(code) if not trial.is_released}
-        ending = "finished" if has_reached(record.stages, "finished") else way_out(record.stages)
+        with read_study(self._store.folder) as reader:
+            person = stored_person(reader, code)
+        ending = "finished" if has_reached(person.stages, "finished") else way_out(person.stages)
         end = self._end_code(code, ending) if ending is not None else EndCode()
-        return PersonPlace(
-            code=code,
-            task=record.task,
-            stages=list(record.stages),
-            trials=[_place(trial) for trial in latest.values()],
-            completion_code=end.code,
-            end_url=end.url,
-        )
-
-
-def _place(trial: TrialStatus) -> TrialPlace:
-    return TrialPlace(
-        order_no=trial.order_no,
-        phase=trial.phase,
-        task=trial.task,
-        condition=trial.condition,
-        key=trial.key,
-        is_begun=trial.trial_id is not None,
-        is_over=not trial.is_due,
-    )
+        return PersonPlace(person, end.code, end.url)

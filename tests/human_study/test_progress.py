@@ -141,11 +141,11 @@ WAY: list[tuple[tuple[str, dict[str, Any]], str]] = [
     (("consented", {}), "instructions"),
     (("instructed", {}), "quiz"),
     (("quiz_failed", {}), "quiz"),
+    (("quiz_failed", {}), "instructions"),
+    (("instructed", {}), "quiz"),
     (("quiz_passed", {}), "trial"),
-    (("break_started", {"done": 0}), "break"),
-    (("break_ended", {"done": 0}), "trial"),
-    (("break_started", {"done": 0, "sitting": True}), "pause"),
-    (("sitting_started", {"done": 0}), "trial"),
+    (("dropped_out", {}), "dropped_out"),
+    (("returned", {}), "trial"),
     (("finished", {}), "finished"),
 ]
 

@@ -11,6 +11,7 @@ import pytest
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
+from human_study.journey import Journey
 from human_study.store.records import read_study
 from human_study.store.store import open_store
 from human_study.tickets import token_hash
@@ -29,7 +30,6 @@ from personal_viz.cli.study.verify import verify
 from personal_viz.study_app.gateway.filter import ScenePointerMessage, browser_message
 from personal_viz.study_app.screens.cards import end_card
 from personal_viz.study_app.screens.panels import card_html
-from personal_viz.study_app.screens.place import FlowPlace
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay
 from sim.types import EpisodeKey
@@ -89,7 +89,7 @@ def test_a_bot_sees_its_mark_in_the_home_and_on_the_map(name: str) -> None:
 
 def test_a_bot_reads_its_completion_code_on_the_last_page() -> None:
     page = BotPage()
-    last = end_card(study(), FlowPlace("finished", num_done=3, num_all=3), code="12345678")
+    last = end_card(study(), Journey("finished", num_done=3, num_all=3), code="12345678")
     page.apply(wire(html("last", card_html(last))))
     assert is_the_end(page)
     assert page.completion_code == "12345678"

@@ -5,21 +5,22 @@ from typing import cast
 import pytest
 
 from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset
+from human_study.journey import AssignedTrial, Person
 from human_study.store.stages import StageEntry
 from personal_viz.study_app.screens.desk import Desk
 from personal_viz.study_app.screens.pages import FlowPages, QuizMemory
 from personal_viz.study_app.screens.panels import Card
-from personal_viz.study_app.store_link import PersonPlace, StoreLink, TrialPlace
+from personal_viz.study_app.store_link import PersonPlace, StoreLink
 from sim.types import EpisodeKey
 
-PLAYED = TrialPlace(2, "main", "pan", "none", EpisodeKey("easy", "Home", "2"), True, False)
+PLAYED = AssignedTrial(2, "main", "pan", "none", EpisodeKey("easy", "Home", "2"), is_begun=True)
 
 
 class StoredPerson:
     """A store that has one participant."""
 
-    def __init__(self, trials: list[TrialPlace], stages: list[StageEntry]) -> None:
-        self._person = PersonPlace("p01", "pan", stages, trials, None)
+    def __init__(self, trials: list[AssignedTrial], stages: list[StageEntry]) -> None:
+        self._person = PersonPlace(Person("p01", "pan", True, tuple(stages), tuple(trials)), None)
 
     def person(self, code: str) -> PersonPlace:
         assert code == "p01"
@@ -39,12 +40,13 @@ class ReadingDesk:
         return card.choices[0].name
 
 
-def stored(order_no: int, *, phase: str = "main", is_over: bool = False, is_begun: bool = False) -> TrialPlace:
+def stored(order_no: int, *, phase: str = "main", is_over: bool = False, is_begun: bool = False) -> AssignedTrial:
     key = EpisodeKey("easy", "Home", str(order_no))
-    return TrialPlace(order_no, phase, "pan", "none", key, is_begun or is_over, is_over)  # type: ignore[arg-type]
+    end = "done" if is_over else None
+    return AssignedTrial(order_no, phase, "pan", "none", key, is_begun=is_begun or is_over, end=end)  # type: ignore[arg-type]
 
 
-def said(trials: list[TrialPlace], *, is_new_page: bool, word: str = "", rested_at: int | None = None) -> list[Card]:
+def said(trials: list[AssignedTrial], *, is_new_page: bool, word: str = "", rested_at: int | None = None) -> list[Card]:
     """The cards after a trial that this page played, or those of a new page."""
     stages = [] if rested_at is None else [StageEntry("break_ended", {"done": rested_at}, 1)]
     config = StudyConfig(
@@ -84,7 +86,7 @@ def test_a_trial_is_said_to_be_saved_when_the_store_has_its_outcome(is_new_page:
     [[stored(1, is_over=True), stored(2, is_begun=True), stored(3)], [stored(1, is_over=True), stored(3)]],
     ids=["asked again", "given to somebody else"],
 )
-def test_a_trial_without_an_outcome_in_the_store_is_not_said_to_be_saved(trials: list[TrialPlace]) -> None:
+def test_a_trial_without_an_outcome_in_the_store_is_not_said_to_be_saved(trials: list[AssignedTrial]) -> None:
     (card,) = said(trials, is_new_page=False)
     assert card.title == "Interrupted"
     assert "does not count" in card.body

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from human_study.design.study import Condition, StudyConfig, StudyDataset, StudyPrivacy
+from human_study.journey import AssignedTrial, Journey, Person
 from human_study.texts.participants import instruction_texts
 from human_study.texts.quiz import QuizRound, questions_for
 from personal_viz.screenshots.instructions import MAX_BYTES, SIZE, small_jpeg
@@ -27,8 +28,8 @@ from personal_viz.study_app.screens.cards import (
 from personal_viz.study_app.screens.markdown import html_from_markdown, title_of
 from personal_viz.study_app.screens.pan import BUTTON_LABELS
 from personal_viz.study_app.screens.panels import Card, card_html, progress_html
-from personal_viz.study_app.screens.place import FlowPlace
-from sim.types import TaskKind
+from personal_viz.study_app.screens.place import parts_of
+from sim.types import EpisodeKey, TaskKind
 
 
 def config(**choices: object) -> StudyConfig:
@@ -208,18 +209,18 @@ def test_the_device_check_lets_on_only_who_can_see_the_study(
 
 
 def test_the_code_is_on_the_last_page_only() -> None:
-    assert "AB12" in end_card(config(), FlowPlace("finished", 3, 3), code="AB12").body
+    assert "AB12" in end_card(config(), Journey("finished", 3, 3), code="AB12").body
     for step in ("declined", "withdrawn", "full", "screened_out"):
-        assert "code" not in end_card(config(), FlowPlace(step), code=None).body  # type: ignore[arg-type]
+        assert "code" not in end_card(config(), Journey(step), code=None).body  # type: ignore[arg-type]
     kept = config(privacy=StudyPrivacy(on_withdraw="keep"))
-    assert "is kept" in end_card(kept, FlowPlace("withdrawn"), code=None).body
+    assert "is kept" in end_card(kept, Journey("withdrawn"), code=None).body
 
 
 def test_a_pause_says_how_long_and_lets_on_afterwards() -> None:
-    waiting = pause_card(config(), FlowPlace("pause", 30, 60, back_in_s=3000.0))
+    waiting = pause_card(config(), Journey("pause", 30, 60), back_in_s=3000.0)
     assert "50 minutes" in waiting.body
     assert [choice.name for choice in waiting.choices] == ["look"]
-    assert [choice.name for choice in pause_card(config(), FlowPlace("pause", 30, 60)).choices] == ["next"]
+    assert [choice.name for choice in pause_card(config(), Journey("pause", 30, 60), back_in_s=0.0).choices] == ["next"]
     assert (duration(1), duration(61), duration(7200)) == ("one minute", "2 minutes", "2 hours")
 
 
@@ -308,3 +309,15 @@ def test_a_screenshot_becomes_a_picture_that_is_small_enough() -> None:
     plain = io.BytesIO()
     Image.new("RGB", (1280, 800), "white").save(plain, "PNG")
     assert len(small_jpeg(plain.getvalue())) < MAX_BYTES
+
+
+def test_the_parts_of_the_way_are_those_that_the_study_has() -> None:
+    def somebody(*phases: str) -> Person:
+        key = EpisodeKey("easy", "Home", "0")
+        trials = [AssignedTrial(n, phase, "pan", "none", key) for n, phase in enumerate(phases, 1)]  # type: ignore[arg-type]
+        return Person("p01", "pan", True, (), tuple(trials))
+
+    parts = ["Check", "Consent", "Instructions", "Questions", "Practice", "Study", "End"]
+    assert parts_of(config(), somebody("practice", "main")) == tuple(parts)
+    assert parts_of(config(flow=("consent",)), somebody("main")) == ("Consent", "Study", "End")
+    assert parts_of(config(flow=("instructions",)), somebody("main")) == ()

@@ -22,6 +22,7 @@ from personal_viz.study_app.gateway.upkeep import Backups, Upkeep, upkeep
 from sim.errors import StudyError
 from sim.types import EpisodeKey
 from tests.human_study.small_world import study
+from tests.human_study.test_progress import do_next
 
 HOUSE_ONCE = {"task": ("pan",), "design": {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5}}
 CROSSED = {"task": ("pan",), "design": {"kind": "crossed", "raters_per_episode": 2}}
@@ -129,10 +130,11 @@ def test_a_restart_takes_nobodys_place_away(tmp_path: Path) -> None:
 
 
 def test_who_was_asked_to_come_back_later_has_that_long_more(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path, **HOUSE_ONCE, breaks={"sitting_max": 1, "sitting_gap_s": 3600.0}) as store:
         keeper, clock, _ = kept(store)
-        for stage, detail in (("arrived", {}), ("instructed", {}), ("break_started", {"done": 0, "sitting": True})):
-            store.enter_stage("p01", stage, detail)  # type: ignore[arg-type]
+        store.enter_stage("p01", "arrived")
+        store.enter_stage("p01", "instructed")
+        do_next(store, "p01")
         keeper.tick()
         clock.now_s = LEASE_S + 3600.0
         keeper.tick()

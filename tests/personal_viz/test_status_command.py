@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from human_study.store.progress_people import PersonProgress, Place, State
+from human_study.journey import Place
+from human_study.store.progress_people import PersonProgress, State
 from personal_viz.bots.site import hear_ctrl_c
 from personal_viz.cli.study.status import MIN_WIDTH, page, progress_now, status
 from personal_viz.study_app.progress_words import age_words, disk_words, place_words

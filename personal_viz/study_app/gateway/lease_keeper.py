@@ -5,9 +5,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from human_study.journey import GONE, Person, Place, journey_of
 from human_study.store.leases import Leases
-from human_study.store.progress_people import GONE, Place, place_of
-from human_study.store.progress_rows import PersonRow, person_rows
+from human_study.store.progress_rows import person_rows
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore
 from sim.errors import StudyError
@@ -77,19 +77,19 @@ class LeaseKeeper:
     def _find_expired(self) -> tuple[str, ...]:
         """Who has left in the middle of the study."""
         with read_study(self._store.folder) as reader:
-            rows = person_rows(reader)
+            people = [row.person for row in person_rows(reader)]
         waiting: dict[str, Place] = {}
-        for row in rows:
-            place = place_of(self._store.config, row)
-            if _has_work(row) and row.is_claimed and place not in GONE:
-                waiting[row.code] = place
+        for person in people:
+            place = journey_of(self._store.config, person).place
+            if _has_work(person) and place != "not_arrived" and place not in GONE:
+                waiting[person.code] = place
         with self._lock:
             now_s = self._clock()
-            for row in rows:
-                if row.code in waiting:
-                    self._leases.expect(row.code, now_s)
+            for person in people:
+                if person.code in waiting:
+                    self._leases.expect(person.code, now_s)
                 else:
-                    self._leases.forget(row.code)
+                    self._leases.forget(person.code)
             return tuple(
                 code
                 for code in self._leases.expired(now_s)
@@ -102,5 +102,5 @@ class LeaseKeeper:
         return self._lease_s + gap_s
 
 
-def _has_work(row: PersonRow) -> bool:
-    return any(trial.phase == "main" and trial.is_due for trial in row.trials)
+def _has_work(person: Person) -> bool:
+    return any(trial.phase == "main" and trial.is_due for trial in person.trials)

@@ -4,12 +4,12 @@ import html
 from dataclasses import dataclass
 
 from human_study.design.study import Condition, StudyConfig
+from human_study.journey import Journey
 from human_study.texts.quiz import Question
 
 from ..page_script import Device
 from .markdown import html_from_markdown, title_of
 from .panels import Card, Choice, paragraphs, progress_html
-from .place import FlowPlace
 
 MIN_WIDTH, MIN_HEIGHT = 1000, 600
 """Smallest page in pixels, to which the device check asks people to widen their window."""
@@ -163,24 +163,24 @@ def practice_card(num_practice: int) -> Card:
     return Card("Practice", paragraphs(text), (Choice("begin", "Begin to practise"),))
 
 
-def real_card(place: FlowPlace, more_html: str = "") -> Card:
+def real_card(journey: Journey, more_html: str = "") -> Card:
     """After the practice, before the first counted trial."""
     text = "The practice is over. From now on every search counts.\nYou will not be told whether an answer was right."
-    body = paragraphs(text) + more_html + progress_html(place.num_done, place.num_all, unit="searches")
+    body = paragraphs(text) + more_html + progress_html(journey.num_done, journey.num_all, unit="searches")
     return Card("Now it counts", body, (Choice("begin", "Begin"),))
 
 
-def saved_card(place: FlowPlace, name: str, word: str = "") -> Card:
+def saved_card(journey: Journey, name: str, word: str = "") -> Card:
     """Between two trials: which one is stored, and what is said (Markdown) of one that was practice."""
-    bar = progress_html(place.num_done, place.num_all, unit="searches") if place.num_all else ""
+    bar = progress_html(journey.num_done, journey.num_all, unit="searches") if journey.num_all else ""
     return Card(
         "Saved", paragraphs(f"{name} is stored.") + html_from_markdown(word) + bar, (Choice("next", "Next trial"),)
     )
 
 
-def interrupted_card(place: FlowPlace) -> Card:
+def interrupted_card(journey: Journey) -> Card:
     """After a trial that has no result: it failed, or its participant was away for too long."""
-    bar = progress_html(place.num_done, place.num_all, unit="searches") if place.num_all else ""
+    bar = progress_html(journey.num_done, journey.num_all, unit="searches") if journey.num_all else ""
     text = "This search was interrupted, so it does not count. Everything else that you did is stored."
     return Card("Interrupted", paragraphs(text) + bar, (Choice("next", "Go on"),))
 
@@ -194,28 +194,34 @@ def lost_picture_card() -> Card:
     return Card("The 3-D picture was lost", paragraphs(text), (Choice("reload", "Load the page again"),))
 
 
-def break_card(place: FlowPlace) -> Card:
+def break_card(journey: Journey) -> Card:
     """A rest."""
     text = "Everything is stored. Look away from the screen, stand up, have a drink. Go on when you like."
-    body = paragraphs(text) + progress_html(place.num_done, place.num_all, unit="searches")
+    body = paragraphs(text) + progress_html(journey.num_done, journey.num_all, unit="searches")
     return Card("Time for a break", body, (Choice("next", "Go on"),))
 
 
-def pause_card(config: StudyConfig, place: FlowPlace) -> Card:
-    """The end of a sitting."""
-    bar = progress_html(place.num_done, place.num_all, unit="searches")
-    if place.back_in_s <= 0:
+def pause_card(config: StudyConfig, journey: Journey, *, back_in_s: float) -> Card:
+    """The end of a sitting.
+
+    Args:
+        config: The study.
+        journey: What the participant has done.
+        back_in_s: How long the pause still lasts; 0 = the participant can go on.
+    """
+    bar = progress_html(journey.num_done, journey.num_all, unit="searches")
+    if back_in_s <= 0:
         return Card("Welcome back", paragraphs("You can go on now.") + bar, (Choice("next", "Go on"),))
     text = (
         f"You have done {config.breaks.sitting_max} searches in one go; that is enough for now. Everything is stored.\n"
-        f"Please come back with the same link in {duration(place.back_in_s)} or later."
+        f"Please come back with the same link in {duration(back_in_s)} or later."
     )
     return Card("A longer rest", paragraphs(text) + bar, (Choice("look", "Look whether I can go on", "gray"),))
 
 
-def end_card(config: StudyConfig, place: FlowPlace, *, code: str | None, url: str | None = None) -> Card:
+def end_card(config: StudyConfig, journey: Journey, *, code: str | None, url: str | None = None) -> Card:
     """What is shown when there is nothing more to do."""
-    match place.step:
+    match journey.place:
         case "finished":
             body = paragraphs("All your answers are stored. You can close this page.")
             if code is not None:

@@ -4,11 +4,24 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from human_study.design.study import Condition, StudyConfig
+from human_study.journey import (
+    QUIZ_ROUNDS,
+    AssignedTrial,
+    Journey,
+    Person,
+    Place,
+    ended_trial,
+    has_rested,
+    journey_of,
+    trial_before,
+    trial_name,
+)
+from human_study.store.stages import last_detail
 from human_study.texts.participants import CONSENT_FILE, INSTRUCTIONS_FILE, instruction_texts, told_text, welcome_text
 from human_study.texts.quiz import Question, QuizRound, questions_for
 
 from ..page_script import Device
-from ..store_link import PersonPlace, StoreLink, TrialPlace
+from ..store_link import PersonPlace, StoreLink
 from .cards import (
     IN_3D,
     DeviceReport,
@@ -27,20 +40,8 @@ from .cards import (
 from .desk import Chosen, Desk
 from .markdown import html_from_markdown, title_of
 from .panels import Card, Choice, paragraphs
-from .pauses import machine_time, steady_detail
-from .place import (
-    PARTS,
-    QUIZ_ROUNDS,
-    FlowPlace,
-    StepKind,
-    ended_trial,
-    flow_place,
-    has_rested,
-    last_detail,
-    parts_of,
-    trial_before,
-    trial_name,
-)
+from .pauses import machine_time, pause_left_s, steady_detail
+from .place import PARTS, parts_of
 
 
 @dataclass(slots=True)
@@ -76,74 +77,80 @@ class FlowPages:
         self._desk, self._link, self._config = desk, link, config
         self._texts, self._quizzes, self._label_of_home = texts, quizzes, label_of_home
 
-    def lead(self) -> PersonPlace:
+    def lead(self) -> Person:
         """Shows page after page until the participant has a trial to do, or nothing more; returns where that is.
 
         Raises: as `Desk.wait`.
         """
         while True:
-            person = self._link.person(self._desk.code)
-            place = self.place(person)
+            person = self._person()
+            journey = self.journey(person)
             step = {
+                "dropped_out": self._return,
                 "device": self._device,
                 "consent": self._consent,
                 "instructions": self._instructions,
                 "quiz": self._quiz,
                 "break": self._break,
                 "pause": self._pause,
-            }.get(place.step)
+            }.get(journey.place)
             if step is None:
                 return person
-            step(person, place)
+            step(person, journey)
 
-    def place(self, person: PersonPlace) -> FlowPlace:
+    def journey(self, person: Person) -> Journey:
         """Where the participant is now."""
-        return flow_place(self._config, person, now=machine_time())
+        return journey_of(self._config, person)
 
     def welcome_back(self) -> None:
         """Says which trial is stored to somebody who left or reloaded the page between two; nothing to others."""
-        person = self._link.person(self._desk.code)
-        place, before = self.place(person), trial_before(person)
-        if place.step in ("practice", "trial") and before is not None and not has_rested(person, place):
-            self._desk.choose(saved_card(place, trial_name(person, before)))
+        person = self._person()
+        journey, before = self.journey(person), trial_before(person)
+        if journey.place in ("practice", "trial") and before is not None and not has_rested(person, journey):
+            self._desk.choose(saved_card(journey, trial_name(person, before)))
 
-    def after(self, played: TrialPlace, *, word: str = "") -> None:
+    def after(self, played: AssignedTrial, *, word: str = "") -> None:
         """Says what the store has of the trial that was open, before the next one; nothing where a break comes.
 
         Args:
             played: The trial.
             word: What is said of one that was practice.
         """
-        person = self._link.person(self._desk.code)
-        place = self.place(person)
-        if place.step not in ("practice", "trial"):
+        person = self._person()
+        journey = self.journey(person)
+        if journey.place not in ("practice", "trial"):
             return
         ended = ended_trial(person, played.order_no)
         if ended is None:
-            self._desk.choose(interrupted_card(place))
+            self._desk.choose(interrupted_card(journey))
         else:
-            self._desk.choose(saved_card(place, trial_name(person, ended), word))
+            self._desk.choose(saved_card(journey, trial_name(person, ended), word))
 
-    def introduce(self, person: PersonPlace, place: FlowPlace) -> None:
+    def introduce(self, person: Person, journey: Journey) -> None:
         """Says before the first practice trial, and before the first counted one after practice, what follows."""
-        practice = [trial for trial in person.trials if trial.phase == "practice"]
-        if place.step == "practice" and not any(trial.is_begun for trial in practice):
+        practice = [trial for trial in person.kept if trial.phase == "practice"]
+        if journey.place == "practice" and not any(trial.is_begun for trial in practice):
             self._choose(practice_card(len(practice)), person, "practice")
-        others = [trial for trial in person.trials if trial.phase != "practice"]
-        if place.step == "trial" and practice and not any(trial.is_begun for trial in others):
-            self._choose(real_card(place), person, "trial")
+        others = [trial for trial in person.kept if trial.phase != "practice"]
+        if journey.place == "trial" and practice and not any(trial.is_begun for trial in others):
+            self._choose(real_card(journey), person, "trial")
 
-    def end(self, person: PersonPlace, place: FlowPlace) -> None:
+    def end(self, stored: PersonPlace) -> None:
         """The last page, with the code that belongs to it."""
-        self._desk.show(
-            self._on_its_way(
-                end_card(self._config, place, code=person.completion_code, url=person.end_url), person, place.step
-            )
-        )
+        journey = self.journey(stored.person)
+        card = end_card(self._config, journey, code=stored.completion_code, url=stored.end_url)
+        self._desk.show(self._on_its_way(card, stored.person, journey.place))
 
-    def _device(self, person: PersonPlace, _: FlowPlace) -> None:
+    def _person(self) -> Person:
+        return self._link.person(self._desk.code).person
+
+    def _return(self, person: Person, _: Journey) -> None:
+        """Whoever comes back goes on where the way was left, with what others did not take."""
+        self._link.enter_stage(person.code, "returned")
+
+    def _device(self, person: Person, _: Journey) -> None:
         """Waits until graphics, window and keyboard are there; each new kind of failure is stored once."""
-        needs_webgl = any(trial.condition in IN_3D for trial in person.trials)
+        needs_webgl = any(trial.condition in IN_3D for trial in person.kept)
         has_keys = person.task == "pan"
         has_pressed, uses_buttons = False, not has_keys
         failed: set[tuple] = set()
@@ -177,13 +184,13 @@ class FlowPages:
                     self._link.enter_stage(self._desk.code, "device_ok", detail)
                     return
 
-    def _consent(self, person: PersonPlace, _: FlowPlace) -> None:
+    def _consent(self, person: Person, _: Journey) -> None:
         text = told_text(self._texts, CONSENT_FILE, person.task)
         answer = self._choose(consent_card(text), person, "consent")
         self._link.give_consent(self._desk.code, text, given=answer == "agree")
 
-    def _instructions(self, person: PersonPlace, place: FlowPlace) -> None:
-        conditions: list[Condition] = [trial.condition for trial in person.trials]
+    def _instructions(self, person: Person, journey: Journey) -> None:
+        conditions: list[Condition] = [trial.condition for trial in person.kept]
         if self._config.flow == ("instructions",):
             self._welcome(person)
         else:
@@ -191,25 +198,25 @@ class FlowPages:
             pages = (*([own] if own.strip() else []), *instruction_texts(self._config, person.task, conditions))
             index = 0
             while index < len(pages):
-                card = instruction_card(pages, index, is_again=place.failed_rounds > 0)
+                card = instruction_card(pages, index, is_again=journey.failed_rounds > 0)
                 index += -1 if self._choose(card, person, "instructions") == "back" else 1
-        self._link.enter_stage(self._desk.code, "instructed", {"after_failed_rounds": place.failed_rounds})
+        self._link.enter_stage(self._desk.code, "instructed", {"after_failed_rounds": journey.failed_rounds})
 
-    def _welcome(self, person: PersonPlace) -> None:
+    def _welcome(self, person: Person) -> None:
         """The only page of a study that has no other before its trials."""
         text = welcome_text(self._config, person.task)
         body = html_from_markdown(text)
-        if person.trials:
-            body += paragraphs(f"This home: {self._label_of_home(person.trials[0].key.scene)}.")
+        if person.kept:
+            body += paragraphs(f"This home: {self._label_of_home(person.kept[0].key.scene)}.")
         self._choose(
             Card(title_of(text, otherwise="Welcome"), body, (Choice("next", "Start"),)), person, "instructions"
         )
 
-    def _quiz(self, person: PersonPlace, place: FlowPlace) -> None:
+    def _quiz(self, person: Person, journey: Journey) -> None:
         """One round through the questions, in the second only those that were answered wrongly."""
         code = self._desk.code
-        questions = questions_for(self._config, person.task, [trial.condition for trial in person.trials])
-        if place.failed_rounds:
+        questions = questions_for(self._config, person.task, [trial.condition for trial in person.kept])
+        if journey.failed_rounds:
             missed = last_detail(person.stages, "quiz_failed").get("wrong", [])
             questions = tuple(question for question in questions if question.name in missed) or questions
         quiz = self._quizzes.rounds.setdefault(code, QuizRound(questions))
@@ -218,10 +225,10 @@ class FlowPages:
             card = self._question_card(quiz, question, was_wrong=was_wrong)
             was_wrong = not quiz.answer(self._choose(card, person, "quiz"))
         del self._quizzes.rounds[code]
-        detail = {"round": 1 + place.failed_rounds, "wrong": quiz.wrong}
+        detail = {"round": 1 + journey.failed_rounds, "wrong": quiz.wrong}
         self._link.enter_stage(code, "quiz_failed" if quiz.wrong else "quiz_passed", detail)
         if quiz.wrong:
-            is_last = place.failed_rounds + 1 >= QUIZ_ROUNDS
+            is_last = journey.failed_rounds + 1 >= QUIZ_ROUNDS
             again = "Please read the instructions once more." if is_last else "They are asked once more."
             card = Card(
                 "Almost", paragraphs(f"Some questions were not right at once. {again}"), (Choice("next", "Continue"),)
@@ -238,23 +245,26 @@ class FlowPages:
             was_wrong=was_wrong,
         )
 
-    def _break(self, person: PersonPlace, place: FlowPlace) -> None:
-        if last_detail(person.stages, "break_started").get("done") != place.num_done:
-            self._link.enter_stage(self._desk.code, "break_started", {"done": place.num_done})
-        self._choose(break_card(place), person, "trial")
-        self._link.enter_stage(self._desk.code, "break_ended", {"done": place.num_done})
+    def _break(self, person: Person, journey: Journey) -> None:
+        if journey.rest is None:
+            self._link.enter_stage(self._desk.code, "break_started", {"done": journey.num_done})
+        self._choose(break_card(journey), person, "trial")
+        self._link.enter_stage(self._desk.code, "break_ended", {"done": journey.num_done})
 
-    def _pause(self, person: PersonPlace, place: FlowPlace) -> None:
-        if last_detail(person.stages, "break_started").get("done") != place.num_done:
-            detail = {"done": place.num_done, "sitting": True, **steady_detail(machine_time())}
+    def _pause(self, person: Person, journey: Journey) -> None:
+        gap_s, now = self._config.breaks.sitting_gap_s, machine_time()
+        if journey.rest is None:
+            detail = {"done": journey.num_done, "sitting": True, **steady_detail(now)}
             self._link.enter_stage(self._desk.code, "break_started", detail)
-        if self._choose(pause_card(self._config, place), person, "trial") == "next":
-            self._link.enter_stage(self._desk.code, "sitting_started", {"done": place.num_done})
+        back_in_s = gap_s if journey.rest is None else pause_left_s(journey.rest, gap_s, now)
+        card = pause_card(self._config, journey, back_in_s=back_in_s)
+        if self._choose(card, person, "trial") == "next":
+            self._link.enter_stage(self._desk.code, "sitting_started", {"done": journey.num_done})
 
-    def _choose(self, card: Card, person: PersonPlace, step: StepKind) -> str:
+    def _choose(self, card: Card, person: Person, step: Place) -> str:
         return self._desk.choose(self._on_its_way(card, person, step))
 
-    def _on_its_way(self, card: Card, person: PersonPlace, step: StepKind) -> Card:
+    def _on_its_way(self, card: Card, person: Person, step: Place) -> Card:
         """The card with the parts of the way above it."""
         parts = parts_of(self._config, person)
         if step not in PARTS or PARTS[step] not in parts:

@@ -15,7 +15,8 @@ import viser
 
 from human_study.design.plan import StudyPlan
 from human_study.design.study import StudyConfig
-from human_study.store.stages import has_reached, way_out
+from human_study.journey import AssignedTrial, Person, trial_name
+from human_study.store.stages import has_reached, last_detail, way_out
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.texts.participants import practice_text
@@ -23,12 +24,11 @@ from human_study.texts.participants import practice_text
 from ..home.home import Home
 from ..home.homes import HomeLibrary
 from ..page_script import KeyAction, PageMessages
-from ..store_link import PersonPlace, StoreLink, TrialPlace
+from ..store_link import StoreLink
 from .cards import IN_3D, ON_LEAVE, lost_picture_card
 from .desk import Desk, GoneError, Item, Signal, WithdrawnError
 from .pages import FlowPages, QuizMemory
 from .panels import Page
-from .place import FlowPlace, last_detail, trial_name
 from .play import TrialPlay
 
 _KEYS: dict[str, tuple[KeyAction, ...]] = {
@@ -36,7 +36,7 @@ _KEYS: dict[str, tuple[KeyAction, ...]] = {
     "paper6": ("forward", "left", "right", "look_up", "look_down", "stop"),
 }
 """What PAN participants have keys for."""
-_TO_DO = ("practice", "trial", "none_due")
+_TO_DO = ("practice", "trial", "ending")
 """Steps at which the store is asked for the next trial."""
 
 
@@ -119,7 +119,7 @@ class Seat:
 
     def _begin(self) -> None:
         """Starts the page's script with the participant's own keys, and shows the tools."""
-        person = self._link.person(self.code)
+        person = self._person()
         actions = _KEYS[self._study.config.actions] if person.task == "pan" else ()
         messages = PageMessages(self._client, self._desk.heard, actions=actions)
         self._desk.own_keys = last_detail(person.stages, "keys_changed")
@@ -142,24 +142,24 @@ class Seat:
 
     def _lead_to_end(self) -> None:
         """Pages and trials until there is nothing more to do; then the last page."""
-        if not self._link.person(self.code).stages:
+        if not self._person().stages:
             self._link.enter_stage(self.code, "arrived")
         self._pages.welcome_back()
         while True:
-            self._warm_next(self._link.person(self.code))
+            self._warm_next(self._person())
             person = self._pages.lead()
-            place = self._pages.place(person)
-            due = self._link.next_trial(self.code) if place.step in _TO_DO else None
+            journey = self._pages.journey(person)
+            due = self._link.next_trial(self.code) if journey.place in _TO_DO else None
             if due is None:
-                self._end(person, place)
+                self._end(person)
                 return
-            if place.step == "none_due":
+            if journey.place == "ending":
                 continue  # given out just now: introduction, break and the end of a sitting come before it as well
             if self._desk.has_lost_picture and due.condition in IN_3D:
                 self._load_again()
-            self._pages.introduce(person, place)
+            self._pages.introduce(person, journey)
             if not has_reached(person.stages, "sitting_started"):
-                self._link.enter_stage(self.code, "sitting_started", {"done": place.num_done})
+                self._link.enter_stage(self.code, "sitting_started", {"done": journey.num_done})
             with contextlib.suppress(TrialEndedError):  # finished in another tab a moment ago
                 self._play(due)
 
@@ -170,26 +170,24 @@ class Seat:
         while True:
             self._desk.wait()
 
-    def _end(self, person: PersonPlace, place: FlowPlace) -> None:
+    def _end(self, person: Person) -> None:
         """The last page, shown when it is stored. Who found nothing at all to do is told that the study is full."""
-        if place.step in _TO_DO:
-            has_done = any(trial.phase == "main" for trial in person.trials)
+        if self._pages.journey(person).place in _TO_DO:
+            has_done = any(trial.phase == "main" for trial in person.kept)
             self._link.enter_stage(self.code, "finished" if has_done else "full")
-            person = self._link.person(self.code)
         self._desk.page.tools(has_keys=False, on_leave=None)
-        self._pages.end(person, self._pages.place(person))
+        self._pages.end(self._link.person(self.code))
 
     def _withdraw(self) -> None:
         self._link.withdraw(self.code)
-        person = self._link.person(self.code)
-        self._end(person, self._pages.place(person))
+        self._end(self._person())
 
-    def _play(self, place: TrialPlace) -> None:
+    def _play(self, place: AssignedTrial) -> None:
         """One trial to its stored outcome, then a word on it."""
         with self._study.homes.use(place.key.scene) as home:
             self._desk.require_here()  # nobody's trial begins: the page may have been left while the home was opened
             trial = self._link.open_trial(self.code, place.order_no, connection=self.connection)
-            progress = trial_name(self._link.person(self.code), place)
+            progress = trial_name(self._person(), place)
             # time in which the study was not served, or could not store, is not the participant's absence
             away_s = 0.0 if self._was_paused else min(trial.away_s, time.monotonic() - self._study.opened_s)
             play = TrialPlay(self._desk, self._link, home, self._study.config)
@@ -200,17 +198,19 @@ class Seat:
                 self._took_over = False
                 play.leave()
         self._link.next_trial(self.code)  # gives out what comes next, if anything: the pages before it know of it then
-        self._warm_next(self._link.person(self.code))
+        self._warm_next(self._person())
         if not self._desk.has_lost_picture:
             is_practice = place.phase == "practice"
             word = practice_text(self._study.config, place.task, result) if is_practice else ""
             self._pages.after(place, word=word)
 
-    def _warm_next(self, person: PersonPlace) -> None:
+    def _person(self) -> Person:
+        return self._link.person(self.code).person
+
+    def _warm_next(self, person: Person) -> None:
         """Opens the next trial's home while the participant reads."""
-        due = next((trial for trial in person.trials if not trial.is_over), None)
-        if due is not None:
-            self._study.homes.warm(due.key.scene)
+        if person.due is not None:
+            self._study.homes.warm(person.due.key.scene)
 
     def _keep_keys(self, keys: Mapping[KeyAction, str]) -> None:
         self._link.enter_stage(self.code, "keys_changed", {str(action): code for action, code in keys.items()})

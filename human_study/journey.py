@@ -1,0 +1,221 @@
+"""Where a participant is in a study, from what is stored alone: pages, dashboard, `study status` and leases ask here.
+
+Nothing else decides it. A reload, a restart or another clock changes nothing: the answer follows from the study file,
+the stages that the participant reached and the trials that the participant has.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from sim.types import EpisodeKey, TaskKind
+
+from .design.plan import Phase
+from .design.study import Condition, FlowStep, StudyConfig
+from .store.stages import Stage, StageEntry, has_dropped_out, has_reached, last_detail, way_out
+
+QUIZ_ROUNDS = 2
+"""After so many rounds with a wrong answer the instructions come again."""
+Place = Literal[
+    "not_arrived",
+    "device",
+    "consent",
+    "instructions",
+    "quiz",
+    "practice",
+    "trial",
+    "break",
+    "pause",
+    "ending",
+    "finished",
+    "dropped_out",
+    "declined",
+    "withdrawn",
+    "screened_out",
+    "full",
+]
+"""`practice`, `trial`: in such a trial, or before the next (`trial`: a counted or an attention trial); `break`: a rest
+is due or under way; `pause`: the sitting is over; `ending`: all given trials are over, perhaps there are more to give;
+`dropped_out`: others got the trials, until the participant comes back."""
+GONE: tuple[Place, ...] = ("finished", "dropped_out", "declined", "withdrawn", "screened_out", "full")
+"""Nobody waits for these."""
+End = Literal["done", "technical", "abandoned"]
+"""How a trial ended, as far as anybody may know while a study runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class AssignedTrial:
+    """An assigned trial and its newest attempt; never how well it went."""
+
+    order_no: int
+    phase: Phase
+    task: TaskKind
+    condition: Condition
+    key: EpisodeKey
+    rep: int = 0
+    is_released: bool = False
+    """Whether it was given back to others."""
+    is_begun: bool = False
+    """Whether there is an attempt, perhaps one that waits to be opened after a failure of ours."""
+    is_open: bool = False
+    """Whether somebody opened the newest attempt."""
+    end: End | None = None
+    """None while the newest attempt has not ended."""
+    ended_ns: int | None = None
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the participant has still to do, or finish, it."""
+        return self.end is None and not self.is_released
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it ended with something to count and was kept."""
+        return self.end == "done" and not self.is_released
+
+    @property
+    def slot(self) -> tuple[TaskKind, Condition, EpisodeKey, int]:
+        """What one person after the other may hold."""
+        return self.task, self.condition, self.key, self.rep
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """What is stored about one participant, as far as it says where the participant is."""
+
+    code: str
+    task: TaskKind
+    is_claimed: bool
+    """Whether somebody came with this link, or took it from an open one."""
+    stages: tuple[StageEntry, ...]
+    """Oldest first."""
+    trials: tuple[AssignedTrial, ...]
+    """In the participant's order, with those that were given back."""
+
+    @property
+    def kept(self) -> tuple[AssignedTrial, ...]:
+        """The trials that are still the participant's."""
+        return tuple(trial for trial in self.trials if not trial.is_released)
+
+    @property
+    def due(self) -> AssignedTrial | None:
+        """The next trial to do, or to finish."""
+        return next((trial for trial in self.trials if trial.is_due), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Journey:
+    """Where a participant is, with what pages and operators count."""
+
+    place: Place
+    num_done: int = 0
+    """Counted trials that are over and kept."""
+    num_all: int = 0
+    """Counted trials that the participant has."""
+    failed_rounds: int = 0
+    """Rounds of the quiz with a wrong answer since the instructions."""
+    rest: StageEntry | None = None
+    """With which the present break or pause began; None outside one, and before its beginning is stored."""
+
+
+def journey_of(config: StudyConfig, person: Person) -> Journey:
+    """Where a participant of this study is."""
+    counted = [trial for trial in person.kept if trial.phase == "main"]
+    num_done = sum(not trial.is_due for trial in counted)
+    place = _place(config, person, num_done)
+    began = next((entry for entry in reversed(person.stages) if entry.stage == "break_started"), None)
+    is_resting = place in ("break", "pause") and began is not None and began.detail.get("done") == num_done
+    return Journey(place, num_done, len(counted), _failed_rounds(person.stages), began if is_resting else None)
+
+
+def ended_trial(person: Person, order_no: int) -> AssignedTrial | None:
+    """The trial at this place of the order, once the store has its outcome."""
+    return next((trial for trial in person.kept if trial.order_no == order_no and not trial.is_due), None)
+
+
+def trial_before(person: Person) -> AssignedTrial | None:
+    """The trial that ended just before the one that is due; None where none did, or where that one has begun."""
+    due = person.due
+    if due is None or due.is_begun:
+        return None
+    over = [trial for trial in person.kept if not trial.is_due and trial.order_no < due.order_no]
+    return over[-1] if over else None
+
+
+def has_rested(person: Person, journey: Journey) -> bool:
+    """Whether the last thing that the participant went on from was a break, after as many trials as now."""
+    return journey.num_done > 0 and _rested_at(person.stages) == journey.num_done
+
+
+def trial_name(person: Person, trial: AssignedTrial) -> str:
+    """Which trial it is, counted within its phase; attention trials look like any other."""
+    alike = [other for other in person.kept if (other.phase == "practice") == (trial.phase == "practice")]
+    number = 1 + sum(other.order_no < trial.order_no for other in alike)
+    return f"{'Practice' if trial.phase == 'practice' else 'Trial'} {number} of {len(alike)}"
+
+
+def _place(config: StudyConfig, person: Person, num_done: int) -> Place:
+    stages = person.stages
+    out = way_out(stages)
+    if out is not None:
+        return out  # type: ignore[return-value]
+    if has_reached(stages, "finished"):
+        return "finished"
+    if has_dropped_out(stages):
+        return "dropped_out"
+    if not person.is_claimed:
+        return "not_arrived"
+    before: FlowStep | None = next((step for step in config.flow if not _is_passed(step, config, person)), None)
+    if before is not None:
+        return before
+    due = person.due
+    if due is None:
+        return "ending"
+    if due.phase == "practice":
+        return "practice"
+    return "trial" if due.is_begun else _rest(config, stages, num_done)
+
+
+def _is_passed(step: FlowStep, config: StudyConfig, person: Person) -> bool:
+    stages = person.stages
+    match step:
+        case "device":
+            return has_reached(stages, "device_ok")
+        case "consent":
+            return has_reached(stages, "consented")
+        case "instructions":
+            has_read = has_reached(stages, "instructed") or any(trial.is_begun for trial in person.kept)
+            return has_read and ("quiz" not in config.flow or _failed_rounds(stages) < QUIZ_ROUNDS)
+        case "quiz":
+            return has_reached(stages, "quiz_passed")
+
+
+def _failed_rounds(stages: Sequence[StageEntry]) -> int:
+    """Rounds of the quiz with a wrong answer since the instructions were read last."""
+    num = 0
+    for entry in stages:
+        if entry.stage in ("instructed", "quiz_passed"):
+            num = 0
+        num += entry.stage == "quiz_failed"
+    return num
+
+
+def _rest(config: StudyConfig, stages: Sequence[StageEntry], num_done: int) -> Place:
+    """The trial, or the break or the end of the sitting that comes before it."""
+    breaks = config.breaks
+    if breaks.sitting_max is not None and num_done - _done_at(stages, "sitting_started") >= breaks.sitting_max:
+        return "pause"
+    if breaks.every is not None and num_done - _rested_at(stages) >= breaks.every:
+        return "break"
+    return "trial"
+
+
+def _rested_at(stages: Sequence[StageEntry]) -> int:
+    """How many counted trials were done at the last break or at the beginning of the sitting."""
+    return max(_done_at(stages, "sitting_started"), _done_at(stages, "break_ended"))
+
+
+def _done_at(stages: Sequence[StageEntry], stage: Stage) -> int:
+    """How many counted trials were done when the stage was entered last."""
+    done = last_detail(stages, stage).get("done", 0)
+    return done if isinstance(done, int) else 0

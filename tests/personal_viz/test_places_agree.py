@@ -1,0 +1,168 @@
+"""Whatever happens to a participant, pages, dashboard, `study status` and leases see the same place."""
+
+import contextlib
+import json
+import socket
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import hypothesis.strategies as st
+from hypothesis import HealthCheck, given, settings
+from starlette.testclient import TestClient
+
+from human_study.design.plan import StudyScene
+from human_study.design.planning import Practice, make_plan
+from human_study.design.study import FlowStep
+from human_study.journey import GONE, Journey, journey_of
+from human_study.store.store import StudyStore, open_store
+from human_study.tickets import token_hash
+from human_study.trial.events import GaveUp
+from personal_viz.cli.study.status import progress_now
+from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
+from personal_viz.study_app.operator.dashboard import Dashboard
+from personal_viz.study_app.progress_words import place_words
+from personal_viz.study_app.recruit_codes import EndCode
+from personal_viz.study_app.store_link import StoreLink, StoreService
+from sim.tasks.run_files import EpisodeEnd
+from sim.types import EpisodeKey
+from tests.human_study.small_world import study
+from tests.human_study.stores import OPEN
+
+CODE, ORIGIN, PORT, GAP_S, LEASE_S = "p01", "http://127.0.0.1:4321", 4321, 3600.0, 900.0
+FLOWS: tuple[tuple[FlowStep, ...], ...] = (("device", "consent", "instructions", "quiz"), ("instructions",), ())
+ACTS = st.sampled_from(
+    [
+        *["go on"] * 12,
+        *["fail the quiz", "fail the quiz", "open", "technical", "abandoned"],
+        *["refuse the device", "screened_out", "decline", "withdraw", "full", "stay away", "finished"],
+    ]
+)
+
+
+@contextlib.contextmanager
+def started(folder: Path, flow: Sequence[FlowStep]) -> Iterator[tuple[StudyStore, StoreLink]]:
+    """p01 practises and has an episode in each of three homes, p03 is spare; with a worker's line to the store."""
+    config = study(
+        task=("pan",),
+        design={"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5},
+        flow=flow,
+        practice={"pan": 1, "pog": 0},
+        breaks={"every": 1, "sitting_max": 2, "sitting_gap_s": GAP_S},
+    )
+    homes = [StudyScene(name=name, kind="invented") for name in ("A", "B", "C")]
+    practice = Practice((StudyScene(name="P", kind="invented"),), (EpisodeKey("easy", "P", "0"),), ())
+    plan = make_plan(config, homes, [EpisodeKey("easy", home.name, "0") for home in homes], practice=practice)
+    ours, theirs = socket.socketpair()
+    with open_store(folder, config, plan) as store:
+        for person in plan.participants:
+            store.add_participant(person, token_hash(person.code))
+        service = StoreService(
+            ours,
+            store,
+            code_of_ticket=lambda _: None,
+            end_code=lambda *_: EndCode(),
+            client_profile=lambda _: None,
+            on_end=lambda: None,
+        )
+        yield store, StoreLink(theirs)
+        service.close()
+
+
+def act(store: StudyStore, name: str, journey: Journey) -> None:
+    """Something that happens to a participant who is there; what cannot happen at this place does not."""
+    is_at_trials = journey.place in ("practice", "trial")
+    match name:
+        case "go on":
+            go_on(store, journey)
+        case "fail the quiz" if journey.place == "quiz":
+            store.enter_stage(CODE, "quiz_failed", {"wrong": ["stop"]})
+        case "refuse the device" if journey.place == "device":
+            store.enter_stage(CODE, "device_failed", {"webgl2": False})
+        case "open" if is_at_trials:
+            do_trial(store, None)
+        case "technical" | "abandoned" if is_at_trials:
+            do_trial(store, name)
+        case "decline" if journey.place == "consent":
+            store.give_consent(CODE, "text", given=False)
+        case "withdraw":
+            store.withdraw(CODE)
+        case "stay away":
+            store.drop_out(CODE, "away")
+        case "screened_out" | "full" | "finished":
+            store.enter_stage(CODE, name)  # type: ignore[arg-type]
+
+
+def go_on(store: StudyStore, journey: Journey) -> None:
+    """The next step on the way, as the page of the place stores it."""
+    done = {"done": journey.num_done}
+    match journey.place:
+        case "not_arrived":
+            store.enter_stage(CODE, "arrived")
+        case "device":
+            store.enter_stage(CODE, "device_ok")
+        case "consent":
+            store.give_consent(CODE, "text", given=True)
+        case "instructions":
+            store.enter_stage(CODE, "instructed")
+        case "quiz":
+            store.enter_stage(CODE, "quiz_passed")
+        case "break" | "pause" if journey.rest is None:
+            store.enter_stage(CODE, "break_started", {**done, "sitting": journey.place == "pause"})
+        case "break":
+            store.enter_stage(CODE, "break_ended", done)
+        case "pause":
+            store.enter_stage(CODE, "sitting_started", done)
+        case "practice" | "trial":
+            do_trial(store, "giveup")
+        case "dropped_out":
+            store.enter_stage(CODE, "returned")
+        case "ending" if store.next_trial(CODE) is None:
+            store.enter_stage(CODE, "finished")
+
+
+def do_trial(store: StudyStore, reason: str | None) -> None:
+    """The next trial, ended by this reason, or left open."""
+    due = store.next_trial(CODE)
+    assert due is not None
+    trial = store.open_trial(CODE, due.order_no)
+    store.append_many(trial.trial_id, trial.epoch, [OPEN, *([GaveUp()] if reason == "giveup" else [])])
+    if reason is not None:
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
+
+
+def has_left(store: StudyStore, away_s: float) -> bool:
+    """Whether somebody who is away for so long gives the trials to others."""
+    now_s = [0.0]
+    keeper = LeaseKeeper(store, tell=lambda _: None, clock=lambda: now_s[0])
+    keeper.tick()
+    now_s[0] = away_s
+    num_before = len(store.participant(CODE).stages)
+    keeper.tick()
+    return len(store.participant(CODE).stages) > num_before
+
+
+@given(flow=st.sampled_from(FLOWS), names=st.lists(ACTS, max_size=24))
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_all_who_ask_where_a_participant_is_hear_the_same(flow: tuple[FlowStep, ...], names: list[str]) -> None:
+    with tempfile.TemporaryDirectory() as name, started(Path(name), flow) as (store, link):
+        page = Dashboard(store.folder)
+        dashboard = TestClient(page.app(PORT), base_url=ORIGIN)
+        dashboard.post("/enter", content=page.token, headers={"Origin": ORIGIN})
+        for name in ["", *names]:
+            act(store, name, journey_of(store.config, link.person(CODE).person))
+            person = link.person(CODE).person
+            shown_to_person = journey_of(store.config, person)
+            status = progress_now(store.folder).people[0]
+            page._looked = None  # it keeps a look for a second
+            row = json.loads(dashboard.get("/progress").content)["people"][0]
+            assert status.place == shown_to_person.place
+            assert row["where"] == place_words(status)
+            assert (status.num_planned, row["planned"]) == (shown_to_person.num_all,) * 2
+            assert (status.state in ("out", "finished")) == (shown_to_person.place in GONE)
+        is_awaited = shown_to_person.place not in (*GONE, "not_arrived") and any(
+            trial.is_due and trial.phase == "main" for trial in person.trials
+        )
+        assert has_left(store, LEASE_S + 1) == (is_awaited and shown_to_person.place != "pause")
+        if shown_to_person.place == "pause":
+            assert has_left(store, LEASE_S + GAP_S + 1) == is_awaited
