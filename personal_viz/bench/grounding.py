@@ -19,13 +19,12 @@ import torch
 from pydantic import BaseModel, ConfigDict
 
 from grounding.encoders.by_name import make_encoder
-from grounding.methods.batch import MapBatch, solve_batch
 from grounding.methods.rpg import RegionGated, one_thread, rpg_dense, rpg_packed
 from grounding.phrases.rules import RulePhrases
 from sim.authoring.generation import invent_dataset
 from sim.cache import VARIABLE
 
-from .grounding_inputs import RELEASE, InputKind, SceneInputs, random_map, scene_inputs
+from .grounding_inputs import RELEASE, InputKind, MapBatch, SceneInputs, random_map, scene_inputs, solve_batch
 from .literal_rpg import literal_rpg
 from .sim.measure import interleaved
 

@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from grounding.encoders.protocol import TextEncoder
 from grounding.maps.oracle_map import GRID_CELLS, oracle_home
 from grounding.maps.oracle_noise import OracleVariant, variant_map
-from grounding.methods.batch import MapBatch, make_batch
+from grounding.methods.rpg import RpgResult, rpg_packed
 from grounding.phrases.sources import DatasetPhrases, without_owner
 from grounding.types import FeatureMap, map_from_cells
 from sim.episodes.dataset import PersonalDataset
@@ -29,6 +31,61 @@ _MEAN_PHRASES = 8
 CELLS = 175
 """Filled cells of a map: 7 % of 50 x 50."""
 _WORDS_PER_TEXT = 8
+
+
+@dataclass(frozen=True, slots=True)
+class MapBatch:
+    """B episodes on one map, ready for the product; tensors are only read."""
+
+    memory: FeatureMap
+    rows: Tensor
+    """(N, E) float32 unit vectors of the map's cells."""
+    rc: Tensor
+    """(N, 2) int64."""
+    phrases: Tensor
+    """(P, E) float32, different phrases of all episodes."""
+    queries: Tensor
+    """(B, E) float32."""
+    uses: Tensor
+    """(B, P) bool, which phrases each episode has."""
+
+
+def make_batch(
+    memory: FeatureMap, tasks: Sequence[Task], phrases: Sequence[Sequence[str]], encoder: TextEncoder
+) -> MapBatch:
+    """Encodes each different phrase and each query once.
+
+    Args:
+        memory: The map.
+        tasks: B of them.
+        phrases: Of each task.
+        encoder: The map's.
+
+    Raises:
+        AgentError: The map is of another encoder.
+    """
+    memory.require_encoder(encoder.name, encoder.dim)
+    different = list(dict.fromkeys(phrase for texts in phrases for phrase in texts))
+    place = {phrase: index for index, phrase in enumerate(different)}
+    uses = np.zeros((len(tasks), len(different)), bool)
+    for episode, texts in enumerate(phrases):
+        uses[episode, [place[phrase] for phrase in texts]] = True
+    vectors = torch.from_numpy(encoder.encode_texts([*different, *(task.queries[0] for task in tasks)]))
+    return MapBatch(
+        memory,
+        # torch has no read-only tensors and warns; a copy of N x E is cheap
+        torch.from_numpy(np.array(memory.rows)),
+        torch.from_numpy(memory.rc.astype(np.int64)),
+        vectors[: len(different)],
+        vectors[len(different) :],
+        torch.from_numpy(uses),
+    )
+
+
+def solve_batch(batch: MapBatch) -> RpgResult:
+    """Algorithm 1 for all episodes of the batch."""
+    width = batch.memory.grid.shape[1]
+    return rpg_packed(batch.rows, batch.rc, batch.phrases, batch.queries, width=width, uses=batch.uses)
 
 
 @dataclass(frozen=True, slots=True)

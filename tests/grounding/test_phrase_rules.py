@@ -7,11 +7,11 @@ import pytest
 
 from grounding.phrases.ownership_text import parse_query
 from grounding.phrases.rules import RulePhrases, phrases_in
-from grounding.phrases.scores import phrase_scores
 from sim.authoring.captions import ownership_sentence
 from sim.authoring.descriptions import OwnedItem, write_description
 from sim.episodes.dataset import PersonalDataset
 from sim.types import Task
+from tests.grounding.phrase_scores import phrase_scores
 
 RELEASE = Path(__file__).parents[3] / "shared/personal-dataset/split"
 needs_release = pytest.mark.skipif(not RELEASE.is_dir(), reason=f"the released dataset is not at {RELEASE}")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from grounding.phrases.scores import phrase_scores
 from grounding.phrases.sources import owner_of, without_owner
+from tests.grounding.phrase_scores import phrase_scores
 
 REFERENCE = ["Ada owns a red lamp in the hall", "Bo owns the oak desk in the study"]
 

@@ -8,12 +8,11 @@ import pytest
 import torch
 
 from grounding.encoders.by_name import make_encoder
-from grounding.methods.batch import solve_batch
 from grounding.methods.rpg import RpgOptions, rpg_dense
 from personal_viz.bench import grounding as bench
 from personal_viz.bench import grounding_inputs as inputs
 from personal_viz.bench.grounding import CaseFigures, GroundingFigures, GroundingSettings
-from personal_viz.bench.grounding_inputs import random_map, scene_inputs
+from personal_viz.bench.grounding_inputs import random_map, scene_inputs, solve_batch
 from personal_viz.bench.grounding_table import figure_rows, markdown, missed
 from personal_viz.bench.literal_rpg import literal_rpg
 from personal_viz.cli import bench as command

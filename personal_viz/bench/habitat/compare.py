@@ -12,13 +12,13 @@ from sim.frames import T_world_camera, world_from_glb_zup
 from sim.mesh import TriangleMesh
 from sim.render.raycast import Raycaster
 from sim.scans.glb import load_glb
-from sim.tasks.habitat_measures import HabitatMeasures, distances_to_goal, habitat_measures
 from sim.types import PAPER6, Camera, Pose
 from sim.walk.floor_grid import floor_grid_from_mesh
 from sim.walk.navigation_map import NavigationMap
 from sim.walk.navmesh import NavMesh, load_navmesh
 
 from .golden import EpisodeRow, Episodes, Geodesic, House, NavmeshInfo, Pair, Poses, Snap, StepEnd, StepRow, Steps
+from .measures import HabitatMeasures, distances_to_goal, habitat_measures
 
 CLOSE = 1e-4
 """Metres by which distances, snapped points and radii may differ (issue 3)."""

@@ -4,8 +4,8 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from ..encoders.hashed import STOP_WORDS
-from .sources import owner_of, without_owner
+from grounding.encoders.hashed import STOP_WORDS
+from grounding.phrases.sources import owner_of, without_owner
 
 SAME = 0.5
 """Two object texts at least this alike are the same object (GROUNDING.md, section 6)."""

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from personal_viz.bench.habitat.measures import distances_to_goal, habitat_measures
 from sim.errors import RunFileError
-from sim.tasks.habitat_measures import distances_to_goal, habitat_measures
 from sim.tasks.pan import PanEnv
 from sim.tasks.rules import score_run
 from sim.types import Action, Pose
