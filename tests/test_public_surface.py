@@ -37,11 +37,14 @@ def test_importing_the_packages_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == ""
 
 
-def test_the_code_of_the_readme_runs(small_home_root: Path) -> None:
+def test_the_code_of_the_readme_runs(small_home_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     readme = (Path(__file__).resolve().parents[1] / "README.md").read_text()
     code = readme.split("## In Python")[1].split("```python\n")[1].split("```")[0]
     names: dict = {"DATASET": small_home_root}
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.chdir(tmp_path)
     exec(code, names)
     assert names["picture"].shape == (120, 160, 3)
     assert names["run"].end.measures is not None
-    assert len(names["found"].candidates[0].position) == 3
+    assert len(names["found"]) == 3
+    assert (tmp_path / "first_look.png").stat().st_size > 10_000

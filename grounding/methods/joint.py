@@ -38,7 +38,7 @@ SPACING = 1 / 3
 """Largest distance of the places that are considered, metres: 3 x 3 in a cell of 1 m."""
 FROZEN = (
     "The constants of joint were frozen on 24 invented homes (2026-11-22 16:16 UTC, first in commit a8d71bb), before "
-    "the one run on the released episodes that grounding/README.md reports."
+    "the one run on the released episodes that docs/figures.md reports."
 )
 
 

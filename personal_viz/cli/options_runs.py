@@ -138,7 +138,7 @@ class Metrics:
 class CheckHabitat:
     """Compare navigation, pictures and measures with the answers of a real Habitat, stored in a folder."""
 
-    golden: Annotated[Path, arg(help="Folder as sim/README.md describes; write one on your own scans.")]
+    golden: Annotated[Path, arg(help="Folder as docs/simulator.md describes; write one on your own scans.")]
     json: Json = False
 
     def work(self) -> int:
