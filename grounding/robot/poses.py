@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import SceneError
+from sim.exchange.pose_readers import text_rows
 from sim.frames import CameraAxes, R_agent_axes, R_agent_camera, Rs_from_quats_xyzw, T_world_glb_zup
 from sim.scans.up_axis import Up
 
@@ -69,17 +70,15 @@ def pose_lines(path: Path) -> PoseLines:
         SceneError: A line is something else.
     """
     rows: list[list[float]] = []
-    for number, line in enumerate(path.read_text(errors="replace").splitlines(), start=1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
+    for number, cells in text_rows(path.read_text(errors="replace").splitlines()):
         try:
-            rows.append([float(word) for word in words])
+            rows.append([float(cell) for cell in cells])
         except ValueError:
             rows.append([])
         if len(rows[-1]) not in (8, 12, 16) or len(rows[-1]) != len(rows[0]):
+            found = " ".join(cells)[:60]
             raise SceneError(
-                f"{path}:{number}: found {line[:60]!r}; expected 8 numbers (time tx ty tz qx qy qz qw) or 16 (a 4 x 4 "
+                f"{path}:{number}: found {found!r}; expected 8 numbers (time tx ty tz qx qy qz qw) or 16 (a 4 x 4 "
                 f"matrix) in every line. {_ADVICE}"
             )
     if not rows or len(rows[0]) != 8:

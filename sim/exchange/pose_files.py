@@ -27,9 +27,7 @@ from sim.frames import (
 from sim.types import CAMERA_HEIGHT, MAX_STEPS, EpisodeKey, Pose
 
 from ..tasks.step_checks import ANGLE_TOLERANCE, POSITION_TOLERANCE
-from .pose_csv import TUM_SUFFIXES, read_csv_tables
-from .pose_json import read_json_tables
-from .pose_npz import read_npz_table
+from .pose_readers import TUM_SUFFIXES, read_csv_tables, read_json_tables, read_npz_table
 from .pose_tables import ADVERTISED, GPS, LISTED_QUAT, MATRIX, NAMED_QUAT, PLANAR, POSITION, PoseTable
 
 POSE_SUFFIXES = (".csv", ".tsv", ".json", ".npz", *TUM_SUFFIXES)

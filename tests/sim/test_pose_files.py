@@ -363,9 +363,14 @@ HOSTILE: list[tuple[str, str, str | bytes, str]] = [
         npz_of(poses=np.full((2, 4, 4), 0.5)),
         "log.npz: poses[0]: the matrix is no rigid transform",
     ),
-    ("a flat array", "log.npz", npz_of(positions=np.zeros(6), yaw=np.zeros(2)), "positions has shape (6,)"),
+    (
+        "a flat array",
+        "log.npz",
+        npz_of(positions=np.zeros(6), yaw=np.zeros(2)),
+        "positions[0] is 0.0; expected a list of numbers",
+    ),
     ("other lengths", "log.npz", npz_of(positions=np.zeros((3, 3)), yaw=np.zeros(2)), "yaw: has 2 rows; expected 3"),
-    ("nothing known", "log.npz", npz_of(a=np.zeros(2)), "log.npz: found arrays ['a']; expected arrays positions"),
+    ("nothing known", "log.npz", npz_of(a=np.zeros(2)), "log.npz: found ['a']; expected arrays positions"),
     ("NaN in an array", "log.npz", npz_of(positions=[[1, np.nan, 3]], yaw=[0.0]), "positions[0]: y is nan"),
     ("no pose at all", "log.npz", npz_of(positions=np.zeros((0, 3)), yaw=np.zeros(0)), "log.npz: found no pose"),
 ]
