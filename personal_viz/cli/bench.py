@@ -1,142 +1,134 @@
 """Verb `bench`: measures speed and sizes, writes the figures as JSON and tables, the simulator's as a picture too."""
 
+from __future__ import annotations
+
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
+from tyro.conf import Positional, arg
 
-from personal_viz.printed import Console
 from sim.errors import PersonalVizError, StudyError
-from sim.files import write_whole
 
-from ..bench.sim.plot import frame_time_png
-from ..bench.sim.report import SimReport, figure_rows, machine_lines, markdown, target_rows
-from ..bench.sim.simulator import FULL, QUICK, run_benchmark
-from .runs import MIN_TABLE_WIDTH
+from .options import Json
 
-NAMES = ("bench-sim.json", "bench-sim.md", "bench-sim.png")
-"""What a run of the simulator's benchmark writes into its folder."""
-RECORDING_NAMES = ("bench-recordings.json", "bench-recordings.md")
-"""The same of the recordings' benchmark."""
-GROUNDING_NAMES = ("bench-grounding.json", "bench-grounding.md")
-"""The same of grounding's benchmark."""
-STUDY_NAMES = ("bench-study.json", "bench-study.md")
-"""The same of the human study's benchmark."""
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+StudyPart = Literal["store", "load", "browser", "kills", "people", "big-home", "restart", "soak"]
 
 
-def bench_sim(*, out: Path, quick: bool, json: bool) -> int:
-    """Measures, writes NAMES into `out` and prints the targets and figures; progress goes to stderr.
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a benchmark found."""
 
-    Raises:
-        PersonalVizError: `out` cannot be written; found out before anything is measured.
-    """
-    _require_folder(out)
-    settings = QUICK if quick else FULL
-    report = run_benchmark(settings, quick=quick, progress=lambda line: print(line, file=sys.stderr, flush=True))
-    document = report.model_dump_json(indent=2)
-    _write(out, report, document)
-    if json:
-        print(document)
+    figures: BaseModel
+    """As JSON has them."""
+    markdown: str
+    """The same as a table."""
+    tables: tuple[tuple[str, Sequence[Sequence[str]]], ...]
+    """(title, rows with the heads first) of what the terminal shows."""
+    lines: tuple[str, ...] = ()
+    """Below the tables."""
+    picture: bytes | None = None
+    """PNG."""
+
+
+@dataclass
+class Bench:
+    """Measure speed on this machine; each figure stands beside its reference measured in the same run."""
+
+    what: Positional[Literal["sim", "recordings", "study", "grounding"]]
+    out: Annotated[Path, arg(help="Folder of the table, the plot and the JSON file.")] = Path("runs/bench")
+    quick: Annotated[bool, arg(help="Fewer and smaller scenes, at most 50 s; study: some minutes.")] = False
+    parts: Annotated[tuple[StudyPart, ...], arg(help="study: only these, by default all, which takes an hour.")] = ()
+    json: Json = False
+
+    def work(self) -> int:
+        if self.parts and self.what != "study":
+            raise PersonalVizError(
+                f"bench {self.what}: --parts is {' '.join(self.parts)}; expected none, because only bench study has "
+                "parts. Leave it out."
+            )
+        _require_folder(self.out)
+        measured = self._measured(lambda line: print(line, file=sys.stderr, flush=True))
+        document = measured.figures.model_dump_json(indent=2)
+        files: dict[str, str | bytes] = {"json": document + "\n", "md": measured.markdown}
+        if measured.picture is not None:
+            files["png"] = measured.picture
+        paths = _write({self.out / f"bench-{self.what}.{ending}": content for ending, content in files.items()})
+        if self.json:
+            print(document)
+            return 0
+        for title, rows in measured.tables:
+            _print_table(title, rows)
+        for line in (*measured.lines, f"Written to {', '.join(map(str, paths))}"):
+            print(line)
         return 0
-    _print_tables(report)
-    print(f"Written to {', '.join(str(out / name) for name in NAMES)}")
-    return 0
+
+    def _measured(self, tell: Callable[[str], None]) -> Measured:
+        match self.what:
+            case "sim":
+                return _sim(tell, quick=self.quick)
+            case "recordings":
+                from ..bench import recordings
+
+                figures = recordings.measure_recordings(
+                    recordings.QUICK if self.quick else recordings.FULL, progress=tell
+                )
+                return Measured(
+                    figures, recordings.markdown(figures), (("Recordings", recordings.figure_rows(figures)),)
+                )
+            case "grounding":
+                from ..bench import grounding, grounding_table
+
+                figures = grounding.measure_grounding(grounding.QUICK if self.quick else grounding.FULL, progress=tell)
+                rows = grounding_table.figure_rows(figures)
+                return Measured(figures, grounding_table.markdown(figures), (("Grounding", rows),))
+            case "study":
+                return _study(tell, quick=self.quick, asked=self.parts)
 
 
-def bench_recordings(*, out: Path, quick: bool, json: bool) -> int:
-    """Measures recordings, writes RECORDING_NAMES into `out` and prints the figures; progress goes to stderr.
+def _sim(tell: Callable[[str], None], *, quick: bool) -> Measured:
+    from ..bench.sim import report, simulator
+    from ..bench.sim.plot import frame_time_png
 
-    Raises:
-        PersonalVizError: `out` cannot be written; found out before anything is measured.
-    """
-    from ..bench.recordings import FULL, QUICK, figure_rows, markdown, measure_recordings
-
-    _require_folder(out)
-    figures = measure_recordings(
-        QUICK if quick else FULL, progress=lambda line: print(line, file=sys.stderr, flush=True)
+    found = simulator.run_benchmark(simulator.QUICK if quick else simulator.FULL, quick=quick, progress=tell)
+    left_out = [f"Left out of this quick run: {', '.join(found.left_out)}"] if found.left_out else []
+    return Measured(
+        found,
+        report.markdown(found),
+        (("Targets", report.target_rows(found)), ("Figures", report.figure_rows(found))),
+        (*report.machine_lines(found.machine), *left_out, f"{found.seconds:.0f} s"),
+        frame_time_png(found),
     )
-    document = figures.model_dump_json(indent=2)
-    _write_two(out, RECORDING_NAMES, document, markdown(figures))
-    if json:
-        print(document)
-        return 0
-    _print_table("Recordings", figure_rows(figures))
-    print(f"Written to {', '.join(str(out / name) for name in RECORDING_NAMES)}")
-    return 0
 
 
-def bench_grounding(*, out: Path, quick: bool, json: bool) -> int:
-    """Measures grounding, writes GROUNDING_NAMES into `out` and prints the figures; progress goes to stderr.
+def _study(tell: Callable[[str], None], *, quick: bool, asked: Sequence[str]) -> Measured:
+    """The human study's figures; () measures all parts.
 
     Raises:
-        PersonalVizError: `out` cannot be written; found out before anything is measured.
+        StudyError: A part is unknown, or a study cannot be served.
     """
-    from ..bench.grounding import FULL, QUICK, measure_grounding
-    from ..bench.grounding_table import figure_rows, markdown
+    from ..bench.study import parts
 
-    _require_folder(out)
-    figures = measure_grounding(
-        QUICK if quick else FULL, progress=lambda line: print(line, file=sys.stderr, flush=True)
-    )
-    document = figures.model_dump_json(indent=2)
-    _write_two(out, GROUNDING_NAMES, document, markdown(figures))
-    if json:
-        print(document)
-        return 0
-    _print_table("Grounding", figure_rows(figures))
-    print(f"Written to {', '.join(str(out / name) for name in GROUNDING_NAMES)}")
-    return 0
-
-
-def bench_study(*, out: Path, quick: bool, json: bool, parts: Sequence[str] = ()) -> int:
-    """Measures a study, writes STUDY_NAMES into `out` and prints the figures; progress goes to stderr.
-
-    Args:
-        out: Folder.
-        quick: Shorter.
-        json: Print the figures as JSON alone.
-        parts: Names of `bench.study.PARTS`, measured in that order; () = all.
-
-    Raises:
-        PersonalVizError: `out` cannot be written, a part is unknown, or a study cannot be served.
-    """
-    from ..bench.study.parts import FULL, PARTS, QUICK, figure_rows, markdown, measure_study
-
-    unknown = sorted(set(parts) - set(PARTS))
+    unknown = sorted(set(asked) - set(parts.PARTS))
     if unknown:
-        raise StudyError(f"--parts {' '.join(unknown)}: is none of the parts; expected some of {', '.join(PARTS)}.")
-    _require_folder(out)
-    settings = QUICK if quick else FULL
-    if parts:
-        settings = settings.model_copy(update={"parts": tuple(part for part in PARTS if part in parts)})
-    figures = measure_study(settings, progress=lambda line: print(line, file=sys.stderr, flush=True))
-    document = figures.model_dump_json(indent=2)
-    _write_two(out, STUDY_NAMES, document, markdown(figures))
-    if json:
-        print(document)
-        return 0
-    _print_table("Human study", figure_rows(figures))
-    print(f"Written to {', '.join(str(out / name) for name in STUDY_NAMES)}")
-    return 0
-
-
-def require_no_parts(what: str, parts: Sequence[str]) -> None:
-    """Refuses parts where there are none.
-
-    Raises:
-        PersonalVizError: There are some.
-    """
-    if parts:
-        raise PersonalVizError(
-            f"bench {what}: --parts is {' '.join(parts)}; expected none, because only bench study has parts. "
-            "Leave it out."
+        raise StudyError(
+            f"--parts {' '.join(unknown)}: is none of the parts; expected some of {', '.join(parts.PARTS)}."
         )
+    settings = parts.QUICK if quick else parts.FULL
+    if asked:
+        settings = settings.model_copy(update={"parts": tuple(part for part in parts.PARTS if part in asked)})
+    figures = parts.measure_study(settings, progress=tell)
+    return Measured(figures, parts.markdown(figures), (("Human study", parts.figure_rows(figures)),))
 
 
 def _require_folder(out: Path) -> None:
+    """Found out before anything is measured."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out):
@@ -145,22 +137,15 @@ def _require_folder(out: Path) -> None:
         raise _unwritable(out, error) from None
 
 
-def _write(out: Path, report: SimReport, document: str) -> None:
-    data, table, picture = (out / name for name in NAMES)
-    try:
-        write_whole(data, document + "\n")
-        write_whole(table, markdown(report))
-        write_whole(picture, frame_time_png(report))
-    except OSError as error:
-        raise _unwritable(out, error) from None
+def _write(files: dict[Path, str | bytes]) -> list[Path]:
+    from sim.files import write_whole
 
-
-def _write_two(out: Path, names: tuple[str, str], document: str, table: str) -> None:
-    try:
-        write_whole(out / names[0], document + "\n")
-        write_whole(out / names[1], table)
-    except OSError as error:
-        raise _unwritable(out, error) from None
+    for path, content in files.items():
+        try:
+            write_whole(path, content)
+        except OSError as error:
+            raise _unwritable(path.parent, error) from None
+    return list(files)
 
 
 def _unwritable(out: Path, error: OSError) -> PersonalVizError:
@@ -170,18 +155,15 @@ def _unwritable(out: Path, error: OSError) -> PersonalVizError:
     )
 
 
-def _print_tables(report: SimReport) -> None:
-    for title, rows in (("Targets", target_rows(report)), ("Figures", figure_rows(report))):
-        _print_table(title, rows)
-    for line in machine_lines(report.machine):
-        print(line)
-    if report.left_out:
-        print(f"Left out of this quick run: {', '.join(report.left_out)}")
-    print(f"{report.seconds:.0f} s")
-
-
 def _print_table(title: str, rows: Sequence[Sequence[str]]) -> None:
     """The first row holds the heads."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from personal_viz.printed import Console
+
+    from .metrics import MIN_TABLE_WIDTH
+
     heads, *lines = rows
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     for k, head in enumerate(heads):

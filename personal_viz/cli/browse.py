@@ -12,7 +12,7 @@ from tyro.conf import arg
 
 from sim.errors import MissingDependencyError
 
-from .options_shared import Clutter, Dataset, Scenes, ScenesDir
+from .options import Clutter, Dataset, Scenes, ScenesDir
 
 
 @dataclass

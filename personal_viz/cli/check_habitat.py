@@ -1,14 +1,20 @@
 """Verb `check-habitat`: figures of agreement with a real Habitat's answers, beside what is aimed at."""
 
+from __future__ import annotations
+
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
+from tyro.conf import arg
 
-from personal_viz.bench.habitat.agreement import TARGETS, Agreement, Figures, agreement, targets_met
-from personal_viz.printed import Console
+from .options import Json
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from personal_viz.bench.habitat.agreement import Agreement, Figures
 
 MIN_WIDTH = 110
 """Columns that the table needs; narrower terminals wrap it, files and pipes do not."""
@@ -25,27 +31,37 @@ _LABELS = {
     "depth_within_1mm": "depth: pixels within 1 mm",
     "measures_max_abs_error": "measures: largest error",
 }
-_IN_PERCENT = {key for key in TARGETS if key not in ("depth_median_mm", "measures_max_abs_error")}
+_NOT_IN_PERCENT = ("depth_median_mm", "measures_max_abs_error")
 
 
-def check_habitat(*, golden: Path, json: bool) -> int:
-    """Measures agreement on a folder of Habitat's answers and prints it; 0 whatever the figures are.
+@dataclass
+class CheckHabitat:
+    """Compare navigation, pictures and measures with the answers of a real Habitat, stored in a folder."""
 
-    Raises:
-        SceneError: The folder cannot be read.
-    """
-    found = agreement(golden, on_house=lambda name: print(f"comparing {name}", file=sys.stderr))
-    if json:
-        print(found.model_dump_json(by_alias=True, indent=2))
+    golden: Annotated[Path, arg(help="Folder as docs/simulator.md describes; write one on your own scans.")]
+    json: Json = False
+
+    def work(self) -> int:
+        from personal_viz.bench.habitat.agreement import agreement
+        from personal_viz.printed import Console
+
+        found = agreement(self.golden, on_house=lambda name: print(f"comparing {name}", file=sys.stderr))
+        if self.json:
+            print(found.model_dump_json(by_alias=True, indent=2))
+            return 0
+        console = Console(width=max(MIN_WIDTH, Console().width))
+        console.print(_table(found))
+        for line in _notes(found):
+            console.print(line)
         return 0
-    console = Console(width=max(MIN_WIDTH, Console().width))
-    console.print(_table(found))
-    for line in _notes(found):
-        console.print(line)
-    return 0
 
 
 def _table(found: Agreement) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from personal_viz.bench.habitat.agreement import TARGETS, targets_met
+
     met = targets_met(found)
     table = Table(
         title=f"Agreement with Habitat on {', '.join(house.house for house in found.houses)}", box=SIMPLE_HEAD
@@ -60,6 +76,8 @@ def _table(found: Agreement) -> Table:
 
 
 def _notes(found: Agreement) -> list[str]:
+    from rich.markup import escape
+
     rows, further = found.rows, found.further
     notes = [
         f"Rows: {rows.geodesic:,} distances, {rows.steps:,} forwards ({rows.sensitive:,} more left out as sensitive), "
@@ -93,7 +111,7 @@ def _cell(figures: Figures, key: str) -> str:
 
 
 def _shown(key: str, value: float) -> str:
-    if key in _IN_PERCENT:
+    if key not in _NOT_IN_PERCENT:
         return _percent(value)
     return f"{value:.3f} mm" if key == "depth_median_mm" else f"{value:.1e}"
 

@@ -1,6 +1,5 @@
 """Verb `compare`: run folders become one page with a row per episode. A second call goes on."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +8,7 @@ from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
 
-from .options_shared import Dataset, OpenIt, ScenesDir, WithPixels
+from .options import Dataset, OpenIt, ScenesDir, WithPixels
 
 
 @dataclass
@@ -26,12 +25,10 @@ class Compare:
     open: OpenIt = False
 
     def work(self) -> int:
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
         from personal_viz.compare.app import PICTURE_WIDTH, write_comparison
-        from personal_viz.printed import Console
 
         from ..study_app.checked_options import check_options
+        from .progress import counted
 
         check_options(run_id=None, jobs=self.jobs)
         if self.picture_width and not 32 <= self.picture_width <= 640:
@@ -39,9 +36,7 @@ class Compare:
                 f"--picture-width is {self.picture_width}; expected 32 to 640, or 0 for no pictures. Leave it out "
                 f"for the default, {PICTURE_WIDTH}."
             )
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
-            bar = progress.add_task("episodes", total=None)
+        with counted("episodes") as progress:
             written = write_comparison(
                 self.runs,
                 dataset=self.dataset,
@@ -50,8 +45,8 @@ class Compare:
                 with_pixels=self.with_pixels,
                 picture_width=self.picture_width,
                 jobs=self.jobs,
-                on_plan=lambda left: progress.update(bar, total=left),
-                on_episode=lambda: progress.update(bar, advance=1),
+                on_plan=progress.expect,
+                on_episode=progress.add,
             )
         kept = written.num_episodes - written.num_made
         left_out = (

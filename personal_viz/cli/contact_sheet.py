@@ -1,66 +1,64 @@
 """Verb `contact-sheet`: a home in one picture, and crops of its objects for a naming test with people."""
 
-from pathlib import Path
+from __future__ import annotations
 
-from sim.episodes.dataset import PersonalDataset
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, arg
+
 from sim.errors import PersonalVizError
-from sim.files import write_whole
-from sim.homes.clutter.clutter import with_clutter
-from sim.homes.invented.invent import invent_plan
-from sim.homes.kind import plan_of, scene_label, scene_terms
-from sim.homes.open_home import open_scene, scene_from_plan
-from sim.homes.plan import HomePlan
-from sim.homes.recovered.recover import recover_plan
-from sim.mesh import Scene
 from sim.types import ClutterLevel
 
-from ..contact_sheet.sheet import contact_sheet_picture, png_bytes, write_crops
+from .options import Clutter, ScenesDir
+
+if TYPE_CHECKING:
+    from sim.homes.plan import HomePlan
+    from sim.mesh import Scene
 
 
-def contact_sheet(
-    *,
-    scene: str | None,
-    out: Path,
-    dataset: Path | None,
-    scenes_dir: Path | None,
-    invent: int | None,
-    clutter: ClutterLevel,
-    crops: Path | None,
-) -> int:
-    """Writes the contact sheet of a dataset's scene or of an invented home, and crops where asked.
+@dataclass
+class ContactSheet:
+    """Draw one picture of a home: plans, views of rooms, and one of each category of objects."""
 
-    Args:
-        scene: Name of a scene of `dataset`.
-        out: A PNG file.
-        dataset: Folder of the episodes.
-        scenes_dir: Folder of the scans; None = the home without its scan.
-        invent: Seed of an invented home, instead of `scene` and `dataset`.
-        clutter: Level of furniture without captions.
-        crops: Folder for unlabelled crops and their key; None = none are made.
+    scene: Positional[Annotated[str | None, arg(help="Scene name; left out with --invent.")]] = None
+    out: Annotated[Path, arg(help="A PNG file.")] = Path("runs/contact-sheet.png")
+    dataset: Annotated[Path | None, arg(help="Folder of the episodes.")] = None
+    scenes_dir: ScenesDir = None
+    invent: Annotated[int | None, arg(help="Seed of an invented home, instead of SCENE and --dataset.")] = None
+    clutter: Clutter = 0
+    crops: Annotated[
+        Path | None, arg(help="Folder for 256 x 256 crops without labels and their key, to let people name them.")
+    ] = None
 
-    Returns:
-        The exit code, 0.
+    def work(self) -> int:
+        from sim.files import write_whole
+        from sim.homes.kind import scene_label, scene_terms
 
-    Raises:
-        PersonalVizError: Not exactly one home is named, it cannot be opened, or a file cannot be written.
-    """
-    if out.suffix.lower() != ".png":
-        raise PersonalVizError(f"--out: found {str(out)!r}; expected a file that ends in .png. Give another name.")
-    home, plan = _home(scene=scene, dataset=dataset, scenes_dir=scenes_dir, invent=invent, clutter=clutter)
-    picture = contact_sheet_picture(home, plan)
-    said = (scene_label(home.kind), scene_terms(home.kind))
-    try:
-        write_whole(out, png_bytes(picture, label=" ".join(filter(None, said))))
-        if crops is not None:
-            num = write_crops(crops, home)
-            print(f"{num} crops and their key written to {crops}")
-    except OSError as error:
-        raise PersonalVizError(
-            f"{error.filename or out}: cannot be written ({error.strerror}); expected a place that you can write. "
-            "Give another --out or --crops."
-        ) from None
-    print(f"{out}: {home.label}, {picture.width} x {picture.height} pixels")
-    return 0
+        from ..contact_sheet.sheet import contact_sheet_picture, png_bytes, write_crops
+
+        if self.out.suffix.lower() != ".png":
+            raise PersonalVizError(
+                f"--out: found {str(self.out)!r}; expected a file that ends in .png. Give another name."
+            )
+        home, plan = _home(
+            scene=self.scene, dataset=self.dataset, scenes_dir=self.scenes_dir, invent=self.invent, clutter=self.clutter
+        )
+        picture = contact_sheet_picture(home, plan)
+        said = (scene_label(home.kind), scene_terms(home.kind))
+        try:
+            write_whole(self.out, png_bytes(picture, label=" ".join(filter(None, said))))
+            if self.crops is not None:
+                num = write_crops(self.crops, home)
+                print(f"{num} crops and their key written to {self.crops}")
+        except OSError as error:
+            raise PersonalVizError(
+                f"{error.filename or self.out}: cannot be written ({error.strerror}); expected a place that you can "
+                "write. Give another --out or --crops."
+            ) from None
+        print(f"{self.out}: {home.label}, {picture.width} x {picture.height} pixels")
+        return 0
 
 
 def _home(
@@ -72,6 +70,12 @@ def _home(
     clutter: ClutterLevel,
 ) -> tuple[Scene, HomePlan | None]:
     """The home that the options name, and the plan that it was made of; a scan has none."""
+    from sim.episodes.dataset import PersonalDataset
+    from sim.homes.invented.invent import invent_plan
+    from sim.homes.kind import plan_of
+    from sim.homes.open_home import open_scene
+    from sim.homes.recovered.recover import recover_plan
+
     if invent is not None:
         if scene is not None or dataset is not None or scenes_dir is not None:
             raise PersonalVizError(
@@ -93,6 +97,9 @@ def _home(
 
 def _planned(plan: HomePlan, clutter: ClutterLevel) -> tuple[Scene, HomePlan]:
     """The home as `open_scene` makes it of a plan, and the plan with its clutter."""
+    from sim.homes.clutter.clutter import with_clutter
+    from sim.homes.open_home import scene_from_plan
+
     if clutter not in (0, plan.clutter):
         plan = with_clutter(plan, clutter, seed=0)
     return scene_from_plan(plan), plan

@@ -1,5 +1,7 @@
 """Verb `homes`: how well schematic and invented homes serve their episodes, per scene and in total."""
 
+from __future__ import annotations
+
 import contextlib
 import multiprocessing
 import os
@@ -10,29 +12,16 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from rich.box import SIMPLE_HEAD
-from rich.progress import Progress
-from rich.table import Table
+from tyro.conf import arg
 
-from personal_viz.bench.homes.playability import (
-    Figures,
-    HomeFacts,
-    HomeFigures,
-    HomesReport,
-    build_home,
-    measure_home,
-    report_of,
-)
-from personal_viz.printed import Console
-from sim.cache import VARIABLE
-from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
-from sim.homes.kind import scene_terms
-from sim.homes.plan import save_plan
-from sim.tasks.workers import end_with_parent
 
-from ..study_app.checked_options import check_options
+from .options import Dataset, Json, Scenes
+
+if TYPE_CHECKING:
+    from personal_viz.bench.homes.playability import Figures, HomeFacts, HomeFigures, HomesReport
 
 _MIN_WIDTH = 175
 """Columns that the table needs; narrower terminals wrap it, files and pipes do not."""
@@ -58,53 +47,54 @@ class _HomeJob:
     folds: bool
 
 
-def homes(*, dataset: Path, scene: tuple[str, ...], json: bool, out: Path | None, jobs: int, folds: bool) -> int:
-    """Measures homes and prints their figures; writes their plans where `out` is given.
+@dataclass
+class Homes:
+    """Report how well homes without a scan serve their episodes: paths, view points, what can be told apart."""
 
-    Args:
-        dataset: Folder of the episodes.
-        scene: Scene names; none = all.
-        json: One JSON document instead of a table.
-        out: Folder for `<scene>.plan.json`; None = plans are not written.
-        jobs: Worker processes.
-        folds: Whether to recover each home from two splits alone as well.
+    dataset: Dataset
+    scene: Scenes = ()
+    json: Json = False
+    out: Annotated[Path | None, arg(help="Folder for the homes' plans, to be corrected by hand.")] = None
+    jobs: Annotated[int, arg(help="Worker processes, one scene each.")] = 1
+    folds: Annotated[bool, arg(help="Recover each home from two splits alone as well (held-out figures).")] = True
 
-    Returns:
-        The exit code, 0 whatever the figures are.
+    def work(self) -> int:
+        from personal_viz.bench.homes.playability import report_of
+        from sim.episodes.dataset import PersonalDataset
 
-    Raises:
-        PersonalVizError: The dataset or an option is bad, or a plan cannot be written.
-    """
-    check_options(run_id=None, jobs=jobs)
-    episodes = PersonalDataset(dataset)
-    for name in scene:
-        episodes.require_scene(name)
-    work = [_HomeJob(dataset, name, out, folds) for name in dict.fromkeys(scene or episodes.scenes)]
-    facts = list(_with_progress(work, jobs=jobs))
-    report = report_of(facts)
-    if json:
-        print(report.model_dump_json(indent=2))
-    else:
-        _print_tables(report)
-    if out is not None:
-        print(
-            f"Plans written to {out}. To correct a home by hand, edit its plan and put it at "
-            f"{dataset}/scenes/<scene>.plan.json: every verb uses it from then on.",
-            file=sys.stderr if json else sys.stdout,
-        )
-    return 0
+        from ..study_app.checked_options import check_options
+        from .progress import counted
 
-
-def _with_progress(work: Sequence[_HomeJob], *, jobs: int) -> Iterator[HomeFacts]:
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
-        bar = progress.add_task("homes", total=len(work))
-        for facts in _measured(work, jobs=jobs):
-            progress.update(bar, advance=1)
-            yield facts
+        check_options(run_id=None, jobs=self.jobs)
+        episodes = PersonalDataset(self.dataset)
+        for name in self.scene:
+            episodes.require_scene(name)
+        work = [
+            _HomeJob(self.dataset, name, self.out, self.folds) for name in dict.fromkeys(self.scene or episodes.scenes)
+        ]
+        facts = []
+        with counted("homes", len(work)) as progress:
+            for found in _measured(work, jobs=self.jobs):
+                facts.append(found)
+                progress.add()
+        report = report_of(facts)
+        if self.json:
+            print(report.model_dump_json(indent=2))
+        else:
+            _print_tables(report)
+        if self.out is not None:
+            print(
+                f"Plans written to {self.out}. To correct a home by hand, edit its plan and put it at "
+                f"{self.dataset}/scenes/<scene>.plan.json: every verb uses it from then on.",
+                file=sys.stderr if self.json else sys.stdout,
+            )
+        return 0
 
 
 def _measured(work: Sequence[_HomeJob], *, jobs: int) -> Iterator[HomeFacts]:
     """The facts of each home, in order."""
+    from sim.tasks.workers import end_with_parent
+
     if jobs == 1 or len(work) == 1:
         yield from map(_measure, work)
         return
@@ -123,6 +113,10 @@ def _measured(work: Sequence[_HomeJob], *, jobs: int) -> Iterator[HomeFacts]:
 
 
 def _measure(job: _HomeJob) -> HomeFacts:
+    from personal_viz.bench.homes.playability import build_home, measure_home
+    from sim.episodes.dataset import PersonalDataset
+    from sim.homes.plan import save_plan
+
     dataset = PersonalDataset(job.dataset_root)
     with _empty_cache():
         home = build_home(dataset, job.scene)
@@ -134,6 +128,8 @@ def _measure(job: _HomeJob) -> HomeFacts:
 @contextlib.contextmanager
 def _empty_cache() -> Iterator[None]:
     """Nothing is found in the cache folder inside the block, so that build times are those of a first visit."""
+    from sim.cache import VARIABLE
+
     was = os.environ.get(VARIABLE)
     with tempfile.TemporaryDirectory() as folder:
         os.environ[VARIABLE] = folder
@@ -146,6 +142,12 @@ def _empty_cache() -> Iterator[None]:
 
 
 def _print_tables(report: HomesReport) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from personal_viz.printed import Console
+    from sim.homes.kind import scene_terms
+
     console = Console(file=sys.stdout, width=max(_MIN_WIDTH, Console().width))
     table = Table(title="Homes without their scans", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("\nscene", no_wrap=True)

@@ -1,163 +1,161 @@
-"""Worker of `personal-viz import`: runs of another simulator become a run folder."""
+"""Verb `import`: runs of another simulator become a run folder."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from sim.episodes.dataset import PersonalDataset
+from tyro.conf import Positional, arg
+
 from sim.errors import PersonalVizError
-from sim.exchange.import_runs import import_runs
-from sim.exchange.pose_files import MAX_ROUNDING, FreeMotion, PoseReading
 from sim.frames import CameraAxes, PoseFrame
-from sim.tasks.run_files import Measures, Run, read_run
-from sim.tasks.step_checks import POSITION_TOLERANCE
 from sim.types import MAX_STEPS
 
-from ..study_app.checked_options import check_options, key_from_text
+from .options import Dataset, RunId, ScenesDir
+
+if TYPE_CHECKING:
+    from sim.exchange.pose_files import FreeMotion, PoseReading
+    from sim.tasks.run_files import Measures, Run
 
 
-def import_files(
-    *,
-    files: tuple[Path, ...],
-    dataset: Path,
-    scenes_dir: Path | None,
-    out: Path,
-    who: str,
-    run_id: str | None = None,
-    allow_schematic: bool = False,
-    frame: PoseFrame | None = None,
-    quaternion: Literal["xyzw", "wxyz"] | None = None,
-    poses: Literal["body", "camera"] = "body",
-    camera_axes: CameraAxes | None = None,
-    columns: str | None = None,
-    rows: Literal["after-action", "before-action"] | None = None,
-    stopped: Literal["yes", "no"] | None = None,
-    allow_sliding: bool = False,
-    episode: str | None = None,
-    rounding: float = POSITION_TOLERANCE,
-    motion: Literal["paper", "free"] = "paper",
-    max_move: float | None = None,
-    max_turn_deg: float | None = None,
-    max_steps: int = MAX_STEPS,
-) -> int:
-    """Checks and scores files of another simulator, prints where the run was written.
+@dataclass
+class Import:
+    """Read runs of another simulator, check every step and compute all distances.
 
-    Options are those of the command line (`personal_viz.cli.options_runs.Import`); `allow_schematic` scores on
-    schematic homes all the same.
-
-    Returns:
-        0; problems are raised as one-line errors.
+    Files of recordings/habitat_writer.py say themselves how to read them. Pose lists (CSV, TUM, JSON, npz) need
+    --frame, and whatever else is not plain from them: nothing is guessed.
     """
-    check_options(run_id=run_id)
-    free = _free_motion(motion, max_move=max_move, max_turn_deg=max_turn_deg, max_steps=max_steps)
-    reading = _reading(
-        frame,
-        quaternion=quaternion,
-        poses=poses,
-        camera_axes=camera_axes,
-        columns=columns,
-        rows=rows,
-        stopped=stopped,
-        allow_sliding=allow_sliding,
-        episode=episode,
-        rounding=rounding,
-        free=free,
-    )
-    folders = import_runs(
-        files,
-        dataset=PersonalDataset(dataset),
-        scenes_dir=scenes_dir,
-        out=out,
-        who=who,
-        run_id=run_id,
-        allow_schematic=allow_schematic,
-        reading=reading,
-    )
-    for folder in folders:
-        _print_run(folder, read_run(folder), who, is_free=free is not None)
-    return 0
 
+    files: Annotated[Positional[tuple[Path, ...]], arg(help="Steps files (.jsonl), or .csv, .tsv, .tum, .json, .npz.")]
+    dataset: Dataset
+    who: Annotated[str, arg(help="Row name in tables.")]
+    scenes_dir: ScenesDir = None
+    out: Path = Path("runs")
+    run_id: RunId = None
+    frame: Annotated[
+        PoseFrame | None,
+        arg(
+            help="Frame of pose lists: world = Habitat, y up, -z ahead; zup = HM3D's files, world (x, -z, y); "
+            "ros = world (-z, -x, y), as OneMap logs; start, start-ros = world, ros from the start pose; "
+            "gps = (forward, right) and compass."
+        ),
+    ] = None
+    quaternion: Annotated[
+        Literal["xyzw", "wxyz"] | None, arg(help="Order of quaternions whose parts the file does not name.")
+    ] = None
+    poses: Annotated[
+        Literal["body", "camera"], arg(help="Poses of the robot's feet, or of the camera 0.88 m above them.")
+    ] = "body"
+    camera_axes: Annotated[
+        CameraAxes | None, arg(help="opencv: z ahead, y down; opengl: -z ahead, y up (Habitat); flu: x ahead, z up.")
+    ] = None
+    columns: Annotated[
+        str | None, arg(help="Names of CSV columns in their order, such as x,y,z,yaw; - leaves a column out.")
+    ] = None
+    rows: Annotated[
+        Literal["after-action", "before-action"] | None,
+        arg(help="Whether a row's pose is after or before its action, where every row has one."),
+    ] = None
+    stopped: Annotated[
+        Literal["yes", "no"] | None, arg(help="Whether the runs ended with STOP, where files do not say.")
+    ] = None
+    allow_sliding: Annotated[bool, arg(help="The robot slid along walls, where files do not say.")] = False
+    episode: Annotated[str | None, arg(help="SPLIT/SCENE/ID of the file, where neither it nor its name says.")] = None
+    rounding: Annotated[float, arg(help="Metres by which positions are rounded, up to 0.01.")] = 0.001
+    motion: Annotated[
+        Literal["paper", "free"],
+        arg(help="free: the robot had other actions; only --max-move, --max-turn-deg and the floor are checked."),
+    ] = "paper"
+    max_move: Annotated[float | None, arg(help="Metres from row to row at most, for --motion free.")] = None
+    max_turn_deg: Annotated[float | None, arg(help="Degrees from row to row at most, for --motion free.")] = None
+    max_steps: Annotated[int, arg(help="Step budget that the robot had, for --motion free.")] = 500
 
-def _reading(
-    frame: PoseFrame | None,
-    *,
-    quaternion: Literal["xyzw", "wxyz"] | None,
-    poses: Literal["body", "camera"],
-    camera_axes: CameraAxes | None,
-    columns: str | None,
-    rows: Literal["after-action", "before-action"] | None,
-    stopped: Literal["yes", "no"] | None,
-    allow_sliding: bool,
-    episode: str | None,
-    rounding: float,
-    free: FreeMotion | None,
-) -> PoseReading | None:
-    """How pose files are to be read; None = the files are steps files.
+    def work(self) -> int:
+        from sim.episodes.dataset import PersonalDataset
+        from sim.exchange.import_runs import import_runs
+        from sim.tasks.run_files import read_run
 
-    Raises:
-        PersonalVizError: Options of pose files stand without the frame, the rounding is no rounding, or the episode's
-            name is none.
-    """
-    _require_rounding(rounding)
-    others = (quaternion, camera_axes, columns, rows, stopped, episode, free, allow_sliding, poses == "camera")
-    _require_frame(frame, others)
-    if frame is None:
-        return None
-    return PoseReading(
-        frame=frame,
-        quaternion=quaternion,
-        poses=poses,
-        camera_axes=camera_axes,
-        columns=tuple(name.strip() for name in columns.split(",")) if columns else (),
-        rows=rows,
-        stopped=None if stopped is None else stopped == "yes",
-        allow_sliding=allow_sliding,
-        episode=None if episode is None else key_from_text(episode),
-        rounding=rounding,
-        free=free,
-    )
+        from ..study_app.checked_options import check_options
 
-
-def _require_rounding(rounding: float) -> None:
-    if not 0 < rounding <= MAX_ROUNDING:
-        raise PersonalVizError(
-            f"--rounding is {rounding}; expected more than 0 and at most {MAX_ROUNDING} (metres). "
-            "Write positions with more decimals."
+        check_options(run_id=self.run_id)
+        reading = self._reading()
+        folders = import_runs(
+            self.files,
+            dataset=PersonalDataset(self.dataset),
+            scenes_dir=self.scenes_dir,
+            out=self.out,
+            who=self.who,
+            run_id=self.run_id,
+            reading=reading,
         )
+        for folder in folders:
+            _print_run(folder, read_run(folder), self.who, is_free=self.motion == "free")
+        return 0
 
+    def _reading(self) -> PoseReading | None:
+        """How pose files are to be read; None = the files are steps files.
 
-def _require_frame(frame: PoseFrame | None, others: Sequence[object]) -> None:
-    """Refuses other options of pose files without the frame, which they all need."""
-    if frame is None and any(others):
-        raise PersonalVizError(
-            "--frame is missing beside other options of pose files; expected world, zup, ros, start, start-ros or gps. "
-            "Give it; steps files (.jsonl) need none of these options."
-        )
+        Raises:
+            PersonalVizError: Options of pose files stand without the frame, which they all need; the rounding is no
+                rounding, or the episode's name is none.
+        """
+        from sim.exchange.pose_files import MAX_ROUNDING, PoseReading
 
+        from ..study_app.checked_options import key_from_text
 
-def _free_motion(
-    motion: str, *, max_move: float | None, max_turn_deg: float | None, max_steps: int
-) -> FreeMotion | None:
-    """The declared bounds, None for robots of the paper.
-
-    Raises:
-        PersonalVizError: A bound is missing, no length, angle or count, or given without `--motion free`.
-    """
-    if motion == "paper":
-        if max_move is not None or max_turn_deg is not None or max_steps != MAX_STEPS:
+        free = self._free_motion()
+        if not 0 < self.rounding <= MAX_ROUNDING:
             raise PersonalVizError(
-                "--max-move, --max-turn-deg or --max-steps stands beside --motion paper, whose steps are known; "
-                "expected --motion free. Add it, or leave them out."
+                f"--rounding is {self.rounding}; expected more than 0 and at most {MAX_ROUNDING} (metres). "
+                "Write positions with more decimals."
             )
-        return None
-    if max_move is None or max_turn_deg is None or not (0 < max_move <= 2 and 0 < max_turn_deg <= 180):
-        raise PersonalVizError(
-            f"--motion free: --max-move is {max_move} and --max-turn-deg is {max_turn_deg}; expected metres up to 2 "
-            "and degrees up to 180 from row to row. Give both, such as --max-move 0.15 --max-turn-deg 9 for OneMap."
+        others = (self.quaternion, self.camera_axes, self.columns, self.rows, self.stopped, self.episode, free)
+        if self.frame is None:
+            if any(others) or self.allow_sliding or self.poses == "camera":
+                raise PersonalVizError(
+                    "--frame is missing beside other options of pose files; expected world, zup, ros, start, start-ros "
+                    "or gps. Give it; steps files (.jsonl) need none of these options."
+                )
+            return None
+        return PoseReading(
+            frame=self.frame,
+            quaternion=self.quaternion,
+            poses=self.poses,
+            camera_axes=self.camera_axes,
+            columns=tuple(name.strip() for name in self.columns.split(",")) if self.columns else (),
+            rows=self.rows,
+            stopped=None if self.stopped is None else self.stopped == "yes",
+            allow_sliding=self.allow_sliding,
+            episode=None if self.episode is None else key_from_text(self.episode),
+            rounding=self.rounding,
+            free=free,
         )
-    if not 1 <= max_steps <= 100_000:
-        raise PersonalVizError(f"--max-steps is {max_steps}; expected 1 to 100000. Give the robot's budget.")
-    return FreeMotion(max_move=max_move, max_turn_deg=max_turn_deg, max_steps=max_steps)
+
+    def _free_motion(self) -> FreeMotion | None:
+        """The declared bounds, None for robots of the paper.
+
+        Raises:
+            PersonalVizError: A bound is missing, no length, angle or count, or given without `--motion free`.
+        """
+        from sim.exchange.pose_files import FreeMotion
+
+        move, turn_deg = self.max_move, self.max_turn_deg
+        if self.motion == "paper":
+            if move is not None or turn_deg is not None or self.max_steps != MAX_STEPS:
+                raise PersonalVizError(
+                    "--max-move, --max-turn-deg or --max-steps stands beside --motion paper, whose steps are known; "
+                    "expected --motion free. Add it, or leave them out."
+                )
+            return None
+        if move is None or turn_deg is None or not (0 < move <= 2 and 0 < turn_deg <= 180):
+            raise PersonalVizError(
+                f"--motion free: --max-move is {move} and --max-turn-deg is {turn_deg}; expected metres up to 2 and "
+                "degrees up to 180 from row to row. Give both, such as --max-move 0.15 --max-turn-deg 9 for OneMap."
+            )
+        if not 1 <= self.max_steps <= 100_000:
+            raise PersonalVizError(f"--max-steps is {self.max_steps}; expected 1 to 100000. Give the robot's budget.")
+        return FreeMotion(max_move=move, max_turn_deg=turn_deg, max_steps=self.max_steps)
 
 
 def _print_run(folder: Path, run: Run, who: str, *, is_free: bool) -> None:

@@ -12,7 +12,7 @@ from tyro.conf import arg
 from sim.errors import RecordingError
 from sim.types import ClutterLevel
 
-from .options_shared import Dataset, OpenIt, ScenesDir, WithPixels
+from .options import Dataset, OpenIt, ScenesDir, WithPixels
 
 if TYPE_CHECKING:
     from sim.tasks.run_files import Run

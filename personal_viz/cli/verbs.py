@@ -1,19 +1,32 @@
-"""The command line: one dataclass per verb, parsed by tyro; each worker is imported only after parsing."""
+"""The command line: one dataclass per verb, parsed by tyro; what is heavy is imported only when a verb works."""
 
 from typing import Annotated
 
 import tyro
 from tyro.conf import subcommand
 
+from .bench import Bench
 from .browse import Browse
+from .check_habitat import CheckHabitat
 from .compare import Compare
+from .contact_sheet import ContactSheet
+from .demo import Demo
 from .export import Export
-from .options_ground import Ground
-from .options_grounding import Explore, Map, PogReport, ShowExploration, ShowMap
-from .options_homes import ContactSheet, Homes, Invent, Stats, Validate
-from .options_runs import Bench, CheckHabitat, Import, Metrics, Run
+from .grounding.explore import Explore
+from .grounding.ground import Ground
+from .grounding.map import Map
+from .grounding.pog_report import PogReport
+from .grounding.show_exploration import ShowExploration
+from .grounding.show_map import ShowMap
+from .homes import Homes
+from .import_runs import Import
+from .invent import Invent
+from .metrics import Metrics
 from .replay import Replay
-from .study.options_study import Demo, Study
+from .run import Run
+from .stats import Stats
+from .study.verbs import Study
+from .validate import Validate
 
 Verb = (
     Annotated[Demo, subcommand("demo")]

@@ -10,7 +10,7 @@ from sim.authoring.generation import dataset_files, write_files
 from ..browse.app import browser_app
 from ..browse.library import open_library
 from ..browser import open_chromium
-from ..cli.runs import run
+from ..cli.run import Run
 
 PICTURE = "browse.png"
 _SEED = 7
@@ -27,7 +27,7 @@ def picture_browser(folder: Path) -> None:
         dataset, runs = Path(made) / "data", Path(made) / "runs"
         write_files(dataset, dataset_files(f"Invented{_SEED}", seed=_SEED, episodes_per_split=_EPISODES_PER_SPLIT))
         for agent in ("shortest-path", "random"):
-            run(
+            Run(
                 agent=agent,
                 dataset=dataset,
                 out=runs,
@@ -38,7 +38,7 @@ def picture_browser(folder: Path) -> None:
                 seed=3,
                 jobs=1,
                 run_id=agent,
-            )
+            ).work()
         library = open_library(dataset, runs=(runs / "shortest-path", runs / "random"))
         with browser_app(library) as address, open_chromium(width=_SIZE[0], height=_SIZE[1]) as browser:
             _take(browser, address, folder / PICTURE)

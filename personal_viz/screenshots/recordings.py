@@ -9,8 +9,8 @@ from sim.types import Action, EpisodeKey, Split
 from ..browser import open_chromium
 from ..cli.compare import Compare
 from ..cli.replay import Replay
-from ..cli.runs import run
-from ..cli.study.export import export
+from ..cli.run import Run
+from ..cli.study.export import StudyExport
 from .rerun_page import screenshot_rrd
 
 AGENT = "personal_viz.examples.example_1_explaining_agent:make"
@@ -29,7 +29,7 @@ def run_agent(
     agent: str, *, dataset: Path, runs: Path, name: str, key: EpisodeKey | None = None, split: Split = "easy"
 ) -> Path:
     """Runs an agent over one episode, or without a key over a split; its run folder."""
-    run(
+    Run(
         agent=agent,
         dataset=dataset,
         out=runs,
@@ -41,7 +41,7 @@ def run_agent(
         jobs=1,
         run_id=name,
         episode=None if key is None else str(key),
-    )
+    ).work()
     return runs / name
 
 
@@ -55,7 +55,7 @@ def picture_recordings(pictures: Path, study: Path, *, dataset: Path, folder: Pa
         folder: For what is made on the way.
     """
     key = first_walk(study)
-    export(study=study, out=folder / "people")
+    StudyExport(study=study, out=folder / "people").work()
     agent = run_agent(AGENT, key=key, dataset=dataset, runs=folder / "agents", name="explorer")
     people = tuple(sorted(path for path in (folder / "people").iterdir() if (path / "steps.jsonl").is_file()))
     rrd = folder / "pair.rrd"

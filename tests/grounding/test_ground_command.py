@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from grounding.evaluate import GroundSettings, SceneGrounder
-from personal_viz.cli.options_ground import Ground
+from personal_viz.cli.grounding.ground import Ground
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, DatasetError, PersonalVizError, RunFileError
 from sim.tasks.metrics import metric_rows

@@ -15,8 +15,8 @@ from grounding.encoders.pretrained import load_pretrained
 from grounding.maps.files import load_memory, read_map_header
 from grounding.maps.oracle_map import oracle_home
 from grounding.types import FeatureMap
-from personal_viz.cli.ground_progress import ground_progress
-from personal_viz.cli.options_ground import Ground
+from personal_viz.cli.grounding.ground import Ground
+from personal_viz.cli.progress import counted
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
 from sim.tasks.run_files import read_run
@@ -119,13 +119,18 @@ def test_notes_say_what_is_being_done_and_end_with_it(tmp_path: Path) -> None:
     assert read_notes(tmp_path / "gone") == []
 
 
-def test_the_bar_shows_notes_on_terminals_only() -> None:
-    with ground_progress(Console(file=io.StringIO())) as (progress, notes):
-        assert (progress.disable, notes) == (True, None)
+def test_the_bar_shows_notes_on_terminals_and_counts_in_logs() -> None:
+    log = io.StringIO()
+    with counted("a run", 4, console=Console(file=log), every_s=0.01) as progress:
+        assert progress.notes is None
+        progress.add()
+        while "\n" not in log.getvalue():
+            pass
+    assert log.getvalue().startswith("a run: 1 of 4, 0 s")
     screen = io.StringIO()
-    with ground_progress(Console(file=screen, force_terminal=True, width=80)) as (progress, notes):
+    with counted("a run", 4, console=Console(file=screen, force_terminal=True, width=80)) as progress:
+        notes = progress.notes
         assert notes is not None
-        progress.add_task("a run", total=4)
         with scene_note(notes, "HomeOne") as say:
             say("mapping 3 of 9 views")
             progress.refresh()

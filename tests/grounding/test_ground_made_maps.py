@@ -12,7 +12,7 @@ from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, Occup
 from grounding.maps.oracle_map import oracle_home
 from grounding.settings import GroundSettings
 from grounding.types import map_from_cells
-from personal_viz.cli.options_ground import Ground
+from personal_viz.cli.grounding.ground import Ground
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, RunFileError
 from sim.tasks.run_files import read_run

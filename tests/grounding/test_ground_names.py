@@ -10,7 +10,7 @@ import pytest
 
 from grounding.settings import GroundSettings
 from personal_viz.__main__ import main
-from personal_viz.cli.ground import map_name, run_name
+from personal_viz.cli.grounding.ground import map_name, run_name
 from sim.errors import AgentError
 from sim.tasks.run_files import MAX_NAME, RUN_ID
 

@@ -13,7 +13,7 @@ from grounding.maps.files import load_memory, read_map_header
 from grounding.maps.home_map import ObjectMap
 from grounding.settings import GroundSettings
 from grounding.types import FeatureMap
-from personal_viz.cli.options_ground import Ground
+from personal_viz.cli.grounding.ground import Ground
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, RunFileError
 from sim.tasks.run_files import read_run

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.cli.options_ground import Ground
+from personal_viz.cli.grounding.ground import Ground
 from sim.tasks.run_files import read_run
 
 pytestmark = pytest.mark.release

@@ -9,7 +9,7 @@ import pytest
 from human_study.design.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, save_plan
 from human_study.design.study import StudyDataset, StudyDesign, StudyMemory, save_study
 from human_study.report.power import PowerAssumptions, PowerDesign, PowerRow, alternatives, design_of, power_row
-from personal_viz.cli.study.power import power
+from personal_viz.cli.study.plan import StudyPlanVerb
 from personal_viz.cli.verbs import parse
 from sim.errors import StudyError
 from sim.types import SPLITS
@@ -121,22 +121,22 @@ def test_the_command_prints_the_same_twice_and_reads_the_plan(
     )
     assert (design_of(config, plan).num_people, design_of(config, plan).episodes_per_split) == (4, 1)
     save_plan(tmp_path, plan)
-    assert power(study=tmp_path, simulations=20, json=True, person_sd=(0.5,)) == 0
+    assert StudyPlanVerb(study=tmp_path, power=True, simulations=20, json=True, person_sd=(0.5,)).work() == 0
     printed = capsys.readouterr().out
-    assert power(study=tmp_path, simulations=20, json=True, person_sd=(0.5,)) == 0
+    assert StudyPlanVerb(study=tmp_path, power=True, simulations=20, json=True, person_sd=(0.5,)).work() == 0
     assert capsys.readouterr().out == printed
     assert json.loads(printed)["rows"][0]["num_people"] == 4
-    assert power(people=6, episodes=10, raters=3, simulations=20, person_sd=(0.5,)) == 0
+    assert StudyPlanVerb(power=True, people=6, episodes=10, raters=3, simulations=20, person_sd=(0.5,)).work() == 0
     assert "| 6 people | 6 | 10 | 3 |" in capsys.readouterr().out
 
 
 def test_impossible_options_are_refused() -> None:
     with pytest.raises(StudyError, match="expected all within 0 and 1"):
-        power(base_rate=0.9, memory_gap=0.2)
+        StudyPlanVerb(power=True, base_rate=0.9, memory_gap=0.2).work()
     with pytest.raises(StudyError, match="raters times conditions people"):
-        power(people=3, raters=5)
+        StudyPlanVerb(power=True, people=3, raters=5).work()
     with pytest.raises(StudyError, match="raters times conditions people"):
-        power(people=5, raters=5, conditions=2)
+        StudyPlanVerb(power=True, people=5, raters=5, conditions=2).work()
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from human_study.report.report import StudyReport, study_report
 from human_study.report.rows import require_totals
 from human_study.report.sections import markdown
 from human_study.report.statistics import wilson_interval
-from personal_viz.cli.study.report import report as report_command
+from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import RunFileError, StudyError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import (
@@ -300,7 +300,7 @@ def test_the_command_writes_all_files(runs: list[Run], tmp_path: Path, capsys: p
         writer = RunWriter(tmp_path / "runs" / run.info.run_id, run.info)
         for episode in run.episodes:
             writer.add_episode(episode)
-    assert report_command(runs=[tmp_path / "runs"], out=tmp_path / "out", rule="paper", json=True) == 0
+    assert StudyReportVerb(runs=[tmp_path / "runs"], out=tmp_path / "out", rule="paper", json=True).work() == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "out" / "report.json").read_text())
     assert {"low", "high", "k", "n", "method"} <= set(printed["rows"][0])
@@ -311,4 +311,4 @@ def test_the_command_writes_all_files(runs: list[Run], tmp_path: Path, capsys: p
     assert len({name for name in names if name.startswith("overlay-pan-")}) == len(names - texts - pictures) == 4
     (tmp_path / "file").write_text("x")
     with pytest.raises(StudyError, match="expected a folder"):
-        report_command(runs=[tmp_path / "runs"], out=tmp_path / "file", rule="paper", json=False)
+        StudyReportVerb(runs=[tmp_path / "runs"], out=tmp_path / "file", rule="paper", json=False).work()

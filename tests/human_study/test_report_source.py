@@ -8,7 +8,7 @@ from human_study.report.report import StudyReport, study_report
 from human_study.report.sections import markdown
 from human_study.report.source import read_source
 from human_study.store.record_types import VerificationEntry
-from personal_viz.cli.study.report import report as report_command
+from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import StudyError
 
 from .finished import TOO_FAR, do_trial, study_with_trials
@@ -88,4 +88,4 @@ def test_two_studies_or_a_study_and_its_export_are_refused(tmp_path: Path) -> No
 
 def test_scans_without_the_dataset_are_refused(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="without --dataset"):
-        report_command(runs=[tmp_path], out=tmp_path / "out", rule=None, json=False, scenes_dir=tmp_path)
+        StudyReportVerb(runs=[tmp_path], out=tmp_path / "out", rule=None, json=False, scenes_dir=tmp_path).work()

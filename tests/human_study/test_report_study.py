@@ -14,7 +14,7 @@ from human_study.report.report import StudyReport, study_report
 from human_study.report.sections import html_page, markdown
 from human_study.report.source import StudyRecords, read_source
 from human_study.report.trial_groups import trial_groups
-from personal_viz.cli.study.report import report as report_command
+from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import RunFileError, StudyError
 
 from .report_examples import (
@@ -324,7 +324,7 @@ def test_the_command_gives_the_same_bytes_twice(
     write_runs(tmp_path / "agents", AGENTS)
     for out in ("one", "two"):
         folders = [tmp_path / "export", tmp_path / "agents"]
-        assert report_command(runs=folders, out=tmp_path / out, rule=None, json=False, overlays=True) == 0
+        assert StudyReportVerb(runs=folders, out=tmp_path / out, rule=None, json=False, overlays=True).work() == 0
     capsys.readouterr()
     files = {path.name: path.read_bytes() for path in (tmp_path / "one").iterdir()}
     assert files == {path.name: path.read_bytes() for path in (tmp_path / "two").iterdir()}

@@ -19,11 +19,11 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.sync.client import ClientConnection, connect
 
 from human_study.design.study import StudyConfig, StudyDataset, StudyPrivacy, StudyRecruit
-from personal_viz.cli.study.serve import listen
 from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.http import PromptProtocol, uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.operator.service import listen
 from personal_viz.study_app.worker_door import WorkerDoor
 from sim.errors import StudyError
 

@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from personal_viz.cli.study.folder import serve_planned
+from personal_viz.cli.study.serve import StudyServe
 from personal_viz.study_app.gateway.heartbeat import Heartbeat
 from personal_viz.study_app.gateway.options import ServeOptions
 
@@ -23,7 +23,7 @@ def main() -> None:
         page_version=choices["page_version"],
         heartbeat=Heartbeat(every_s=choices["every_s"], patience_s=choices["patience_s"]),
     )
-    serve_planned(folder=Path(folder), dataset=Path(dataset), scenes_dir=None, options=options)
+    StudyServe(Path(dataset), Path(folder)).serve(options)
 
 
 if __name__ == "__main__":

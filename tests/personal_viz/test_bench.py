@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import personal_viz.cli.bench as command
+from personal_viz.bench.sim import simulator
 from personal_viz.bench.sim.house import STOREY_HEIGHT
 from personal_viz.bench.sim.loading import LoadFigures, measured_loads
 from personal_viz.bench.sim.measure import interleaved
@@ -21,6 +21,7 @@ from personal_viz.bench.sim.report import SimReport, SizeFigures, growth, size_n
 from personal_viz.bench.sim.scenes import bench_mesh, write_bench_glb
 from personal_viz.bench.sim.simulator import BenchSettings, BenchSize
 from personal_viz.bench.sim.walking import camera_starts
+from personal_viz.cli.bench import Bench
 from sim.errors import PersonalVizError
 from sim.frames import T_world_camera
 from sim.mesh import TriangleMesh
@@ -187,15 +188,15 @@ def test_a_place_that_cannot_be_written_is_found_before_anything_is_measured(tmp
     with pytest.raises(
         PersonalVizError, match=r"--out: '.*file/bench' cannot be written \(Not a directory\); expected"
     ):
-        command.bench_sim(out=tmp_path / "file" / "bench", quick=True, json=True)
+        Bench("sim", out=tmp_path / "file" / "bench", quick=True, json=True).work()
 
 
 @pytest.mark.slow
 def test_a_run_writes_figures_table_and_picture_and_prints_one_document(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command, "QUICK", TINY)
-    assert command.bench_sim(out=tmp_path / "bench", quick=True, json=True) == 0
+    monkeypatch.setattr(simulator, "QUICK", TINY)
+    assert Bench("sim", out=tmp_path / "bench", quick=True, json=True).work() == 0
     printed = capsys.readouterr()
     document = json.loads(printed.out)
     assert "30k: rendering" in printed.err
@@ -215,7 +216,7 @@ def test_a_run_writes_figures_table_and_picture_and_prints_one_document(
     table = (tmp_path / "bench" / "bench-sim.md").read_text()
     assert "| RGB-D / raw bound | <= 1.7 (goal 1.5) | - | not measured |" in table
     assert document["machine"]["cpu"] in table
-    assert sorted(path.name for path in (tmp_path / "bench").iterdir()) == sorted(command.NAMES)
+    assert {path.name for path in (tmp_path / "bench").iterdir()} == {"bench-sim.json", "bench-sim.md", "bench-sim.png"}
 
 
 def test_a_full_disk_leaves_the_old_picture_and_no_part_of_a_new_one(tmp_path: Path) -> None:
@@ -269,7 +270,7 @@ def test_a_part_that_takes_too_long_is_ended() -> None:
 @pytest.mark.slow
 def test_what_has_no_time_left_is_named_as_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     late = BenchSettings(TINY.sizes, budget_s=0.0)
-    report = command.run_benchmark(late, quick=True, progress=lambda line: None)
+    report = simulator.run_benchmark(late, quick=True, progress=lambda line: None)
     assert report.sizes == {}
     assert report.left_out[:2] == ("30k (no time left)", "40k cluttered (no time left)")
     assert report.navmesh_path_us is None

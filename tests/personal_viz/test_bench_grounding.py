@@ -15,7 +15,7 @@ from personal_viz.bench.grounding import CaseFigures, GroundingFigures, Groundin
 from personal_viz.bench.grounding_inputs import random_map, scene_inputs, solve_batch
 from personal_viz.bench.grounding_table import figure_rows, markdown, missed
 from personal_viz.bench.literal_rpg import literal_rpg
-from personal_viz.cli import bench as command
+from personal_viz.cli.bench import Bench
 
 TINY = GroundingSettings(
     size=8, dim=16, cells=10, phrases=2, batch=3, calls=2, repeats=1, scenes=1, encoders=("hashed",), cold=False
@@ -59,7 +59,7 @@ def test_figures_have_the_shape_that_the_command_prints(
     synthetic: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bench, "QUICK", TINY)
-    assert command.bench_grounding(out=tmp_path, quick=True, json=True) == 0
+    assert Bench("grounding", out=tmp_path, quick=True, json=True).work() == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "bench-grounding.json").read_text())
     figures = GroundingFigures.model_validate(printed)

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 import personal_viz.bench.recordings as bench
-import personal_viz.cli.bench as command
 from personal_viz.bench.recordings import LIMITS, RecordingFigures, RecordingSettings, figure_rows, markdown
 from personal_viz.bench.walkers import RecordedHome, recorded_home, walked
+from personal_viz.cli.bench import Bench
 from sim.errors import PersonalVizError
 from sim.types import Action
 
@@ -71,7 +71,7 @@ def test_the_command_writes_and_prints_the_same_json(
     figures: RecordingFigures, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(bench, "measure_recordings", lambda settings, progress: figures)
-    assert command.bench_recordings(out=tmp_path, quick=True, json=True) == 0
+    assert Bench("recordings", out=tmp_path, quick=True, json=True).work() == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "bench-recordings.json").read_text())
     assert RecordingFigures.model_validate(printed) == figures
@@ -92,7 +92,7 @@ def test_a_missed_target_is_said() -> None:
 def test_a_folder_that_cannot_be_made_is_found_before_anything_is_measured(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(PersonalVizError, match="expected a folder"):
-        command.bench_recordings(out=tmp_path / "file", quick=True, json=False)
+        Bench("recordings", out=tmp_path / "file", quick=True).work()
 
 
 @pytest.mark.bench

@@ -9,7 +9,6 @@ from typing import get_args
 
 import pytest
 
-import personal_viz.cli.bench as command
 from personal_viz.bench.study import parts as bench
 from personal_viz.bench.study.delay import delayed
 from personal_viz.bench.study.figures import (
@@ -26,6 +25,7 @@ from personal_viz.bench.study.kills import KillFigures
 from personal_viz.bench.study.online import BrowserFigures
 from personal_viz.bench.study.soak import SoakFigures
 from personal_viz.bench.study.store import store_acks_ms
+from personal_viz.cli.bench import Bench
 from sim.errors import PersonalVizError, StudyError
 
 KEYS = {
@@ -154,8 +154,8 @@ def test_the_command_writes_figures_and_table(
         return made_up()
 
     monkeypatch.setattr(bench, "measure_study", measured)
-    assert command.bench_study(out=tmp_path, quick=True, json=True) == 0
-    assert command.bench_study(out=tmp_path, quick=False, json=False, parts=("soak", "kills")) == 0
+    assert Bench("study", out=tmp_path, quick=True, json=True).work() == 0
+    assert Bench("study", out=tmp_path, parts=("soak", "kills")).work() == 0
     assert asked[0] == bench.QUICK
     assert asked[1].parts == ("kills", "soak")
     assert asked[1].kills.kills == 200
@@ -167,9 +167,9 @@ def test_the_command_writes_figures_and_table(
 
 def test_unknown_parts_are_refused_before_work_starts(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="--parts nap: is none of the parts; expected some of store, load"):
-        command.bench_study(out=tmp_path, quick=True, json=True, parts=("nap",))
+        Bench("study", out=tmp_path, quick=True, json=True, parts=("nap",)).work()  # type: ignore[arg-type]
     with pytest.raises(PersonalVizError, match="bench sim: --parts is soak; expected none"):
-        command.require_no_parts("sim", ("soak",))
+        Bench("sim", out=tmp_path, parts=("soak",)).work()
 
 
 def test_only_the_parts_that_were_asked_for_are_measured() -> None:

@@ -15,7 +15,7 @@ from personal_viz.bots.page import BotPage
 from personal_viz.bots.run import quantile
 from personal_viz.bots.site import copy_plan, cpu_seconds, make_bot_study
 from personal_viz.bots.walker import BotLog, Press
-from personal_viz.cli.study.bots import bots
+from personal_viz.cli.study.bots import StudyBots
 from sim.errors import StudyError
 from sim.types import PAPER4, Action
 from tests.human_study.small_world import SCENE_DIGEST, plan, study
@@ -128,18 +128,18 @@ def test_a_bot_study_gives_everybody_every_episode(tmp_path: Path, demo_root: Pa
 
 def test_what_bots_cannot_do_is_said_before_work_starts(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="--rate 9"):
-        bots(rate=9.0)
+        StudyBots(rate=9.0).work()
     with pytest.raises(StudyError, match="found no --dataset"):
-        bots(study=tmp_path)
+        StudyBots(study=tmp_path).work()
     with pytest.raises(StudyError, match="found no study folder"):
-        bots(url="http://127.0.0.1:1")
+        StudyBots(url="http://127.0.0.1:1").work()
 
 
 def test_bots_never_stand_among_people(tmp_path: Path) -> None:
     config = study()
     open_store(tmp_path, config, plan(config, ("0",))).close()
     with pytest.raises(StudyError, match="is a study with people; expected a pilot"):
-        bots(url="http://127.0.0.1:1", study=tmp_path, dataset=tmp_path)
+        StudyBots(url="http://127.0.0.1:1", study=tmp_path, dataset=tmp_path).work()
 
 
 def test_cpu_time_of_a_process_that_is_gone_is_none() -> None:

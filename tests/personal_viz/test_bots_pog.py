@@ -25,8 +25,8 @@ from personal_viz.bots.mouse import ABOVE, Ray, click, look_down, ray_to, screen
 from personal_viz.bots.page import BotPage
 from personal_viz.bots.run import run_bots
 from personal_viz.bots.site import Site, make_bot_study, served
-from personal_viz.cli.study.bots import bots
-from personal_viz.cli.study.verify import verify
+from personal_viz.cli.study.bots import StudyBots
+from personal_viz.cli.study.verify import StudyVerify
 from personal_viz.study_app.gateway.filter import ScenePointerMessage, browser_message
 from personal_viz.study_app.screens.cards import end_card
 from personal_viz.study_app.screens.panels import card_html
@@ -283,7 +283,7 @@ def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path:
     measures = [answer.measures for answer in answers if isinstance(answer, Answer) and answer.measures is not None]
     assert len(measures) == 12
     assert sum(one.success for one in measures) == 12
-    assert verify(study=tmp_path / "study", dataset=dataset, scenes_dir=None, store=False) == 0
+    assert StudyVerify(study=tmp_path / "study", dataset=dataset, scenes_dir=None, store=False).work() == 0
 
 
 @pytest.mark.slow
@@ -293,7 +293,7 @@ def test_every_kind_takes_part_in_both_tasks_and_nothing_is_lost(
     monkeypatch.setattr(
         "personal_viz.bots.walker.DROP_CHANCE", 0.2
     )  # the disconnecting ones, many times in a few seconds
-    assert bots(participants=10, seconds=8.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True) == 0
+    assert StudyBots(participants=10, seconds=8.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True).work() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["tasks"] == {"pan": 5, "pog": 5}
     assert (found["lost"], found["duplicated"], found["unknown"], found["problems"]) == (0, 0, 0, [])

@@ -21,7 +21,7 @@ from personal_viz.browse.catalogue import Wanted
 from personal_viz.browse.layers import Layers, Outlined
 from personal_viz.browse.library import Library, open_library
 from personal_viz.cli.browse import Browse
-from personal_viz.cli.runs import run
+from personal_viz.cli.run import Run
 from personal_viz.study_app.page_version import VISER_CLIENT
 from sim.episodes.ownership import ownership_graph
 from sim.errors import PersonalVizError
@@ -37,7 +37,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An invented home with three episodes, of which the shortest-path agent has walked the first one."""
     root = tmp_path_factory.mktemp("browse")
     invented_dataset(root / "data", name="Demo", seed=7, episodes_per_split=1)
-    run(
+    Run(
         agent="shortest-path",
         dataset=root / "data",
         out=root / "runs",
@@ -48,7 +48,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         seed=0,
         jobs=1,
         run_id="walked",
-    )
+    ).work()
     return root
 
 

@@ -16,7 +16,7 @@ import pytest
 import trimesh
 
 from personal_viz.bench.habitat.agreement import TARGETS, agreement, targets_met
-from personal_viz.cli.check_habitat import check_habitat
+from personal_viz.cli.check_habitat import CheckHabitat
 from sim.errors import SceneError
 from sim.frames import glb_zup_from_world
 
@@ -102,7 +102,7 @@ def test_one_json_document_with_the_issues_keys_is_printed(few: Path) -> None:
 
 
 def test_the_table_shows_each_figure_beside_its_target(few: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert check_habitat(golden=few, json=False) == 0
+    assert CheckHabitat(golden=few, json=False).work() == 0
     lines = capsys.readouterr().out.splitlines()
     for label, target, value in (
         ("distances within 1e-4 m", ">= 99.50%", "100.00%"),
@@ -126,7 +126,7 @@ def test_parts_that_are_missing_are_null_and_named(few: Path, capsys: pytest.Cap
     without |= {"depth_median_mm", "depth_within_1mm"}
     assert {key for key in KEYS if values[key] is None} == without
     assert {key for key, met in targets_met(found).items() if met is None} == without
-    assert check_habitat(golden=few, json=False) == 0
+    assert CheckHabitat(golden=few, json=False).work() == 0
     assert "Not in the folder, so not compared: dev_b.default.navmesh, dev_b.glb" in capsys.readouterr().out
 
 

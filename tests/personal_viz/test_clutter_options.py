@@ -6,8 +6,7 @@ import pytest
 
 from human_study.design.study import StudyConfig, StudyDataset
 from personal_viz.cli.replay import Replay
-from personal_viz.cli.runs import run
-from personal_viz.cli.study.options_study import StudyServe
+from personal_viz.cli.study.serve import StudyServe
 from personal_viz.cli.verbs import Run, Study, parse
 from personal_viz.study_app.checked_options import require_no_scan
 from sim.episodes.dataset import PersonalDataset
@@ -28,7 +27,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def made(dataset: Path, out: Path, clutter) -> Path:
     options = {"scene": ("Demo",), "split": ("easy",), "limit": 1, "seed": 0, "jobs": 1, "scenes_dir": None}
-    run(agent="shortest-path", dataset=dataset, out=out, run_id=None, clutter=clutter, **options)
+    Run(agent="shortest-path", dataset=dataset, out=out, run_id=None, clutter=clutter, **options).work()
     return out / f"shortest-path-invented{f'-clutter{clutter}' if clutter else ''}-seed0"
 
 

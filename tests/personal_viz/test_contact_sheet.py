@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from personal_viz.cli.contact_sheet import contact_sheet
+from personal_viz.cli.contact_sheet import ContactSheet
 from personal_viz.contact_sheet.plan import storey_picture
 from personal_viz.contact_sheet.sheet import PER_ROW, WIDTH, contact_sheet_picture, portraits, write_crops
 from personal_viz.contact_sheet.views import CROP_SIDE, category_crops, object_crop, room_views
@@ -130,7 +130,7 @@ def test_crops_are_numbered_in_an_order_that_tells_nothing(scene: Scene, tmp_pat
 def test_the_command_writes_a_picture_of_an_invented_home(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "sheet.png"
     options = {"scene": None, "dataset": None, "scenes_dir": None, "crops": None}
-    assert contact_sheet(out=out, invent=2, clutter=0, **options) == 0
+    assert ContactSheet(out=out, invent=2, clutter=0, **options).work() == 0
     assert f"{out}: Invented2 (invented home)" in capsys.readouterr().out
     assert Image.open(out).width == WIDTH
 
@@ -139,8 +139,10 @@ def test_mistakes_are_one_line(tmp_path: Path) -> None:
     assert_one_line(personal_viz("contact-sheet", "--out", str(tmp_path / "a.png")), "SCENE with --dataset DIR")
     assert_one_line(personal_viz("contact-sheet", "--invent", "1", "--out", str(tmp_path / "a.jpg")), "ends in .png")
     with pytest.raises(PersonalVizError, match="--invent: found a SCENE"):
-        contact_sheet(scene="A", out=tmp_path / "a.png", dataset=None, scenes_dir=None, invent=1, clutter=0, crops=None)
+        ContactSheet(
+            scene="A", out=tmp_path / "a.png", dataset=None, scenes_dir=None, invent=1, clutter=0, crops=None
+        ).work()
     with pytest.raises(PersonalVizError, match="--invent is -1"):
-        contact_sheet(
+        ContactSheet(
             scene=None, out=tmp_path / "a.png", dataset=None, scenes_dir=None, invent=-1, clutter=0, crops=None
-        )
+        ).work()

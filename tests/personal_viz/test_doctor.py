@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from websockets.sync.client import connect
 
-from personal_viz.cli.study.doctor import doctor
+from personal_viz.cli.study.doctor import StudyDoctor
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
 from personal_viz.study_app.operator.doctor import CHECKS, examine
 from personal_viz.study_app.operator.doctor_site import Check, site_from_url
@@ -99,12 +99,12 @@ def test_a_certificate_that_ends_soon_or_that_nobody_knows_fails(tmp_path: Path)
 
 def test_a_link_that_is_not_known_fails_and_stands_nowhere(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with deployed(tmp_path) as (proxy, _):
-        code = doctor(
+        code = StudyDoctor(
             url=f"https://localhost:{proxy.port}",
             insecure_ca=tmp_path / "cert.pem",
             link=f"https://localhost:{proxy.port}/#canary",
             http_port=proxy.http_port,
-        )
+        ).work()
     out = capsys.readouterr().out
     assert code == 1
     assert "FAIL  session: entering was refused (status 401). Copy a whole personal link" in out
@@ -115,7 +115,7 @@ def test_a_link_that_is_not_known_fails_and_stands_nowhere(tmp_path: Path, capsy
 def test_the_report_is_json_for_other_programs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with deployed(tmp_path) as (proxy, _):
         url = f"https://localhost:{proxy.port}"
-        assert doctor(url=url, json=True, insecure_ca=tmp_path / "cert.pem", http_port=proxy.http_port) == 0
+        assert StudyDoctor(url=url, json=True, insecure_ca=tmp_path / "cert.pem", http_port=proxy.http_port).work() == 0
     rows = json.loads(capsys.readouterr().out)
     assert {row["name"]: row["passed"] for row in rows} == {name: True for name, _ in CHECKS} | {"session": None}
 
@@ -123,7 +123,7 @@ def test_the_report_is_json_for_other_programs(tmp_path: Path, capsys: pytest.Ca
 def test_nobody_there_is_a_failure_with_advice(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
-        assert doctor(url=f"https://localhost:{free.getsockname()[1]}") == 1
+        assert StudyDoctor(url=f"https://localhost:{free.getsockname()[1]}").work() == 1
     out = capsys.readouterr().out
     assert "FAIL  certificate: no answer (ConnectionRefusedError" in out
     assert "study serve are running" in out

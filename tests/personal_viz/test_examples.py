@@ -72,10 +72,10 @@ def test_the_explaining_agent_keeps_the_contract() -> None:
 def test_the_explaining_agent_is_shown_with_all_that_it_explains(tmp_path: Path) -> None:
     from rerun.chunk import RrdReader
 
-    from personal_viz.cli.runs import run
+    from personal_viz.cli.run import Run
 
     invented_dataset(tmp_path / "homes", name="Demo", seed=1)
-    run(
+    Run(
         agent="personal_viz.examples.example_1_explaining_agent:make",
         dataset=tmp_path / "homes",
         out=tmp_path / "runs",
@@ -87,7 +87,7 @@ def test_the_explaining_agent_is_shown_with_all_that_it_explains(tmp_path: Path)
         jobs=1,
         run_id="explorer",
         rerun=str(tmp_path / "live"),
-    )
+    ).work()
     (rrd,) = (tmp_path / "live").iterdir()
     reader = RrdReader(str(rrd))
     shown = {chunk.entity_path for chunk in reader.stream(store=reader.recordings()[0])}

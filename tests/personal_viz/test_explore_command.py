@@ -14,9 +14,8 @@ from grounding.agents import exploration_jobs as jobs_module
 from grounding.agents.exploration_files import load_exploration
 from grounding.agents.explore import EXPLORER_VERSION
 from personal_viz.__main__ import main
-from personal_viz.cli import explore as verb
-from personal_viz.cli.options_grounding import Explore
-from personal_viz.cli.runs import SHORT_NAMES
+from personal_viz.cli.grounding.explore import Explore
+from personal_viz.cli.run import SHORT_NAMES
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError, RunFileError
@@ -62,13 +61,12 @@ def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(
 
 
 def test_a_dataset_or_a_number_of_homes_is_needed(tmp_path: Path) -> None:
-    fields = {"scene": (), "scenes_dir": None, "storeys": "start", "seed": 0, "max_steps": 5, "width": 8, "height": 6}
     with pytest.raises(PersonalVizError, match="expected one"):
-        verb.explore(dataset=None, homes=None, jobs=1, out=tmp_path, json=False, **fields)
+        Explore(out=tmp_path).work()
     with pytest.raises(PersonalVizError, match=r"--homes is 0; expected a whole number from 1"):
-        verb.explore(dataset=None, homes=0, jobs=1, out=tmp_path, json=False, **fields)
+        Explore(homes=0, out=tmp_path).work()
     with pytest.raises(PersonalVizError, match="whole numbers from 1"):
-        verb.explore(dataset=None, homes=1, jobs=1, out=tmp_path, json=False, **{**fields, "width": 0})
+        Explore(homes=1, width=0, out=tmp_path).work()
 
 
 def test_every_option_of_the_verb_says_what_it_is() -> None:
@@ -78,7 +76,7 @@ def test_every_option_of_the_verb_says_what_it_is() -> None:
 
 def test_random_frontier_is_a_name_of_run_and_others_are_refused(tmp_path: Path) -> None:
     assert type(load_agent(SHORT_NAMES["random-frontier"])).__name__ == "RandomFrontierAgent"
-    from personal_viz.cli.runs import _made_for
+    from personal_viz.cli.run import _made_for
 
     _made_for("random-frontier", None)
     with pytest.raises(AgentError, match="random-frontier"):
@@ -93,7 +91,7 @@ def figures(out: Path) -> dict:
 @pytest.mark.slow
 def test_two_worker_processes_give_the_documents_that_one_gives(tmp_path: Path, monkeypatch, capsys) -> None:
     write_small_dataset(tmp_path / "dataset")
-    monkeypatch.setattr(verb, "coverage_png", lambda found, *, title, label: b"")
+    monkeypatch.setattr("personal_viz.cli.grounding.explore.coverage_png", lambda found, *, title, label: b"")
     options = ["explore", "--dataset", str(tmp_path / "dataset"), "--storeys", "all", "--max-steps", "6"]
     for jobs in ("1", "2"):
         small = [*options, "--width", "32", "--height", "24", "--jobs", jobs, "--out", str(tmp_path / jobs)]
@@ -113,7 +111,7 @@ class DiesOnArrival:
 
 @pytest.mark.slow
 def test_a_worker_process_that_is_ended_from_outside_gives_one_line(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(verb, "_homes", lambda *options: ([DiesOnArrival(), DiesOnArrival()], "invented"))
+    monkeypatch.setattr(Explore, "_homes", lambda options: ([DiesOnArrival(), DiesOnArrival()], "invented"))
     monkeypatch.setattr(sys, "argv", ["personal-viz", "explore", "--homes", "2", "--jobs", "2", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as ended:
         main()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from personal_viz.cli.export import Export
-from personal_viz.cli.import_runs import import_files
+from personal_viz.cli.import_runs import Import
 from sim.errors import PersonalVizError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import Run, read_run
@@ -34,7 +34,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def imported(home: Path, *files: Path, run_id: str, out: Path, **options: object) -> Run:
-    import_files(
+    Import(
         files=files,
         dataset=home / "data",
         scenes_dir=None,
@@ -42,7 +42,7 @@ def imported(home: Path, *files: Path, run_id: str, out: Path, **options: object
         who="again",
         run_id=run_id,
         **options,  # type: ignore[arg-type]
-    )
+    ).work()
     return read_run(out / run_id)
 
 

@@ -1,13 +1,14 @@
 """Verb `homes` as a person meets it, and results of different kinds of homes, which no command puts side by side."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 
-from personal_viz.cli.homes import homes
+from personal_viz.cli.metrics import Metrics
 from personal_viz.cli.replay import Replay
-from personal_viz.cli.runs import metrics, run
+from personal_viz.cli.run import Run
 from personal_viz.cli.verbs import ContactSheet, Homes, parse
 from sim.authoring.generation import dataset_files, write_files
 from sim.cache import VARIABLE
@@ -34,7 +35,7 @@ def schematic(tmp_path: Path) -> Path:
 
 def report(dataset: Path, capsys: pytest.CaptureFixture[str], **options) -> dict:
     settings = {"scene": (), "json": True, "out": None, "jobs": 1, "folds": True, **options}
-    assert homes(dataset=dataset, **settings) == 0
+    assert Homes(dataset=dataset, **settings).work() == 0
     return json.loads(capsys.readouterr().out)
 
 
@@ -53,30 +54,30 @@ def test_the_json_has_each_scene_and_the_total(schematic: Path, capsys: pytest.C
 def test_build_times_are_those_of_a_first_visit(
     schematic: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import personal_viz.cli.homes as module
+    import personal_viz.bench.homes.playability as module
 
     used = []
     built = module.build_home
 
     def build_home(dataset: PersonalDataset, name: str):
-        folder = Path(module.os.environ[VARIABLE])
+        folder = Path(os.environ[VARIABLE])
         used.append((folder, list(folder.iterdir())))
         return built(dataset, name)
 
-    before = module.os.environ[VARIABLE]
+    before = os.environ[VARIABLE]
     monkeypatch.setattr(module, "build_home", build_home)
     report(schematic, capsys, folds=False)
     ((folder, content),) = used
     assert content == []
     assert not folder.exists()
-    assert module.os.environ[VARIABLE] == before
+    assert os.environ[VARIABLE] == before
 
 
 def test_plans_are_written_where_they_can_be_corrected_and_put_back(
     schematic: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = {"scene": (SCENE,), "json": False, "jobs": 1, "folds": False}
-    assert homes(dataset=schematic, out=tmp_path / "plans", **settings) == 0
+    assert Homes(dataset=schematic, out=tmp_path / "plans", **settings).work() == 0
     out = capsys.readouterr().out
     assert f"{schematic}/scenes/<scene>.plan.json" in out
     path = tmp_path / "plans" / f"{SCENE}.plan.json"
@@ -97,7 +98,7 @@ def test_plans_are_written_where_they_can_be_corrected_and_put_back(
 def test_the_table_names_every_scene_and_how_many_were_held_out(
     schematic: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    homes(dataset=schematic, scene=(), json=False, out=None, jobs=1, folds=True)
+    Homes(dataset=schematic, scene=(), json=False, out=None, jobs=1, folds=True).work()
     out = capsys.readouterr().out
     assert SCENE in out
     assert "of n" in out
@@ -126,9 +127,9 @@ def test_mistakes_are_one_line(schematic: Path, tmp_path: Path) -> None:
     done = personal_viz("homes", "--dataset", str(schematic), "--no-folds", "--out", str(tmp_path / "file" / "plans"))
     assert_one_line(done, "cannot be written")
     with pytest.raises(PersonalVizError, match="--jobs is 0; expected a whole number from 1"):
-        homes(dataset=schematic, scene=(), json=True, out=None, jobs=0, folds=True)
+        Homes(dataset=schematic, scene=(), json=True, out=None, jobs=0, folds=True).work()
     with pytest.raises(DatasetError):
-        homes(dataset=schematic, scene=("Nowhere",), json=True, out=None, jobs=1, folds=True)
+        Homes(dataset=schematic, scene=("Nowhere",), json=True, out=None, jobs=1, folds=True).work()
 
 
 def test_the_verbs_parse() -> None:
@@ -141,7 +142,7 @@ def test_the_verbs_parse() -> None:
 def made_run(dataset: Path, out: Path, *, scene: str, run_id: str) -> Path:
     """A run of the shortest-path agent on one episode of one scene."""
     options = {"agent": "shortest-path", "scenes_dir": None, "split": ("easy",), "limit": 1, "seed": 0, "jobs": 1}
-    run(dataset=dataset, out=out, scene=(scene,), run_id=run_id, **options)
+    Run(dataset=dataset, out=out, scene=(scene,), run_id=run_id, **options).work()
     return out / run_id
 
 
@@ -157,13 +158,13 @@ def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed:
     with pytest.raises(
         SceneError, match=r"found scene kinds invented \(Demo\), schematic \(.*expected one kind per run"
     ):
-        run(agent="random", dataset=mixed, out=tmp_path / "runs", run_id=None, **both)
+        Run(agent="random", dataset=mixed, out=tmp_path / "runs", run_id=None, **both).work()
     runs = tuple(
         made_run(mixed, tmp_path / "runs", scene=scene, run_id=name)
         for scene, name in (("Demo", "on-invented"), (SCENE, "on-schematic"))
     )
     with pytest.raises(RunFileError, match=r"found scene kinds invented \(on-invented\), schematic \(on-schematic\)"):
-        metrics(runs=runs, rule="paper", json=True)
+        Metrics(runs=runs, rule="paper", json=True).work()
     # a home that was corrected into another kind: the run of before cannot be replayed in it
     info = (runs[1] / "run.json").read_text()
     (runs[1] / "run.json").write_text(info.replace('"scene_kind": "schematic"', '"scene_kind": "scan"'))
@@ -171,4 +172,4 @@ def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed:
     with pytest.raises(RecordingError, match=r"was made on a home of kind 'scan'.*opened as 'schematic'"):
         Replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, scenes_dir=None, episode=key).work()
     with pytest.raises(RunFileError, match=r"found scene kinds invented .* scan"):
-        metrics(runs=runs, rule="paper", json=False)
+        Metrics(runs=runs, rule="paper", json=False).work()

@@ -10,13 +10,13 @@ from rerun.chunk import RrdReader
 
 from human_study.export.study_export import export_study
 from personal_viz.cli.compare import Compare
-from personal_viz.cli.contact_sheet import contact_sheet
+from personal_viz.cli.contact_sheet import ContactSheet
 from personal_viz.cli.export import Export
-from personal_viz.cli.homes import homes
-from personal_viz.cli.pog_report import pog_report
+from personal_viz.cli.grounding.pog_report import PogReport
+from personal_viz.cli.homes import Homes
+from personal_viz.cli.metrics import Metrics
 from personal_viz.cli.replay import Replay
-from personal_viz.cli.runs import metrics
-from personal_viz.cli.study.report import report
+from personal_viz.cli.study.report import StudyReportVerb
 from personal_viz.cli.verbs import parse
 from sim.exchange.export_runs import ExportFormat
 from sim.homes.kind import scene_label
@@ -95,21 +95,21 @@ def test_each_kind_has_one_label_and_scans_have_none() -> None:
 def test_metrics_say_it_below_the_table_and_in_every_row(
     made: Compared, scans: Compared, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    metrics(runs=home_runs(made), rule="paper", json=False)
+    Metrics(runs=home_runs(made), rule="paper", json=False).work()
     printed = capsys.readouterr().out
     assert f"{INVENTED}." in printed
     assert "Rule paper = our reading of the PersONAL paper" in printed
     assert "evil" not in printed
-    metrics(runs=home_runs(made), rule="habitat", json=True)
+    Metrics(runs=home_runs(made), rule="habitat", json=True).work()
     rows = json.loads(capsys.readouterr().out)
     assert {row["scene_label"] for row in rows} == {INVENTED}
     assert {row["paper_strict"]["undefined"] for row in rows if row["task"] == "pan"} == {0}
-    metrics(runs=home_runs(scans), rule="paper", json=False)
+    Metrics(runs=home_runs(scans), rule="paper", json=False).work()
     assert BASELINE not in capsys.readouterr().out
 
 
 def test_every_file_of_a_study_report_says_it(made: Compared, scans: Compared, tmp_path: Path) -> None:
-    assert report(runs=home_runs(made), out=tmp_path / "invented", rule=None, json=False, dataset=made.data) == 0
+    assert StudyReportVerb(runs=home_runs(made), out=tmp_path / "invented", dataset=made.data).work() == 0
     names = {path.name for path in (tmp_path / "invented").iterdir()}
     assert {"report.tex", "report.csv", "report.json", "pan-trials.csv", "pan-glmm.R", "pan-people.svg"} <= names
     assert any(name.startswith("overlay-") for name in names)
@@ -117,17 +117,17 @@ def test_every_file_of_a_study_report_says_it(made: Compared, scans: Compared, t
     latex = (tmp_path / "invented" / "report.tex").read_text()
     assert "scenes: invented, rule paper" in latex
     assert all("%" not in line or r"\%" in line for line in latex.splitlines())  # no comment carries it
-    assert report(runs=home_runs(scans), out=tmp_path / "scan", rule=None, json=False) == 0
+    assert StudyReportVerb(runs=home_runs(scans), out=tmp_path / "scan", rule=None, json=False).work() == 0
     assert [path.name for path in (tmp_path / "scan").iterdir() if BASELINE in said_in(path)] == []
 
 
 def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Compared, tmp_path: Path) -> None:
     runs = [made.runs / "study", made.runs / "grounder"]
-    assert pog_report(runs=runs, out=tmp_path / "invented") == 0
+    assert PogReport(runs=runs, out=tmp_path / "invented").work() == 0
     empty = {"differences.csv", "options.csv"}  # heads alone
     assert silent_files(tmp_path / "invented", besides=NO_TABLE | empty) == []
     assert {"methods-1.png", "distance-1.svg", "table.tex"} <= {path.name for path in (tmp_path / "invented").iterdir()}
-    assert pog_report(runs=[scans.runs / "study", scans.runs / "grounder"], out=tmp_path / "scan") == 0
+    assert PogReport(runs=[scans.runs / "study", scans.runs / "grounder"], out=tmp_path / "scan").work() == 0
     assert [path.name for path in (tmp_path / "scan").iterdir() if BASELINE in said_in(path)] == []
 
 
@@ -177,10 +177,10 @@ def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> N
 @pytest.mark.slow
 def test_homes_and_contact_sheets_say_it(made: Compared, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for as_json in (False, True):
-        assert homes(dataset=made.data, scene=(), json=as_json, out=None, jobs=1, folds=False) == 0
+        assert Homes(dataset=made.data, scene=(), json=as_json, out=None, jobs=1, folds=False).work() == 0
         assert INVENTED in capsys.readouterr().out
     options = {"scene": "Demo", "dataset": made.data, "scenes_dir": None, "invent": None, "clutter": 0}
-    assert contact_sheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops") == 0  # type: ignore[arg-type]
+    assert ContactSheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops").work() == 0  # type: ignore[arg-type]
     assert silent_files(tmp_path, besides={path.stem for path in (tmp_path / "crops").glob("*.png")}) == []
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from personal_viz.__main__ import main
 from personal_viz.cli import verbs as cli
-from personal_viz.cli.study.options_study import Study
+from personal_viz.cli.study.verbs import Study
 from sim.errors import DatasetError
 
 COMMAND = [sys.executable, "-m", "personal_viz"]

@@ -11,7 +11,7 @@ import pytest
 from grounding.evaluate import evaluate, select_jobs
 from grounding.methods.by_name import GrounderName
 from grounding.settings import GroundSettings
-from personal_viz.cli.pog_report import pog_report
+from personal_viz.cli.grounding.pog_report import PogReport
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RunFileError
@@ -46,7 +46,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 @pytest.fixture(scope="module")
 def written(made: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("report")
-    assert pog_report(runs=[made[1]], out=out, dataset=[made[0]]) == 0
+    assert PogReport(runs=[made[1]], out=out, dataset=[made[0]]).work() == 0
     return out
 
 
@@ -94,7 +94,7 @@ def test_the_curve_of_three_is_drawn_and_runs_that_lack_it_are_named(
     for line in old:
         del line["measures"]["planar_distances"]
     answers.write_text("".join(json.dumps(line) + "\n" for line in old))
-    pog_report(runs=[older], out=tmp_path / "out")
+    PogReport(runs=[older], out=tmp_path / "out").work()
     assert "No curve of three: the run files of qs hold" in (tmp_path / "out" / "index.md").read_text()
 
 
@@ -138,7 +138,7 @@ def test_latex_has_the_papers_columns(written: Path) -> None:
 
 
 def test_the_same_runs_give_the_same_bytes(made: tuple[Path, Path], written: Path, tmp_path: Path) -> None:
-    pog_report(runs=[made[1]], out=tmp_path, dataset=[made[0]])
+    PogReport(runs=[made[1]], out=tmp_path, dataset=[made[0]]).work()
     first, second = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in (written, tmp_path))
     assert first == second
 
@@ -148,13 +148,13 @@ def test_without_a_dataset_there_are_no_failures_and_old_ones_go(
 ) -> None:
     out = tmp_path / "report"
     shutil.copytree(written, out)
-    pog_report(runs=[made[1] / "run-qs"], out=out)
+    PogReport(runs=[made[1] / "run-qs"], out=out).work()
     assert not list(out.glob("failure-*"))
     assert "--dataset DIR shows those" in capsys.readouterr().out
 
 
 def test_json_is_one_document(made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pog_report(runs=[made[1]], out=tmp_path, json=True)
+    PogReport(runs=[made[1]], out=tmp_path, json=True).work()
     assert json.loads(capsys.readouterr().out)["tables"][0]["scene_kind"] == "oracle-map"
 
 
@@ -162,12 +162,12 @@ def test_another_dataset_and_bad_options_are_refused(made: tuple[Path, Path], tm
     other = tmp_path / "other"
     shutil.copytree(made[0] / "hard", other / "hard")
     with pytest.raises(RunFileError, match="expected the episode files of a run"):
-        pog_report(runs=[made[1]], out=tmp_path / "out", dataset=[other])
+        PogReport(runs=[made[1]], out=tmp_path / "out", dataset=[other]).work()
     with pytest.raises(PersonalVizError, match="--failures is -1"):
-        pog_report(runs=[made[1]], out=tmp_path / "out", failures=-1)
+        PogReport(runs=[made[1]], out=tmp_path / "out", failures=-1).work()
     (tmp_path / "file").write_text("")
     with pytest.raises(PersonalVizError, match="cannot be written"):
-        pog_report(runs=[made[1]], out=tmp_path / "file")
+        PogReport(runs=[made[1]], out=tmp_path / "file").work()
 
 
 def test_the_verb_takes_runs_and_datasets() -> None:
@@ -179,5 +179,5 @@ def test_the_report_says_where_the_constants_of_joint_were_frozen(
     made: tuple[Path, Path], written: Path, tmp_path: Path
 ) -> None:
     assert "frozen on 24 invented homes" in (written / "index.md").read_text()
-    assert pog_report(runs=[made[1] / "run-qs"], out=tmp_path / "other", dataset=[made[0]]) == 0
+    assert PogReport(runs=[made[1] / "run-qs"], out=tmp_path / "other", dataset=[made[0]]).work() == 0
     assert "frozen" not in (tmp_path / "other" / "index.md").read_text()

@@ -15,8 +15,8 @@ from websockets.exceptions import ConnectionClosed
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, open_store
 from human_study.trial.events import Act
-from personal_viz.cli.study.serve import ended_by_sigterm, listen, serve_study, shown_live
 from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.operator.service import ended_by_sigterm, listen, serve_study, shown_live
 from sim.errors import StudyError
 from tests.human_study.small_world import plan, study
 

@@ -7,8 +7,8 @@ import pytest
 
 from grounding.agents.exploration_files import load_exploration, save_exploration
 from grounding.agents.explore import Exploration, explore, start_on_storey
-from personal_viz.cli import same_home
-from personal_viz.cli.show_exploration import show_exploration
+from personal_viz.cli.grounding import same_home
+from personal_viz.cli.grounding.show_exploration import ShowExploration
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
@@ -51,7 +51,7 @@ def test_the_walk_is_shown_with_its_figures(
 ) -> None:
     monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
     save_exploration(tmp_path / "a.json", exploration)
-    assert show_exploration(file=tmp_path / "a.json", dataset=root, out=tmp_path / "a.rrd") == 0
+    assert ShowExploration(file=tmp_path / "a.json", dataset=root, out=tmp_path / "a.rrd").work() == 0
     read = tables(tmp_path / "a.rrd")
     assert len(read[("/runs/frontier/camera", False)]["EncodedImage:blob"]) == 6
     assert ("/runs/frontier/map/storey_0/occupancy", False) in read
@@ -67,9 +67,9 @@ def test_another_version_of_the_home_and_other_files_are_refused(
     monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
     save_exploration(tmp_path / "b.json", replace(exploration, scene_digest="f" * 64))
     with pytest.raises(RecordingError, match="expected the same version of the home"):
-        show_exploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.rrd")
+        ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.rrd").work()
     with pytest.raises(RecordingError, match=r"ends in \.rrd"):
-        show_exploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.json")
+        ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.json").work()
 
 
 @pytest.mark.slow
@@ -83,13 +83,13 @@ def test_an_invented_home_is_made_again_from_its_name(tmp_path: Path, capsys: py
     other = replace(load_exploration(file), scene_digest="f" * 64)
     save_exploration(tmp_path / "other.json", other)
     with pytest.raises(RecordingError, match=r"the home invented now has .*Give its --dataset, or explore it again"):
-        show_exploration(file=tmp_path / "other.json", out=tmp_path / "b.rrd")
+        ShowExploration(file=tmp_path / "other.json", out=tmp_path / "b.rrd").work()
 
 
 def test_a_home_that_is_not_made_of_its_name_needs_its_dataset(exploration: Exploration, tmp_path: Path) -> None:
     save_exploration(tmp_path / "c.json", exploration)
     with pytest.raises(RecordingError, match=r"c\.json: home 'HomeTwo': is none .* Give --dataset"):
-        show_exploration(file=tmp_path / "c.json", out=tmp_path / "c.rrd")
+        ShowExploration(file=tmp_path / "c.json", out=tmp_path / "c.rrd").work()
     assert not (tmp_path / "c.rrd").exists()
 
 

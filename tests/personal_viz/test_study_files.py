@@ -7,7 +7,9 @@ import pytest
 
 from human_study.design.plan import PLAN_FILE, PlannedParticipant, StudyPlan, StudyScene, load_plan
 from human_study.design.study import STUDY_FILE, StudyConfig, StudyDataset, load_study
-from personal_viz.study_app.study_files import init, plan, require_texts
+from personal_viz.cli.study.init import StudyInit
+from personal_viz.cli.study.plan import StudyPlanVerb
+from personal_viz.study_app.study_files import require_texts
 from sim.errors import StudyError
 
 from .invented import invented_dataset
@@ -25,7 +27,7 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
 ) -> None:
     study, dataset = tmp_path / "study", tmp_path / "dataset"
     invented_dataset(dataset, name="FlowHome", seed=5)
-    init(folder=study, dataset=dataset, name=None, task=("pan",), design="house-once", per_split=1, seed=0)
+    StudyInit(study=study, dataset=dataset, name=None, task=("pan",), design="house-once", per_split=1, seed=0).work()
     assert "ethics.institution, ethics.contact, ethics.pay, ethics.irb, privacy.retention\n" in capsys.readouterr().out
     file = (study / STUDY_FILE).read_text(encoding="utf-8")
     for asked, instead in (
@@ -37,13 +39,13 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
         file = file.replace(asked, instead)
     (study / STUDY_FILE).write_text(file, encoding="utf-8")
     with pytest.raises(StudyError, match=r"consent\.md: ethics\.institution, .*Correct study\.yaml or the text"):
-        plan(folder=study, dataset=dataset, scenes_dir=None, pilot=False)
+        StudyPlanVerb(study=study, dataset=dataset, scenes_dir=None, pilot=False).work()
     assert not (study / PLAN_FILE).exists()
     for field, value in {**ETHICS, "retention": "2027-12-31"}.items():
         file = file.replace(f"  {field}: ''", f"  {field}: {value}").replace(f"  {field}: null", f"  {field}: {value}")
     (study / STUDY_FILE).write_text(file, encoding="utf-8")
     capsys.readouterr()
-    assert plan(folder=study, dataset=dataset, scenes_dir=None, pilot=False) == 0
+    assert StudyPlanVerb(study=study, dataset=dataset, scenes_dir=None, pilot=False).work() == 0
     printed = capsys.readouterr().out
     made = load_plan(study, load_study(study))
     assert made.changes[0].startswith("design.trials_per_person: 4 asked, 1 planned, because")

@@ -11,7 +11,7 @@ from human_study.export.codes import exported_codes
 from human_study.export.study_export import export_study
 from human_study.store.records import read_study
 from human_study.trial.events import Act
-from personal_viz.cli.study.folder import serve
+from personal_viz.cli.study.serve import StudyServe
 from personal_viz.study_app.operator.served import start_study
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeStart, RunInfo, Step, read_run
@@ -108,7 +108,7 @@ def assert_recordings_hold_what_is_stored(study: Path, live: Path, out: Path) ->
 
 def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
     with pytest.raises(StudyError, match=r"--rerun x\.rrd: this study has 2 trials; expected one for a single file\."):
-        serve(
+        StudyServe(
             study=None,
             dataset=marked_dataset,
             scene=HOME,
@@ -123,5 +123,5 @@ def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -
             host=(),
             rerun="x.rrd",
             with_pixels=False,
-        )
+        ).work()
     assert not (tmp_path / "study" / "study.db").exists()

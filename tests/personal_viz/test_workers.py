@@ -15,7 +15,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from human_study.store.store import StudyStore
-from personal_viz.cli.study.serve import listen
 from personal_viz.study_app.gateway import workers
 from personal_viz.study_app.gateway.admission import Tickets
 from personal_viz.study_app.gateway.app import Gateway
@@ -23,6 +22,7 @@ from personal_viz.study_app.gateway.heartbeat import Heartbeat
 from personal_viz.study_app.gateway.http import uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.gateway.workers import WorkerPool, worker_command
+from personal_viz.study_app.operator.service import listen
 from personal_viz.study_app.recruit_codes import EndCode
 from sim.errors import StudyError
 

@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 from grounding.agents import exploration_jobs as jobs
 from grounding.agents.exploration_jobs import ExploreJob, run_job
 from grounding.agents.explore import Exploration, explore
-from personal_viz.cli.explore import watching
+from personal_viz.cli.grounding.explore import watching
 from recordings.live import LiveSink, live_sink
 from recordings.observer_explore import ExplorationObserver
 from recordings.paths import ExplorationKey

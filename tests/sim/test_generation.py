@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from personal_viz.cli.invent import invent
+from personal_viz.cli.invent import Invent
 from sim.authoring import generation
 from sim.authoring.generation import EPISODES_PER_SPLIT, dataset_files
 from sim.episodes.dataset import PersonalDataset
@@ -187,7 +187,7 @@ def test_a_folder_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_the_invent_verb_writes_whole_homes_and_says_what_is_next(tmp_path: Path, capsys) -> None:
-    assert invent(homes=1, seed=7, out=tmp_path / "homes") == 0
+    assert Invent(homes=1, seed=7, out=tmp_path / "homes").work() == 0
     names = sorted(str(path.relative_to(tmp_path / "homes")) for path in (tmp_path / "homes").rglob("*.*"))
     assert names == [
         "easy/content/Invented7.json.gz",
@@ -203,5 +203,5 @@ def test_the_invent_verb_writes_whole_homes_and_says_what_is_next(tmp_path: Path
     ]
     assert "personal-viz validate --dataset" in capsys.readouterr().out
     with pytest.raises(DatasetError, match="homes is 0; expected at least 1"):
-        invent(homes=0, seed=7, out=tmp_path / "none")
+        Invent(homes=0, seed=7, out=tmp_path / "none").work()
     assert not (tmp_path / "none").exists()

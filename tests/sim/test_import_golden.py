@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from personal_viz.cli.import_runs import import_files
+from personal_viz.cli.import_runs import Import
 from recordings.habitat_writer import RunWriter as HabitatWriter
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import glb_zup_from_world
@@ -69,14 +69,14 @@ def test_imported_golden_runs_have_habitat_labs_measures(golden_root: Path, tmp_
     dataset = golden_dataset(rows, house, tmp_path / "data")
     play_golden(rows, house, tmp_path / "habitat.jsonl")
     as_zup_glb(golden_root / f"{house}.glb", tmp_path / "scans" / house / f"{house}.glb")
-    import_files(
+    Import(
         files=(tmp_path / "habitat.jsonl",),
         dataset=dataset.root,
         scenes_dir=tmp_path / "scans",
         out=tmp_path / "runs",
         who="follower",
         run_id="golden",
-    )
+    ).work()
     run = read_run(tmp_path / "runs" / "golden")
     assert (run.info.scene_kind, run.info.who_kind, len(run.episodes)) == ("scan", "agent", len(rows))
     found = [_measures(episode) for episode in run.episodes]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from personal_viz.cli.runs import run
+from personal_viz.cli.run import Run
 from recordings.live import LiveSink
 from recordings.observer import ObserveRuns
 from sim.episodes.dataset import PersonalDataset
@@ -113,7 +113,7 @@ def command(root: Path, out: Path, **changes: Any) -> int:
         "agent": "random", "scenes_dir": None, "scene": (), "split": (), "limit": 1, "seed": 3, "jobs": 1,
         "run_id": "a", "dataset": root, "out": out,
     }  # fmt: skip
-    return run(**(options | changes))
+    return Run(**(options | changes)).work()
 
 
 @pytest.mark.slow

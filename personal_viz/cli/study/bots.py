@@ -1,98 +1,116 @@
 """Verb `study bots`: simulated participants take part in a study through its real gateway."""
 
+from __future__ import annotations
+
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from human_study.design.study import load_study
-from human_study.store.records import read_study
-from personal_viz.bots.log import KINDS, BotKind
-from personal_viz.bots.run import BotFigures, run_bots
-from personal_viz.bots.site import Site, copy_plan, make_bot_study, running, served
+from tyro.conf import Positional, arg
+
 from sim.errors import StudyError
 from sim.types import TaskKind
 
+from ..options import ScenesDir
 
-def bots(
-    *,
-    study: Path | None = None,
-    dataset: Path | None = None,
-    scenes_dir: Path | None = None,
-    participants: int = 10,
-    seconds: float = 60.0,
-    rate: float = 2.0,
-    task: Literal["pan", "pog", "both"] | None = None,
-    kinds: Sequence[BotKind] = KINDS,
-    seed: int = 0,
-    json: bool = False,
-    url: str | None = None,
-) -> int:
-    """Prints what came of it; exit code 1 when a key, click or answer was lost or is there twice.
-
-    Args:
-        study: A planned study. Its plan is copied and the copy is served, so that bots never stand among people; None =
-            a study of this many participants on an invented home.
-        dataset: Of the study.
-        scenes_dir: Of licensed scans.
-        participants: How many take part.
-        seconds: How long they act.
-        rate: Actions per second of each.
-        task: Whom bots stand for; None = all that the study has, of an invented one `pan`.
-        kinds: How they behave, dealt out in turns.
-        seed: Of what they do.
-        json: Print `BotFigures` as JSON alone.
-        url: Of a server that runs already on `study` itself: its records will hold what the bots do.
-
-    Raises:
-        StudyError: The study cannot be served, has too few participants of the task, or a bot is not let in.
-    """
-    _require_possible(study, dataset, participants=participants, seconds=seconds, rate=rate, url=url)
-
-    tasks = _tasks(study, task)
-    with _site(study, dataset, scenes_dir, participants=participants, seed=seed, tasks=tasks, url=url) as site:
-        figures = run_bots(
-            site,
-            participants=participants,
-            seconds=seconds,
-            rate=rate,
-            kinds=tuple(kinds),
-            seed=seed,
-            tasks=tasks,
-            progress=_progress,
-        )
-    print(figures.model_dump_json(indent=2) if json else "\n".join(lines(figures)))
-    return 1 if figures.lost or figures.duplicated else 0
+if TYPE_CHECKING:
+    from personal_viz.bots.run import BotFigures
+    from personal_viz.bots.site import Site
 
 
-@contextmanager
-def _site(
-    study: Path | None,
-    dataset: Path | None,
-    scenes_dir: Path | None,
-    *,
-    participants: int,
-    seed: int,
-    tasks: tuple[TaskKind, ...],
-    url: str | None,
-) -> Iterator[Site]:
-    """The server that runs already, or one of our own until the end of the block."""
-    if url is not None and study is not None and dataset is not None:
-        yield running(study, dataset, scenes_dir, url)
-        return
-    with tempfile.TemporaryDirectory(prefix="personal-bots-") as name:
-        folder = Path(name)
-        if study is None:
-            _progress("making a study")
-            dataset = make_bot_study(folder, participants=participants, seed=seed, dataset=dataset, task=tasks)
-        else:
-            copy_plan(study, folder / "study")
-        assert dataset is not None
-        _progress("starting to serve")
-        with served(folder / "study", dataset, scenes_dir) as site:
-            yield site
+BotKind = Literal["shortest", "random", "slow", "impatient", "disconnecting"]
+
+
+@dataclass
+class StudyBots:
+    """Simulated participants through the real gateway: how fast it answers, and whether anything was lost."""
+
+    study: Positional[Path | None] = None
+    """A planned study, of which a copy is served; an invented one without."""
+    dataset: Annotated[Path | None, arg(help="Of the study.")] = None
+    scenes_dir: ScenesDir = None
+    participants: int = 10
+    seconds: float = 60.0
+    rate: Annotated[float, arg(help="Actions per second of each.")] = 2.0
+    task: Annotated[
+        Literal["pan", "pog", "both"] | None, arg(help="Whom bots stand for; otherwise all of the study, or PAN.")
+    ] = None
+    kinds: Annotated[tuple[BotKind, ...], arg(help="How they behave, dealt out in turns.")] = get_args(BotKind)
+    seed: int = 0
+    url: Annotated[str | None, arg(help="Of a server on a pilot study: its records will hold the bots.")] = None
+    json: bool = False
+
+    def work(self) -> int:
+        from personal_viz.bots.run import run_bots
+
+        self._require_possible()
+        tasks = self._tasks()
+        with self._site(tasks) as site:
+            figures = run_bots(
+                site,
+                participants=self.participants,
+                seconds=self.seconds,
+                rate=self.rate,
+                kinds=tuple(self.kinds),
+                seed=self.seed,
+                tasks=tasks,
+                progress=_progress,
+            )
+        print(figures.model_dump_json(indent=2) if self.json else "\n".join(lines(figures)))
+        return 1 if figures.lost or figures.duplicated else 0
+
+    @contextmanager
+    def _site(self, tasks: tuple[TaskKind, ...]) -> Iterator[Site]:
+        """The server that runs already, or one of our own until the end of the block."""
+        from personal_viz.bots.site import copy_plan, make_bot_study, running, served
+
+        dataset = self.dataset
+        if self.url is not None and self.study is not None and dataset is not None:
+            yield running(self.study, dataset, self.scenes_dir, self.url)
+            return
+        with tempfile.TemporaryDirectory(prefix="personal-bots-") as name:
+            folder = Path(name)
+            if self.study is None:
+                _progress("making a study")
+                dataset = make_bot_study(
+                    folder, participants=self.participants, seed=self.seed, dataset=dataset, task=tasks
+                )
+            else:
+                copy_plan(self.study, folder / "study")
+            assert dataset is not None
+            _progress("starting to serve")
+            with served(folder / "study", dataset, self.scenes_dir) as site:
+                yield site
+
+    def _tasks(self) -> tuple[TaskKind, ...]:
+        from human_study.design.study import load_study
+
+        if self.task is None:
+            return ("pan",) if self.study is None else load_study(self.study).task
+        return ("pan", "pog") if self.task == "both" else (self.task,)
+
+    def _require_possible(self) -> None:
+        if self.participants < 1 or not self.seconds > 0 or not 0 < self.rate <= 3:
+            raise StudyError(
+                f"--participants {self.participants} --seconds {self.seconds:g} --rate {self.rate:g}: expected "
+                "at least 1, more than 0, and more than 0 up to 3, because the gateway drops what is faster. "
+                "Correct them."
+            )
+        if self.study is not None and self.dataset is None:
+            raise StudyError(f"{self.study}: found no --dataset; expected the folder of the study's dataset. Add it.")
+        if self.url is not None and self.study is None:
+            raise StudyError(
+                f"--url {self.url}: found no study folder; expected it, because the tokens are in it. Name it."
+            )
+        if self.url is not None and self.study is not None and not _is_pilot(self.study):
+            raise StudyError(
+                f"--url {self.url}: {self.study} is a study with people; expected a pilot, because its records will "
+                "hold the bots. Leave --url out: bots then have a copy of the plan to themselves."
+            )
 
 
 def _progress(line: str) -> None:
@@ -131,31 +149,8 @@ def lines(figures: BotFigures) -> list[str]:
     ]
 
 
-def _tasks(study: Path | None, task: Literal["pan", "pog", "both"] | None) -> tuple[TaskKind, ...]:
-    if task is None:
-        return ("pan",) if study is None else load_study(study).task
-    return ("pan", "pog") if task == "both" else (task,)
-
-
-def _require_possible(
-    study: Path | None, dataset: Path | None, *, participants: int, seconds: float, rate: float, url: str | None
-) -> None:
-    if participants < 1 or not seconds > 0 or not 0 < rate <= 3:
-        raise StudyError(
-            f"--participants {participants} --seconds {seconds:g} --rate {rate:g}: expected at least 1, more than 0, "
-            "and more than 0 up to 3, because the gateway drops what is faster. Correct them."
-        )
-    if study is not None and dataset is None:
-        raise StudyError(f"{study}: found no --dataset; expected the folder of the study's dataset. Add it.")
-    if url is not None and study is None:
-        raise StudyError(f"--url {url}: found no study folder; expected it, because the tokens are in it. Name it.")
-    if url is not None and study is not None and not _is_pilot(study):
-        raise StudyError(
-            f"--url {url}: {study} is a study with people; expected a pilot, because its records will hold the bots. "
-            "Leave --url out: bots then have a copy of the plan to themselves."
-        )
-
-
 def _is_pilot(study: Path) -> bool:
+    from human_study.store.records import read_study
+
     with read_study(study) as reader:
         return reader.is_pilot

@@ -1,40 +1,44 @@
 """Verb `study doctor`: looks at a public deployment from outside."""
 
+from __future__ import annotations
+
 import dataclasses
 import json as json_format
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from personal_viz.study_app.operator.doctor import examine
-from personal_viz.study_app.operator.doctor_site import Check
+from tyro.conf import arg
+
+if TYPE_CHECKING:
+    from personal_viz.study_app.operator.doctor_site import Check
 
 
-def doctor(
-    *,
-    url: str,
-    json: bool = False,
-    insecure_ca: Path | None = None,
-    link: str | None = None,
-    http_port: int | None = None,
-) -> int:
-    """Prints one line per check; exit code 1 when one fails.
+@dataclass
+class StudyDoctor:
+    """Check a deployment from outside: TLS, websocket, Origin, Host, cookies, clock, bandwidth."""
 
-    Args:
-        url: What participants open, without a token.
-        json: Print one JSON array instead, for other programs.
-        insecure_ca: Certificates to trust besides the system's.
-        link: A personal link with which to take part for a moment.
-        http_port: Where plain HTTP is answered, when the address has a port of its own.
-    """
-    checks = examine(url, link=link, insecure_ca=insecure_ca, http_port=http_port)
-    if json:
-        print(json_format.dumps([dataclasses.asdict(check) for check in checks], indent=1))
-    else:
-        for check in checks:
-            print(_line(check))
-    failed = [check.name for check in checks if check.passed is False]
-    if not json:
-        print(f"{url}: " + (f"{len(failed)} of {len(checks)} checks failed" if failed else "nothing to correct"))
-    return 1 if failed else 0
+    url: str
+    link: Annotated[str | None, arg(help="A personal link, to try the whole way in.")] = None
+    insecure_ca: Annotated[Path | None, arg(help="Certificate to trust besides the system's (PEM).")] = None
+    http_port: Annotated[int | None, arg(help="Where plain http is expected to lead to https; 80 by default.")] = None
+    json: bool = False
+
+    def work(self) -> int:
+        from personal_viz.study_app.operator.doctor import examine
+
+        checks = examine(self.url, link=self.link, insecure_ca=self.insecure_ca, http_port=self.http_port)
+        if self.json:
+            print(json_format.dumps([dataclasses.asdict(check) for check in checks], indent=1))
+        else:
+            for check in checks:
+                print(_line(check))
+        failed = [check.name for check in checks if check.passed is False]
+        if not self.json:
+            print(
+                f"{self.url}: " + (f"{len(failed)} of {len(checks)} checks failed" if failed else "nothing to correct")
+            )
+        return 1 if failed else 0
 
 
 def _line(check: Check) -> str:

@@ -1,56 +1,67 @@
 """Verb `study exclude`: leaves a trial or a person out of the figures, or takes that back. Nothing is deleted."""
 
-from pathlib import Path
+from __future__ import annotations
 
-from human_study.design.study import load_study
-from human_study.store.exclusions import find_target, require_rule_id, rules_before_data
-from human_study.store.records import read_study
-from human_study.store.requests import Change, Exclusion, UndoneExclusion, change_study
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, arg
+
 from sim.errors import StudyError
 
+if TYPE_CHECKING:
+    from human_study.store.requests import Change
 
-def exclude(
-    *, study: Path, trial: str | None, participant: str | None, rule: str, reason: str | None, undo: bool
-) -> int:
-    """Applies a rule to a trial or a person, or takes it back.
 
-    Args:
-        study: Folder; a process that serves it does it, and this waits for that.
-        trial: `p03/12`, as `study status` prints it; every attempt of it.
-        participant: `p03`; either this or a trial.
-        rule: Id of the rule.
-        reason: Why it applies here; published with the export, so it names nobody. Not needed with `undo`.
-        undo: Take back what this rule left out before.
+@dataclass
+class StudyExclude:
+    """Leave a trial or a participant out of the figures by a rule; nothing is deleted, and --undo takes it back."""
 
-    Raises:
-        StudyError: There is no such trial, person or exclusion, or a process that has the study open does not answer.
-    """
-    rule_id = require_rule_id(rule)
-    if not undo and not (reason or "").strip():
-        raise StudyError(
-            "--reason: found nothing; expected why the rule applies here. Give one sentence, naming nobody."
+    study: Positional[Path]
+    rule: Annotated[str, arg(help="Id of the rule; those written down before data are in preregistration.md.")]
+    trial: Annotated[str | None, arg(help="p03/12: participant and place in the order.")] = None
+    participant: str | None = None
+    reason: Annotated[str | None, arg(help="Why it applies here; published, so name nobody.")] = None
+    undo: bool = False
+
+    def work(self) -> int:
+        from human_study.design.study import load_study
+        from human_study.store.exclusions import find_target, require_rule_id, rules_before_data
+        from human_study.store.records import read_study
+        from human_study.store.requests import Exclusion, UndoneExclusion, change_study
+
+        rule_id = require_rule_id(self.rule)
+        if not self.undo and not (self.reason or "").strip():
+            raise StudyError(
+                "--reason: found nothing; expected why the rule applies here. Give one sentence, naming nobody."
+            )
+        config = load_study(self.study)
+        with read_study(self.study) as reader:
+            target = find_target(reader, trial=self.trial, participant=self.participant)
+            targets = set(target.trial_ids) or {target.code}
+            live = [
+                entry.exclusion_id
+                for entry in reader.exclusions()
+                if entry.target in targets and entry.rule_id == rule_id and not entry.is_undone
+            ]
+        name = f"{'participant' if self.participant else 'trial'} {self.participant or self.trial}"
+        if self.undo and not live:
+            raise StudyError(
+                f"{name}: rule {rule_id} leaves nothing out here; expected that it does. See study export."
+            )
+        changes: list[Change] = [UndoneExclusion(exclusion_id=exclusion_id) for exclusion_id in live]
+        if not self.undo:
+            kind = "trial" if target.trial_ids else "participant"
+            changes = [
+                Exclusion(target_kind=kind, target=name, rule_id=rule_id, reason=self.reason or "")
+                for name in target.trial_ids or (target.code,)
+            ]
+        change_study(self.study, changes)
+        when = "written down before data" if rule_id in rules_before_data(config) else "not written down before data"
+        done = "counts again" if self.undo else f"is left out by rule {rule_id} ({when})"
+        print(
+            f"{self.study}: {name} {done}. The records are as they were, and the report's main tables "
+            "count every result."
         )
-    config = load_study(study)
-    with read_study(study) as reader:
-        target = find_target(reader, trial=trial, participant=participant)
-        targets = set(target.trial_ids) or {target.code}
-        live = [
-            entry.exclusion_id
-            for entry in reader.exclusions()
-            if entry.target in targets and entry.rule_id == rule_id and not entry.is_undone
-        ]
-    name = f"{'participant' if participant else 'trial'} {participant or trial}"
-    if undo and not live:
-        raise StudyError(f"{name}: rule {rule_id} leaves nothing out here; expected that it does. See study export.")
-    changes: list[Change] = [UndoneExclusion(exclusion_id=exclusion_id) for exclusion_id in live]
-    if not undo:
-        kind = "trial" if target.trial_ids else "participant"
-        changes = [
-            Exclusion(target_kind=kind, target=name, rule_id=rule_id, reason=reason or "")
-            for name in target.trial_ids or (target.code,)
-        ]
-    change_study(study, changes)
-    when = "written down before data" if rule_id in rules_before_data(config) else "not written down before data"
-    done = "counts again" if undo else f"is left out by rule {rule_id} ({when})"
-    print(f"{study}: {name} {done}. The records are as they were, and the report's main tables count every result.")
-    return 0
+        return 0

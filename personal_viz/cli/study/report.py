@@ -4,71 +4,72 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from sim.episodes.dataset import PersonalDataset
+from tyro.conf import Positional, arg
+
 from sim.errors import StudyError
-from sim.files import write_whole
-from sim.tasks.run_files import Run
 from sim.types import SPLITS, EpisodeKey, SuccessRule, TaskKind
+
+from ..options import ScenesDir
 
 if TYPE_CHECKING:
     from human_study.report.overlays import FloorPlan
     from human_study.report.report import ReportGroups, StudyReport
+    from sim.episodes.dataset import PersonalDataset
+    from sim.tasks.run_files import Run
 
 CHOSEN_OVERLAYS = 4
 """Episodes of each task that are drawn from above unless all are asked for."""
 
 
-def report(
-    *,
-    runs: Sequence[Path],
-    out: Path,
-    rule: SuccessRule | None,
-    json: bool,
-    dataset: Path | None = None,
-    scenes_dir: Path | None = None,
-    overlays: bool = False,
-) -> int:
-    """Writes the report of the runs into a folder; the same runs give the same bytes.
+@dataclass
+class StudyReportVerb:
+    """Tables and pictures of people and agents on the same episodes, every number with its interval."""
 
-    Args:
-        runs: Run folders, folders that hold some, an export of a study, or a study folder.
-        out: Where the files go; files of an earlier report there are replaced.
-        rule: Success rule of PAN; None = the study file's, or `paper`.
-        json: Print the report as JSON instead of Markdown.
-        dataset: Folder of the episodes: for the chosen objects, the splits' sizes, and the floor under overlays.
-        scenes_dir: Folder of the scans; None = homes without their scans. Needs `dataset`.
-        overlays: Draw all episodes from above, not a chosen few.
+    runs: Positional[tuple[Path, ...]]
+    """Study folders, exports, run folders of people and of agents, or folders that hold them."""
+    out: Annotated[Path, arg(help="Folder for the report in all its forms.")] = Path("runs/report")
+    rule: Annotated[SuccessRule | None, arg(help="Of success; the study's own by default, paper without one.")] = None
+    dataset: Annotated[
+        Path | None, arg(help="For floors under overlays, chosen objects, and dataset_weighted totals.")
+    ] = None
+    scenes_dir: ScenesDir = None
+    overlays: Annotated[bool, arg(help="Draw the ways and clicks of all episodes, not of a few.")] = False
+    json: bool = False
 
-    Raises:
-        StudyError: No run is of people, an agent did other episodes, options do not fit, or `out` cannot be written.
-        RunFileError: A folder holds no run, a run is damaged, or the runs must not stand side by side.
-    """
-    from human_study.report.report import report_groups, study_report
-    from human_study.report.source import read_source
+    def work(self) -> int:
+        from human_study.report.report import report_groups, study_report
+        from human_study.report.source import read_source
+        from sim.episodes.dataset import PersonalDataset
 
-    if scenes_dir is not None and dataset is None:
-        raise StudyError(f"--scenes-dir: found {str(scenes_dir)!r} without --dataset; expected both. Give --dataset.")
-    source = read_source(runs)
-    episodes = PersonalDataset(dataset) if dataset is not None else None
-    if episodes is not None:
-        _require_same_episodes(episodes, {run.info.dataset_digest for run in source.runs})
-    found = study_report(
-        source.runs,
-        rule=rule,
-        records=source.records,
-        split_sizes=_split_sizes(episodes) if episodes is not None else None,
-        objects=_objects(episodes, _scenes_of(source.runs)) if episodes is not None else None,
-    )
-    groups = report_groups(source, rule=found.rule)
-    pictures = _pictures(found, groups) | _overlays(groups, episodes, scenes_dir, draws_all=overlays)
-    document = found.model_dump_json(indent=2) + "\n"
-    files = _texts(found, groups, pictures) | {"report.json": document} | pictures
-    _write(out, files)
-    print(document if json else f"{files['report.md']}\nWritten to {out}: {', '.join(files)}", end="" if json else "\n")
-    return 0
+        if self.scenes_dir is not None and self.dataset is None:
+            raise StudyError(
+                f"--scenes-dir: found {str(self.scenes_dir)!r} without --dataset; expected both. Give --dataset."
+            )
+        source = read_source(self.runs)
+        episodes = PersonalDataset(self.dataset) if self.dataset is not None else None
+        if episodes is not None:
+            _require_same_episodes(episodes, {run.info.dataset_digest for run in source.runs})
+        found = study_report(
+            source.runs,
+            rule=self.rule,
+            records=source.records,
+            split_sizes=_split_sizes(episodes) if episodes is not None else None,
+            objects=_objects(episodes, _scenes_of(source.runs)) if episodes is not None else None,
+        )
+        groups = report_groups(source, rule=found.rule)
+        pictures = _pictures(found, groups) | _overlays(groups, episodes, self.scenes_dir, draws_all=self.overlays)
+        document = found.model_dump_json(indent=2) + "\n"
+        files = _texts(found, groups, pictures) | {"report.json": document} | pictures
+        _write(self.out, files)
+        print(
+            document if self.json else f"{files['report.md']}\nWritten to {self.out}: {', '.join(files)}",
+            end="" if self.json else "\n",
+        )
+        return 0
 
 
 def _scenes_of(runs: Sequence[Run]) -> set[str]:
@@ -180,6 +181,8 @@ def _require_same_episodes(episodes: PersonalDataset, digests: set[str]) -> None
 
 def _write(out: Path, files: dict[str, str]) -> None:
     """All files; overlays of an earlier report that are not among them go."""
+    from sim.files import write_whole
+
     try:
         out.mkdir(parents=True, exist_ok=True)
         for old in out.glob("overlay-*.svg"):

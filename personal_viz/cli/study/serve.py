@@ -1,257 +1,245 @@
-"""Serves a planned study: gateway, viser workers, personal links on the terminal, until Ctrl-C or SIGTERM."""
+"""Verb `study serve`: a planned study, or one home to try it, until Ctrl-C."""
 
-import contextlib
-import functools
-import signal
-import socket
-import sys
-import threading
-from collections.abc import Iterator, Sequence
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import uvicorn
+from tyro.conf import Positional, arg
 
-from human_study.design.plan import StudyPlan
-from human_study.design.study import StudyConfig
-from human_study.store.store import StudyStore
-from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
-from personal_viz.study_app.gateway.app import Gateway
-from personal_viz.study_app.gateway.http import uvicorn_server
-from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
-from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
-from personal_viz.study_app.gateway.upkeep import upkeep
-from personal_viz.study_app.gateway.workers import WORKERS_SHARE, WorkerPool, worker_command
-from personal_viz.study_app.operator.dashboard import dashboard
-from personal_viz.study_app.operator.dashboard_view import serving_of
-from personal_viz.study_app.recruit_codes import CODES_FILE, RecruitCodes, end_code, load_recruit_codes
-from sim.cache import cache_dir
 from sim.errors import StudyError
-from sim.types import EpisodeKey
+from sim.types import SPLITS, EpisodeKey
+
+from ..options import Clutter, Dataset, Limit, Rerun, ScenesDir, Splits, WithPixels
+
+if TYPE_CHECKING:
+    from human_study.design.plan import StudyPlan, StudyScene
+    from human_study.design.secrets import StudySecrets
+    from human_study.design.study import StudyConfig
+    from human_study.store.store import StudyStore
+    from personal_viz.study_app.gateway.options import ServeOptions
+    from sim.episodes.dataset import PersonalDataset
 
 
-def serve_study(
-    store: StudyStore,
-    *,
-    folder: Path,
-    dataset: Path,
-    scenes_dir: Path | None,
-    links: Sequence[tuple[str, str, str]],
-    platform_key: bytes,
-    options: ServeOptions,
-    rerun: str | None = None,
-    with_pixels: bool = False,
-) -> None:
-    """Starts the workers, prints the links, serves until Ctrl-C or SIGTERM, ends everything in `options.drain_s`.
+@dataclass
+class StudyServe:
+    """Serve a planned study, or try one home's episodes with --scene; prints a personal link per participant."""
 
-    Args:
-        store: Open, with all participants registered.
-        folder: Of the study.
-        dataset: Of the counted trials.
-        scenes_dir: Of licensed scans.
-        links: (label such as PAN, participant's code, personal token) of everybody.
-        platform_key: The study's own key for the ids of recruiting platforms.
-        options: Addresses, names, limits; `require_may_serve` has accepted them.
-        rerun: Shows trials to the researcher while they happen: a folder or a viewer's address.
-        with_pixels: Pictures of licensed scans in there too.
+    dataset: Dataset
+    study: Positional[Path | None] = None
+    """Folder that `study plan` has planned."""
+    scene: Annotated[str | None, arg(help="Without a study: one POG and one PAN participant on this home.")] = None
+    scenes_dir: ScenesDir = None
+    out: Annotated[Path | None, arg(help="With --scene: the folder; runs/study-<scene> by default.")] = None
+    split: Splits = ()
+    limit: Limit = None
+    seed: int = 0
+    actions: Literal["paper4", "paper6"] = "paper4"
+    clutter: Clutter = 0
+    rerun: Rerun = None
+    with_pixels: WithPixels = False
+    port: int = 8080
+    bind: Annotated[str, arg(help="Address to listen on; beyond loopback only with --public.")] = "127.0.0.1"
+    public: Annotated[bool, arg(help="People come from other machines; needs TLS or a proxy that does it.")] = False
+    host: Annotated[tuple[str, ...], arg(help="Names under which browsers reach the study.")] = ()
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+    proxy: Annotated[str | None, arg(help="Address of the reverse proxy that does TLS.")] = None
+    i_have_rights: Annotated[bool, arg(help="The scans' licence allows sending them to participants.")] = False
+    pilot: Annotated[bool, arg(help="Serve without an ethics id; the records say so for ever.")] = False
+    workers: Annotated[int | None, arg(help="viser processes; one per core, at most four.")] = None
+    max_people: Annotated[int, arg(help="Participants connected at once.")] = 200
+    per_address: Annotated[int, arg(help="Connections from one address; loopback and the proxy are not limited.")] = 64
+    dashboard_port: Annotated[int, arg(help="Of the researcher's page, on this machine only; 0 takes a free one.")] = 0
+
+    def work(self) -> int:
+        from personal_viz.study_app.gateway.options import ServeOptions
+
+        same = {field.name for field in dataclasses.fields(ServeOptions)} & set(vars(self))
+        return self.serve(ServeOptions(hosts=self.host, **{name: getattr(self, name) for name in same}))
+
+    def serve(self, options: ServeOptions) -> int:
+        """Serves until Ctrl-C or SIGTERM; a study folder that exists goes on where it was."""
+        from human_study.design.study import STUDY_FILE
+
+        if (self.study is None) == (self.scene is None):
+            found = "both a study and --scene" if self.study else "neither a study nor --scene"
+            raise StudyError(
+                f"study serve: found {found}; expected one. Give a planned folder, or --scene to try a home."
+            )
+        if self.study is None:
+            return self._serve_scene(self.scene or "", dataclasses.replace(options, pilot=True))
+        asked = {
+            "--out": self.out,
+            "--split": self.split,
+            "--limit": self.limit,
+            "--seed": self.seed,
+            "--clutter": self.clutter,
+        }
+        given = [name for name, value in asked.items() if value]
+        if given:
+            raise StudyError(
+                f"{given[0]}: is for --scene; expected it in {STUDY_FILE} of a planned study. Leave it out."
+            )
+        return self._serve_planned(self.study, options)
+
+    def _serve_planned(self, folder: Path, options: ServeOptions) -> int:
+        """A study that `study plan` has planned."""
+        from human_study.design.plan import load_plan
+        from human_study.design.study import load_study
+        from personal_viz.study_app.gateway.options import require_may_serve
+        from personal_viz.study_app.study_files import require_texts
+        from sim.episodes.dataset import PersonalDataset
+
+        config = load_study(folder)
+        plan = load_plan(folder, config)
+        require_texts(folder, config, plan)
+        digest = PersonalDataset(self.dataset).digest()
+        if config.dataset.sha256 != digest:
+            raise StudyError(
+                f"--dataset {self.dataset}: its digest is {digest[:12]}; expected {config.dataset.sha256[:12]}, the "
+                "study's. Give the dataset that the study was planned with."
+            )
+        require_may_serve(options, config, [scene.kind for scene in plan.scenes])
+        return self._serve(folder, config, plan, options)
+
+    def _serve_scene(self, scene: str, options: ServeOptions) -> int:
+        """The episodes of one home: a POG and a PAN participant, no pages before the trials. Always a pilot."""
+        from human_study.design.plan import StudyScene
+        from personal_viz.study_app.checked_options import check_options, require_no_scan
+        from personal_viz.study_app.operator.service import listen
+        from sim.episodes.dataset import PersonalDataset
+        from sim.homes.kind import scene_kind
+
+        check_options(run_id=None, limit=self.limit, seed=self.seed)
+        episodes = PersonalDataset(self.dataset)
+        episodes.require_scene(scene)
+        folder = self.out or Path("runs") / f"study-{scene}"
+        listen(options).close()  # a port that is taken is told before anything is written
+        require_writable(folder)
+        kind = scene_kind(episodes, scene, self.scenes_dir)
+        require_no_scan(kind, clutter=self.clutter)
+        config = self._config(episodes, scene)
+        keys = [episode.key for episode in episodes.episodes(splits=self.split or SPLITS, scenes=(scene,))]
+        if not keys:
+            raise StudyError(
+                f"{self.dataset}: scene {scene!r} has no episode in {self.split}; expected one. Leave --split out."
+            )
+        home = StudyScene(name=scene, kind=kind, clutter=self.clutter)
+        return self._serve(folder, config, self._kept_plan(folder, config, home, keys), options)
+
+    def _config(self, episodes: PersonalDataset, scene: str) -> StudyConfig:
+        """The study of one home."""
+        from human_study.design.study import (
+            StudyBreaks,
+            StudyChecks,
+            StudyConfig,
+            StudyDataset,
+            StudyDesign,
+            StudyPog,
+            StudyPractice,
+        )
+
+        return StudyConfig(
+            study=f"{scene[:20]}-{self.seed}"[:32],
+            dataset=StudyDataset(
+                sha256=episodes.digest(),
+                splits=dict.fromkeys(self.split or SPLITS, "all"),
+                scenes=(scene,),
+                stratify="none",
+                max_per_scene=None,
+                seed=self.seed,
+            ),
+            task=("pog", "pan"),
+            actions=self.actions,
+            design=StudyDesign(kind="crossed", raters_per_episode=1),
+            pog=StudyPog(conditions=("map_open",)),
+            flow=("instructions",),
+            practice=StudyPractice(pan=0, pog=0),
+            checks=StudyChecks(every=None),
+            breaks=StudyBreaks(every=None, sitting_max=None),
+            clutter=self.clutter,
+        )
+
+    def _kept_plan(self, folder: Path, config: StudyConfig, home: StudyScene, keys: Sequence[EpisodeKey]) -> StudyPlan:
+        """The folder's plan, made once.
+
+        Raises:
+            StudyError: The folder's plan is not the one that is asked for.
+        """
+        from human_study.design.plan import PLAN_FILE, load_plan, save_plan
+        from human_study.design.planning import make_plan
+        from human_study.design.study import save_study
+        from sim.episodes.dataset import sample_keys
+
+        save_study(folder, config)
+        drawn = sample_keys(sorted(keys), per_split=self.limit, seed=config.dataset.seed)
+        plan = make_plan(config, [home], drawn, is_pilot=True)
+        if not (folder / PLAN_FILE).is_file():
+            save_plan(folder, plan)
+            return plan
+        found = load_plan(folder, config)
+        if found != plan and (self.split or self.limit is not None):
+            raise StudyError(
+                f"{folder / PLAN_FILE}: was made with another --split or --limit; expected the same. "
+                "Leave both out to go on with it, or give another --out."
+            )
+        return found
+
+    def _serve(self, folder: Path, config: StudyConfig, plan: StudyPlan, options: ServeOptions) -> int:
+        from human_study.design.secrets import make_secrets
+        from human_study.store.database import require_free_space
+        from human_study.store.store import open_store
+        from personal_viz.study_app.operator.service import require_many_recordings, serve_study
+
+        require_free_space(folder)
+        require_many_recordings(self.rerun, plan)
+        with open_store(folder, config, plan) as store:
+            secrets = make_secrets(folder, [person.code for person in plan.participants])
+            _register(store, plan, secrets)
+            if options.pilot and not plan.is_pilot:
+                store.mark_pilot()
+            serve_study(
+                store,
+                folder=folder,
+                dataset=self.dataset,
+                scenes_dir=self.scenes_dir,
+                platform_key=secrets.key_bytes,
+                links=[(person.task.upper(), person.code, secrets.tokens[person.code]) for person in plan.participants],
+                options=options,
+                rerun=self.rerun,
+                with_pixels=self.with_pixels,
+            )
+        print(f"Stopped. Everything is in {folder}; see it with: personal-viz study export {folder}")
+        return 0
+
+
+def _register(store: StudyStore, plan: StudyPlan, secrets: StudySecrets) -> None:
+    """Registers whom the store does not know yet; the tokens are on disk before, so a kill in between loses nothing."""
+    from human_study.tickets import token_hash
+
+    for person in plan.participants:
+        token = secrets.tokens[person.code]
+        if store.code_of_token(token) is None:
+            store.add_participant(person, token_hash(token))
+
+
+def require_writable(folder: Path) -> None:
+    """Makes the folder and writes into it.
 
     Raises:
-        StudyError: The port is taken, a worker cannot start, or all workers ended.
+        StudyError: That is not possible.
     """
-    require_may_serve(options, store.config, [scene.kind for scene in store.plan.scenes])
-    codes = _codes(folder, store.config)
-    tickets = Tickets(folder)
-    admission = _admission(store, links, platform_key)
-    print(_opening(store.plan, options.num_workers), flush=True)
-    with (
-        contextlib.closing(listen(options)) as listening,
-        shown_live(rerun, store.plan) as where,
-        ended_by_sigterm(),
-        WorkerPool(
-            store,
-            worker_command(folder, dataset, scenes_dir, rerun=where, with_pixels=with_pixels),
-            num_workers=options.num_workers,
-            tickets=tickets,
-            end_code=functools.partial(end_code, codes, platform_key),
-            tell=_tell,
-            heartbeat=options.heartbeat,
-            end_s=WORKERS_SHARE * options.drain_s,
-        ) as pool,
-        _looked_after(store, pool, options) as (keeper, page),
-    ):
-        gateway = _gateway(store, admission, pool, keeper, tickets=tickets, codes=codes, options=options)
-        _print_links(options.address(listening.getsockname()[1]), links, has_open_link=admission.has_open_link)
-        print(f"  Who is where, for you only: {page}")
-        print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
-        _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
-
-
-@contextlib.contextmanager
-def _looked_after(store: StudyStore, pool: WorkerPool, options: ServeOptions) -> Iterator[tuple[LeaseKeeper, str]]:
-    """Who is here, and the researcher's page; leases, backups and the disk are looked after until the block ends."""
-    keeper = LeaseKeeper(store, tell=_tell)
-    serving = functools.partial(serving_of, pool, keeper)
-    with (
-        upkeep(store, keeper, tell=_tell),
-        dashboard(store.folder, options.dashboard_port, serving=serving) as page,
-    ):
-        yield keeper, page
-
-
-def _gateway(
-    store: StudyStore,
-    admission: Admission,
-    pool: WorkerPool,
-    keeper: LeaseKeeper,
-    *,
-    tickets: Tickets,
-    codes: RecruitCodes,
-    options: ServeOptions,
-) -> Gateway:
-    """What participants' browsers talk to."""
-    return Gateway(
-        admission,
-        pool,
-        tickets=tickets,
-        options=options,
-        present=keeper.present,
-        screen_out_code=codes.prolific and codes.prolific.screen_out,
-        tell=_tell,
-        note_error=store.note_error,
-    )
-
-
-def _admission(store: StudyStore, links: Sequence[tuple[str, str, str]], platform_key: bytes) -> Admission:
-    """Who is let in: the holders of the links, and whom the study file's way of recruiting brings."""
-    return Admission(
-        store,
-        store.config,
-        token_of_code={code: token for _, code, token in links},
-        platform_key=platform_key,
-        pay_file=PayFile(store.folder),
-    )
-
-
-def listen(options: ServeOptions) -> socket.socket:
-    """A listening socket; browsers that come before the server runs wait instead of failing.
-
-    Raises:
-        StudyError: The port is taken, or the address is not this machine's.
-    """
-    bind = "127.0.0.1" if options.bind == "localhost" else options.bind
-    listener = socket.socket(socket.AF_INET6 if ":" in bind else socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind((bind, options.port))
-        listener.listen(128)
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".writable"
+        probe.touch()
+        probe.unlink()
     except OSError as error:
-        listener.close()
         raise StudyError(
-            f"port {options.port} of {bind}: cannot be used ({error.strerror}); expected a free one of this machine. "
-            "Take another: make demo PORT=8090, or --port 8090."
+            f"{folder}: cannot be written ({error.strerror}); expected a folder that you can write. "
+            "Give another with --out."
         ) from None
-    return listener
-
-
-def require_many_recordings(rerun: str | None, plan: StudyPlan) -> None:
-    """Refuses one file for the recordings of a study.
-
-    Raises:
-        StudyError: `rerun` names one file: a study has several trials.
-    """
-    if rerun is not None and rerun.endswith(".rrd"):
-        num_trials = sum(len(participant.trials) for participant in plan.participants)
-        raise StudyError(
-            f"--rerun {rerun}: this study has {num_trials} trials; expected one for a single file. "
-            "Give a folder (one file per trial), rerun+http://HOST:PORT/proxy or spawn."
-        )
-
-
-@contextlib.contextmanager
-def shown_live(rerun: str | None, plan: StudyPlan) -> Iterator[str | None]:
-    """Where the workers stream trials to, a folder or a viewer's address; None = nobody watches.
-
-    Raises:
-        StudyError: `rerun` names one file: a study has several trials.
-        RecordingError: Nobody listens at the address, or no viewer can be started.
-    """
-    require_many_recordings(rerun, plan)
-    if rerun is None:
-        yield None
-        return
-    trials = [trial for participant in plan.participants for trial in participant.trials]
-    from recordings.live import live_sink  # Rerun takes a second to import
-
-    keys = [EpisodeKey(trial.split, trial.scene, trial.episode_id) for trial in trials]
-    with live_sink(rerun, keys) as sink:
-        where = str(Path(sink.where).resolve()) if sink.kind == "folder" else sink.where
-        print(f"Trials are shown live, for the researcher only: {where}", flush=True)
-        yield where
-
-
-@contextlib.contextmanager
-def ended_by_sigterm() -> Iterator[None]:
-    """SIGTERM ends the block as Ctrl-C does, so that workers are ended and the store is closed."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _opening(plan: StudyPlan, num_workers: int) -> str:
-    """What a person at the terminal reads until the links come."""
-    names = plan.scenes[0].name if len(plan.scenes) == 1 else f"{len(plan.scenes)} homes"
-    line = f"Opening {names} for {num_workers} viser {'worker' if num_workers == 1 else 'workers'} ..."
-    if all(scene.kind != "scan" for scene in plan.scenes):
-        return line
-    return f"{line} A large scan takes a minute or more the first time; what is made of it is kept in {cache_dir()}."
-
-
-def _codes(folder: Path, config: StudyConfig) -> RecruitCodes:
-    """Codes for people who come from a platform.
-
-    Raises:
-        StudyError: The study needs them, and there are none.
-    """
-    codes = load_recruit_codes(folder)
-    if config.recruit.kind == "prolific" and codes.prolific is None:
-        raise StudyError(
-            f"{folder / CODES_FILE}: holds no [prolific] codes; expected them, because recruit.kind is prolific. "
-            'Write [prolific], completion = "...", screen_out = "..." and no_consent = "..." into it.'
-        )
-    return codes
-
-
-def _print_links(address: str, links: Sequence[tuple[str, str, str]], *, has_open_link: bool) -> None:
-    for label, code, token in links:
-        print(f"  {label}  {code}  {address}/#{token}")
-    if has_open_link:
-        print(f"  Open link for everybody else: {address}/join")
-
-
-def _serve_until_told(server: uvicorn.Server, listener: socket.socket, pool: WorkerPool) -> None:
-    def stop_when_ended() -> None:
-        pool.ended.wait()
-        server.should_exit = True
-
-    threading.Thread(target=stop_when_ended, daemon=True, name="pool-ended").start()
-    with contextlib.suppress(KeyboardInterrupt):  # uvicorn has closed the connections by then
-        server.run(sockets=[listener])
-    if pool.ended.is_set():
-        raise StudyError(
-            "the viser workers ended by themselves; see their messages above. "
-            "Start the study again: nothing acknowledged is lost."
-        )
-
-
-def _tell(line: str) -> None:
-    print(f"personal-viz: {line}", file=sys.stderr, flush=True)

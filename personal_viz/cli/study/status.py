@@ -1,25 +1,25 @@
 """Verb `study status`: who is where and how much is done, also while the study is served; never outcomes."""
 
+from __future__ import annotations
+
 import dataclasses
 import json as json_module
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from rich import box
-from rich.console import Group, RenderableType
-from rich.live import Live
-from rich.progress_bar import ProgressBar
-from rich.table import Table
-from rich.text import Text
+from tyro.conf import Positional, arg
 
-from human_study.store.database import MIN_FREE_MB
-from human_study.store.progress import StudyProgress, study_progress
-from human_study.store.progress_people import PersonProgress, State
-from human_study.store.records import read_study
-from personal_viz.printed import Console
-from personal_viz.study_app.progress_words import STATES, age_words, disk_words, place_words
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+    from human_study.store.progress import StudyProgress
+    from human_study.store.progress_people import PersonProgress, State
+    from personal_viz.printed import Console
 
 EVERY_S = 2.0
 """Between two looks of `--watch`."""
@@ -29,36 +29,46 @@ _ORDER: tuple[State, ...] = ("stuck", "active", "away", "finished", "out")
 _COLOURS = {"active": "green", "stuck": "bold yellow", "away": "yellow", "finished": "cyan"}
 
 
-def status(*, study: Path, json: bool, watch: bool) -> int:
-    """Shows a study's progress once, or until Ctrl-C.
+@dataclass
+class StudyStatus:
+    """Who is where, stuck or finished; never how well somebody does. Works while the study is served."""
 
-    Args:
-        study: The study's folder.
-        json: One JSON document; with `watch` one per line and look.
-        watch: Look again every two seconds.
-    """
-    if not watch:
-        found = progress_now(study)
-        if json:
-            print(json_module.dumps(dataclasses.asdict(found), indent=2))
-        else:
-            _console().print(page(found))
+    study: Positional[Path]
+    json: bool = False
+    watch: Annotated[bool, arg(help="Stay, and show changes.")] = False
+
+    def work(self) -> int:
+        if not self.watch:
+            found = progress_now(self.study)
+            if self.json:
+                print(json_module.dumps(dataclasses.asdict(found), indent=2))
+            else:
+                _console().print(page(found))
+            return 0
+        try:
+            _watch(self.study, json=self.json)
+        except KeyboardInterrupt:
+            return 0
         return 0
-    try:
-        _watch(study, json=json)
-    except KeyboardInterrupt:
-        return 0
-    return 0
 
 
 def progress_now(study: Path) -> StudyProgress:
     """One snapshot. Raises StudyError where there is no study."""
+    from human_study.store.progress import study_progress
+    from human_study.store.records import read_study
+
     with read_study(study) as reader:
         return study_progress(reader, now_ns=time.time_ns())
 
 
 def page(found: StudyProgress) -> RenderableType:
     """Everything for one screen."""
+    from rich.console import Group
+    from rich.text import Text
+
+    from human_study.store.database import MIN_FREE_MB
+    from personal_viz.study_app.progress_words import disk_words
+
     parts: list[RenderableType] = [_head(found), _slots(found), _people(found)]
     if found.disk.free_mb < MIN_FREE_MB:
         parts.append(Text(f"The disk has {disk_words(found.disk.free_mb)} free: free some space.", style="bold red"))
@@ -66,6 +76,8 @@ def page(found: StudyProgress) -> RenderableType:
 
 
 def _watch(study: Path, *, json: bool) -> None:
+    from rich.live import Live
+
     pause = threading.Event()  # nobody sets it: a wait that Ctrl-C ends
     found = progress_now(study)
     if json:
@@ -79,10 +91,19 @@ def _watch(study: Path, *, json: bool) -> None:
 
 
 def _console() -> Console:
+    from personal_viz.printed import Console
+
     return Console() if sys.stdout.isatty() else Console(width=max(MIN_WIDTH, Console().width))
 
 
 def _head(found: StudyProgress) -> RenderableType:
+    from rich.console import Group
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+    from rich.text import Text
+
+    from personal_viz.study_app.progress_words import STATES, age_words, disk_words
+
     title = Text(found.study, style="bold")
     if found.is_pilot:
         title.append("  PILOT", style="bold magenta")
@@ -103,6 +124,9 @@ def _head(found: StudyProgress) -> RenderableType:
 
 
 def _slots(found: StudyProgress) -> Table:
+    from rich import box
+    from rich.table import Table
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("Task", "Condition", "Split"):
         table.add_column(name)
@@ -116,6 +140,11 @@ def _slots(found: StudyProgress) -> Table:
 
 def _people(found: StudyProgress) -> RenderableType:
     """Whoever may need somebody comes first: a short terminal cuts off the end."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("Person", "Task", "State", "Where", "Trial"):
         table.add_column(name, no_wrap=True)
@@ -129,6 +158,10 @@ def _people(found: StudyProgress) -> RenderableType:
 
 
 def _cells(person: PersonProgress) -> list[RenderableType]:
+    from rich.text import Text
+
+    from personal_viz.study_app.progress_words import STATES, age_words, place_words
+
     numbers = (person.num_reconnects, person.num_technical, person.num_abandoned)
     return [
         person.code,

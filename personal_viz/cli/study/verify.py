@@ -1,25 +1,25 @@
 """Verb `study verify`: does every finished trial again, home by home, and stores what it finds."""
 
-import sys
+from __future__ import annotations
+
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from rich.progress import Progress
+from tyro.conf import Positional, arg
 
-from human_study.design.plan import PRACTICE_FOLDER, StudyPlan, StudyScene
-from human_study.store.record_types import TrialStatus, VerificationEntry
-from human_study.store.records import read_study
-from human_study.tickets import new_id
-from personal_viz.printed import Console
-from personal_viz.study_app.checked_options import check_options
-from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset, sim_hash
-from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
-from sim.tasks.workers import SceneJob, results
+from sim.tasks.workers import SceneJob
 from sim.types import EpisodeKey
+
+from ..options import Dataset, ScenesDir
+
+if TYPE_CHECKING:
+    from human_study.design.plan import StudyPlan, StudyScene
+    from human_study.store.record_types import TrialStatus, VerificationEntry
 
 BATCH = 20
 """Episodes that a worker process does before it hands them over."""
@@ -38,41 +38,46 @@ class VerifyJob(SceneJob):
     run_id: str
 
 
-def verify(*, study: Path, dataset: Path, scenes_dir: Path | None, jobs: int = 1, store: bool = True) -> int:
-    """Does every finished trial of a study again; exit code 1 when one differs, or cannot be compared.
+@dataclass
+class StudyVerify:
+    """Do every finished trial again, step by step, and compare with what is stored; the result is stored too."""
 
-    Args:
-        study: Folder.
-        dataset: That the study was made from.
-        scenes_dir: Of licensed scans.
-        jobs: Worker processes.
-        store: Whether the results are stored beside the trials, when nobody else writes to the study.
+    study: Positional[Path]
+    dataset: Dataset
+    scenes_dir: ScenesDir = None
+    jobs: Annotated[int, arg(help="Worker processes, each with homes of its own.")] = 1
+    store: Annotated[bool, arg(help="Write the result into the study, unless it is being served.")] = True
 
-    Raises:
-        StudyError: The study cannot be read, or is of another dataset.
-        DatasetError, SceneError: A home cannot be read.
-    """
-    check_options(run_id=None, jobs=jobs)
-    run_id = new_id()
-    with read_study(study) as reader:
-        reader.check()
-        people = [reader.trials(code) for code in reader.codes()]
-        plan, digest = reader.plan, reader.config.dataset.sha256
-    finished = [status for trials in people for status in trials if status.outcome is not None]
-    num_deleted = sum(bool(trials) and trials[0].is_shredded for trials in people)
-    if any(status.phase == "main" for status in finished):
-        require_same_dataset(PersonalDataset(dataset), digest)
-    work = _jobs(study, plan, finished, dataset, scenes_dir, run_id)
-    found: list[VerificationEntry] = []
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
-        bar = progress.add_task("verify", total=len(finished))
-        for entries in results(_open_home, work, processes=jobs, batch=BATCH):
-            found += entries
-            progress.update(bar, advance=len(entries))
-    _print_found(study, found, {status.trial_id: status for status in finished}, num_deleted=num_deleted)
-    if store and found:
-        _store(study, found)
-    return 0 if all(entry.status == "verified" for entry in found) else 1
+    def work(self) -> int:
+        from human_study.store.records import read_study
+        from human_study.tickets import new_id
+        from personal_viz.study_app.checked_options import check_options
+        from personal_viz.study_app.home.trial_homes import require_same_dataset
+        from sim.episodes.dataset import PersonalDataset
+        from sim.tasks.workers import results
+
+        from ..progress import counted
+
+        check_options(run_id=None, jobs=self.jobs)
+        run_id = new_id()
+        with read_study(self.study) as reader:
+            reader.check()
+            people = [reader.trials(code) for code in reader.codes()]
+            plan, digest = reader.plan, reader.config.dataset.sha256
+        finished = [status for trials in people for status in trials if status.outcome is not None]
+        num_deleted = sum(bool(trials) and trials[0].is_shredded for trials in people)
+        if any(status.phase == "main" for status in finished):
+            require_same_dataset(PersonalDataset(self.dataset), digest)
+        work = _jobs(self.study, plan, finished, self.dataset, self.scenes_dir, run_id)
+        found: list[VerificationEntry] = []
+        with counted("verify", len(finished)) as progress:
+            for entries in results(_open_home, work, processes=self.jobs, batch=BATCH):
+                found += entries
+                progress.add(len(entries))
+        _print_found(self.study, found, {status.trial_id: status for status in finished}, num_deleted=num_deleted)
+        if self.store and found:
+            _store(self.study, found)
+        return 0 if all(entry.status == "verified" for entry in found) else 1
 
 
 def _jobs(
@@ -84,6 +89,8 @@ def _jobs(
     run_id: str,
 ) -> list[VerifyJob]:
     """One job for each home."""
+    from human_study.design.plan import PRACTICE_FOLDER
+
     by_scene: defaultdict[str, list[tuple[EpisodeKey, str, str]]] = defaultdict(list)
     for status in finished:
         assert status.trial_id is not None, status
@@ -108,6 +115,9 @@ def _jobs(
 def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry, ...]]:
     """What does one episode's trials again, by all its people."""
     from human_study.export.verify import verify_trial
+    from human_study.store.record_types import VerificationEntry
+    from human_study.store.records import read_study
+    from personal_viz.study_app.home.trial_homes import open_any_home, sim_hash
 
     home = open_any_home(
         job.study_scene,

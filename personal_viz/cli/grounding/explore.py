@@ -1,5 +1,7 @@
 """Verb `explore`: explorations of homes into a folder, their figures, and how coverage grows over steps."""
 
+from __future__ import annotations
+
 import io
 import json as json_module
 import multiprocessing
@@ -8,106 +10,146 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from rich.box import SIMPLE_HEAD
-from rich.progress import Progress
-from rich.table import Table
+from tyro.conf import arg
 
-from grounding.agents.exploration_jobs import ExploreJob, Storeys, invented_name, run_job
-from grounding.agents.explore import Exploration
-from personal_viz.printed import Console
-from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
-from sim.files import write_whole
-from sim.homes.kind import common_kind
-from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import RunInfo
 from sim.types import Camera, SceneKind
 
-from ..study_app.checked_options import check_options
+from ..options import Json, Scenes, ScenesDir, WithPixels
+
+if TYPE_CHECKING:
+    from grounding.agents.exploration_jobs import ExploreJob
+    from grounding.agents.explore import Exploration
+    from sim.tasks.run_files import RunInfo
 
 _PLOT, _SUMMARY = "coverage.png", "explore.json"
 
 
-def explore(
-    *,
-    dataset: Path | None,
-    homes: int | None,
-    scene: tuple[str, ...],
-    scenes_dir: Path | None,
-    storeys: Storeys,
-    seed: int,
-    max_steps: int,
-    width: int,
-    height: int,
-    jobs: int,
-    out: Path,
-    json: bool,
-    rerun: str | None = None,
-    with_pixels: bool = False,
-) -> int:
-    """Explores the homes of a dataset, or invented ones, into `out`; a second call goes on where the first stopped.
+@dataclass
+class Explore:
+    """Explore homes with a frontier policy; write the explorations, their figures, and coverage over steps."""
 
-    Raises:
-        PersonalVizError: Bad options, dataset or folder; or a home cannot be explored.
-    """
-    check_options(run_id=None, jobs=jobs, seed=seed)
-    _check(dataset, homes, width=width, height=height, max_steps=max_steps)
-    names, kind = _homes(dataset, homes, scene, scenes_dir)
-    camera = Camera(width, height)
-    todo = [
-        ExploreJob(
-            name,
-            seed=seed,
-            max_steps=max_steps,
-            camera=camera,
-            storeys=storeys,
-            out=out,
-            dataset_root=dataset,
-            scenes_dir=scenes_dir,
-        )
-        for name in names
-    ]
-    with watching(rerun, todo, with_pixels=with_pixels) as watched:
-        found = _with_progress(watched, processes=jobs)
-    found.sort(key=lambda item: (item.scene, item.storey_y))
-    info = make_run_info(
-        "explore",
-        who="frontier",
-        who_kind="agent",
-        scene_kind=kind,
-        dataset_digest=PersonalDataset(dataset).digest() if dataset else "",
-        seed=seed,
-        config={"max_steps": max_steps, "storeys": storeys, "homes": homes},
+    dataset: Annotated[Path | None, arg(help="Folder of episodes whose homes are explored; or give --homes.")] = None
+    homes: Annotated[int | None, arg(help="So many invented homes, from the seeds 0, 1, ...")] = None
+    scene: Scenes = ()
+    scenes_dir: ScenesDir = None
+    storeys: Annotated[Literal["start", "all"], arg(help="start: the storey with the most floor; all: each one.")] = (
+        "start"
     )
-    document = document_of(found, info=info, out=out)
-    write_whole(
-        out / _PLOT,
-        coverage_png(found, title=f"{len(found)} storeys of {len(todo)} {kind} homes", label=info.scene_label),
-    )
-    write_whole(out / _SUMMARY, json_module.dumps(document, indent=2) + "\n")
-    if json:
-        print(json_module.dumps(document, indent=2))
-    else:
-        _print_table(found, document)
-        print(f"Written to {out}; coverage over steps: {out / _PLOT}")
-    return 0
+    seed: Annotated[int, arg(help="Of the starts.")] = 0
+    max_steps: Annotated[int, arg(help="Most actions per storey; most homes need fewer.")] = 2500
+    width: Annotated[
+        int, arg(help="Of the robot's pictures; smaller ones are quicker, with the same field of view.")
+    ] = 640
+    height: Annotated[int, arg(help="Of the robot's pictures, pixels, as the width.")] = 480
+    jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
+    out: Annotated[Path, arg(help="Folder of the explorations.")] = Path("runs/explore")
+    json: Json = False
+    rerun: Annotated[
+        str | None,
+        arg(
+            help="Show explorations live, stored ones again: FILE.rrd, a folder (one file per exploration), "
+            "rerun+http://HOST:PORT/proxy, or spawn."
+        ),
+    ] = None
+    with_pixels: WithPixels = False
 
+    def work(self) -> int:
+        from sim.files import write_whole
 
-def _check(dataset: Path | None, homes: int | None, *, width: int, height: int, max_steps: int) -> None:
-    """Refuses what no exploration can be made with."""
-    if homes is not None and homes < 1:
-        raise PersonalVizError(
-            f"--homes is {homes}; expected a whole number from 1. Give so many homes, or --dataset instead."
-        )
-    if (dataset is None) == (homes is None):
-        raise PersonalVizError("explore: found both or none of --dataset and --homes; expected one. Give one of them.")
-    if min(width, height, max_steps) < 1:
-        raise PersonalVizError(
-            f"explore: --width {width}, --height {height}, --max-steps {max_steps}; expected whole numbers from 1. "
-            "Leave them out for the defaults."
+        from ...study_app.checked_options import check_options
+
+        check_options(run_id=None, jobs=self.jobs, seed=self.seed)
+        self._check()
+        names, kind = self._homes()
+        todo = self._jobs(names)
+        with watching(self.rerun, todo, with_pixels=self.with_pixels) as watched:
+            found = _with_progress(watched, processes=self.jobs)
+        found.sort(key=lambda item: (item.scene, item.storey_y))
+        info = self._info(kind)
+        document = document_of(found, info=info, out=self.out)
+        title = f"{len(found)} storeys of {len(todo)} {kind} homes"
+        write_whole(self.out / _PLOT, coverage_png(found, title=title, label=info.scene_label))
+        write_whole(self.out / _SUMMARY, json_module.dumps(document, indent=2) + "\n")
+        if self.json:
+            print(json_module.dumps(document, indent=2))
+        else:
+            _print_table(found, document)
+            print(f"Written to {self.out}; coverage over steps: {self.out / _PLOT}")
+        return 0
+
+    def _check(self) -> None:
+        """Refuses what no exploration can be made with."""
+        if self.homes is not None and self.homes < 1:
+            raise PersonalVizError(
+                f"--homes is {self.homes}; expected a whole number from 1. Give so many homes, or --dataset instead."
+            )
+        if (self.dataset is None) == (self.homes is None):
+            raise PersonalVizError(
+                "explore: found both or none of --dataset and --homes; expected one. Give one of them."
+            )
+        if min(self.width, self.height, self.max_steps) < 1:
+            raise PersonalVizError(
+                f"explore: --width {self.width}, --height {self.height}, --max-steps {self.max_steps}; expected whole "
+                "numbers from 1. Leave them out for the defaults."
+            )
+
+    def _homes(self) -> tuple[list[str], SceneKind]:
+        """Names of the homes, and their kind."""
+        from grounding.agents.exploration_jobs import invented_name
+        from sim.episodes.dataset import PersonalDataset
+        from sim.homes.kind import common_kind
+
+        if self.dataset is None:
+            assert self.homes is not None
+            if self.scene or self.scenes_dir is not None:
+                raise PersonalVizError(
+                    "explore: found --scene or --scenes-dir beside --homes; expected neither: invented homes are "
+                    "numbered from 0. Leave them out, or give --dataset."
+                )
+            return [invented_name(number) for number in range(self.homes)], "invented"
+        episodes = PersonalDataset(self.dataset)
+        names = sorted(set(self.scene) or {name for _, name in episodes.files})
+        for name in names:
+            episodes.require_scene(name)
+        return names, common_kind(episodes, names, self.scenes_dir)
+
+    def _jobs(self, names: Sequence[str]) -> list[ExploreJob]:
+        """One job per home."""
+        from grounding.agents.exploration_jobs import ExploreJob
+
+        camera = Camera(self.width, self.height)
+        return [
+            ExploreJob(
+                name,
+                seed=self.seed,
+                max_steps=self.max_steps,
+                camera=camera,
+                storeys=self.storeys,
+                out=self.out,
+                dataset_root=self.dataset,
+                scenes_dir=self.scenes_dir,
+            )
+            for name in names
+        ]
+
+    def _info(self, kind: SceneKind) -> RunInfo:
+        """What `run.json` would say of these explorations."""
+        from sim.episodes.dataset import PersonalDataset
+        from sim.tasks.provenance import make_run_info
+
+        return make_run_info(
+            "explore",
+            who="frontier",
+            who_kind="agent",
+            scene_kind=kind,
+            dataset_digest=PersonalDataset(self.dataset).digest() if self.dataset else "",
+            seed=self.seed,
+            config={"max_steps": self.max_steps, "storeys": self.storeys, "homes": self.homes},
         )
 
 
@@ -134,36 +176,20 @@ def watching(rerun: str | None, jobs: list[ExploreJob], *, with_pixels: bool) ->
 
 
 def _with_progress(jobs: Sequence[ExploreJob], *, processes: int) -> list[Exploration]:
+    from ..progress import counted
+
     found: list[Exploration] = []
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty()) as progress:
-        bar = progress.add_task("explore", total=len(jobs))
+    with counted("explore", len(jobs)) as progress:
         for made in _explored(jobs, processes=processes):
             found += made
-            progress.update(bar, advance=1)
+            progress.add()
     return found
-
-
-def _homes(
-    dataset: Path | None, homes: int | None, scenes: tuple[str, ...], scenes_dir: Path | None
-) -> tuple[list[str], SceneKind]:
-    """Names of the homes, and their kind."""
-    if dataset is None:
-        assert homes is not None
-        if scenes or scenes_dir is not None:
-            raise PersonalVizError(
-                "explore: found --scene or --scenes-dir beside --homes; expected neither: invented homes are numbered "
-                "from 0. Leave them out, or give --dataset."
-            )
-        return [invented_name(number) for number in range(homes)], "invented"
-    episodes = PersonalDataset(dataset)
-    names = sorted(set(scenes) or {name for _, name in episodes.files})
-    for name in names:
-        episodes.require_scene(name)
-    return names, common_kind(episodes, names, scenes_dir)
 
 
 def _explored(jobs: Sequence[ExploreJob], *, processes: int) -> Iterator[tuple[Exploration, ...]]:
     """The explorations of each job, in the order in which they end."""
+    from grounding.agents.exploration_jobs import run_job
+
     if processes <= 1:
         yield from map(run_job, jobs)
         return
@@ -248,6 +274,11 @@ def coverage_png(found: Sequence[Exploration], *, title: str, label: str) -> byt
 
 
 def _print_table(found: Sequence[Exploration], document: dict) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from personal_viz.printed import Console
+
     camera = document["camera"]
     table = Table(
         title=f"Explorations, {document['scene_kind']} homes, camera {camera['width']} x {camera['height']}",

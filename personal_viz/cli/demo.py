@@ -1,0 +1,42 @@
+"""Verb `demo`: an invented home and a study on it."""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+from sim.errors import StudyError
+
+from .study.serve import StudyServe, require_writable
+
+HOME = "DemoHome"
+
+
+@dataclass
+class Demo:
+    """Invent a home, serve a study on it, and print two personal links."""
+
+    out: Path = Path("runs/demo")
+    seed: int = 5
+    port: Annotated[str, arg(help="Also from the environment variable PORT; 0 takes a free one.")] = field(
+        default_factory=lambda: os.environ.get("PORT", "8080")
+    )
+
+    def work(self) -> int:
+        from sim.authoring.generation import invent_dataset
+
+        dataset = self.out / "dataset"
+        if not (dataset / "scenes" / f"{HOME}.plan.json").is_file():
+            require_writable(self.out)
+            print(f"Inventing a home with episodes in {dataset} ...", flush=True)
+            invent_dataset(dataset, name=HOME, seed=self.seed)
+        port = _port_from(self.port)
+        return StudyServe(dataset, scene=HOME, out=self.out / "study", seed=self.seed, port=port).work()
+
+
+def _port_from(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65535:
+        raise StudyError(f"PORT is {text!r}; expected a number from 0 to 65535. Start again: make demo PORT=8090")
+    return int(text)

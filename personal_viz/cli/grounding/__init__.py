@@ -1,0 +1,1 @@
+"""Verbs of grounding: explore, map, ground, report; and recordings of explorations and maps."""

@@ -1,0 +1,339 @@
+"""Verb `ground`: a grounder over POG episodes into a run folder, and the paper's POG table of it; sweeps over noise."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import arg
+
+from grounding.methods.by_name import GrounderName
+from grounding.settings import MapLayout
+from sim.errors import AgentError, PersonalVizError
+from sim.types import SPLITS
+
+from ..options import (
+    Clutter,
+    Dataset,
+    Json,
+    Limit,
+    ModelAutocast,
+    ModelBatch,
+    ModelDevice,
+    RunId,
+    SampleSeed,
+    Scenes,
+    ScenesDir,
+    Splits,
+)
+
+if TYPE_CHECKING:
+    from grounding.encoders.protocol import ModelOptions
+    from grounding.evaluate import GroundJob
+    from grounding.methods.by_name import Grounder
+    from grounding.settings import GroundSettings
+    from sim.episodes.dataset import PersonalDataset
+    from sim.tasks.run_files import RunInfo
+
+    from .ground_tables import GroundResult
+
+EXPLORATIONS = "explorations"
+"""Folder below --out that all maps of explored homes share."""
+_NOT_OF_THE_MAP = ("method", "phrases", "all_storeys", "llm_url", "llm_model", "llm_key_env")
+"""Settings that the same map serves."""
+
+
+_EXPLORED = "Explored maps: "
+
+
+@dataclass
+class Ground:
+    """Ground POG episodes on oracle maps, on maps of homes that our explorer walks, or on maps made before."""
+
+    dataset: Dataset
+    method: GrounderName
+    map: Annotated[
+        str,
+        arg(help="oracle (texts of the episode files), explore (walk each home, map it), or a folder of <Scene>.npz."),
+    ] = "oracle"
+    encoder: Annotated[
+        str,
+        arg(
+            help="hashed, minilm (on explored maps: oracle perception in their space), or clip:, siglip:, "
+            "blip2-itc256:, blip2-hidden768: and a model id or a folder."
+        ),
+    ] = "hashed"
+    phrases: Annotated[
+        Literal["dataset", "rules", "llm"],
+        arg(help="Who owns what: the dataset's own (ground truth), parsed from the text by rules, or asked of an LLM."),
+    ] = "dataset"
+    llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
+    llm_model: Annotated[str, arg(help="Its model.")] = ""
+    llm_key_env: Annotated[str, arg(help="Environment variable that holds its key; it is not written anywhere.")] = ""
+    all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
+    layout: Annotated[
+        MapLayout | None,
+        arg(help=_EXPLORED + "cells of 1 m (grid, by default) or 0.25 m (fine), or objects; map files say theirs."),
+    ] = None
+    features: Annotated[Literal["patches", "images"], arg(help=_EXPLORED + "what is encoded of each view.")] = "patches"
+    blur: Annotated[float, arg(help="Oracle maps: sigma over which objects spread, metres.")] = 0.0
+    object_noise: Annotated[float, arg(help="Error of each object's cosines (standard deviation).")] = 0.0
+    cell_noise: Annotated[float, arg(help="Oracle maps: the same of each cell.")] = 0.0
+    clutter_texts: Annotated[bool, arg(help="Oracle maps: empty observed cells hold objects of other homes.")] = False
+    view_noise: Annotated[float, arg(help=_EXPLORED + "error of each patch in each view.")] = 0.0
+    confusion: Annotated[float, arg(help=_EXPLORED + "share of objects taken for another one.")] = 0.0
+    background: Annotated[bool, arg(help=_EXPLORED + "walls and nameless things say something random.")] = False
+    paraphrase: Annotated[
+        Literal[0, 1, 2, 3],
+        arg(help=_EXPLORED + "captions as they are, reworded, with half of the attributes, or the category only."),
+    ] = 0
+    clutter: Clutter = 0
+    device: ModelDevice = "cpu"
+    autocast: ModelAutocast = "off"
+    batch: ModelBatch = 8
+    sweep: Annotated[str | None, arg(help="NAME=V1,V2,...: one run per value, e.g. object-noise=0,0.1,0.2.")] = None
+    scenes_dir: ScenesDir = None
+    out: Path = Path("runs")
+    scene: Scenes = ()
+    split: Splits = ()
+    limit: Limit = None
+    sample_seed: SampleSeed = 0
+    seed: int = 0
+    jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
+    run_id: RunId = None
+    json: Json = False
+
+    def work(self) -> int:
+        from grounding.encoders.by_name import is_model, require_no_model_options
+        from sim.episodes.dataset import PersonalDataset
+
+        from ...study_app.checked_options import check_options
+        from .ground_tables import ground_document, print_ground_table
+
+        episodes = PersonalDataset(self.dataset)
+        settings = self.settings(episodes)
+        check_options(
+            run_id=self.run_id, limit=self.limit, jobs=self.jobs, seed=self.seed, sample_seed=self.sample_seed
+        )
+        if self.batch < 1:
+            raise PersonalVizError(f"--batch is {self.batch}; expected a whole number from 1. Leave it out.")
+        if not is_model(self.encoder):
+            require_no_model_options(f"--encoder {self.encoder}", self._model)
+        documents = []
+        for each in [settings] if self.sweep is None else swept(settings, self.sweep):
+            found = [self._grounded(episodes, one) for one in (each, *_beside(each))]
+            if self.json:
+                document, *beside = [ground_document(result) for result in found]
+                documents.append({**document, "with_rule_phrases": next(iter(beside), None)})
+            else:
+                print_ground_table(found)
+        if self.json:
+            print(json.dumps(documents if self.sweep else documents[0], indent=2))
+        return 0
+
+    def settings(self, episodes: PersonalDataset) -> GroundSettings:
+        """What is evaluated; the layout of maps made before is what their files say.
+
+        Raises:
+            PersonalVizError: Options that do not go together, or map files that do not.
+        """
+        from grounding.settings import GroundSettings
+
+        from .ground_maps import layout_of_maps
+
+        layout = self.layout or "grid"
+        if self._folder is not None:
+            layout = layout_of_maps(self._folder, episodes, scenes=self.scene, method=self.method, asked=self.layout)
+        same = {field.name for field in fields(GroundSettings)} & {field.name for field in fields(self)}
+        values = {name: getattr(self, name) for name in same - {"map", "layout"}}
+        kind = "files" if self._folder else "explore" if self.map == "explore" else "oracle"
+        return GroundSettings(map=kind, layout=layout, home_clutter=self.clutter, **values)
+
+    @property
+    def _folder(self) -> Path | None:
+        """Of map files, for `--map PATH`."""
+        return None if self.map in ("oracle", "explore") else Path(self.map)
+
+    @property
+    def _model(self) -> ModelOptions:
+        """How a real encoder runs."""
+        from grounding.encoders.protocol import ModelOptions
+
+        return ModelOptions(self.device, self.batch, self.autocast)
+
+    def _grounded(self, episodes: PersonalDataset, settings: GroundSettings) -> GroundResult:
+        """One run, done or gone on with, and its figures."""
+        from sim.tasks.metrics import metric_rows
+        from sim.tasks.run_files import read_run
+
+        from .ground_tables import GroundResult
+
+        info = self._info(episodes, settings)
+        folder = self.out / info.run_id
+        work = self._work(episodes, settings, info)
+        self._answer(work, folder, info)
+        run = read_run(folder)
+        chosen = {key for job in work for key in job.keys}
+        answers = tuple(answer for answer in run.answers if answer.key in chosen)
+        rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
+        fallbacks = sum(answer.phrases_fell_back for answer in answers)  # of all processes and earlier calls
+        return GroundResult(settings, info, rows, folder, phrases_by_rules=fallbacks)
+
+    def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
+        """Answers what the run folder does not hold yet."""
+        from grounding.evaluate import evaluate
+        from sim.tasks.run_writer import RunWriter
+
+        from ..progress import counted
+
+        if not work:
+            raise PersonalVizError(
+                f"{self.dataset}: the chosen splits and scenes hold no episode; expected one. Choose others."
+            )
+        writer = RunWriter(folder, info)
+        keys = [key for job in work for key in job.keys]
+        with counted(info.run_id, len(keys)) as progress:
+            progress.add(sum(key in writer.done for key in keys))
+            noted = [replace(job, folders=job.folders and replace(job.folders, notes=progress.notes)) for job in work]
+            evaluate(noted, writer, processes=self.jobs, on_episode=progress.add)
+
+    def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
+        """One job per scene."""
+        from grounding.evaluate import select_jobs
+        from grounding.home_maps import MapFolders
+
+        folders = None
+        if settings.map != "oracle":
+            maps = self._folder or self.out / str(info.config["maps"])
+            folders = MapFolders(maps, self.out / EXPLORATIONS, self.scenes_dir)
+        return select_jobs(
+            episodes,
+            settings,
+            splits=self.split or SPLITS,
+            scenes=self.scene or None,
+            limit=self.limit,
+            sample_seed=self.sample_seed,
+            folders=folders,
+            model=self._model,
+        )
+
+    def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
+        """What run.json says."""
+        from grounding.settings import CELLS
+        from sim.homes.kind import common_kind
+        from sim.tasks.provenance import make_run_info
+
+        from .ground_maps import cell_of_maps
+
+        grounder = _facts(settings)
+        phrases = settings.phrases if grounder.uses_phrases else "none"
+        storey = "all storeys" if settings.all_storeys else "storey given"
+        digest = episodes.digest()
+        kind, condition = "oracle-map", settings.condition
+        config = {**settings.config, "phrases": phrases, "frame": grounder.frame}
+        if settings.map != "oracle":
+            kind = common_kind(episodes, self.scene or episodes.scenes, self.scenes_dir)
+            config["maps"] = str(self._folder or f"{map_name(settings, digest, kind)}/maps")
+        cell = cell_of_maps(self._folder, episodes, scenes=self.scene) if self._folder else None
+        if cell is not None and cell not in CELLS.values():
+            config["cell"] = cell  # no layout has it
+            condition += f", cells of {cell:g} m"
+        return make_run_info(
+            (self.run_id and self._swept_id(settings)) or run_name(settings),
+            who=settings.method,
+            who_kind="agent",
+            condition=f"{condition}, phrases {phrases}, {storey}",
+            scene_kind=kind,
+            dataset_digest=digest,
+            seed=settings.seed,
+            config=config,
+        )
+
+    def _swept_id(self, settings: GroundSettings) -> str:
+        """The run's own name; behind it the value of the swept setting, and phrases that were not asked for."""
+        from sim.tasks.run_files import fitting_run_id
+
+        phrases = "" if settings.phrases == self.phrases else f"-{settings.phrases}"
+        if self.sweep is None:
+            return fitting_run_id(f"{self.run_id}{phrases}")
+        name = self.sweep.partition("=")[0].strip().replace("-", "_")
+        return fitting_run_id(f"{self.run_id}-{name.replace('_', '-')}{getattr(settings, name)}{phrases}")
+
+
+def _facts(settings: GroundSettings) -> Grounder:
+    """The grounder of the settings for what it says of itself, not for answers."""
+    from grounding.encoders.by_name import make_encoder
+    from grounding.methods.by_name import make_grounder
+
+    return make_grounder(settings.method, make_encoder("hashed"), seed=settings.seed)
+
+
+def _beside(settings: GroundSettings) -> list[GroundSettings]:
+    """The same with phrases read by rules, where they are the dataset's: ground truth never stands alone."""
+    is_truth = settings.phrases == "dataset" and _facts(settings).uses_phrases
+    return [replace(settings, phrases="rules")] if is_truth else []
+
+
+def swept(settings: GroundSettings, sweep: str) -> list[GroundSettings]:
+    """The settings with each value of `NAME=V1,V2,...` in turn.
+
+    Raises:
+        AgentError: The name is no setting with numbers, or a value is none.
+    """
+    name, _, values = sweep.partition("=")
+    name = name.strip().replace("-", "_")
+    numbers = {
+        field.name: field.type for field in fields(settings) if field.type in (float, int) or name == "paraphrase"
+    }
+    if name not in numbers or name == "seed" or not values:
+        raise AgentError(
+            f"--sweep is {sweep!r}; expected NAME=V1,V2,... with object-noise, cell-noise, blur, view-noise, confusion "
+            "or paraphrase. Example: --sweep object-noise=0,0.1,0.2."
+        )
+    try:
+        parsed = [int(value) if name == "paraphrase" else float(value) for value in values.split(",")]
+    except ValueError:
+        raise AgentError(f"--sweep is {sweep!r}; expected numbers behind {name}=. Separate them by commas.") from None
+    return [replace(settings, **{name: value}) for value in parsed]
+
+
+def run_name(settings: GroundSettings) -> str:
+    """Folder name of a run: what is usual stays unsaid; a long name is shortened with a digest."""
+    from grounding.encoders.by_name import encoder_slug
+    from sim.tasks.run_files import fitting_run_id
+
+    storey = "all-storeys" if settings.all_storeys else "storey-given"
+    parts = [settings.method, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
+    if settings.phrases != "dataset":
+        parts.append(settings.phrases + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
+    return fitting_run_id(f"ground-{'-'.join(parts)}-seed{settings.seed}")
+
+
+def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
+    """Folder name of the maps of explored homes that runs with these settings and versions of their makers share."""
+    from grounding.agents.explore import EXPLORER_VERSION
+    from grounding.encoders.by_name import encoder_slug
+    from grounding.home_maps import MAP_VERSION
+    from sim.homes.plan import HOMES_VERSION
+    from sim.tasks.run_files import fitting_run_id
+
+    made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
+    text = json.dumps([made_of, dataset_digest, kind, MAP_VERSION, EXPLORER_VERSION, HOMES_VERSION], sort_keys=True)
+    parts = [encoder_slug(settings.encoder), *_unusual(settings), kind]
+    return fitting_run_id(f"map-{'-'.join(parts)}-seed{settings.seed}-{hashlib.sha256(text.encode()).hexdigest()[:8]}")
+
+
+def _unusual(settings: GroundSettings) -> list[str]:
+    """Words for the settings of the map that are not their defaults."""
+    skipped = {"map", "encoder", "seed", *_NOT_OF_THE_MAP}
+    changed = [field for field in fields(settings) if field.name not in skipped]
+    return [
+        f"{field.name.replace('_', '')}{'' if value is True else value}"
+        for field in changed
+        if (value := getattr(settings, field.name)) != field.default
+    ]

@@ -1,0 +1,230 @@
+"""Verb `map`: a robot's recorded frames into a map file, and what of them was used."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import arg
+
+from sim.errors import AgentError, PersonalVizError
+from sim.frames import CameraAxes
+
+from ..options import Json, ModelAutocast, ModelBatch, ModelDevice
+
+if TYPE_CHECKING:
+    from grounding.encoders.protocol import DenseEncoder, ModelOptions
+    from grounding.maps.grid_map import MapBuilder
+    from grounding.maps.home_map import HomeMemory, StoreyMemory
+    from grounding.perception.segments import Segmenter
+    from grounding.robot.frames import FrameCounts, RobotFrames
+
+_FLOOR_FRAMES = 40
+"""So many frames, spread over the recording, tell where the floors are."""
+
+
+@dataclass
+class Map:
+    """Make a map file of a robot's posed colour and depth pictures.
+
+    The folder holds color/*.jpg|png, depth/*.png (16 bit, mm), poses/*.txt (4 x 4, camera to world) or a trajectory
+    (poses.txt, trajectory.txt: time tx ty tz qx qy qz qw), and intrinsics.json or intrinsics.txt; the layouts of
+    ScanNet, Replica, TUM and 7-Scenes are known too. Frames without a valid pose are skipped and counted.
+    """
+
+    frames: Annotated[Path, arg(help="Folder of the recording.")]
+    up: Annotated[Literal["z", "y"], arg(help="Which axis of the poses' frame points up.")]
+    encoder: Annotated[
+        str,
+        arg(
+            help="clip:, siglip:, blip2-itc256:, blip2-hidden768: and a model id or folder; or package.module:factory."
+        ),
+    ]
+    out: Annotated[Path, arg(help="The map, FILE.npz.")]
+    layout: Annotated[Literal["grid", "objects"], arg(help="A vector per cell, or per thing.")] = "grid"
+    cell: Annotated[float, arg(help="Side of a cell, metres: 1, or 1 divided by a whole number, such as 0.25.")] = 1.0
+    features: Annotated[
+        Literal["patches", "images"], arg(help="What is encoded: patches, or whole pictures for every cell in view.")
+    ] = "patches"
+    segmenter: Annotated[
+        str, arg(help="What finds things for --layout objects: depth (no weights), or package.module:factory.")
+    ] = "depth"
+    camera_axes: Annotated[
+        CameraAxes, arg(help="Of the poses. opencv: z ahead, y down; opengl: -z ahead, y up; flu: x ahead, z up.")
+    ] = "opencv"
+    depth_per_metre: Annotated[
+        float | None, arg(help="Depth units: 1000 = mm, 5000 = TUM; what the intrinsics file says, else 1000.")
+    ] = None
+    mount_height: Annotated[
+        float | None, arg(help="Of the camera above the floor, metres; found from the depth by default.")
+    ] = None
+    max_depth: Annotated[float, arg(help="Farther returns are not mapped, metres.")] = 5.0
+    scene: Annotated[str | None, arg(help="Name of the place; the folder's by default.")] = None
+    device: ModelDevice = "cpu"
+    autocast: ModelAutocast = "off"
+    batch: ModelBatch = 8
+    json: Json = False
+
+    def work(self) -> int:
+        from grounding.encoders.protocol import ModelOptions
+        from grounding.maps.files import MapSource, save_memory
+        from grounding.maps.grid_map import GridMapBuilder
+        from grounding.maps.object_map import ObjectMapBuilder
+        from grounding.robot.frames import read_robot_frames
+
+        if self.out.suffix != ".npz":
+            raise PersonalVizError(f"--out is {str(self.out)!r}; expected a file that ends in .npz. Give another name.")
+        for option, value in (
+            ("--batch", self.batch),
+            ("--max-depth", self.max_depth),
+            ("--depth-per-metre", self.depth_per_metre),
+        ):
+            if value is not None and not value > 0:
+                raise PersonalVizError(f"{option} is {value}; expected more than 0. Leave it out for the default.")
+        recording, counts = read_robot_frames(
+            self.frames, up=self.up, camera_axes=self.camera_axes, depth_per_metre=self.depth_per_metre
+        )
+        floors = _floors(self.frames, recording, self.mount_height)
+        options = ModelOptions(device=self.device, autocast=self.autocast, batch_size=self.batch)
+        eye = load_encoder(self.encoder, options)
+        common: dict[str, Any] = {
+            "floors": floors,
+            "max_depth": self.max_depth,
+            "frame": f"robot, {self.up} up in its poses, turned to y up",
+            "batch": self.batch,
+        }
+        builder: MapBuilder
+        if self.layout == "grid":
+            builder = GridMapBuilder(eye, cell=self.cell, features=self.features, **common)
+        else:
+            builder = ObjectMapBuilder(eye, load_segmenter(self.segmenter, floors), **common)
+        memory = _built(builder, recording, counts)
+        source = MapSource(scene=self.scene or self.frames.resolve().name, kind="robot", builder=builder.name)
+        save_memory(self.out, memory, source)
+        if self.json:
+            print(json_module.dumps(_document(memory, counts, self.layout, builder, self.out), indent=2))
+        else:
+            _print(memory, counts, builder, self.out)
+        return 0
+
+
+def load_encoder(name: str, options: ModelOptions) -> DenseEncoder:
+    """A real model by family, or a user's own as `package.module:factory`.
+
+    Raises:
+        AgentError: There is none of this name, or it cannot be built.
+    """
+    from grounding.encoders.by_name import make_image_encoder, require_no_model_options
+    from grounding.encoders.protocol import MODEL_FAMILIES, ModelOptions
+
+    if ":" not in name or name.partition(":")[0] in MODEL_FAMILIES:
+        return make_image_encoder(name, options=options)
+    unbatched = replace(options, batch_size=ModelOptions().batch_size)  # the builder's too, whatever the encoder
+    require_no_model_options(f"--encoder {name}", unbatched)
+    return _plug_in("--encoder", name, ("encode_texts", "encode_images"))
+
+
+def load_segmenter(name: str, floors: tuple[float, ...]) -> Segmenter:
+    """`depth`, or a user's own as `package.module:factory`.
+
+    Raises:
+        AgentError: There is none of this name, or it cannot be built.
+    """
+    if name == "depth":
+        from grounding.perception.segment_depth import DepthRegions
+
+        return DepthRegions(floors=floors)
+    return _plug_in("--segmenter", name, ("segment",))
+
+
+def _plug_in(option: str, name: str, methods: tuple[str, ...]) -> Any:
+    from sim.tasks.agents import build_plugin
+
+    if not name.partition(":")[2]:
+        raise AgentError(f"{option} is {name!r}; expected your own as package.module:factory. See --help for others.")
+    made = build_plugin(name)
+    for method in methods:
+        if not callable(getattr(made, method, None)):
+            raise AgentError(
+                f"{name}: found no method {method}(); expected one, as {option} needs. Correct the plug-in."
+            )
+    return made
+
+
+def _floors(folder: Path, recording: RobotFrames, mount_height: float | None) -> tuple[float, ...]:
+    from grounding.maps.storeys import floors_of_frames
+
+    some = recording.some(_FLOOR_FRAMES)
+    if not some:
+        raise PersonalVizError(f"{folder}: no picture can be read; expected whole PNG or JPEG files. Copy them again.")
+    return floors_of_frames(some, mount_height=mount_height)
+
+
+def _built(builder: MapBuilder, recording: RobotFrames, counts: FrameCounts) -> HomeMemory:
+    from rich.progress import track
+
+    from personal_viz.printed import Console
+
+    console = Console(stderr=True)
+    for frame in track(
+        recording, "Mapping", total=len(recording), console=console, disable=not sys.stderr.isatty(), transient=True
+    ):
+        builder.add(frame)
+    if counts.warning:
+        console.print(f"Warning: {counts.warning}.", style="yellow", soft_wrap=True)
+    return builder.finish()
+
+
+def _document(
+    memory: HomeMemory, counts: FrameCounts, layout: str, builder: MapBuilder, out: Path
+) -> dict[str, object]:
+    from grounding.maps.home_map import ObjectMap
+
+    first = memory.storeys[0].memory
+    return {
+        "frames": {"found": counts.num_found, "used": memory.num_frames, "skipped": dict(counts.by_reason)},
+        "warning": counts.warning,
+        "layout": layout,
+        "builder": builder.name,
+        "cell": None if isinstance(first, ObjectMap) else first.grid.cell,
+        "encoder": first.encoder,
+        "dim": first.dim,
+        "frame": memory.frame,
+        "storeys": [_storey(storey) for storey in memory.storeys],
+        "written": str(out),
+    }
+
+
+def _storey(storey: StoreyMemory) -> dict[str, float | int]:
+    from grounding.maps.home_map import ObjectMap
+    from sim.tasks.observers import FREE, OCCUPIED
+
+    known = storey.occupancy.cells
+    area = storey.occupancy.grid.cell**2
+    memory = storey.memory
+    stored = {"objects": len(memory.objects)} if isinstance(memory, ObjectMap) else {"cells": len(memory.rows)}
+    return {
+        "floor_y": round(storey.floor_y, 3) + 0.0,  # no -0.0
+        **stored,
+        "free_m2": round(float((known == FREE).sum() * area), 1),
+        "blocked_m2": round(float((known == OCCUPIED).sum() * area), 1),
+    }
+
+
+def _print(memory: HomeMemory, counts: FrameCounts, builder: MapBuilder, out: Path) -> None:
+    print(f"{memory.num_frames} of {counts.num_found} frames used, {builder.name}, encoder {_space(memory)}")
+    for reason, number in counts.by_reason.items():
+        print(f"  skipped, {reason}: {number}")
+    for storey in memory.storeys:
+        found = _storey(storey)
+        stored = f"{found['objects']} objects" if "objects" in found else f"{found['cells']} cells"
+        print(f"  storey at {found['floor_y']} m: {stored}, {found['free_m2']} m2 free")
+    print(f"Written to {out}")
+
+
+def _space(memory: HomeMemory) -> str:
+    first = memory.storeys[0].memory
+    return f"{first.encoder} ({first.dim}-d)"

@@ -1,0 +1,65 @@
+"""Verb `show-exploration`: a stored exploration done again in its home, as a Rerun recording."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from sim.errors import RecordingError
+
+from ..options import OpenIt, ScenesDir, WithPixels
+
+
+@dataclass
+class ShowExploration:
+    """Walk a stored exploration again and write it as a Rerun recording: views, map growing, frontiers, way."""
+
+    file: Annotated[Positional[Path], arg(help="An exploration, FILE.json.")]
+    out: Annotated[Path, arg(help="An .rrd file.")]
+    dataset: Annotated[Path | None, arg(help="Folder of the home's episodes; homes of explore --homes need none.")] = (
+        None
+    )
+    scenes_dir: ScenesDir = None
+    with_pixels: WithPixels = False
+    open: OpenIt = False
+
+    def work(self) -> int:
+        from grounding.agents.exploration_files import load_exploration
+        from recordings.live import LiveSink
+        from recordings.observer_explore import ExplorationObserver
+        from recordings.replay_exploration import EXPLORER, explorer_of, replay_exploration
+        from recordings.viewer import open_file
+        from sim.episodes.dataset import PersonalDataset
+        from sim.homes.labels import renderer_of
+
+        from .same_home import open_same_home
+
+        if self.out.suffix != ".rrd":
+            raise RecordingError(
+                f"--out: found {str(self.out)!r}; expected a file that ends in .rrd. Give another name."
+            )
+        found = load_exploration(self.file)
+        episodes = None if self.dataset is None else PersonalDataset(self.dataset)
+        scene = open_same_home(
+            episodes, found.scene, digest=found.scene_digest, scenes_dir=self.scenes_dir, where=str(self.file)
+        )
+        has_pictures = scene.kind != "scan" or self.with_pixels
+        observer = ExplorationObserver(
+            scene,
+            LiveSink("file", str(self.out)),
+            who=EXPLORER,
+            seed=found.seed,
+            with_pixels=self.with_pixels,
+            camera=found.camera,
+        )
+        renderer = renderer_of(scene) if has_pictures else None
+        same = replay_exploration(found, observer, scene=scene, renderer=renderer, agent=explorer_of(found))
+        print(f"{self.out}: {len(found.steps)} steps in {scene.label}. See it with: rerun {self.out}")
+        if not has_pictures:
+            print("Geometry, maps and pictures of the scan are left out; --with-pixels writes them.")
+        elif same < len(found.steps):
+            print(f"The explorer chooses another action now at step {same + 1}: what it knew is shown up to there.")
+        if self.open:
+            open_file(self.out)
+        return 0

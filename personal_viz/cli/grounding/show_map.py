@@ -1,0 +1,62 @@
+"""Verb `show-map`: a map file as a Rerun recording, in its home where the episodes are at hand."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from sim.errors import RecordingError
+
+from ..options import OpenIt, ScenesDir, WithPixels
+
+
+@dataclass
+class ShowMap:
+    """Write a map file as a Rerun recording: free space, features, evidence, objects, in its home."""
+
+    file: Annotated[Positional[Path], arg(help="A map, FILE.npz.")]
+    out: Annotated[Path, arg(help="An .rrd file.")]
+    dataset: Annotated[Path | None, arg(help="Folder of the episodes; without it the map is shown alone.")] = None
+    scenes_dir: ScenesDir = None
+    with_pixels: WithPixels = False
+    open: OpenIt = False
+
+    def work(self) -> int:
+        from grounding.maps.files import load_memory, read_map_header
+        from recordings.memory_recording import record_memory
+        from recordings.viewer import open_file
+        from sim.episodes.dataset import PersonalDataset
+
+        from .same_home import open_same_home
+
+        if self.out.suffix != ".rrd":
+            raise RecordingError(
+                f"--out: found {str(self.out)!r}; expected a file that ends in .rrd. Give another name."
+            )
+        source = read_map_header(self.file).source
+        if source.kind == "scan" and not self.with_pixels:
+            raise RecordingError(
+                f"{self.file}: is a map of the licensed scan {source.scene}; expected leave to write it. "
+                "Give --with-pixels if you may keep such a file."
+            )
+        if source.kind == "robot" and self.dataset is not None:
+            raise RecordingError(
+                f"{self.file}: is a robot's map; expected no --dataset, it has no home there. Leave it out."
+            )
+        scene = None
+        if self.dataset is not None:
+            digest, episodes = source.digest, PersonalDataset(self.dataset)
+            scene = open_same_home(
+                episodes, source.scene, digest=digest, scenes_dir=self.scenes_dir, where=str(self.file)
+            )
+        name = source.scene
+        record_memory(load_memory(self.file), name=name, out=self.out, scene=scene, with_pixels=self.with_pixels)
+        home = "without its home (--dataset shows it)" if scene is None else f"in {scene.label}"
+        print(
+            f"{self.out}: map of {name} {home}, made by {source.builder or 'an unknown builder'}. "
+            f"See it with: rerun {self.out}"
+        )
+        if self.open:
+            open_file(self.out)
+        return 0

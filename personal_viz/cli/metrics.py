@@ -1,0 +1,111 @@
+"""Verb `metrics`: the paper's tables from stored runs."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from sim.types import RULE_NOTES, SPLITS, SuccessRule
+
+from .options import Json
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from sim.tasks.metrics import MetricRow
+
+MIN_TABLE_WIDTH = 150
+"""Columns that the paper's table needs; narrower terminals wrap it, files and pipes do not."""
+
+
+@dataclass
+class Metrics:
+    """SR, SPL and DTG (PAN) or SR and top-3 (POG) per split, in the paper's layout."""
+
+    runs: Positional[tuple[Path, ...]]
+    rule: Annotated[SuccessRule, arg(help=f"What counts as success in PAN: {'; '.join(RULE_NOTES.values())}.")] = (
+        "paper"
+    )
+    json: Json = False
+
+    def work(self) -> int:
+        from grounding.report.sources import pog_notes
+        from personal_viz.printed import Console
+        from sim.homes.kind import scene_label
+        from sim.tasks.metrics import metric_rows, read_runs, reading_notes, require_comparable, rule_warnings
+
+        found = read_runs(self.runs)
+        require_comparable(run.info for run in found if run.episodes)
+        require_comparable(run.info for run in found if run.answers)
+        rows = metric_rows(found, rule=self.rule)
+        warnings = rule_warnings(rows)
+        if self.json:
+            print(json_module.dumps([_labelled(row) for row in rows], indent=2))
+            for line in warnings:
+                print(line, file=sys.stderr)
+            return 0
+        console = Console(file=sys.stdout, width=max(MIN_TABLE_WIDTH, Console().width))
+        for task, title in (
+            ("pan", f"PAN, rule {self.rule}"),
+            ("pog", "POG, planar distance <= 1 m on the target's storey"),
+        ):
+            for kind in dict.fromkeys(row.scene_kind for row in rows if row.task == task):
+                shown = [row for row in rows if row.task == task and row.scene_kind == kind]
+                console.print(_table(title, shown))
+                label = scene_label(kind)
+                answered = [run.info for run in found if run.answers and run.info.scene_kind == kind]
+                maps = pog_notes(answered) if task == "pog" else ()
+                for line in [*([f"{label}."] if label else []), *reading_notes(shown), *maps]:
+                    print(line)
+        for line in warnings:
+            print(line)
+        for row in rows:
+            if row.unreachable or row.undefined:
+                print(
+                    f"{row.who}, {row.split}: {row.unreachable} trials without a path to the goal (left out of DTG), "
+                    f"{row.undefined} without a usable point under the rule, or measured before the rule "
+                    "(left out of all)"
+                )
+        return 0
+
+
+def _labelled(row: MetricRow) -> dict[str, Any]:
+    from sim.homes.kind import scene_label
+
+    return row.model_dump() | {"scene_label": scene_label(row.scene_kind)}
+
+
+def _table(title: str, rows: Sequence[MetricRow]) -> Table:
+    """The paper's layout: one line per row name, groups Easy, Medium, Hard, Total."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(title=f"{title}; scenes: {rows[0].scene_kind}", box=SIMPLE_HEAD, padding=(0, 1), title_justify="left")
+    table.add_column("\nMethod", overflow="fold", max_width=44)
+    groups = [split for split in (*SPLITS, "total") if any(row.split == split for row in rows)]
+    heads = ("SR", "k/n", "SPL", "DTG") if rows[0].task == "pan" else ("SR", "k/n", "top-3")
+    for group in groups:
+        for head in heads:
+            table.add_column(f"{group.capitalize() if head == 'SR' else ''}\n{head}", justify="right", no_wrap=True)
+    for name in dict.fromkeys((row.who, row.condition) for row in rows):
+        cells = [name[0] if name[1] == "none" else f"{name[0]} ({name[1]})"]
+        for group in groups:
+            row = next((row for row in rows if (row.who, row.condition) == name and row.split == group), None)
+            cells += [""] * len(heads) if row is None else _cells(row)
+        table.add_row(*cells)
+    return table
+
+
+def _cells(row: MetricRow) -> list[str]:
+    figures = [_figure(row.sr, 1), f"{row.k}/{row.n}"]
+    return figures + ([_figure(row.spl, 1), _figure(row.dtg, 2)] if row.task == "pan" else [_figure(row.top3, 1)])
+
+
+def _figure(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

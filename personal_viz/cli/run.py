@@ -1,0 +1,197 @@
+"""Verb `run`: an agent over PAN episodes into a run folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from sim.errors import AgentError, PersonalVizError
+from sim.types import SPLITS, EpisodeKey, SceneKind, SuccessRule
+
+from .options import Clutter, Dataset, Limit, Rerun, RunId, SampleSeed, Scenes, ScenesDir, Splits, WithPixels
+
+if TYPE_CHECKING:
+    from sim.episodes.dataset import PersonalDataset
+    from sim.episodes.schema import Episode
+    from sim.mesh import Scene
+    from sim.tasks.observers import Observer
+    from sim.tasks.run_files import RunInfo
+    from sim.tasks.runner import AgentJob
+
+SHORT_NAMES = {"random-frontier": "grounding.agents.random_frontier:random_frontier"}
+"""Agents of ours that the simulator loads as plug-ins; run files hold the short name."""
+
+
+@dataclass
+class Run:
+    """Run an agent over PAN episodes."""
+
+    dataset: Dataset
+    agent: Annotated[
+        str, arg(help="random, random-frontier, shortest-path (knows the goal), or your own as package.module:factory.")
+    ]
+    out: Path = Path("runs")
+    scenes_dir: ScenesDir = None
+    scene: Scenes = ()
+    split: Splits = ()
+    limit: Limit = None
+    sample_seed: SampleSeed = 0
+    seed: int = 0
+    jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
+    run_id: RunId = None
+    clutter: Clutter = 0
+    episode: Annotated[str | None, arg(help="SPLIT/SCENE/ID: this episode only, instead of --scene and --split.")] = (
+        None
+    )
+    rerun: Rerun = None
+    with_pixels: WithPixels = False
+    rule: Annotated[
+        SuccessRule | None,
+        arg(help="shortest-path only: the success rule it walks for, by default paper; habitat = to a view point."),
+    ] = None
+
+    def work(self) -> int:
+        from sim.episodes.dataset import PersonalDataset
+        from sim.homes.kind import common_kind
+        from sim.tasks.run_writer import RunWriter
+        from sim.tasks.runner import run_agent
+
+        from ..study_app.checked_options import check_options, require_no_scan
+        from .progress import counted
+
+        made_for = _made_for(self.agent, self.rule)
+        check_options(
+            run_id=self.run_id, limit=self.limit, jobs=self.jobs, seed=self.seed, sample_seed=self.sample_seed
+        )
+        episodes = PersonalDataset(self.dataset)
+        chosen = self._chosen(episodes)
+        kind = common_kind(episodes, {item.key.scene for item in chosen}, self.scenes_dir)
+        require_no_scan(kind, clutter=self.clutter)
+        by_scene = _by_scene(chosen, self.scenes_dir)
+        info = self._info(episodes, kind, made_for)
+        folder = self.out / info.run_id
+        writer = RunWriter(folder, info)
+        left = [item.key for item in chosen if item.key not in writer.done]
+        print(
+            f"{len(chosen)} episodes in {len(by_scene)} scenes ({kind}), {len(chosen) - len(left)} of them done before"
+        )
+        with _observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
+            jobs = self._jobs(by_scene, make_observer, rule=made_for or "paper")
+            with counted(info.who, len(left)) as progress:
+                run_agent(jobs, writer, processes=self.jobs, on_episode=progress.add)
+            print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
+        return 0
+
+    def _chosen(self, episodes: PersonalDataset) -> list[Episode]:
+        """The named episode, or a sample of splits and scenes; raises PersonalVizError where these hold none."""
+        from ..study_app.checked_options import key_from_text
+
+        if self.episode is not None:
+            return [episodes.episode(key_from_text(self.episode))]
+        scenes, splits = self.scene or None, self.split or SPLITS
+        chosen = episodes.sample(splits=splits, scenes=scenes, per_split=self.limit, seed=self.sample_seed)
+        if not chosen:
+            raise PersonalVizError(
+                f"{episodes.root}: the chosen splits and scenes hold no episode; expected one. Choose others."
+            )
+        return chosen
+
+    def _info(self, episodes: PersonalDataset, kind: SceneKind, made_for: SuccessRule | None) -> RunInfo:
+        """What run.json says."""
+        from sim.tasks.provenance import make_run_info
+        from sim.tasks.run_files import fitting_name, fitting_run_id
+
+        level = f"-clutter{self.clutter}" if self.clutter else ""
+        who = self.agent if made_for in (None, "paper") else f"{self.agent}-{made_for}"
+        return make_run_info(
+            self.run_id or fitting_run_id(f"{who.replace(':', '.')}-{kind}{level}-seed{self.seed}"),
+            who=fitting_name(who),
+            who_kind="agent",
+            condition=f"clutter {self.clutter}" if self.clutter else "none",
+            scene_kind=kind,
+            dataset_digest=episodes.digest(),
+            seed=self.seed,
+            config={"actions": "paper6", "clutter": self.clutter},
+            made_for=made_for,
+        )
+
+    def _jobs(
+        self,
+        by_scene: Mapping[str, Sequence[EpisodeKey]],
+        make_observer: Callable[[Scene], Observer] | None,
+        *,
+        rule: SuccessRule,
+    ) -> list[AgentJob]:
+        """One job per scene, in order of their names."""
+        from sim.tasks.runner import AgentJob
+
+        return [
+            AgentJob(
+                self.dataset,
+                name,
+                tuple(keys),
+                scenes_dir=self.scenes_dir,
+                agent=SHORT_NAMES.get(self.agent, self.agent),
+                seed=self.seed,
+                clutter=self.clutter,
+                make_observer=make_observer,
+                rule=rule,
+            )
+            for name, keys in sorted(by_scene.items())
+        ]
+
+
+def _made_for(agent: str, rule: SuccessRule | None) -> SuccessRule | None:
+    """The success rule that the agent walks for; None where it knows no goal. Raises AgentError for other names."""
+    if agent == "shortest-path":
+        return rule or "paper"
+    if agent not in ("random", *SHORT_NAMES) and ":" not in agent:
+        raise AgentError(
+            f"--agent is {agent!r}; expected random, random-frontier, shortest-path, or your own as "
+            "package.module:factory."
+        )
+    if rule is not None:
+        raise AgentError(
+            f"--rule: found {rule!r} for --agent {agent}; expected it with --agent shortest-path only, since no other "
+            "knows the goal. Leave it out; personal-viz metrics --rule chooses the rule of the table."
+        )
+    return None
+
+
+def _by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:
+    """The episodes' keys, scene by scene; raises SceneError when a scene has no scan below `scenes_dir`."""
+    found: dict[str, list[EpisodeKey]] = {}
+    for episode in chosen:
+        found.setdefault(episode.key.scene, []).append(episode.key)
+    if scenes_dir is not None:
+        from sim.homes.open_home import find_scan
+
+        for name in found:
+            find_scan(name, scenes_dir)
+    return found
+
+
+@contextmanager
+def _observing(
+    rerun: str | None, left: Sequence[EpisodeKey], info: RunInfo, *, with_pixels: bool
+) -> Iterator[Callable[[Scene], Observer] | None]:
+    """What makes observers for the option `--rerun`; what it needs is checked, or started, before any episode."""
+    if rerun is None or not left:
+        if rerun is not None:
+            print("No episode is left to run, so nothing is recorded. Give another --run-id to run them again.")
+        yield None
+        return
+    from recordings.live import live_sink
+    from recordings.observer import ObserveRuns
+
+    if info.scene_kind == "scan" and not with_pixels:
+        print("The homes are licensed scans: geometry and pictures are left out. --with-pixels stores them.")
+    with live_sink(rerun, left) as sink:
+        yield ObserveRuns(sink, info.model_dump_json(), with_pixels=with_pixels)
+        if sink.kind != "address":
+            print(f"Recorded to {sink.where}; see it with: rerun {sink.where}")

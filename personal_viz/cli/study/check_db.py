@@ -1,0 +1,28 @@
+"""Verb `study check-db`: whether a study's database is whole; an older one is brought up to date."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+
+@dataclass
+class StudyCheckDb:
+    """Check the study's database: integrity and hash chains; an older one is brought up to date first."""
+
+    study: Positional[Path]
+
+    def work(self) -> int:
+        from human_study.store.database import bring_up_to_date, close_to_others
+        from human_study.store.folder_check import require_keys, require_same_files
+        from human_study.store.records import read_study
+
+        for version in bring_up_to_date(self.study):
+            print(f"{self.study}: brought to schema version {version}; a copy of the earlier file is in backups")
+        with read_study(self.study) as reader:
+            num_events = reader.check()
+            require_keys(reader)
+            require_same_files(reader)
+        close_to_others(self.study)
+        print(f"{self.study}: {num_events} events, database and hash chains are whole, and the keys open them")
+        return 0

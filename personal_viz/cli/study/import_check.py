@@ -1,0 +1,55 @@
+"""Verb `study import-check`: whether the files of an export hold together, every outcome computed once more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tyro.conf import Positional
+
+from ..options import Dataset, ScenesDir
+
+if TYPE_CHECKING:
+    from human_study.design.plan import StudyScene
+    from human_study.export.verify import TrialHome
+
+
+@dataclass
+class StudyImportCheck:
+    """Read an export back: hashes, and every outcome computed once more from the exported events."""
+
+    export: Positional[Path]
+    dataset: Dataset
+    scenes_dir: ScenesDir = None
+
+    def work(self) -> int:
+        from human_study.export.import_check import import_check as check
+        from human_study.export.manifest import read_manifest, require_unchanged
+        from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset
+        from sim.episodes.dataset import PersonalDataset
+
+        manifest = read_manifest(self.export)
+        require_unchanged(self.export, manifest)
+        require_same_dataset(PersonalDataset(self.dataset), manifest.dataset_digest)
+
+        def open_home(scene: StudyScene) -> TrialHome:
+            return open_any_home(
+                scene,
+                folder=self.export,
+                is_practice=scene in manifest.practice_scenes,
+                dataset=self.dataset,
+                scenes_dir=self.scenes_dir,
+            )
+
+        report = check(self.export, open_home)
+        for problem in report.problems:
+            print(problem)
+        unsupported = (
+            f", {report.num_unsupported} done in another version of their home" if report.num_unsupported else ""
+        )
+        print(
+            f"{self.export}: {report.num_files} files are as they were written; {report.num_agreeing} of "
+            f"{report.num_attempts} outcomes agree with their events{unsupported}"
+        )
+        return 0 if report.agrees else 1

@@ -1,0 +1,71 @@
+"""Verb `study init`: study file, consent and instructions for the researcher to read and change."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from sim.errors import StudyError
+from sim.types import SPLITS, Split
+
+from ..options import Dataset
+
+CODES_TEMPLATE = """# Codes that the recruiting platform gave for this study; uncomment with
+# recruit.kind: prolific. Never share this file.
+# [prolific]
+# completion = ""
+# screen_out = ""
+# no_consent = ""
+"""
+
+
+@dataclass
+class StudyInit:
+    """Write a study file, consent and instructions for you to read and change."""
+
+    study: Positional[Path]
+    dataset: Dataset
+    name: Annotated[str | None, arg(help="Public name of the study; that of the folder by default.")] = None
+    task: Annotated[tuple[Literal["pan", "pog"], ...], arg(help="Both: each participant does one of them.")] = ("pan",)
+    design: Literal["house-once", "crossed"] = "house-once"
+    per_split: Annotated[int, arg(help="Episodes of each split.")] = 50
+    seed: int = 0
+
+    def work(self) -> int:
+        from human_study.design.study import STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, save_study
+        from human_study.private_files import write_private
+        from human_study.texts.participants import TEXT_FILES, write_texts
+        from human_study.texts.words import empty_fields
+        from personal_viz.study_app.recruit_codes import CODES_FILE
+        from sim.episodes.dataset import PersonalDataset
+
+        episodes = PersonalDataset(self.dataset)
+        found = {episode.key.split for episode in episodes.episodes()}
+        splits: dict[Split, int | Literal["all"]] = {split: self.per_split for split in SPLITS if split in found}
+        if (self.study / STUDY_FILE).exists():
+            raise StudyError(
+                f"{self.study / STUDY_FILE}: exists already; expected a new folder. Give another, or edit it."
+            )
+        config = StudyConfig(
+            study=self.name or _study_name(self.study),
+            dataset=StudyDataset(sha256=episodes.digest(), splits=splits, seed=self.seed),
+            task=self.task,
+            design=StudyDesign(kind=self.design),
+        )
+        save_study(self.study, config)
+        write_texts(self.study)
+        write_private(self.study / CODES_FILE, CODES_TEMPLATE)
+        print(f"Written to {self.study}: {STUDY_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
+        left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
+        print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
+        print(f"Next: personal-viz study plan {self.study} --dataset {self.dataset}")
+        return 0
+
+
+def _study_name(folder: Path) -> str:
+    """The folder's name as a study can have it."""
+    from human_study.design.study import MAX_STUDY_NAME
+
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", folder.resolve().name).strip("-")[:MAX_STUDY_NAME] or "study"

@@ -1,0 +1,165 @@
+"""Verb `study plan`: draws episodes, assigns them to people, freezes the study; or says how precise it will be."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import ValidationError
+from tyro.conf import Positional, arg
+
+from sim.errors import StudyError
+
+from ..options import ScenesDir
+
+if TYPE_CHECKING:
+    from human_study.design.plan import StudyPlan
+    from human_study.report.power import PowerAssumptions
+
+
+_OPTIONS = {"agent_gap": "gap", "person_sds": "person_sd", "num_simulations": "simulations"}
+"""Fields of the assumptions that have another name on the command line."""
+
+
+@dataclass
+class StudyPlanVerb:
+    """Draw the episodes, assign them to people, freeze the study; --power says beforehand how precise it will be."""
+
+    study: Positional[Path | None] = None
+    dataset: Annotated[Path | None, arg(help="Folder of the PersONAL episodes; not needed for --power.")] = None
+    scenes_dir: ScenesDir = None
+    pilot: Annotated[bool, arg(help="May be served without an ethics id; all its records say so.")] = False
+    power: Annotated[bool, arg(help="Only simulate: width of intervals, power, and designs that do better.")] = False
+    people: Annotated[int, arg(help="--power without a study: people in all.")] = 25
+    episodes: Annotated[int, arg(help="--power without a study: episodes of each split.")] = 50
+    raters: Annotated[int, arg(help="--power without a study: people per episode and condition.")] = 5
+    conditions: Annotated[int, arg(help="--power without a study: such as 2, without and with memory.")] = 1
+    base_rate: Annotated[float, arg(help="--power: success rate of people.")] = 0.65
+    gap: Annotated[float, arg(help="--power: by which an agent is worse.")] = 0.15
+    split_gap: Annotated[float, arg(help="--power: between two splits.")] = 0.10
+    memory_gap: Annotated[float, arg(help="--power: by which people are better with memory.")] = 0.10
+    person_sd: Annotated[tuple[float, ...], arg(help="--power: spreads of people (logit), a table each.")] = (0.3, 0.9)
+    episode_sd: Annotated[float, arg(help="--power: spread of episodes (logit).")] = 1.3
+    simulations: Annotated[int, arg(help="--power: studies drawn per number.")] = 150
+    seed: Annotated[int, arg(help="--power: of the draws.")] = 0
+    json: bool = False
+
+    def work(self) -> int:
+        from human_study.design.plan import PLAN_FILE
+        from human_study.design.study import load_study
+        from human_study.store.records import DATABASE_FILE
+
+        from ...study_app.study_files import plan_study
+
+        if self.power:
+            return self._simulate()
+        if self.study is None or self.dataset is None:
+            raise StudyError(
+                f"study plan: found no {'study' if self.study is None else '--dataset'}; expected a study folder and "
+                "its dataset. Give both, or --power to simulate only."
+            )
+        if (self.study / DATABASE_FILE).exists():
+            raise StudyError(
+                f"{self.study / DATABASE_FILE}: the study has begun; expected one without records. A plan never "
+                "changes after that: give a new study another folder."
+            )
+        made = plan_study(self.study, self.dataset, self.scenes_dir, pilot=self.pilot)
+        config = load_study(self.study)
+        per_person = Counter(sum(trial.phase == "main" for trial in person.trials) for person in made.participants)
+        spare = per_person.pop(0, 0)
+        num_trials = sum(number * people for number, people in per_person.items())
+        keys = {trial.key for person in made.participants for trial in person.trials if trial.phase == "main"}
+        homes = f"{len(made.scenes)} home{'s' if len(made.scenes) > 1 else ''}"
+        print(f"{config.study}: {len(keys)} episodes in {homes}, design {config.design.kind}")
+        sizes = ", ".join(f"{people} people x {number} trials" for number, people in sorted(per_person.items()))
+        print(f"  {num_trials} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
+        for change in made.changes:
+            print(f"  Other than asked: {change}.")
+        print(f"  most meetings of one person with one home: {_most_visits(made)}")
+        kinds = Counter(scene.kind for scene in made.scenes)
+        print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
+        if set(kinds) != {"scan"}:
+            print("  Not a human baseline for PersONAL: that is claimed on scans only.")
+        next_verb = f"personal-viz study serve {self.study} --dataset {self.dataset}"
+        print(f"Written to {self.study / PLAN_FILE}. Next: {next_verb}")
+        return 0
+
+    def _simulate(self) -> int:
+        """Prints the precision of a design and of others like it; the same options print the same.
+
+        Raises:
+            StudyError: The folder holds no study, or an option is out of its range.
+        """
+        from human_study.design.plan import PLAN_FILE, load_plan
+        from human_study.design.study import load_study
+        from human_study.report.power import PowerDesign, design_of, power_report
+        from human_study.report.power_tables import power_markdown
+
+        if self.study is not None:
+            config = load_study(self.study)
+            design = design_of(config, load_plan(self.study, config) if (self.study / PLAN_FILE).is_file() else None)
+        else:
+            _require_counts(people=self.people, episodes=self.episodes, raters=self.raters, conditions=self.conditions)
+            design = PowerDesign(
+                f"{self.people} people", self.people, self.episodes, self.raters, num_conditions=self.conditions
+            )
+        gaps = {"agent_gap": self.gap, "split_gap": self.split_gap, "memory_gap": self.memory_gap}
+        spreads = {"person_sds": tuple(dict.fromkeys(self.person_sd)), "episode_sd": self.episode_sd}
+        assumptions = _assumptions(
+            **gaps, **spreads, base_rate=self.base_rate, num_simulations=self.simulations, seed=self.seed
+        )
+        found = power_report(design, assumptions=assumptions)
+        print(found.model_dump_json(indent=2) if self.json else power_markdown(found), end="\n" if self.json else "")
+        return 0
+
+
+def _most_visits(made: StudyPlan) -> int:
+    return max(
+        (
+            count
+            for person in made.participants
+            for count in Counter(trial.scene for trial in person.trials if trial.phase == "main").values()
+        ),
+        default=0,
+    )
+
+
+def _assumptions(**fields: float | tuple[float, ...]) -> PowerAssumptions:
+    from human_study.report.power import PowerAssumptions
+
+    try:
+        return PowerAssumptions.model_validate(fields)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = str(first["loc"][0])
+        option = _OPTIONS.get(field, field).replace("_", "-")
+        raise StudyError(
+            f"study plan --power: --{option} is {_words(first['input'])}; expected {_expected(field)}. Change it."
+        ) from None
+
+
+def _words(value: object) -> str:
+    """As somebody typed it."""
+    return " ".join(map(str, value)) or "nothing" if isinstance(value, tuple) else str(value)
+
+
+def _expected(field: str) -> str:
+    from human_study.report.power import MOST_SD
+
+    ranges = {
+        "person_sds": f"one number or more, each from 0 to {MOST_SD:g}",
+        "episode_sd": f"0 to {MOST_SD:g}",
+        "num_simulations": "20 to 20000",
+        "seed": "0 or more",
+    }
+    return ranges.get(field, "a number between 0 and 1, without them")
+
+
+def _require_counts(*, people: int, episodes: int, raters: int, conditions: int) -> None:
+    if min(people, episodes, raters, conditions) < 1 or raters * conditions > people:
+        raise StudyError(
+            f"study plan --power: found {people} people, {episodes} episodes, {raters} raters and {conditions} "
+            "conditions; expected each at least 1, and at least raters times conditions people. Change one of them."
+        )

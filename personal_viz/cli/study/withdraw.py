@@ -1,0 +1,24 @@
+"""Verb `study withdraw`: a participant asked to be forgotten; a process that serves the study does it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+
+@dataclass
+class StudyWithdraw:
+    """Withdraw a participant who asked you to; what was done is deleted if the study file says so."""
+
+    study: Positional[Path]
+    participant: str
+
+    def work(self) -> int:
+        from human_study.design.study import load_study
+        from human_study.store.requests import Withdrawal, change_study
+
+        config = load_study(self.study)
+        change_study(self.study, [Withdrawal(participant=self.participant)])
+        done = "everything done is deleted" if config.privacy.on_withdraw == "delete" else "what was done is kept"
+        print(f"{self.study}: {self.participant} has withdrawn; {done}")
+        return 0

@@ -1,0 +1,126 @@
+"""Verb `validate`: what is wrong in a folder of episodes."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from sim.types import SPLITS, Split
+
+from .options import Dataset, Json
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from personal_viz.printed import Console
+    from sim.episodes.validate import CheckResult, Measure, ValidationReport
+
+_COLOURS = {"error": "red", "defect": "yellow", "note": "dim", "ok": "green"}
+_PIPE_WIDTH = 150
+_NUM_EXAMPLES = 4
+
+
+@dataclass
+class Validate:
+    """Check every episode file; exit code 1 only when something is unusable."""
+
+    dataset: Dataset
+    json: Json = False
+
+    def work(self) -> int:
+        from sim.episodes.validate import validate_dataset
+
+        report = validate_dataset(self.dataset)
+        if self.json:
+            print(json_module.dumps(_json_of_report(report), indent=1))
+        else:
+            _print_report(report)
+        return 1 if report.num_errors else 0
+
+
+def _console() -> Console:
+    """Writes to stdout; wide enough for the tables where there is no terminal to ask."""
+    from personal_viz.printed import Console
+
+    return Console(file=sys.stdout, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
+
+
+def _json_of_report(report: ValidationReport) -> dict[str, Any]:
+    checks = [
+        {
+            "row": check.row,
+            "slug": check.measure.slug,
+            "level": check.level,
+            "count": check.measure.count,
+            "per_split": check.measure.per_split,
+            "episodes": check.measure.names,
+            "unit": check.measure.unit,
+            "population": check.measure.population,
+            "title": check.title,
+            "also": [{k: v for k, v in asdict(measure).items() if k != "names"} for measure in check.also],
+        }
+        for check in report.checks
+    ]
+    return {
+        "episodes": sum(report.num_episodes.values()),
+        "per_split": report.num_episodes,
+        "errors": report.num_errors,
+        "checks": checks,
+        "problems": report.problems,
+    }
+
+
+def _print_report(report: ValidationReport) -> None:
+    from rich.table import Table
+
+    counts = ", ".join(f"{split} {report.num_episodes[split]}" for split in SPLITS)
+    print(f"{report.root}: {sum(report.num_episodes.values())} episodes ({counts})")
+    table = Table(title="Checks of DATA_FORMAT.md, section 8")
+    table.add_column("row", justify="right")
+    table.add_column("level")
+    for head in ("found", *SPLITS):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("check", overflow="fold")
+    for check in report.checks:
+        _add_check(table, check)
+    _console().print(table)
+    for check in report.checks:
+        if check.level != "note" and check.measure.names:
+            print(f"row {check.row}, {check.level}, {check.measure.slug}: {_examples(check.measure)}")
+    for line in report.problems:
+        print(line)
+    found = {level: sum(c.level == level and c.measure.count > 0 for c in report.checks) for level in _COLOURS}
+    print(
+        f"{report.num_errors} errors (a file or episode cannot be used), {found['defect']} kinds of defects "
+        f"(wrong, can be worked round), {found['note']} kinds of notes (normal for the format). "
+        "Every episode concerned: --json."
+    )
+
+
+def _add_check(table: Table, check: CheckResult) -> None:
+    from rich.markup import escape
+
+    level = check.level if check.measure.count else "ok"
+    text = f"{check.measure.slug} [dim]({check.measure.unit}: {escape(check.title)})[/]"
+    table.add_row(str(check.row), f"[{_COLOURS[level]}]{level}[/]", *_cells(check.measure), text)
+    for measure in check.also:
+        table.add_row("", "", *_cells(measure), f"  {measure.slug} ({measure.unit})", style="dim")
+
+
+def _cells(measure: Measure) -> tuple[str, ...]:
+    return (f"{measure.count:,}", *(_share(measure, split) for split in SPLITS))
+
+
+def _share(measure: Measure, split: Split) -> str:
+    """The split's count, with its percentage for units of which a split holds thousands."""
+    count = f"{measure.per_split[split]:,}"
+    if measure.population is None or "points" not in measure.unit or not measure.population[split]:
+        return count
+    return f"{count} ({measure.per_split[split] / measure.population[split]:.1%})"
+
+
+def _examples(measure: Measure) -> str:
+    more = f" and {len(measure.names) - _NUM_EXAMPLES:,} more" if len(measure.names) > _NUM_EXAMPLES else ""
+    return ", ".join(measure.names[:_NUM_EXAMPLES]) + more

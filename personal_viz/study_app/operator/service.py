@@ -1,0 +1,257 @@
+"""Serves a planned study: gateway, viser workers, personal links on the terminal, until Ctrl-C or SIGTERM."""
+
+import contextlib
+import functools
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import FrameType
+
+import uvicorn
+
+from human_study.design.plan import StudyPlan
+from human_study.design.study import StudyConfig
+from human_study.store.store import StudyStore
+from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
+from personal_viz.study_app.gateway.app import Gateway
+from personal_viz.study_app.gateway.http import uvicorn_server
+from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
+from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
+from personal_viz.study_app.gateway.upkeep import upkeep
+from personal_viz.study_app.gateway.workers import WORKERS_SHARE, WorkerPool, worker_command
+from personal_viz.study_app.operator.dashboard import dashboard
+from personal_viz.study_app.operator.dashboard_view import serving_of
+from personal_viz.study_app.recruit_codes import CODES_FILE, RecruitCodes, end_code, load_recruit_codes
+from sim.cache import cache_dir
+from sim.errors import StudyError
+from sim.types import EpisodeKey
+
+
+def serve_study(
+    store: StudyStore,
+    *,
+    folder: Path,
+    dataset: Path,
+    scenes_dir: Path | None,
+    links: Sequence[tuple[str, str, str]],
+    platform_key: bytes,
+    options: ServeOptions,
+    rerun: str | None = None,
+    with_pixels: bool = False,
+) -> None:
+    """Starts the workers, prints the links, serves until Ctrl-C or SIGTERM, ends everything in `options.drain_s`.
+
+    Args:
+        store: Open, with all participants registered.
+        folder: Of the study.
+        dataset: Of the counted trials.
+        scenes_dir: Of licensed scans.
+        links: (label such as PAN, participant's code, personal token) of everybody.
+        platform_key: The study's own key for the ids of recruiting platforms.
+        options: Addresses, names, limits; `require_may_serve` has accepted them.
+        rerun: Shows trials to the researcher while they happen: a folder or a viewer's address.
+        with_pixels: Pictures of licensed scans in there too.
+
+    Raises:
+        StudyError: The port is taken, a worker cannot start, or all workers ended.
+    """
+    require_may_serve(options, store.config, [scene.kind for scene in store.plan.scenes])
+    codes = _codes(folder, store.config)
+    tickets = Tickets(folder)
+    admission = _admission(store, links, platform_key)
+    print(_opening(store.plan, options.num_workers), flush=True)
+    with (
+        contextlib.closing(listen(options)) as listening,
+        shown_live(rerun, store.plan) as where,
+        ended_by_sigterm(),
+        WorkerPool(
+            store,
+            worker_command(folder, dataset, scenes_dir, rerun=where, with_pixels=with_pixels),
+            num_workers=options.num_workers,
+            tickets=tickets,
+            end_code=functools.partial(end_code, codes, platform_key),
+            tell=_tell,
+            heartbeat=options.heartbeat,
+            end_s=WORKERS_SHARE * options.drain_s,
+        ) as pool,
+        _looked_after(store, pool, options) as (keeper, page),
+    ):
+        gateway = _gateway(store, admission, pool, keeper, tickets=tickets, codes=codes, options=options)
+        _print_links(options.address(listening.getsockname()[1]), links, has_open_link=admission.has_open_link)
+        print(f"  Who is where, for you only: {page}")
+        print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
+        _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
+
+
+@contextlib.contextmanager
+def _looked_after(store: StudyStore, pool: WorkerPool, options: ServeOptions) -> Iterator[tuple[LeaseKeeper, str]]:
+    """Who is here, and the researcher's page; leases, backups and the disk are looked after until the block ends."""
+    keeper = LeaseKeeper(store, tell=_tell)
+    serving = functools.partial(serving_of, pool, keeper)
+    with (
+        upkeep(store, keeper, tell=_tell),
+        dashboard(store.folder, options.dashboard_port, serving=serving) as page,
+    ):
+        yield keeper, page
+
+
+def _gateway(
+    store: StudyStore,
+    admission: Admission,
+    pool: WorkerPool,
+    keeper: LeaseKeeper,
+    *,
+    tickets: Tickets,
+    codes: RecruitCodes,
+    options: ServeOptions,
+) -> Gateway:
+    """What participants' browsers talk to."""
+    return Gateway(
+        admission,
+        pool,
+        tickets=tickets,
+        options=options,
+        present=keeper.present,
+        screen_out_code=codes.prolific and codes.prolific.screen_out,
+        tell=_tell,
+        note_error=store.note_error,
+    )
+
+
+def _admission(store: StudyStore, links: Sequence[tuple[str, str, str]], platform_key: bytes) -> Admission:
+    """Who is let in: the holders of the links, and whom the study file's way of recruiting brings."""
+    return Admission(
+        store,
+        store.config,
+        token_of_code={code: token for _, code, token in links},
+        platform_key=platform_key,
+        pay_file=PayFile(store.folder),
+    )
+
+
+def listen(options: ServeOptions) -> socket.socket:
+    """A listening socket; browsers that come before the server runs wait instead of failing.
+
+    Raises:
+        StudyError: The port is taken, or the address is not this machine's.
+    """
+    bind = "127.0.0.1" if options.bind == "localhost" else options.bind
+    listener = socket.socket(socket.AF_INET6 if ":" in bind else socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((bind, options.port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        raise StudyError(
+            f"port {options.port} of {bind}: cannot be used ({error.strerror}); expected a free one of this machine. "
+            "Take another: make demo PORT=8090, or --port 8090."
+        ) from None
+    return listener
+
+
+def require_many_recordings(rerun: str | None, plan: StudyPlan) -> None:
+    """Refuses one file for the recordings of a study.
+
+    Raises:
+        StudyError: `rerun` names one file: a study has several trials.
+    """
+    if rerun is not None and rerun.endswith(".rrd"):
+        num_trials = sum(len(participant.trials) for participant in plan.participants)
+        raise StudyError(
+            f"--rerun {rerun}: this study has {num_trials} trials; expected one for a single file. "
+            "Give a folder (one file per trial), rerun+http://HOST:PORT/proxy or spawn."
+        )
+
+
+@contextlib.contextmanager
+def shown_live(rerun: str | None, plan: StudyPlan) -> Iterator[str | None]:
+    """Where the workers stream trials to, a folder or a viewer's address; None = nobody watches.
+
+    Raises:
+        StudyError: `rerun` names one file: a study has several trials.
+        RecordingError: Nobody listens at the address, or no viewer can be started.
+    """
+    require_many_recordings(rerun, plan)
+    if rerun is None:
+        yield None
+        return
+    trials = [trial for participant in plan.participants for trial in participant.trials]
+    from recordings.live import live_sink  # Rerun takes a second to import
+
+    keys = [EpisodeKey(trial.split, trial.scene, trial.episode_id) for trial in trials]
+    with live_sink(rerun, keys) as sink:
+        where = str(Path(sink.where).resolve()) if sink.kind == "folder" else sink.where
+        print(f"Trials are shown live, for the researcher only: {where}", flush=True)
+        yield where
+
+
+@contextlib.contextmanager
+def ended_by_sigterm() -> Iterator[None]:
+    """SIGTERM ends the block as Ctrl-C does, so that workers are ended and the store is closed."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _opening(plan: StudyPlan, num_workers: int) -> str:
+    """What a person at the terminal reads until the links come."""
+    names = plan.scenes[0].name if len(plan.scenes) == 1 else f"{len(plan.scenes)} homes"
+    line = f"Opening {names} for {num_workers} viser {'worker' if num_workers == 1 else 'workers'} ..."
+    if all(scene.kind != "scan" for scene in plan.scenes):
+        return line
+    return f"{line} A large scan takes a minute or more the first time; what is made of it is kept in {cache_dir()}."
+
+
+def _codes(folder: Path, config: StudyConfig) -> RecruitCodes:
+    """Codes for people who come from a platform.
+
+    Raises:
+        StudyError: The study needs them, and there are none.
+    """
+    codes = load_recruit_codes(folder)
+    if config.recruit.kind == "prolific" and codes.prolific is None:
+        raise StudyError(
+            f"{folder / CODES_FILE}: holds no [prolific] codes; expected them, because recruit.kind is prolific. "
+            'Write [prolific], completion = "...", screen_out = "..." and no_consent = "..." into it.'
+        )
+    return codes
+
+
+def _print_links(address: str, links: Sequence[tuple[str, str, str]], *, has_open_link: bool) -> None:
+    for label, code, token in links:
+        print(f"  {label}  {code}  {address}/#{token}")
+    if has_open_link:
+        print(f"  Open link for everybody else: {address}/join")
+
+
+def _serve_until_told(server: uvicorn.Server, listener: socket.socket, pool: WorkerPool) -> None:
+    def stop_when_ended() -> None:
+        pool.ended.wait()
+        server.should_exit = True
+
+    threading.Thread(target=stop_when_ended, daemon=True, name="pool-ended").start()
+    with contextlib.suppress(KeyboardInterrupt):  # uvicorn has closed the connections by then
+        server.run(sockets=[listener])
+    if pool.ended.is_set():
+        raise StudyError(
+            "the viser workers ended by themselves; see their messages above. "
+            "Start the study again: nothing acknowledged is lost."
+        )
+
+
+def _tell(line: str) -> None:
+    print(f"personal-viz: {line}", file=sys.stderr, flush=True)
