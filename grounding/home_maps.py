@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 MAP_VERSION = 1
 """Raised by whoever changes what is on the map of a walked home; maps of another number are made anew."""
 VIEWS_EVERY = 2
-"""Of an exploration's views each second one is mapped: neighbours turn by 30 degrees of 79 or walk 25 cm."""
+"""Every second view of an exploration is mapped: neighbours differ by 30 degrees of 79, or by 25 cm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class HomeMaps:
         with scene_note(folders.notes, scene) as say:
             say("loading the encoder")
             self.query_encoder: TextEncoder = make_encoder(settings.map_encoder, options=model)
-        """Of queries and phrases; the map's own space."""
+        """Encoder of queries and phrases, in the map's own space."""
         self._home: HomeMemory | None = None
         self._merged: Memory | None = None
 

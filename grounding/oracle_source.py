@@ -57,6 +57,6 @@ class OracleMaps:
 
 @lru_cache(maxsize=1)
 def _all_homes(root: Path) -> tuple[OracleHome, ...]:
-    """Of a whole dataset; read once per process, since every scene draws its clutter from all the others."""
+    """All homes of a dataset; read once per process, because every scene draws its clutter from all the others."""
     dataset = PersonalDataset(root)
     return tuple(oracle_home(dataset, name) for name in dataset.scenes)

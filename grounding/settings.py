@@ -61,7 +61,7 @@ class GroundSettings:
     view_noise: float = 0.0
     """Explored maps: noise of each patch in each view."""
     confusion: float = 0.0
-    """Explored maps: share of objects that are always taken for another one of the home."""
+    """Explored maps: share of objects that always get the caption of another object of the home."""
     background: bool = False
     """Explored maps: walls and things without a caption say something random instead of nothing."""
     paraphrase: ParaphraseLevel = 0

@@ -5,7 +5,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 _MOST_PROBLEMS = 2000
-"""Of a pydantic error whose first one is shown."""
+"""A pydantic error with more problems than this is not searched for the first one."""
 
 
 class PersonalVizError(Exception):

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_JSON_BYTES = 32 << 20
-"""Of a JSON document when unpacked; the largest released content file has 1.2 MB."""
+"""Largest JSON document, unpacked; the largest released content file has 1.2 MB."""
 MAX_JSON_VALUES = 250_000
 """Values of a JSON document; the largest released content file has 37,000. One that fits no model costs 800 bytes."""
 MAX_LINE_BYTES = 4 << 20
-"""Of one line of JSON lines; a step has 300 bytes."""
+"""Longest line of a JSONL file; a step has 300 bytes."""
 MAX_LINE_VALUES = 100_000
 _MAX_MEMBERS = 100
 """Parts of a gzip file; programs write one."""

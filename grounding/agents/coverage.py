@@ -22,9 +22,9 @@ FLOOR_BAND = 0.3
 """Floor so near to the storey's typical height counts, metres: recorded heights lie up to 0.2 above the floor, and a
 step is 0.17. Stairs, and tops of beds, do not."""
 SENSOR_RANGE = MAX_DEPTH
-"""Of the ideal sensor, metres (issue 7)."""
+"""Range of the ideal sensor, metres."""
 RAYS = 720
-"""Of the ideal sensor, per place: 4.4 cm apart at SENSOR_RANGE, less than a cell."""
+"""Rays of the ideal sensor at each place: 4.4 cm apart at SENSOR_RANGE, less than a cell."""
 _SEE_PAST = AGENT_RADIUS - 0.03
 """The open floor reaches a robot's radius past where its centre can be; a little less, so that walls stay shut."""
 

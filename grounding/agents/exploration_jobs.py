@@ -45,7 +45,7 @@ class Watch(Protocol):
     """Makes what is told of explorations; worker processes are sent it."""
 
     def live(self, scene: Scene, start: Pose, *, seed: int, camera: Camera) -> Watching:
-        """Of an exploration that begins."""
+        """The observer of an exploration that begins."""
         ...
 
     def again(self, scene: Scene, exploration: Exploration) -> None:
@@ -82,7 +82,7 @@ class ExploreJob:
 
     scene: str
     seed: int
-    """Of the start and of the agent."""
+    """Seed of the start and of the agent."""
     max_steps: int
     camera: Camera
     storeys: Storeys

@@ -60,7 +60,7 @@ class Exploration:
     coverage: tuple[float, ...]
     """(len(steps) + 1,) share of the visible floor seen at the start and after each step."""
     area_m2: float
-    """Of the floor that an ideal sensor could see."""
+    """Area of the floor that an ideal sensor could see."""
     doors_passed: int | None = None
     num_doors: int | None = None
     rooms_missed: tuple[str, ...] | None = None
@@ -132,7 +132,7 @@ def explore(
         scene: The home.
         start: Where to begin; `start_on_storey` draws one.
         seed: Of the agent.
-        max_steps: At most so many actions.
+        max_steps: The most actions.
         camera: Of the robot; a smaller picture with the same field of view is quicker and sees a little less far off.
         plan: The home's plan, for rooms and doors; None leaves them out.
         settings: Of the policy; None = its defaults with `max_steps`.
@@ -211,7 +211,7 @@ def frames_of(
         scene: The same home.
         exploration: Whose poses are taken; one that differs from the last frame's only by STOP is left out.
         camera: Of the pictures; need not be the one that the agent had.
-        every: Of the poses, every so many-th is taken, the first always.
+        every: Every n-th pose is used, beginning with the first.
 
     Raises:
         SceneError: The exploration was made in another home.

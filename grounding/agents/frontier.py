@@ -36,7 +36,7 @@ class FrontierSettings:
     """STOP at the latest as this action."""
     seek: SeekSettings = field(default_factory=SeekSettings)
     replan_steps: int = 4
-    """While a goal holds, a nearer one is looked for every so many steps."""
+    """Steps between two searches for a nearer goal while the present one holds."""
     switch_gain: float = 3.0
     """Actions that another frontier must save to be taken instead."""
 

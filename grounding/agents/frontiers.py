@@ -21,15 +21,15 @@ MIN_CELLS = 5
 VIEW_RANGE = 4.0
 """Frontiers are looked at from no farther, metres, so that what is behind them comes into the sensor's range."""
 _NEARER, _LEEWAY = 0.5, 6.0
-"""Each look in vain makes that distance so many times as long; it stays this many cells above the nearest."""
+"""Each look that shows nothing multiplies that distance by this factor; it stays this many cells above the nearest."""
 LOOK_COST = 3.0
 """Actions that looking down and up again counts; two, and one for what is not seen meanwhile."""
 _PASSABLE = 2
-"""A frontier is within so many cells of where the robot's centre can be; others are too narrow to lead anywhere."""
+"""A frontier lies within this many cells of a place where the robot's centre can be; others lead nowhere."""
 _EDGE = 3.0
 """Cells beside the nearest floor in a picture that are not counted on: away from its middle the nearest is farther."""
 _SMALL = 60.0
-"""Frontiers of so many cells are taken where they cost half as much as a long one: more lies behind those."""
+"""Frontiers of this many cells are chosen only at half the cost of a long one, because more lies behind long ones."""
 _HERE = 0.4
 """Places that cost fewer actions are where the robot stands."""
 _PER_GROUP = 12
@@ -44,7 +44,7 @@ class Frontier(NamedTuple):
     cells_rc: NDArray[np.int64]
     """(K, 2) its unknown cells on the ground's grid."""
     middle_xz: tuple[float, float]
-    """Of its cells, metres."""
+    """Middle of its cells, metres."""
     cost: float
     """Actions until it is seen, and those spent on it before; inf where no known way leads to a place to look from."""
     place_xz: tuple[float, float]

@@ -12,11 +12,11 @@ from sim.walk.heap import pop, push
 
 _DIAGONAL = math.sqrt(2.0)
 FREE, OCCUPIED = 1, 2
-"""Of sim.tasks.observers; compiled loops cannot import values that may change."""
+"""As in sim.tasks.observers; compiled loops cannot import values that may change."""
 _AWAY_COST = 20.0
 """Actions that a straight way counts more which does not lead nearer: the last resort in a tight place."""
 _UNKNOWN_DEPTH = 3
-"""A ray from an unknown cell may cross so many cells before it must be on known free floor."""
+"""A ray from an unknown cell must reach known free floor within this many cells."""
 
 
 @njit(cache=True, nogil=True)

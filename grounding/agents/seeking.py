@@ -40,7 +40,7 @@ FOR_EVER = int(np.iinfo(np.int32).max)
 _NEWS = 100
 """Cells of new floor that make another round worth while: a quarter of a square metre."""
 _BEYOND = 12.0
-"""Ways are planned to places that are so many actions farther from the goal than the robot."""
+"""Ways may lead to places that are this many actions farther from the goal than the robot."""
 _STEPS_PER_CELL, _LONGEST = 12, 60
 """So many steps more are spent without new floor for each cell of the longest frontier, up to so many cells."""
 _MOST_MISSES = 5
@@ -56,21 +56,21 @@ class SeekSettings:
     min_cells: int = 5
     """Smaller frontiers are dropped: too narrow."""
     ban_steps: int = 150
-    """For so many steps a frontier is left alone that stayed unknown when it was looked at."""
+    """Steps for which a frontier is ignored that stayed unknown when the robot looked at it."""
     tries: int = 3
     """A frontier that stayed unknown so often is given up."""
     detour_steps: int = 40
-    """For so many steps a frontier is left alone that could not be reached."""
+    """Steps for which a frontier is ignored that could not be reached."""
     rounds: int = 12
     """So often all that is left alone comes back at once, in a row without new floor, before the robot is done..."""
     last_steps: int = 200
-    """...and so many steps after the last new floor at the earliest."""
+    """...and at the earliest this many steps after the last new floor."""
     bump_steps: int = 300
-    """For so many steps a collision blocks its place."""
+    """Steps for which a collision blocks its place."""
     most_bumps: int = 8
     """Collisions on the way to one goal after which it counts as out of reach."""
     dull_steps: int = 150
-    """After so many steps without new floor the present goal has failed, and each next one after a third of them."""
+    """Steps without new floor after which the present goal has failed; each next goal fails after a third of them."""
     patience: int = 15
     """Steps without coming nearer after which a goal counts as out of reach."""
 

@@ -19,11 +19,11 @@ from .room import BOXES, ROOM, CheckView, check_views, is_free, is_solid
 _NEAR = 0.1
 """Metres that a mapped place may be away from what was seen."""
 _RIGHT_SHARE = 0.98
-"""Of the free and of the blocked cells, so many must be right; single cells on edges may not be."""
+"""Share of the free and of the blocked cells that must be right; single cells on edges may be wrong."""
 _SOME = 200
 """Fewer free or blocked cells of 5 cm are no occupancy of a room of 30 m2."""
 _DIFFERENT = 1e-3
-"""Of a number of a unit vector; less is rounding."""
+"""Difference of a unit vector's number that counts; less is rounding."""
 _MOVED = np.array([[0.0, 0, 1, 3], [0, 1, 0, 0.5], [-1, 0, 0, -2], [0, 0, 0, 1]])
 """T_map_room of the second pass: a quarter turn to the left, 3 m, half a metre up, -2 m."""
 

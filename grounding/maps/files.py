@@ -26,7 +26,7 @@ from .header import MapSource as MapSource
 from .home_map import HomeMemory, ObjectMap, StoreyMemory
 
 MAX_BYTES, MAX_RATIO = 128 << 20, 64
-"""Of all arrays of a file together: so many bytes, and that many for each byte of the file. A storey of 50 x 50 m in
+"""Most bytes of all arrays of a file together, and most for each byte of the file. A storey of 50 x 50 m in
 cells of 0.25 m with 768 numbers each unpacks to 117 MiB; of three such storeys 1 % may hold anything."""
 _HEADER = "header.json"
 _EXPECTED = "a map written by personal-viz (header.json and arrays)"

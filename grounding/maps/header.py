@@ -48,11 +48,11 @@ class StoreyHeader(_Frozen):
     centre_xz: tuple[float, float]
     occupancy: GridHeader
     grid: GridHeader | None = None
-    """Of a grid map."""
+    """The grid of a grid map."""
     merge_m: float | None = Field(default=None, ge=0)
-    """Of an object map."""
+    """The distance at which an object map merged views of one thing."""
     captions: tuple[str, ...] | None = None
-    """Of an object map's things."""
+    """Captions of an object map's things."""
 
 
 class MapHeader(_Frozen):

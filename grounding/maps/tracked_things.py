@@ -24,7 +24,7 @@ class View:
     """How much the feature is believed, in (0, 1]."""
     caption: str = ""
     number: int | None = None
-    """Of a source that knows things again; None = compare points and features."""
+    """Number from a source that recognizes things; None = compare points and features."""
 
 
 @dataclass

@@ -191,7 +191,7 @@ class Places:
         return response, energy
 
     def room_prior(self, evidence: NDArray[np.float64], options: JointOptions) -> NDArray[np.float64]:
-        """Log of how much likelier than elsewhere a place is for things of the room of a thing with this evidence."""
+        """Log odds, against other places, that a thing of this room stands here, given the evidence."""
         spread = options.room_sigma / self._step
         near = ndimage.gaussian_filter(self._probability(evidence), spread, mode="constant")
         coverage = ndimage.gaussian_filter(self._is_place.astype(float), spread, mode="constant")

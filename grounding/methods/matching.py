@@ -35,11 +35,11 @@ class MatchOptions:
     """Steps of the matching; 0 leaves one out."""
 
     temperature: float = 0.0
-    """Of the dual softmax."""
+    """Temperature of the dual softmax."""
     sigma: float = 0.0
-    """Of the smoothing, cells."""
+    """Width of the smoothing, cells."""
     beta: float = 0.0
-    """Of the refinement."""
+    """Strength of the refinement."""
 
     def __post_init__(self) -> None:
         if min(self.temperature, self.sigma, self.beta) < 0:

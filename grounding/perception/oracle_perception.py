@@ -116,7 +116,7 @@ class OraclePerception:
 
     @property
     def perceived(self) -> dict[int, str]:
-        """Instance id to the text that it is taken for, confusions included; for labels and failure analysis."""
+        """Instance id to the text that perception gives it, confusions included; for labels and failure analysis."""
         return dict(self._texts)
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:

@@ -16,7 +16,7 @@ from ..posed_frames import PosedFrame
 from .segments import Segments
 
 _COLUMNS = 160
-"""About so many columns of a view are looked at, and rows at the same step."""
+"""About this many columns of a view are used, and rows at the same step."""
 _REACH = 2
 """Normals and dents are measured over this many of them to each side."""
 _JUMP, _JUMP_SHARE = 0.05, 0.03

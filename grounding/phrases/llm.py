@@ -44,7 +44,7 @@ class LlmOptions(BaseModel):
     api_key_env: str | None = Field(default=None, pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
     """Environment variable that holds the key; None = the server wants none."""
     timeout_s: float = Field(default=60.0, gt=0, allow_inf_nan=False)
-    """Of one request."""
+    """Longest time for one request, seconds."""
 
     @field_validator("base_url")
     @classmethod

@@ -14,15 +14,15 @@ _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
 class DistancePoint(BaseModel):
-    """Share of answers within so many metres, total, percent."""
+    """Share of answers within a distance (metres), total, percent."""
 
     model_config = _MODEL
     metres: float
     sr: float
-    """Of first answers."""
+    """Success rate of first answers, percent."""
     by_home: Range | None
     top3: float | None
-    """Of the nearest of three; None for people, and for runs that hold the first answer's distance alone."""
+    """Success rate of the nearest of three; None for people and for runs with the first distance only."""
     top3_by_home: Range | None
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.tasks import metrics
 
 LEVEL = 0.95
-"""Of all intervals."""
+"""Level of all intervals."""
 NUM_RESAMPLES = 10_000
 FEWEST_HOMES = 5
 """With fewer, a bootstrap of homes is far too narrow and is left out."""

@@ -59,7 +59,7 @@ class PogRow(BaseModel):
     run_ids: tuple[str, ...]
     seeds: tuple[int, ...]
     commits: tuple[str, ...]
-    """Of the code that made the runs."""
+    """Commits of the code that made the runs."""
     paper: tuple[float, float, float, float] | None
     """What the paper prints for a method of this name, on its own maps."""
 
@@ -107,7 +107,7 @@ class PogReport(BaseModel):
     tables: tuple[PogTable, ...]
     curves: tuple[KnobCurve, ...]
     seed: int
-    """Of the bootstrap."""
+    """Seed of the bootstrap."""
 
 
 def pog_report(runs: Sequence[Run], *, seed: int = 0) -> PogReport:

@@ -3,11 +3,11 @@
 import re
 
 LEVEL = 0.95
-"""Of all intervals."""
+"""Level of all intervals."""
 NUM_RESAMPLES = 10_000
-"""Of a bootstrap."""
+"""Resamples of a bootstrap."""
 ALPHA = 0.05
-"""Of the hypotheses together (family-wise)."""
+"""Error rate of all hypotheses together (family-wise)."""
 
 HYPOTHESIS_NAME = re.compile(
     r"^(?:(?P<task>pan|pog)_)?(?:human(?:_(?P<condition>[a-z0-9_]+?))?_minus_(?P<agent>.+)|(?P<memory>[a-z0-9_]+)_effect)"

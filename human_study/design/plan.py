@@ -142,7 +142,7 @@ def save_plan(folder: Path, plan: StudyPlan) -> Path:
 
 
 MAX_BYTES, MAX_VALUES = 256 << 20, 10_000_000
-"""Of `plan.json`: a thousand participants with 150 trials each have a tenth of it."""
+"""Limits of `plan.json`; a thousand participants with 150 trials each need a tenth of them."""
 
 
 def load_plan(folder: Path, config: StudyConfig) -> StudyPlan:

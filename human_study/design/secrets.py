@@ -23,7 +23,7 @@ class StudySecrets(BaseModel):
     tokens: dict[str, str] = {}
     """Personal token of each participant, in clear."""
     key: str = ""
-    """Of all keyed hashes of this study: 32 bytes as base64."""
+    """Key of all keyed hashes of this study: 32 bytes as base64."""
 
     @property
     def key_bytes(self) -> bytes:

@@ -10,7 +10,7 @@ from sim.errors import StudyError
 from sim.files import bounded_bytes
 
 MAX_BYTES = 128 << 10
-"""Of a file; a study has 3 kB, and a megabyte is read for seconds."""
+"""Largest file; a study has 3 kB, and reading a megabyte takes seconds."""
 MAX_NODES = 20_000
 """Values of a file, those that an alias repeats included."""
 _LONGEST_SHOWN = 40

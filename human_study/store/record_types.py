@@ -21,7 +21,7 @@ class StoredEvent:
     seq: int
     """Place in the trial, from 1, without gaps."""
     epoch: int
-    """Of the tab that sent it."""
+    """Epoch of the tab that sent it."""
     event: Event
     t_srv_ns: int
     """Server's wall clock; a label only."""
@@ -61,7 +61,7 @@ class TrialStatus:
     """Attempts of this participant at trials in this home before this one, of any phase and however they ended; None
     for records of the first version."""
     prior_visits_split: int | None
-    """Of these, in the same split."""
+    """Those of them in the same split."""
     secs_in_scene_before: float | None
     """Seconds that the participant had spent in this home before."""
 
@@ -114,14 +114,14 @@ class VerificationEntry:
 
     trial_id: str
     run_id: str
-    """Of the verification that looked."""
+    """Id of the verification that looked."""
     status: VerificationStatus
     max_position_error: float
     """Metres."""
     first_bad_step: int | None
     detail: str
     sim_hash: str
-    """Of the program and scene with which it was done again."""
+    """Hash of the program and the scene with which it was done again."""
     at_ns: int
 
 

@@ -28,7 +28,7 @@ _NEAR = 2.0
 _OVER = 0.3
 """... between two things of which one is on, over or under the other."""
 _CLEARLY = (1.3, 0.5)
-"""Its like is farther from the thing by this factor and, on top of it, so many metres."""
+"""A similar object must be farther from the thing by this factor, and by this many metres more."""
 
 
 def cues(

@@ -99,7 +99,7 @@ def _a(item: OwnedItem) -> str:
 
 
 def _placed(item: OwnedItem) -> str:
-    """The thing with its room; the room goes first, so that it is not taken for a part of the phrase."""
+    """The thing with its room; the room comes first, so that nobody reads it as a part of the phrase."""
     return f"the {item.phrase} in the {item.room}"
 
 

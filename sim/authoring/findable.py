@@ -1,4 +1,4 @@
-"""Who can be told apart: whether an episode's target differs from its like by something the description says.
+"""Which targets can be found: whether the description tells an episode's target apart from similar objects.
 
 Episode + plan + scene -> `FindVerdict`. A difference counts only where our home shows it: words that the plan does not
 realise are worth nothing.
@@ -36,7 +36,7 @@ class Sight:
     """How an object looks from the best of its view points."""
 
     pixels: int
-    """Of 640 x 480."""
+    """Pixels of a 640 x 480 picture."""
     position: tuple[float, float, float] | None
     """Feet of the robot there; None where it is seen from nowhere."""
     beside: frozenset[int]
@@ -51,7 +51,7 @@ class FindVerdict:
     target: str
     """`object_name` of the right object that was judged; of several the one that is easiest to find."""
     pixels: int
-    """Of the target at its best view point, 640 x 480."""
+    """Pixels that show the target from its best view point, at 640 x 480."""
     cues: tuple[tuple[str, str], ...]
     """(name, what tells the target from it) for each object of the same category on the storey that can be told."""
     alike: tuple[str, ...]

@@ -21,7 +21,7 @@ from .descriptions import OwnedItem, write_description
 from .people import NAMES, Edge, draw_ownership
 
 ONE_OF_SHARE = 0.05
-"""Of the searches of medium and hard that ask for "one of X's chairs" (35 of 1,400 in the release)."""
+"""Share of the queries of medium and hard that ask for "one of X's chairs" (35 of 1,400 in the release)."""
 _TRIES = 80
 _STARTS = 256
 _FURTHEST, _LEVEL = 15.0, 0.09
@@ -60,10 +60,10 @@ class _Search(NamedTuple):
     """Everything that is drawn for one episode; items and people are indices."""
 
     names: list[str]
-    """Of the objects that `edges` count."""
+    """Names of the objects that `edges` numbers."""
     edges: list[Edge]
     person: int
-    """Who is asked for."""
+    """The owner in the query."""
     targets: list[Goal]
     """Nearest to the start first."""
     start: "_Start"

@@ -18,9 +18,9 @@ from .schema import NAME_PATTERN, Episode, EpisodeRecord, Goal, SceneFile, resol
 
 _ADVICE = '"personal-viz validate" lists every problem.'
 MOST_OBJECTS = 50_000
-"""Of a content file, eight times the largest released one."""
+"""Most objects of a content file, eight times the largest released one."""
 MANY_OBJECTS = 15_000
-"""Of a content file, three times the largest released one; what is wrong with larger ones is not all listed."""
+"""A content file with more objects (three times the largest released one) has only its first problems listed."""
 
 
 class _AtOnce(SceneFile):

@@ -119,7 +119,7 @@ def _observations(episode: EpisodeRun) -> pa.StructArray:
 
 
 def _infos(episode: EpisodeRun, *, info: RunInfo) -> pa.StructArray:
-    """Of each row: time and collision; and, repeated, the run's names and measures (NaN where there is none)."""
+    """Time and collision of each row, with the run's names and measures repeated (NaN where there is none)."""
     count = len(episode.steps) + 1
     split, scene, episode_id = episode.key
     repeated: dict[str, str | float] = {

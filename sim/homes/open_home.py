@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from sim.walk.navmesh import NavMesh
 
 _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
-"""Of a scan's file, in the order in which they are looked for."""
+"""Suffixes of scan files, in the order in which they are tried."""
 
 
 def open_scene(

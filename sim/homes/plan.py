@@ -213,7 +213,7 @@ def _no_storey(last: int, highest: int) -> PydanticCustomError:
 
 
 MAX_PLAN_VALUES = 1_000_000
-"""Of a plan's file."""
+"""Most values in a plan file."""
 
 
 def load_plan(path: Path) -> HomePlan:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim.types import Camera
 
 JPEG_QUALITY = 80
-"""Of pictures that participants and recordings show."""
+"""Quality of pictures that participants and recordings show."""
 
 
 @dataclass(frozen=True, slots=True)

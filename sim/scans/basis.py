@@ -26,12 +26,12 @@ _BASIS_HEADER = 77
 _SLICE = 23
 _KTX2_HEADER = 80
 _BLOCK_BYTES = 16
-"""Of the largest kind of block, 4 x 4 texels."""
+"""Bytes of the largest kind of block, 4 x 4 texels."""
 _MAX_LEVELS = 16
 _CODEC_NAMES = ("ETC1S", "UASTC")
 _EXPECTED = "a whole Basis image"
 _LEVEL = 1
-"""Of zstd; higher ones gain little here."""
+"""Level of zstd; higher levels gain little here."""
 
 
 def is_basis(data: Bytes) -> bool:

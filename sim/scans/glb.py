@@ -31,9 +31,9 @@ class _Part(NamedTuple):
     look: Look
     is_textured: bool
     vertices: slice
-    """Of the mesh's vertices; parts of one node with the same positions and vertex colours share them."""
+    """Range of the mesh's vertices; parts of one node with the same positions and vertex colours share them."""
     faces: slice
-    """Of the mesh's faces."""
+    """Range of the mesh's faces."""
 
 
 class _Counts(NamedTuple):

@@ -27,7 +27,7 @@ Int = Annotated[int, _Whole]
 Index = Annotated[int, Field(ge=0, le=2**31), _Whole]
 Length = Annotated[int, Field(ge=0, le=2**48), _Whole]
 Items = Annotated[list[_Item], FailFast()]
-"""Of which the first wrong one ends the reading: an error for each of a million takes seconds and gigabytes."""
+"""The first wrong item ends the reading: an error for each of a million takes seconds and gigabytes."""
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 REPEAT, CLAMP_TO_EDGE, MIRRORED_REPEAT = 10497, 33071, 33648

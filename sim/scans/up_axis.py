@@ -9,7 +9,7 @@ from sim.errors import SceneError, line_from_validation_error
 
 Up = Literal["z", "y"]
 HM3D_UP: Up = "z"
-"""Of scans without such a file."""
+"""The up axis of scans without such a file."""
 _ADVICE = "Correct the file, or take it away for z-up scans such as HM3D's."
 
 

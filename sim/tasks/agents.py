@@ -27,7 +27,7 @@ or aside is what leads around them."""
 NEAR = 0.1
 """Places where STOP succeeds are at most this far (metres) from the region's points, which are 5 cm apart."""
 SAME_PLACE = 0.05
-"""Of two ways to places closer than this (metres) one is tried."""
+"""Only one of two places closer than this (metres) is tried."""
 _TURNS = sorted(range(-5, 7), key=abs)
 """Every heading, the least turning first; positive is left."""
 

@@ -19,7 +19,7 @@ NEAR = 0.3
 BEHIND = 0.25
 """Without depth: the free map ends a robot's radius before a wall; this much more is seen, metres."""
 _EVERY_ROW, _EVERY_COL = 16, 8
-"""Of a picture, this part of the rows and columns is looked at: columns are then 9 cm apart at MAX_RANGE."""
+"""Every 16th row and 8th column of a picture is used: columns are then 9 cm apart at MAX_RANGE."""
 
 
 class SeenArea:
@@ -109,7 +109,7 @@ class _Rays(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _tilted_rays(camera: Camera, up_y: float, up_z: float) -> _Rays:
-    """Of a camera whose own down and forward axes rise by `up_y` and `up_z`; remembered, since tilts repeat."""
+    """The rays of a camera whose own down and forward axes rise by `up_y` and `up_z`; cached, because tilts repeat."""
     u, v = _rays(camera)
     rise = up_y * v + up_z  # (R, 1)
     ahead = up_z * v - up_y  # (R, 1)

@@ -22,7 +22,7 @@ from sim.types import SUCCESS_RULES, Action, EndReason, EpisodeKey, Pose, SceneK
 Length = Annotated[Finite, Field(ge=0)]
 Share = Annotated[Finite, Field(ge=0, le=1)]
 SCHEMA_VERSION = 2
-"""Of `run.json` and of an episode's block. Version 1 had no rule `paper-strict` and no `made_for`; both still read."""
+"""Version of `run.json` and of an episode's block. Version 1, without `paper-strict` and `made_for`, still reads."""
 FAR_FROM_VIEW = 1.0
 """Metres of walking to the nearest view point beyond which a success by `paper` is called far from view."""
 RUN_ID = r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$"
@@ -132,8 +132,8 @@ class Measures(BaseModel):
 
     model_config = _MODEL
     rules: dict[SuccessRule, RuleMeasures | None]
-    """Of every rule; None = the rule has no usable point in this episode, or a program that did not know the rule
-    (`paper-strict`) computed the measures ("undefined")."""
+    """Measures by each rule; None ("undefined") = the rule has no usable point in this episode, or the program that
+    computed the measures did not know the rule (`paper-strict`)."""
     centre_distance: Length
     """Planar metres from the last position to the nearest valid target's centre."""
     path_m: Length

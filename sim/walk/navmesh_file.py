@@ -72,7 +72,7 @@ class NavMeshData:
     """One tile of Detour's, checked: every index lies inside its array and every number is finite. World metres."""
 
     path: Path
-    """Of the file, for messages."""
+    """The file's path, for messages."""
     version: int
     """1 or 2."""
     settings: NavMeshSettings

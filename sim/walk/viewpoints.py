@@ -98,7 +98,7 @@ def view_points_around(
 
 
 def _thinned(places: Points) -> Points:
-    """Of each square of _TRIED_EVERY (and each half metre of height) the place nearest to its middle."""
+    """The place nearest to the middle of each square of _TRIED_EVERY (and of each half metre of height)."""
     squares = np.floor(places / (_TRIED_EVERY, 0.5, _TRIED_EVERY))
     off = np.hypot(*(places / _TRIED_EVERY - squares - 0.5)[:, [0, 2]].T)
     order = np.lexsort((off, *squares.T))

@@ -34,7 +34,7 @@ class DeviceProfile(msgspec.Struct, frozen=True):
 
     webgl2: bool
     width: Annotated[int, msgspec.Meta(ge=0, le=100_000)]
-    """Of the window, pixels, in hundreds."""
+    """Width of the window, pixels, rounded to hundreds."""
     height: Annotated[int, msgspec.Meta(ge=0, le=100_000)]
     dpr: Annotated[float, msgspec.Meta(gt=0, le=16)]
     """Device pixels per pixel, in quarters."""

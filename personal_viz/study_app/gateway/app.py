@@ -38,7 +38,7 @@ PROBE_COOKIE = "personal_probe"
 """Set by `/check/download` with the flags of the session's cookie, so that `study doctor` sees what becomes of them."""
 PROBE_BYTES = 256 * 1024
 PROXY_HEADER = "X-Study-Proxy"
-"""Of `/check/download`: whether the named proxy asked, and said for whom: `none`, `named` or `silent`."""
+"""Header of `/check/download`: whether the named proxy asked, and for whom: `none`, `named` or `silent`."""
 MAX_JSON_BYTES = 4096
 OTHER_VERSION, OTHER_VERSION_STATUS = "the study's program was updated; load the page again", 409
 """Answer to a websocket of a page that an earlier, or a later, version of the program served."""
@@ -104,7 +104,7 @@ class Gateway:
         self._guesses, self._joins, self._downloads = (AddressLimit(*rate) for rate in (GUESSES, JOINS, DOWNLOADS))
         self._people, self._sessions = Holds(), Holds()
         self._numbers = itertools.count(1)
-        """Of connections, in the order in which they come."""
+        """Numbers of connections, in the order in which they come."""
         self._probe = random.Random(0).randbytes(PROBE_BYTES)  # cannot be compressed on the way
 
     def app(self) -> Starlette:

@@ -17,7 +17,7 @@ viser's client sends what the page writes into fields at most every 50 ms."""
 CAMERA_RATE = (20.0, 5)
 """viser sends up to 50 camera messages a second while somebody turns the home; the newest is enough."""
 FLOOD_RATE = (200.0, 400)
-"""Messages of any kind; no browser sends so many, so whoever does is disconnected."""
+"""Messages of any kind; no browser sends this many, and a client that does is disconnected."""
 _Id = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_:./-]{1,64}\Z")]
 _Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 """Metres and what is made of them; who zooms out for a minute is a million metres away."""

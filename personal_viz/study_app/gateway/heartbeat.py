@@ -1,4 +1,4 @@
-"""Asks a viser worker whether its event loop still goes round: one that hangs without ending is nobody's until it ends.
+"""Asks a viser worker whether its event loop still runs; one that hangs is killed, its participants move to another.
 
 The question is a request that the worker's own web server answers, on the same loop as every participant's messages.
 """
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 _ASKED = b"GET /is-anybody-there HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n"
 """The worker's door is shut for who brings no secret, and says so at once."""
 _SLICES = 30
-"""Into so many waits the patience is cut: time in which this process itself stood still counts as one of them."""
+"""Number of waits that make up the patience: time in which this process itself stood still counts as one of them."""
 
 
 @dataclass(frozen=True, slots=True)

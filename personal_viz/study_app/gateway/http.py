@@ -28,7 +28,7 @@ REQUEST_WITHIN_S = 15.0
 ANSWER_WITHIN_S = 120.0
 """For a browser on a slow line to read a page of 1 MB."""
 CONNECTIONS_SHARE = 0.2
-"""Of the time to end, for connections when the gateway stops; the workers and the last copy need the rest."""
+"""Share of the stopping time that connections get; the workers and the last copy need the rest."""
 OWN_PAGES_CSP = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",

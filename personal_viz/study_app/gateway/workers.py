@@ -29,13 +29,13 @@ the first time (two cores that do nothing else), then four seconds."""
 END_S = 6.0
 """Time that the workers get to end; the connections have had theirs before."""
 WORKERS_SHARE = 0.6
-"""Of the time in which a study ends."""
+"""Share of the time in which a study ends."""
 MOST_FAILURES = 5
-"""A worker that so often in a row ends before it is ready, or at once after, is given up."""
+"""A worker that ends this often in a row before it is ready, or right after, is given up."""
 PAUSES_S = (0.0, 0.0, 0.5, 2.0, 5.0)
-"""Before it is started again after so many failures."""
+"""Pauses before it is started again, by the number of failures."""
 HEALTHY_S = 30.0
-"""Who has served for so long has not failed."""
+"""A worker that served for this long has not failed."""
 
 
 def worker_command(
@@ -55,7 +55,7 @@ def worker_command(
 
 
 class Worker:
-    """One place for a viser process; whichever process is there now."""
+    """One place for a viser process, whose process may be replaced."""
 
     def __init__(self, number: int) -> None:
         """Nothing is started."""

@@ -39,7 +39,7 @@ _HUNG_EVERY = 1.3
 """Metres of wall for each thing that hangs there."""
 _TRIES = 8
 _MAX_FAILURES = 20
-"""A room is full after so many things in a row that find no place."""
+"""A room is full when this many things in a row found no place."""
 _APART = 60
 """A colour differs from another where a channel differs by this (of 255)."""
 _FINISHES = 16
@@ -122,7 +122,7 @@ class _Home:
         self._rooms = [SpareRoom(self._storeys[room.storey], number) for number, room in enumerate(plan.rooms)]
 
     def add_decoys(self, share: float) -> None:
-        """Adds so many things per captioned one, of its category and in its room."""
+        """Adds this many things for each captioned one, of its category and in its room."""
         numbers = {room.name: number for number, room in enumerate(self._plan.rooms)}
         for goal in [piece for piece in self._plan.furniture if piece.role == "captioned"]:
             count = int(share) + int(self._rng.random() < share - int(share))
@@ -132,7 +132,7 @@ class _Home:
                 self._put(goal.category, numbers[goal.room])
 
     def fill_room(self, number: int, density: float) -> None:
-        """Adds things that are usual in a room until it has so many per square metre, or is full."""
+        """Adds things that are usual in a room until it has this many per square metre, or is full."""
         household = household_of(self._plan.rooms[number].name)
         wanted = round(density * self._rooms[number].area)
         for _ in range(round(_AT_WALLS * wanted)):

@@ -14,7 +14,7 @@ _STEP = 0.05
 _MAX_PLACES = 600
 """Standing places from which lines to one object are drawn."""
 _KEPT = 0.6
-"""Of the lines from one place to one object, so many stay."""
+"""This share of the lines of sight from one place to one object stays free."""
 
 
 class Sights:

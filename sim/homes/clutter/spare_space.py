@@ -38,7 +38,7 @@ class WallFace(NamedTuple):
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
     def at(self, along: float, out: float) -> tuple[float, float]:
-        """The place (x, z) so many metres from the start and from the wall."""
+        """The place (x, z) at these distances from the start and from the wall, metres."""
         share = along / max(self.length, 1e-9)
         x = self.start[0] + (self.end[0] - self.start[0]) * share + self.out[0] * out
         z = self.start[1] + (self.end[1] - self.start[1]) * share + self.out[1] * out
@@ -90,7 +90,7 @@ class SpareStorey:
             self._occupy(piece)
 
     def take(self, piece: Furniture, *, on: Furniture | None = None, stands: bool = False) -> bool:
-        """Whether a piece fits: over no other, in nobody's way or sight; if so its space is taken.
+        """Whether a piece fits: over no other piece, across no path and no line of sight. If so, its space is taken.
 
         Args:
             piece: With its place, before a wall of its room or on something there.
@@ -153,11 +153,11 @@ class WallSpot(NamedTuple):
 
     @property
     def yaw(self) -> float:
-        """Of a piece with its back to the wall (radians)."""
+        """Yaw of a piece with its back to the wall."""
         return float(np.arctan2(self.face.out[0], self.face.out[1]))
 
     def at(self, out: float) -> tuple[float, float]:
-        """The place (x, z) so many metres before the wall."""
+        """The place (x, z) at this distance from the wall, metres."""
         return self.face.at(self.along, out)
 
 

@@ -158,7 +158,7 @@ def _placed_or_instead(
 def _placed_group(
     group: str, sizes: Sequence[tuple[float, float, float]], space: FreeSpace, *, tries: int, rng: np.random.Generator
 ) -> list[_Piece] | None:
-    """The group's pieces at a free place, which is then taken; None after so many tries."""
+    """The group's pieces at a free place, which is then taken; None when no try found one."""
     members = GROUPS[group]
     if group in BY_WINDOWS:
         return _beside_a_window(members[0], sizes[0], space, rng)

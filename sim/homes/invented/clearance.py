@@ -19,7 +19,7 @@ _OVERHEAD = 1.0
 """What hangs above this does not stand in the way."""
 _FLAT = 0.1
 _LEAST_SHARE = 0.85
-"""Of a room's free floor, what can be walked to."""
+"""Least share of a room's free floor that one can walk to."""
 _LEAST_AREA = 0.8
 """Square metres of every room that can be walked to."""
 _REACHES = (1.0, 1.5)
