@@ -13,7 +13,7 @@ from grounding.agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSetti
 from sim.errors import RecordingError
 from sim.homes.labels import renderer_of
 from sim.mesh import Scene
-from sim.render.renderer import Frame, Renderer
+from sim.render.renderer import Renderer
 from sim.tasks.agents import Agent
 from sim.tasks.observers import Explains, Insight
 from sim.tasks.pan import PanEnv
@@ -48,7 +48,7 @@ class WatchedExploration:
         self.problem: RecordingError | None = None
         """What kept the observer from showing it."""
 
-    def __call__(self, step: Step | None, frame: Frame, insight: Insight | None) -> None:
+    def __call__(self, step: Step | None, insight: Insight | None) -> None:
         """Shows the first view (step None) or a step."""
         if self._observer is None:
             return

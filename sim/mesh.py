@@ -97,9 +97,9 @@ class SceneObject:
     """Extents along world x, y, z in metres."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Scene:
-    """A home that can be rendered and walked in."""
+    """A home that can be rendered and walked in; equal to itself alone."""
 
     name: str
     """`TEEsavR23oF`; the content files' name."""

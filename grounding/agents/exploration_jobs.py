@@ -14,7 +14,6 @@ from sim.homes.invented.invent import invent_plan
 from sim.homes.kind import plan_of
 from sim.homes.plan import HomePlan
 from sim.mesh import Scene
-from sim.render.renderer import Frame
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
 from sim.types import Camera, Pose
@@ -32,7 +31,7 @@ _INVENTED = re.compile(r"Invented(0|[1-9]\d{0,8})")
 class Watching(Protocol):
     """What is told of one exploration as it happens, on the researcher's side."""
 
-    def __call__(self, step: Step | None, frame: Frame, insight: Insight | None) -> None:
+    def __call__(self, step: Step | None, insight: Insight | None) -> None:
         """The first view (step None), or a step (`explore`'s on_step)."""
         ...
 

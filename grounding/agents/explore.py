@@ -1,22 +1,20 @@
 """An exploration of one storey of a home: run it, keep it in a file, and make the pictures of its poses again.
 
-Scene + start -> `FrontierExplorer` in a `PanEnv` without colours -> `Exploration` -> file (exploring/files.py), or
+Scene + start -> `FrontierExplorer` in a `PanEnv`, with depth alone -> `Exploration` -> file (exploration_files.py), or
 `PosedFrame`s for maps.
 """
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypedDict
+from dataclasses import dataclass, replace
+from typing import TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.errors import SceneError
 from sim.frames import T_world_camera
 from sim.homes.plan import HomePlan
 from sim.mesh import Scene
-from sim.render.renderer import Frame, Hits
 from sim.tasks.observers import Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Step
@@ -27,9 +25,6 @@ from .coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
 from .frontier import MAX_STEPS, FrontierExplorer, FrontierSettings, StopReason
 from .rooms_found import RoomMap
 
-if TYPE_CHECKING:
-    from sim.render.raycast import Raycaster
-
 EXPLORER_VERSION = "1"
 """Raised by whoever changes where the explorer starts and goes, or what its file says of coverage, doors and rooms."""
 
@@ -38,7 +33,7 @@ TASK = Task("pan", description="", queries=("explore",), max_steps=MAX_STEPS, ac
 _STARTS_TRIED = 200
 _MAIN_PART = 0.5
 """A start is on the part of the storey that holds at least this share of its free cells."""
-OnStep = Callable[[Step | None, Frame, Insight | None], None]
+OnStep = Callable[[Step | None, Insight | None], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,26 +67,6 @@ class Exploration:
     def poses(self) -> tuple[Pose, ...]:
         """The start and the pose after each step, world frame."""
         return (self.start, *(step.pose for step in self.steps))
-
-
-class _DepthOnly:
-    """A renderer of depth alone, in half the time; its colours are black."""
-
-    def __init__(self, raycaster: "Raycaster") -> None:
-        self._raycaster = raycaster
-        self.last: Frame | None = None
-
-    def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
-        depth = self._raycaster.depth(T_world_camera, camera)
-        black = np.zeros((*depth.shape, 3), np.uint8)
-        self.last = Frame(black, depth, np.zeros(depth.shape, np.int32))
-        return self.last
-
-    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
-        return [self.render(T, camera) for T in Ts_world_camera]
-
-    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
-        return self._raycaster.cast(origins, directions)
 
 
 def start_on_storey(scene: Scene, storey_y: float, seed: int) -> Pose:
@@ -144,22 +119,22 @@ def explore(
     from sim.render.raycast import Raycaster
 
     floor = VisibleFloor(scene.navigation, np.array(start.position))
-    tracker, renderer = CoverageTracker(floor), _DepthOnly(Raycaster(scene.mesh))
-    env = PanEnv(start, scene.navigation, renderer=renderer, camera=camera, max_steps=max_steps)
+    tracker, raycaster = CoverageTracker(floor), Raycaster(scene.mesh)
+    env = PanEnv(start, scene.navigation, renderer=None, camera=camera, max_steps=max_steps)
     agent = FrontierExplorer(settings or FrontierSettings(max_steps=max_steps))
     observation = env.reset()
     agent.reset(TASK, camera, seed=seed)
     coverage: list[float] = []
     while True:
-        assert observation.depth_m is not None
-        assert renderer.last is not None
-        tracker.add(observation.depth_m, T_world_camera(env.pose, camera), Intrinsics.of(camera))
+        T = T_world_camera(env.pose, camera)
+        depth_m = raycaster.depth(T, camera)
+        tracker.add(depth_m, T, Intrinsics.of(camera))
         coverage.append(round(tracker.coverage, 4))
         if on_step is not None:
-            on_step(env.steps[-1] if env.steps else None, renderer.last, agent.insight() if env.steps else None)
+            on_step(env.steps[-1] if env.steps else None, agent.insight() if env.steps else None)
         if env.is_over:
             break
-        observation = env.step(agent.act(observation))
+        observation = env.step(agent.act(replace(observation, depth_m=depth_m)))
     return Exploration(
         scene=scene.name,
         scene_kind=scene.kind,

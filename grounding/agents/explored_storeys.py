@@ -60,7 +60,7 @@ def storey_explorations(
 def _counted(say: Say, what: str) -> OnStep:
     """Says after each step how many were made."""
     steps = count()
-    return lambda step, frame, insight: say(f"{what}, {next(steps)} steps")
+    return lambda step, insight: say(f"{what}, {next(steps)} steps")
 
 
 def exploration_name(scene: Scene, *, storey: int, seed: int, camera: Camera) -> str:

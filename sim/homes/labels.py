@@ -1,6 +1,7 @@
 """Who draws a scene; category names drawn on the objects in view of schematic homes, whose shapes are guesses."""
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ MIN_SHARE = 5e-4
 """Objects that fill less of the picture than this are not named (150 pixels of 640 x 480)."""
 _FONT_SHARE = 1 / 34
 """Height of the letters as a share of the picture's."""
+_RENDERERS: "WeakKeyDictionary[Scene, Renderer]" = WeakKeyDictionary()
+"""Renderers of the scenes that are in use."""
 
 
 class LabelledRenderer:
@@ -77,7 +80,15 @@ def raycaster_of(scene: Scene, *, threads: int | None = None) -> "Raycaster":
 def renderer_of(scene: Scene, *, threads: int | None = None) -> Renderer:
     """What draws the pictures that people and agents get: with words on schematic homes, without on all others.
 
+    Without `threads`, a scene has one renderer, however often it is asked for.
+
     Args: as `raycaster_of`'s.
     """
-    renderer = raycaster_of(scene, threads=threads)
-    return LabelledRenderer(renderer, scene) if scene.kind == "schematic" else renderer
+    if threads is None and scene in _RENDERERS:
+        return _RENDERERS[scene]
+    renderer: Renderer = raycaster_of(scene, threads=threads)
+    if scene.kind == "schematic":
+        renderer = LabelledRenderer(renderer, scene)
+    if threads is None:
+        _RENDERERS[scene] = renderer
+    return renderer

@@ -59,7 +59,7 @@ class PanEnv:
         camera: Camera = Camera(),  # noqa: B008 - frozen value
         pictures: bool = True,
     ) -> Self:
-        """The environment of one episode in its home, with a renderer of its own.
+        """The environment of one episode in its home, drawn by the home's renderer.
 
         Args:
             home: Where the episode takes place (`open_home`).

@@ -178,7 +178,7 @@ def test_the_explorer_shows_its_map_its_frontiers_and_why() -> None:
         seed=3,
         max_steps=30,
         camera=CAMERA,
-        on_step=lambda step, frame, insight: insights.append(insight),
+        on_step=lambda step, insight: insights.append(insight),
     )
     last = insights[-2]
     assert insights[0] is None

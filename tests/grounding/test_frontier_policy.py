@@ -17,7 +17,6 @@ from grounding.agents.frontiers import Frontier, costs_from, find_frontiers
 from grounding.agents.random_frontier import RandomFrontierAgent, random_frontier
 from grounding.agents.seeking import Seeker, SeekSettings
 from sim.render.raycast import Raycaster
-from sim.render.renderer import Frame
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN, Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Step
@@ -120,7 +119,7 @@ def test_a_frontier_too_narrow_to_lead_anywhere_is_none() -> None:
 def test_the_explorer_looks_around_at_the_start_and_never_again() -> None:
     notes: list[str] = []
 
-    def told(step: Step | None, frame: Frame, insight: Insight | None) -> None:
+    def told(step: Step | None, insight: Insight | None) -> None:
         if insight is not None:
             notes.append(insight.note)
 
