@@ -15,7 +15,7 @@ from .design.study import Condition, FlowStep, StudyConfig
 from .store.stages import Stage, StageEntry, has_dropped_out, has_reached, last_detail, way_out
 
 QUIZ_ROUNDS = 2
-"""After so many rounds with a wrong answer the instructions come again."""
+"""Rounds with a wrong answer after which the instructions come again."""
 Place = Literal[
     "not_arrived",
     "device",
@@ -75,13 +75,13 @@ class AssignedTrial:
 
     @property
     def slot(self) -> tuple[TaskKind, Condition, EpisodeKey, int]:
-        """What one person after the other may hold."""
+        """Places that one person after the other may hold."""
         return self.task, self.condition, self.key, self.rep
 
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """What is stored about one participant, as far as it says where the participant is."""
+    """The stored facts that say where a participant is."""
 
     code: str
     task: TaskKind

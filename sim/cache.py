@@ -20,7 +20,7 @@ def cache_dir() -> Path:
 
 
 def cached_bytes(kind: str, key: str, make: Callable[[], bytes]) -> bytes:
-    """What `make` returns; made once per (kind, key) and kept in the cache folder.
+    """The result of `make`, made once per (kind, key) and kept in the cache folder.
 
     A folder that cannot be written costs time, nothing else. Licensed geometry may be among the files, so the folder
     is the user's own.

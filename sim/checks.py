@@ -113,7 +113,7 @@ class _Checkup:
         self._camera, self._steps = camera, steps
 
     def actions_of(self, agent: Agent, trial: Trial, *, keep_memory: bool = False) -> list[Action] | None:
-        """What the agent does in the trial; None when a violation ended it."""
+        """The agent's actions in the trial; None when a violation ended it."""
         env = PanEnv(
             trial.start, self._scene.navigation, renderer=self._renderer, camera=self._camera, max_steps=self._steps
         )
@@ -141,7 +141,7 @@ class _Checkup:
         return actions
 
     def actions_of_new(self, agent: Agent | Callable[[], Agent] | str, trial: Trial) -> list[Action] | None:
-        """What another agent of this kind does in the trial; None when it cannot be made, or a violation ended it."""
+        """The actions of another agent of this kind; None when it cannot be made, or a violation ended it."""
         try:
             made = _made(agent)
         except AgentError as error:

@@ -124,7 +124,7 @@ def require_small_archive(archive: zipfile.ZipFile, *, most: int, most_members: 
 
 
 def _unpacked(data: bytes, most: int) -> bytes:
-    """What gzip made small: all members of the file, at most `most` bytes."""
+    """The unpacked content of a gzip file: all its members, at most `most` bytes."""
     parts: list[bytes] = []
     for _ in range(_MAX_MEMBERS):
         member = zlib.decompressobj(wbits=31)

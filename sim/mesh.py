@@ -124,7 +124,7 @@ class Scene:
 
     @property
     def unnamed_label(self) -> str:
-        """What participants are told of the scene: whoever knows its name finds the answers in the public files."""
+        """The label that participants see: with the scene's name they could find the answers in the public files."""
         return {
             "scan": "scan of a real home",
             "schematic": "schematic home, not a scan",

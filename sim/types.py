@@ -43,11 +43,11 @@ RULE_NOTES: dict[SuccessRule, str] = {
     "authors": "authors = the robot ends within 0.2 m, on the floor plan, of a view point that the episode lists, with "
     "or without STOP, as the authors' result reader counts",
 }
-"""What each rule counts, for help texts and below tables (sim/tasks/rules.py has the figures)."""
+"""The success that each rule counts, for help texts and below tables (sim/tasks/rules.py has the figures)."""
 
 
 class Action(enum.StrEnum):
-    """What an agent or a person can do in PAN. Habitat numbers them 0-5 in this order."""
+    """An action of an agent or a person in PAN. Habitat numbers them 0-5 in this order."""
 
     STOP = "stop"
     FORWARD = "forward"
@@ -64,7 +64,7 @@ PAPER6 = (*PAPER4, Action.LOOK_UP, Action.LOOK_DOWN)
 
 
 class EpisodeKey(NamedTuple):
-    """What names one episode: ids alone repeat across splits and scenes."""
+    """The name of one episode: ids alone repeat across splits and scenes."""
 
     split: Split
     scene: str
@@ -111,14 +111,14 @@ class Task:
     description: str
     """The paragraph that says who owns what (the dataset's `summary`)."""
     queries: tuple[str, ...]
-    """What to find, in order; one query today."""
+    """Objects to find, in order; one query today."""
     max_steps: int = MAX_STEPS
     actions: tuple[Action, ...] = PAPER6
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What the robot senses after one action."""
+    """The robot's senses after one action."""
 
     rgb: NDArray[np.uint8] | None
     """(H, W, 3); None when the environment runs without rendering."""

@@ -1,4 +1,4 @@
-"""What of the analysis is fixed before anybody takes part: the report and the preregistration read it here."""
+"""The parts of the analysis that are fixed before anybody takes part; the report and the preregistration read them."""
 
 import re
 

@@ -84,7 +84,7 @@ class StudyPlan(BaseModel):
     """Whether the study may be served without an ethics id; its records say so for ever."""
     participants: tuple[PlannedParticipant, ...] = Field(min_length=1)
     changes: tuple[str, ...] = ()
-    """What the study file asks for and the plan cannot give, and why; a sentence each, without its full stop."""
+    """Requests of the study file that the plan does not meet, and why; a sentence each, without its full stop."""
 
     @property
     def plan_version(self) -> str:

@@ -94,7 +94,7 @@ def make_plan(
 
 
 def _changes(config: StudyConfig, people: Sequence[PlannedParticipant]) -> tuple[str, ...]:
-    """What the study file asks for and these people do not get, with the reason."""
+    """Requests of the study file that the plan does not meet, with the reasons."""
     main = [[trial for trial in person.trials if trial.phase == "main"] for person in people]
     counts = [len(trials) for trials in main if trials]
     asked, every = config.design.trials_per_person, config.checks.every

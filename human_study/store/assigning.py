@@ -1,4 +1,4 @@
-"""Who has which episode while a study runs: what is due, what was given back, and who gets that instead.
+"""Assigns episodes while a study runs: trials that are due, episodes given back, and who does those instead.
 
 Functions of one write transaction: all that they decide is decided again by nobody else at the same time. The database
 itself refuses a second live holder (trigger `one_holder`).
@@ -146,7 +146,7 @@ def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, cod
 
 
 def free_slot(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, code: str) -> Slot | None:
-    """What `fill` would give; None when there is nothing, or the participant has done enough."""
+    """The trial that `fill` would give; None when there is none, or the participant has done enough."""
     person = plan.participant(code)
     most = config.design.trials_per_person or max(
         sum(trial.phase == "main" for trial in known.trials) for known in plan.participants

@@ -27,7 +27,7 @@ _TRIAL = re.compile(r"(p[0-9]{2,})/([0-9]+)")
 
 @dataclass(frozen=True, slots=True)
 class ExclusionTarget:
-    """What `study exclude` names: every attempt at one assigned trial, or a person."""
+    """The subject of `study exclude`: every attempt at one assigned trial, or a person."""
 
     code: str
     trial_ids: tuple[str, ...]
@@ -35,7 +35,7 @@ class ExclusionTarget:
 
 
 def rules_before_data(config: StudyConfig) -> dict[str, str]:
-    """What each rule that was written down before the first trial says, by rule id."""
+    """The rules that were written down before the first trial, by rule id."""
     has_checks = config.checks.every is not None
     standard = {name: text for name, text in STANDARD_RULES.items() if name != "attention" or has_checks}
     return standard | config.exclusions

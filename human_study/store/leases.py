@@ -1,4 +1,4 @@
-"""Who has been away for too long, by a steady clock that is passed in: jumps of the wall clock do not matter.
+"""Finds participants who have been away too long, by a steady clock; jumps of the wall clock change nothing.
 
 Kept in memory: a program that starts again counts from its start, so a restart takes nobody's place away.
 """
@@ -57,7 +57,7 @@ class Leases:
         return 0.0 if lease is None or lease.num_open else max(0.0, now_s - lease.away_since_s)
 
     def expired(self, now_s: float) -> tuple[str, ...]:
-        """Who has no open connection and has been away for longer than the lease, in order."""
+        """Codes of participants without an open connection whose lease has ended, in order."""
         return tuple(sorted(code for code in self._leases if self.away_s(code, now_s) > self._lease_s))
 
     def _lease(self, code: str, now_s: float) -> _Lease:

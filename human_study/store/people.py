@@ -1,4 +1,4 @@
-"""What is written about participants: stages, consent, links that are taken, who leaves, what is left out."""
+"""Writes about participants: stages, consent, taken links, leaving, exclusions."""
 
 import hashlib
 import json

@@ -87,7 +87,7 @@ class StudyProgress:
 
 
 def study_progress(reader: StudyReader, *, now_ns: int, stuck_after_s: float = STUCK_AFTER_S) -> StudyProgress:
-    """What a snapshot of the study says.
+    """The progress in a snapshot of the study.
 
     Args:
         reader: One snapshot.

@@ -1,4 +1,4 @@
-"""What a study's records say, as values: stored events, trials, participants, verifications, exclusions."""
+"""A study's records as values: stored events, trials, participants, verifications, exclusions."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -110,7 +110,7 @@ class ParticipantRecord:
 
 @dataclass(frozen=True, slots=True)
 class VerificationEntry:
-    """What doing a trial again found."""
+    """The result of doing a trial again."""
 
     trial_id: str
     run_id: str

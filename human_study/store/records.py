@@ -1,4 +1,4 @@
-"""What a study's database holds, read-only and in one consistent snapshot; also checks that nobody changed it."""
+"""Reads a study's database in one consistent snapshot, and checks that nobody changed it."""
 
 import hashlib
 import json
@@ -360,7 +360,7 @@ def store_error(path: Path, error: sqlite3.Error) -> StudyError:
 
 
 def first_hash(study_version: str, trial_id: str) -> str:
-    """What the first event of a trial is chained to."""
+    """The hash to which the first event of a trial is chained."""
     return hashlib.sha256(f"{study_version}/{trial_id}".encode()).hexdigest()
 
 

@@ -56,5 +56,5 @@ def has_dropped_out(entries: Sequence[StageEntry]) -> bool:
 
 
 def last_detail(entries: Sequence[StageEntry], stage: Stage) -> dict:
-    """What was stored with the newest entry of a stage; {} where there is none."""
+    """The details stored with the newest entry of a stage; {} where there is none."""
     return next((entry.detail for entry in reversed(entries) if entry.stage == stage), {})

@@ -162,7 +162,7 @@ def queue_again(
     config: StudyConfig,
     plan: StudyPlan,
 ) -> None:
-    """What becomes of the episode of a counted trial that ended without a result (HUMAN_STUDY.md, section 4).
+    """Gives back the episode of a counted trial that ended without a result (HUMAN_STUDY.md, section 4).
 
     Failed for technical reasons: once more, by the same person in a crossed design, by somebody else where nobody may
     meet a home twice. Abandoned: somebody else gets it; where nobody else could, the same person does, once.

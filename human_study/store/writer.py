@@ -22,7 +22,7 @@ _LATER = (
     sqlite3.SQLITE_BUSY,  # another program holds the file for longer than busy_timeout
     sqlite3.SQLITE_LOCKED,
 )
-"""What may be over when the same write is tried again: the study pauses."""
+"""Errors that may be over when the same write is tried again: the study pauses."""
 _WRITABLE = ("a disk that can be written", "look at the disk and its free space")
 T = TypeVar("T")
 

@@ -1,4 +1,4 @@
-"""What a participant can do in a trial; `session` takes these one at a time."""
+"""The commands of a participant in a trial; `session` takes one at a time."""
 
 from dataclasses import dataclass
 
@@ -120,7 +120,7 @@ class Rate:
 
 RATINGS = (1, 2, 3, 4, 5)
 TrialCommand = Start | Resume | Tick | CloseMap | ShowStorey | LookFrom | GiveUp | Fail | Rate | PageCommand
-"""What every trial takes."""
+"""Commands that every trial takes."""
 PanCommand = TrialCommand | Move | PressStop
 PogCommand = TrialCommand | Click | Confirm
 Command = PanCommand | PogCommand

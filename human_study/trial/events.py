@@ -20,7 +20,7 @@ Finite = Annotated[float, AllowInfNan(False)]
 DropReason = Literal["repeat", "busy", "rate", "action", "storey", "nothing_marked", "phase", "too_early"]
 """`phase`: not in this part of the trial; `too_early`: the map must be looked at for longer."""
 MapKind = Literal["topdown", "glb", "home"]
-"""What is shown before a trial's task: pictures from above, or the 3-D home before walking (`glb`) or pointing."""
+"""The look before a trial's task: pictures from above, or the 3-D home before walking (`glb`) or pointing."""
 
 
 class Open(TrialEvent):
@@ -35,7 +35,7 @@ class Open(TrialEvent):
     max_steps: int
     actions: tuple[Action, ...]
     condition: Condition | None = None
-    """What is seen of the home besides the task; None in records of the first version: `none`, or `map_open`."""
+    """The home as shown besides the task; None in records of the first version: `none`, or `map_open`."""
     position: Vector3 | None = None
     """PAN: where the robot starts, world metres."""
     yaw: Finite | None = None

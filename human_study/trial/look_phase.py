@@ -52,7 +52,7 @@ class LookPhase:
         return [*(self._began_s + limit for limit in limits), self._logged_s + LOOKING_EVERY_S, next_second]
 
     def view(self, t_s: float, *, storeys: tuple[float, ...], storey: int) -> LookView:
-        """What to show."""
+        """The view to show."""
         seen_s, max_s = t_s - self._began_s, self._look.max_s
         left_s = None if max_s is None else max(0, math.ceil(max_s - seen_s))
         return LookView(self.what, storeys, storey, max(0, math.ceil(self._look.min_s - seen_s)), left_s)

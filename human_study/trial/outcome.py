@@ -1,4 +1,4 @@
-"""What a trial came to, rebuilt from its stored events: an `EpisodeRun` (PAN) or an `Answer` (POG) with measures.
+"""The outcome of a trial, rebuilt from its stored events: an `EpisodeRun` (PAN) or an `Answer` (POG) with measures.
 
 Measures need the goal, so this runs on the server only, after the trial's last event is stored. `verify` and `export`
 call the same functions: there is one way from events to a result.
@@ -17,7 +17,7 @@ from sim.walk.navigation_map import NavigationMap
 from .events import Abandoned, Act, Clicked, Confirmed, Error, Event, GaveUp, MapOff, Open, Shown, TimedOut
 
 Outcome = EpisodeEnd | Answer
-"""What the store keeps of a finished trial: a PAN run's end (its steps are the events), or a whole POG answer."""
+"""The outcome that the store keeps: a PAN run's end (its steps are the events), or a whole POG answer."""
 HIT_TOLERANCE = 1e-6
 """Metres between a stored point on a map and the one that its pixel gives: rounding, nothing else."""
 

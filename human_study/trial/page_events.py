@@ -1,4 +1,4 @@
-"""What a trial's record tells of the page around the task: keyboard, screen, window, connection, WebGL."""
+"""Events of the page around the task: keyboard, screen, window, connection, WebGL."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -13,7 +13,7 @@ MAX_SIDE = 100_000
 
 
 class TrialEvent(BaseModel):
-    """What all events have."""
+    """The fields of all events."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     t_s: Finite | None = None

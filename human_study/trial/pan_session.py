@@ -57,7 +57,7 @@ class PanSession(TrialSession[PanView]):
 
     @property
     def observation(self) -> Observation | None:
-        """What the robot senses now, for a researcher who watches; None before `Start`. Participants get the view."""
+        """The robot's observation now, for a researcher who watches; None before `Start`. Participants get the view."""
         return self._observation
 
     @property
@@ -67,7 +67,7 @@ class PanSession(TrialSession[PanView]):
 
     @property
     def last_action(self) -> Action | None:
-        """What the robot did last; None before the first step."""
+        """The robot's last step; None before the first."""
         return self._env.steps[-1].action if self._env.steps else None
 
     @property

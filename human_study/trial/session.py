@@ -1,4 +1,4 @@
-"""What a participant does in one trial, as state machines: a command and the time in, events and a view out.
+"""State machines of one trial: a command and the time in, events and a view out.
 
 The public names of trial_session.py (what every trial goes through), pan_session.py and pog_session.py (the tasks).
 """

@@ -1,4 +1,4 @@
-"""What a study asks of one trial besides the task: what is seen before it, for how long, and how long it may take."""
+"""The terms of one trial besides the task: the look before it, its length, and the time limits."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ class TrialTerms:
     condition: Condition | None = None
     """None: records of the first version of studies."""
     look: Look | None = None
-    """What comes before the task; None = nothing."""
+    """The look before the task; None = there is none."""
     task_max_s: float | None = None
     """Longest walk, from the first picture, or longest answer, from the texts; None = any time."""
     resume_within_s: float = RESUME_WITHIN_S
@@ -37,7 +37,7 @@ class TrialTerms:
 
 
 def terms_of(config: StudyConfig, condition: Condition) -> TrialTerms:
-    """What a study asks of its trials in one condition."""
+    """The terms of a study's trials in one condition."""
     is_pan = condition in ("none", "topdown", "glb")
     look = None
     if condition == "topdown" or condition == "glb":

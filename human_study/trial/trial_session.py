@@ -1,4 +1,4 @@
-"""What every trial goes through, as a state machine: look, task, rating; with its limits, absences and page events.
+"""The state machine of every trial: look, task, rating; with its limits, absences and page events.
 
 `PanSession` and `PogSession` add their task. The caller stores the events first and shows the view after that. If
 storing fails, drop the session and rebuild it from the stored events. Sessions know no goal; results come from
@@ -43,7 +43,7 @@ GIVE_UP_AFTER_S = 0.5
 CAMERA_EVERY_S = 0.5
 """Camera poses are kept at most twice a second (HUMAN_STUDY.md, section 2)."""
 RATE_WITHIN_S = 60.0
-"""Who has not said by then how sure the answer is, is not asked any longer: the outcome waits for it."""
+"""After this long the question of how sure the answer is closes, because the outcome waits for it."""
 JUST_AFTER_S = 0.01
 """Ticks come this long after a moment up to which, itself included, a press counts."""
 Phase = Literal["look", "task", "rate", "done"]
@@ -103,7 +103,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return "look" if self._task_began_s is None else "task"
 
     def view(self, now_s: float) -> LookView | TaskViewT | RateView:
-        """What to show now."""
+        """The view to show now."""
         t_s = self._clock.read(now_s)
         match self.phase:
             case "look":
@@ -152,14 +152,14 @@ class TrialSession(ABC, Generic[TaskViewT]):
 
     @abstractmethod
     def _on_task(self, command: Command, t_s: float, *, busy: bool) -> tuple[Event, ...]:
-        """What a command does that only this task has."""
+        """Handles a command that only this task has."""
 
     @abstractmethod
     def _task_view(self, t_s: float) -> TaskViewT:
         """The task's screen."""
 
     def _opened(self) -> Open:
-        """What the first events of both tasks have in common."""
+        """The fields that the first events of both tasks share."""
         return Open(
             task=self._task.kind,
             split=self._key.split,
@@ -236,7 +236,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return (*taken, *due, *self._show_task(t_s, again=True))
 
     def _due(self, t_s: float) -> tuple[Event, ...]:
-        """What time alone has brought about."""
+        """Events that the time alone causes."""
         match self.phase:
             case "look":
                 assert self._look is not None
@@ -250,7 +250,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return ()
 
     def _on(self, command: Command, t_s: float, *, busy: bool) -> tuple[Event, ...]:
-        """What a command does in the present phase."""
+        """Handles a command in the present phase."""
         if isinstance(command, Tick):
             return self._look.log(t_s) if self.phase == "look" and self._look is not None else ()
         if self.phase == "done":

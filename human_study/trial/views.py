@@ -1,4 +1,4 @@
-"""What a session shows; a test walks every field of these for ground truth."""
+"""The views that a session shows; a test walks every field of them for ground truth."""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -78,7 +78,7 @@ TaskViewT = TypeVar("TaskViewT", PanView, PogView)
 
 @dataclass(frozen=True, slots=True)
 class SessionUpdate(Generic[TaskViewT]):
-    """What a command led to."""
+    """The result of a command."""
 
     events: tuple[Event, ...]
     """Store these first, all or none."""

@@ -11,7 +11,7 @@ _NEXT_TO, _NEAR = 0.35, 1.2
 """Gaps between two pieces that a caption calls "next to" and "near" (planar metres)."""
 _NEAR_WINDOW = 0.7
 _ABOVE = 0.6
-"""What begins this high above the floor and stands on nothing hangs at a wall (metres)."""
+"""A piece that begins this high above the floor and stands on nothing hangs on a wall (metres)."""
 _TOUCH = 0.03
 _QUERIES = (
     "Find {}", "Where is {}?", "Locate {}", "Retrieve {} position", "Identify the position of {}",
@@ -21,7 +21,7 @@ _QUERIES = (
 
 
 def caption_of(piece: Furniture, plan: HomePlan) -> str:
-    """What a person would call the piece: size, colour, pattern, material, category, and where it is; no article.
+    """A person's words for the piece: size, colour, pattern, material, category, and where it is; no article.
 
     All that it says holds in the plan. It never contains " in ", behind which ownership sentences name the room.
     """

@@ -1,4 +1,4 @@
-"""What tells two objects of one category apart: differences that the description says and that our home shows.
+"""Differences between two objects of one category that the description says and that our home shows.
 
 `Described` + two pieces of a plan -> cues in words. Used by findable.py.
 """
@@ -34,7 +34,7 @@ _CLEARLY = (1.3, 0.5)
 def cues(
     said: Described | None, it: Furniture, other: Furniture, plan: HomePlan, noticed: Sequence[Furniture]
 ) -> Iterator[str]:
-    """What is said of `it`, is so in our home, and is not so of `other`."""
+    """Words about `it` that are true in our home and not true of `other`."""
     if said is None:
         return
     yield from (f"colour {word}" for word in said.colours if _shows_colour(word, it, other))

@@ -49,7 +49,7 @@ _Frame = Callable[[Sequence[OwnedItem]], str]
 
 
 def _next_group(left: Sequence[OwnedItem], rng: np.random.Generator) -> tuple[list[OwnedItem], Sequence[_Frame]]:
-    """What the next sentence is about: things of the same people, things of one room, or a single thing."""
+    """The subject of the next sentence: things of the same people, things of one room, or a single thing."""
     first = left[0]
     theirs = [item for item in left if item.owners == first.owners][:_THINGS_PER_SENTENCE]
     near = [item for item in left if item.room == first.room][:_THINGS_PER_SENTENCE]

@@ -165,7 +165,7 @@ def _verdict(episode: Episode, goal: Goal, plan: HomePlan, scene: Scene, sight: 
 
 
 def _exclusion(episode: Episode, target: Furniture, other: Furniture, plan: HomePlan) -> str | None:
-    """What the description says about the other object, and only that one shows: somebody else's red chair."""
+    """The description's words about the other object that only it shows: somebody else's red chair."""
     if not other.caption:
         return None
     said = described_object(episode.record, caption=other.caption, category=other.category, owner=None)

@@ -1,4 +1,4 @@
-"""Who owns what in an invented episode: first names, and ownership graphs that keep the rules of their split."""
+"""Owners in invented episodes: first names, and ownership graphs that keep the rules of their split."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -51,7 +51,7 @@ _SIZES: dict[Split, _Range] = {
 
 
 def draw_ownership(split: Split, conflicts: NDArray[np.bool_], *, rng: np.random.Generator) -> list[Edge]:
-    """Who owns what, keeping the split's rule; people and objects are numbered from 0 without gaps.
+    """Pairs of owner and object that keep the split's rule; people and objects are numbered from 0 without gaps.
 
     Rules (paper): easy, everybody owns one object and every object has one owner; medium, every object has one owner
     and somebody owns several; hard, somebody owns several and some object has several owners.
@@ -79,7 +79,7 @@ def draw_ownership(split: Split, conflicts: NDArray[np.bool_], *, rng: np.random
 
 
 def broken_rule(split: Split, edges: list[Edge]) -> str | None:
-    """What is wrong with a graph for its split, in words; None when it keeps the rule."""
+    """The rule of its split that a graph breaks, in words; None when it keeps it."""
     per_person = Counter(edge.person for edge in edges)
     per_item = Counter(edge.item for edge in edges)
     if len(set(edges)) < len(edges):

@@ -14,7 +14,7 @@ from ..mesh import TriangleMesh
 SHEET_SIDE = 1024
 """Longest side of a texture in the result (pixels)."""
 NUM_SHEETS = 4
-"""The result's textures have at most as many pixels as so many square sheets."""
+"""The result's textures have at most the pixels of this many square sheets."""
 _PAD = 4
 """Pixels around a tile that repeat its rim, so that neighbours do not shine through."""
 _STEPS = 24

@@ -26,7 +26,7 @@ CUT_RANGE = (1.6, 2.2)
 UNDER_CEILING = 0.15
 """How far under the ceiling the cut is (metres); ceilings of scans are not level."""
 _MIN_CLEARANCE = 1.5
-"""What is less than this above the floor covers no room: table tops, the underside of a stair (metres)."""
+"""Faces less than this above the floor are no ceiling: table tops, the underside of a stair (metres)."""
 _MIN_AREA = 1.0
 """Smaller floors are steps of a stair, smaller ceilings are lamps and door heads (m2)."""
 _MIN_COVERED = 0.1
@@ -195,7 +195,7 @@ def _ceilings(vertices, faces, x, y, z, cell, clearance):
 
 
 class _Pieces(NamedTuple):
-    """What a plane leaves of the faces that it cuts; each corner lies between two corners of its old face."""
+    """The parts of faces that a cutting plane leaves; each corner lies between two corners of its old face."""
 
     rows: NDArray[np.int64]
     """(P,) the old faces."""

@@ -76,7 +76,7 @@ def _edges(record: EpisodeRecord) -> tuple[OwnershipEdge, ...]:
 
 
 def _owner_sentences(record: EpisodeRecord) -> list[str]:
-    """What the asked person owns, lower case, without the name."""
+    """The query's object, lower case, without its owner's name."""
     start = f"{record.owner} owns "
     return [text.removeprefix(start).lower() for text in record.extracted_summary if text.startswith(start)]
 

@@ -1,4 +1,4 @@
-"""What an episode's description says about one object: colour, pattern, material, size, shape, room, what is near.
+"""Reads a description's words about one object: colour, pattern, material, size, shape, room, things nearby.
 
 Episode text + the object's caption -> `Described`. The caption tells which words belong to the object; only words that
 the description (`summary`) repeats are kept, because people and agents read nothing else.
@@ -61,7 +61,7 @@ _SAME = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """What a description says about one object; empty where it says nothing."""
+    """A description's words about one object; empty where it has none."""
 
     colours: tuple[str, ...] = ()
     """Colour words, each with "dark" or "light" before it where that is said."""
@@ -78,7 +78,7 @@ class Described:
 
 
 def described_object(record: EpisodeRecord, *, caption: str, category: str, owner: str | None) -> Described | None:
-    """What the episode's description says about the object with this caption.
+    """The words of the episode's description about the object with this caption.
 
     Args:
         record: The episode.

@@ -1,4 +1,4 @@
-"""Who owns what in an episode: ownership sentences to edges, edges to a graph of people and objects.
+"""Owners in an episode: ownership sentences to edges, edges to a graph of people and objects.
 
 Reads `extracted_summary` only, which is ground truth for people and PAN agents (DESIGN.md, "what may be seen").
 """
@@ -29,7 +29,7 @@ class OwnershipEdge:
 
     @property
     def node(self) -> str:
-        """What the object is called in the graph: normalised phrase and room; equal nodes are the same object."""
+        """The object's name in the graph: normalised phrase and room; equal nodes are the same object."""
         phrase = normalise_phrase(self.phrase)
         return phrase if self.room is None else f"{phrase} in {normalise_phrase(self.room)}"
 

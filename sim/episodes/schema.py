@@ -16,7 +16,7 @@ from sim.frames import yaw_from_quat_xyzw
 from sim.types import PAPER6, Action, EpisodeKey, Pose, Split, Task, TaskKind
 
 NAME_PATTERN = r"^[A-Za-z0-9_-]{1,64}$"
-"""What run files can carry as a scene's name or an episode's id."""
+"""Characters that a scene's name or an episode's id may have in run files."""
 LARGEST_M = 10_000.0
 """No coordinate or distance in a home is larger (metres)."""
 _UNIT_TOLERANCE = 1e-3
@@ -199,7 +199,7 @@ class Episode:
         return Pose(self.record.start_position, yaw_from_quat_xyzw(self.record.start_rotation))
 
     def task(self, kind: TaskKind, *, query_index: int = 0, actions: tuple[Action, ...] = PAPER6) -> Task:
-        """What an agent or a participant may see of this episode."""
+        """The part of this episode that an agent or a participant may see."""
         return Task(kind, self.record.summary, (self.record.query[query_index],), actions=actions)
 
 

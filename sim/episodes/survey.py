@@ -1,4 +1,4 @@
-"""What could be read of a dataset, and what a check is: `validate` runs the rules of checks_*.py on a `Survey`."""
+"""The readable part of a dataset, and the type of a check: `validate` runs the rules of checks_*.py on a `Survey`."""
 
 import json
 import math
@@ -48,7 +48,7 @@ class Rule:
     slug: str
     level: Level
     unit: Unit
-    """What `find` counts."""
+    """The things that `find` counts."""
     title: str
     find: Find
     also: tuple[tuple[str, Unit, Find], ...] = ()
@@ -191,7 +191,7 @@ def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
 
 
 def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
-    """What the schema cannot see: an episode of another scene, a key twice, an ownership sentence without owner."""
+    """Errors beyond the schema: an episode of another scene, a key twice, an ownership sentence without owner."""
     first_place: dict[str, int] = {}
     for index, record in enumerate(content.episodes):
         where = f"episodes.{index}"

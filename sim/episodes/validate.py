@@ -33,7 +33,7 @@ class Measure:
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """What one row of the table found."""
+    """The findings of one row of the table."""
 
     row: int
     level: Level

@@ -18,7 +18,7 @@ ExportFormat = Literal["jsonl", "tum", "minari"]
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was written of one run."""
+    """The files written for one run."""
 
     folder: Path
     num_episodes: int

@@ -219,7 +219,7 @@ def _run_info(
 
 
 def _declared(reading: PoseReading, checked: Sequence[CheckedRun]) -> dict[str, str | int | float | bool | None]:
-    """What was declared about pose files and what of them was left out, for `run.json`."""
+    """Declarations about pose files, and their rows that were left out, for `run.json`."""
     free = reading.free
     ignored = dict.fromkeys(name for run in checked for name in run.ignored)
     return {

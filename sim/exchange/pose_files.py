@@ -55,7 +55,7 @@ class FreeMotion:
 
 @dataclass(frozen=True, slots=True)
 class PoseReading:
-    """What a person declares about pose files."""
+    """Declarations about pose files, from the command line."""
 
     frame: PoseFrame
     quaternion: Literal["xyzw", "wxyz"] | None = None
@@ -173,7 +173,7 @@ def _positions(table: PoseTable, reading: PoseReading, start: Pose) -> tuple[NDA
 
 
 def _rotation(table: PoseTable) -> Literal["matrix", "named", "listed", "yaw"]:
-    """What says how the robot is turned.
+    """The columns that say how the robot is turned.
 
     Raises:
         RunFileError: Nothing does, or two things do.

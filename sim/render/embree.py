@@ -27,7 +27,7 @@ from .renderer import Backend
 WHEEL = "4.4.0.post1"
 """The version of `embreex` whose library is known (pyproject.toml pins it)."""
 VERSION = 40400
-"""What that library says its version is: major * 10000 + minor * 100 + patch."""
+"""The version that the library reports: major * 10000 + minor * 100 + patch."""
 WIDTHS = (16, 8, 4)
 """Packet widths, best first."""
 INVALID = np.uint32(0xFFFFFFFF)

@@ -34,7 +34,7 @@ _RAYS_PER_TASK = 4_096
 
 
 class _Tracer(Protocol):
-    """What finds hits; all arguments are the kernels'."""
+    """A library that finds hits; all arguments are the kernels'."""
 
     tile_rows: int
 
@@ -52,7 +52,7 @@ class Raycaster:
     """
 
     backend: Backend
-    """What finds the hits, and why."""
+    """The library that finds the hits, and why it was chosen."""
 
     def __init__(
         self,
@@ -100,7 +100,7 @@ class Raycaster:
         return self._rendered(T_world_camera, camera, self._workers.over)
 
     def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
-        """What `render` gives for each of the poses (B, 4, 4), in order: one view per thread, or all on one view."""
+        """`render` of each of the poses (B, 4, 4), in order: one view per thread, or all threads on one view."""
         if len(Ts_world_camera) < 2 * self._workers.threads:
             return [self.render(T_world_camera, camera) for T_world_camera in Ts_world_camera]
         return self._workers.map(lambda T: self._rendered(T, camera, _here), list(Ts_world_camera))
@@ -163,7 +163,7 @@ def _default_threads() -> int:
 
 @lru_cache
 def chosen_backend() -> Backend:
-    """What raycasters of this process use, and why; warns once if that is not the fast way."""
+    """The library that raycasters of this process use, and why; warns once if it is not the fast one."""
     try:
         return embree.self_test()
     except MissingDependencyError as error:

@@ -114,7 +114,7 @@ def colour_rows(found, mesh, packets, all_lanes, view, surfaces, sampling, rows,
 
 
 def _reader(bits: int) -> Any:
-    """A compiled function: the number of so many bits at an address, as int64; any address will do."""
+    """A compiled function that reads a number of this many bits at an address, as int64; any alignment."""
 
     @intrinsic
     def number_at(typingctx, address):

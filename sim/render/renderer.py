@@ -1,4 +1,4 @@
-"""What a renderer gives, also as JPEG; made by sim/render/raycast.py. Light: environments and sessions name it."""
+"""The protocol of renderers and their pictures, also as JPEG; sim/render/raycast.py is one. Light to import."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -39,7 +39,7 @@ class Hits:
 
 @dataclass(frozen=True, slots=True)
 class Backend:
-    """What finds the first hits of rays, and why it was chosen."""
+    """The library that finds the first hits of rays, and why it was chosen."""
 
     name: Literal["embree", "open3d"]
     packet_width: int
@@ -56,7 +56,7 @@ class Renderer(Protocol):
         ...
 
     def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
-        """What `render` gives for each of the poses (B, 4, 4), in order; faster than one after the other."""
+        """`render` of each of the poses (B, 4, 4), in order; faster than one after the other."""
         ...
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:

@@ -49,7 +49,7 @@ _LEVEL = np.dtype(
 
 
 class Surfaces(NamedTuple):
-    """What kernels read of a mesh; valid while the images that it was made of live."""
+    """The arrays of a mesh that kernels read; valid as long as the images behind them live."""
 
     records: NDArray[np.void]
     """(F,) 32 bytes each, at a multiple of 32."""
@@ -64,7 +64,7 @@ class Surfaces(NamedTuple):
 
 
 def lanes_dtype(width: int) -> np.dtype:
-    """What the stages of colouring hand on, for each ray of a packet."""
+    """The values that the stages of colouring pass on, for each ray of a packet."""
     floats = ["u", "v", "x_share", "y_share"]
     ints = ["height", "width", "left", "right", "top", "bottom", "instance", "colour"]
     ints += ["top_left", "top_right", "bottom_left", "bottom_right", "light0", "light1", "light2"]

@@ -1,4 +1,4 @@
-"""What the faces of a glTF primitive show: base colour, image, and where on it. Feeds glb.py.
+"""The look of a glTF primitive's faces: base colour, image, and the place on it. Feeds glb.py.
 
 A mesh's textures repeat. Images that the file clamps or mirrors are enlarged to what its faces really show of them;
 where that would be more than nine times the image, they repeat all the same.
@@ -69,7 +69,7 @@ class _Texture(NamedTuple):
 
 
 def look_of(file: GltfFile, material: int | None) -> Look:
-    """What a material shows; lights, other maps and alpha are left out.
+    """The look of a material; lights, other maps and alpha are left out.
 
     Raises:
         SceneError: It names a texture or image that is not there, or one in a format that we cannot read.
@@ -224,7 +224,7 @@ def _uv_from_uv(info: TextureInfo) -> tuple[tuple[float, float, float], tuple[fl
 
 
 def _padding(values: NDArray[np.float32], texels: int, wrap: int) -> _Padding:
-    """What faces with these coordinates (N,) show around an image of so many texels that does not repeat.
+    """Coordinates (N,) of faces that reach beyond an image of this many texels, which does not repeat.
 
     Less than one texel outside is what rounding does to coordinates that were meant to end at the edge.
     """

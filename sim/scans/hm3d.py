@@ -17,7 +17,7 @@ from .semantic_txt import SemanticLabel, read_semantic_txt
 
 
 class Semantics(NamedTuple):
-    """What the two files say of a scan."""
+    """The semantics of a scan, from its two files."""
 
     mesh: TriangleMesh
     """The scan with ids; 0 where a place shows the colour of no object."""

@@ -32,7 +32,7 @@ _DAMAGES = (
     ValueError, LookupError, TypeError, AttributeError, NameError, OSError, ArithmeticError, AssertionError,
     RuntimeError, MemoryError, SyntaxError, Image.DecompressionBombError,
 )  # fmt: skip
-"""What trimesh and Pillow raise on damaged files."""
+"""Errors that trimesh and Pillow raise on damaged files."""
 
 
 _MEASURED = (b"\x89PN", b"\xff\xd8\xff")

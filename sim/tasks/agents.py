@@ -33,7 +33,7 @@ _TURNS = sorted(range(-5, 7), key=abs)
 
 
 class Agent(Protocol):
-    """What walks: told the task once, then asked for one action per observation."""
+    """An agent: told the task once, then asked for one action per observation."""
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Starts a new episode; `keep_memory` says that the home is the same as in the last one."""

@@ -1,4 +1,4 @@
-"""What of a storey a robot has seen from above: grows from depth and the camera's pose, or from the free map alone."""
+"""The part of a storey that a robot has seen, from above, by depth and the camera's pose, or by the free map alone."""
 
 from functools import lru_cache
 from typing import NamedTuple

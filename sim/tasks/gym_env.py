@@ -223,7 +223,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         return self._scene
 
     def _drawing(self, scene: Scene) -> Renderer:
-        """What draws the open scene, made when something is to be drawn."""
+        """The renderer of the open scene, made when it is first needed."""
         if self._renderer is None:
             from sim.homes.labels import renderer_of
 

@@ -77,7 +77,7 @@ class MetricRow(BaseModel):
     paper_strict: RuleFigures | None = None
     """The same trials under rule `paper-strict`; PAN only."""
     far_from_view: FarFromView | None = None
-    """What rule `paper` accepts although the way to see the object is long; PAN only."""
+    """Successes by rule `paper` that end far from every place that sees the object; PAN only."""
 
 
 def metrics(folders: Sequence[Path | str], *, rule: SuccessRule = "paper") -> list[MetricRow]:

@@ -1,4 +1,4 @@
-"""What watches a run while it happens, and what an agent may show of its reasoning. Watching never changes a run.
+"""Observers of a run while it happens, and the reasoning that an agent may show. Watching never changes a run.
 
 Points and grids of an `Insight` are in the `start` frame (sim/frames.py): an agent is told no other.
 """
@@ -33,7 +33,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Insight:
-    """What an agent knew and meant when it chose its last action; it fills in what it has."""
+    """The knowledge and intention of an agent when it chose its last action; every field is optional."""
 
     grid: GridSpec | None = None
     """Where the cells of `occupancy` and `similarity` are, on the start frame's (x, z); needed by both."""
@@ -59,12 +59,12 @@ class Explains(Protocol):
     """An agent that shows its reasoning; agents need not."""
 
     def insight(self) -> Insight | None:
-        """What it knew and meant when it chose the last action; None = nothing to show."""
+        """Its knowledge and intention when it chose the last action; None = nothing to show."""
         ...
 
 
 class Observer(Protocol):
-    """What is told of each episode as it happens, on the researcher's side; it holds no part of the run."""
+    """Receives each episode as it happens, on the researcher's side; it holds no part of the run."""
 
     def on_reset(self, episode: Episode, observation: Observation) -> None:
         """An episode begins; the observation is the first one."""

@@ -140,7 +140,7 @@ class PanEnv:
         self._steps.append(self._after(action, t_s))
 
     def observe(self) -> Observation:
-        """What the robot senses now."""
+        """The robot's observation now."""
         pose = self.pose
         frame = self._renderer.render(T_world_camera(pose, self.camera), self.camera) if self._renderer else None
         return Observation(

@@ -1,4 +1,4 @@
-"""What a run must say about itself: program versions, code state, time."""
+"""Where a run comes from: program versions, state of the code, time."""
 
 import datetime
 import subprocess

@@ -60,7 +60,7 @@ class RunInfo(BaseModel):
     made_for: SuccessRule | None = None
     """Success rule that an agent that knows the goal was made for, or that people were told; None = none, not known."""
     scene_label: str = ""
-    """What must be said of results in homes of this kind; follows from `scene_kind`, empty for scans."""
+    """The label of results in homes of this kind; follows from `scene_kind`, empty for scans."""
     scene_terms: str = ""
     """Whose terms homes of this kind may stand under; follows from `scene_kind`, empty for invented homes and scans."""
 
@@ -128,7 +128,7 @@ class RuleMeasures(BaseModel):
 
 
 class Measures(BaseModel):
-    """What the simulator computed when a run ended; a program outside never writes this."""
+    """Measures that the simulator computed when a run ended; other programs never write them."""
 
     model_config = _MODEL
     rules: dict[SuccessRule, RuleMeasures | None]

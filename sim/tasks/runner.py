@@ -66,7 +66,7 @@ class Watch:
         self._observer = observer
         self._episode = episode
         self.problem: RecordingError | None = None
-        """What the observer could not write."""
+        """The observer's error."""
 
     def reset(self, observation: Observation) -> None:
         """The episode begins."""
@@ -257,7 +257,7 @@ def _own_agent(job: AgentJob, episode: Episode, navigation: NavigationMap) -> Ag
 
 
 def _insight_of(agent: Agent) -> Insight | None:
-    """What the agent shows of its reasoning, if it does.
+    """The reasoning that the agent shows, if it shows any.
 
     Raises:
         AgentError: It raised, or returned something else.

@@ -1,4 +1,4 @@
-"""What a robot of the paper can have done, step by step; runs of other simulators are held against it."""
+"""Checks that a robot of the paper could have made each step of an imported run."""
 
 import math
 from collections.abc import Sequence
@@ -161,7 +161,7 @@ def check_places(checked: CheckedRun, navigation: NavigationMap) -> None:
 
 
 def _step_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bool, rounding: float) -> str | None:
-    """What is impossible about a step that began at `before`, or None."""
+    """Why a step that began at `before` is impossible, or None."""
     turn = {Action.LEFT: TURN_STEP, Action.RIGHT: -TURN_STEP}.get(step.action, 0.0)
     look = {Action.LOOK_UP: TURN_STEP, Action.LOOK_DOWN: -TURN_STEP}.get(step.action, 0.0)
     for what, found, wanted in (("yaw", step.yaw - before.yaw, turn), ("tilt", step.tilt - before.tilt, look)):
@@ -177,7 +177,7 @@ def _step_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bo
 
 
 def _forward_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bool, rounding: float) -> str | None:
-    """What is impossible about where a forward ended, or None.
+    """Why a forward cannot have ended here, or None.
 
     Without sliding Habitat stops on the line to the wanted end. With sliding it ends at the point of the mesh's border
     nearest to the wanted end; the start itself was a candidate, so the result is within one step of the wanted end.

@@ -32,7 +32,7 @@ Result = TypeVar("Result")
 class _Batch(Generic[Result]):
     results: tuple[Result, ...]
     error: PersonalVizError | None
-    """What ended the batch early."""
+    """The error that ended the batch early."""
 
 
 def results(

@@ -51,7 +51,7 @@ class NavMesh:
             SceneError: No polygon can be walked on, or they are larger than any home.
         """
         self.settings: NavMeshSettings = data.settings
-        """What the mesh was built with."""
+        """Settings with which the mesh was built."""
         self.digest: str = data.digest
         """sha256 of the file."""
         self._polygons = polygons_from_data(data)

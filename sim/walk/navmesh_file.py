@@ -47,7 +47,7 @@ _ADVICE = "Copy or download the file again, or remove it: then the map is made f
 
 @dataclass(frozen=True, slots=True)
 class NavMeshSettings:
-    """What Recast built a mesh with; the defaults are Habitat's (HABITAT_SEMANTICS.md 2.5). Metres, degrees, cells."""
+    """Recast's settings for a mesh; the defaults are Habitat's (HABITAT_SEMANTICS.md 2.5). Metres, degrees, cells."""
 
     cell_size: float = 0.05
     cell_height: float = 0.2
