@@ -17,7 +17,7 @@ from ..trial.events import Event, Open
 from ..trial.outcome import Outcome, has_begun
 from .manifest import Manifest, read_manifest, require_unchanged
 from .rows import EventRow
-from .runs import RUN_CONDITIONS
+from .runs import run_condition
 from .trial_figures import TrialFigures, trial_figures
 from .trial_table import TrialRow, is_long_hidden
 from .verify import TrialHome, first_difference, recompute, run_as_known
@@ -129,7 +129,7 @@ def _other_figures(row: TrialRow, events: Sequence[Event], outcome: Outcome, con
 
 def _name_in_runs(row: TrialRow) -> _Counted:
     key = EpisodeKey(row.split, row.scene, row.episode_id)
-    return row.participant, RUN_CONDITIONS.get(row.condition, row.condition), key
+    return row.participant, run_condition(row.condition), key
 
 
 def _with_homes(

@@ -1,12 +1,11 @@
 """Counted trials of people as run folders: the same `EpisodeRun` and `Answer` that agents have."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from pydantic import BaseModel
 
-from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, RunInfo
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, Run, RunInfo
 from sim.types import TaskKind
 
 from ..design.plan import StudyScene
@@ -14,8 +13,13 @@ from ..design.study import Condition, StudyConfig
 from ..trial.events import Event
 from ..trial.outcome import Outcome, episode_run
 
-RUN_CONDITIONS: dict[Condition, str] = {"topdown": "memory_topdown", "glb": "memory_glb"}
+_RUN_CONDITIONS: dict[Condition, str] = {"topdown": "memory_topdown", "glb": "memory_glb"}
 """Names in run files where they differ from the study file's."""
+
+
+def run_condition(condition: Condition) -> str:
+    """The condition of `run.json` for a condition of the study file."""
+    return _RUN_CONDITIONS.get(condition, condition)
 
 
 def trial_run_info(
@@ -52,7 +56,7 @@ def trial_run_info(
         run_id="-".join(parts),
         who="human",
         who_kind="human",
-        condition=RUN_CONDITIONS.get(condition, condition),
+        condition=run_condition(condition),
         scene_kind=home.kind,
         dataset_digest=config.dataset.sha256,
         seed=config.dataset.seed,
@@ -90,33 +94,16 @@ def result_of(events: Sequence[Event], outcome: Outcome, *, code: str) -> Episod
     return outcome.model_copy(update={"participant": code})
 
 
-class RunFolders:
-    """Collects results by run folder, and writes them as the bytes of `run.json`, `steps.jsonl` and `answers.jsonl`."""
-
-    def __init__(self) -> None:
-        """Without any result."""
-        self._infos: dict[str, RunInfo] = {}
-        self._results: defaultdict[str, list[EpisodeRun | Answer]] = defaultdict(list)
-
-    def add(self, info: RunInfo, result: EpisodeRun | Answer) -> None:
-        """Adds one result to the folder of its run; results keep the order in which they come."""
-        self._infos.setdefault(info.run_id, info)
-        self._results[info.run_id].append(result)
-
-    def files(self) -> dict[str, tuple[bytes, int]]:
-        """(content, number of results) by path, in order of the run ids."""
-        found: dict[str, tuple[bytes, int]] = {}
-        for run_id in sorted(self._infos):
-            results = self._results[run_id]
-            found[f"{run_id}/run.json"] = (self._infos[run_id].model_dump_json(indent=2).encode() + b"\n", len(results))
-            walks = [result for result in results if isinstance(result, EpisodeRun)]
-            answers = [result for result in results if isinstance(result, Answer)]
-            if walks:
-                lines = [line for walk in walks for line in (walk.start, *walk.steps, walk.end)]
-                found[f"{run_id}/steps.jsonl"] = (_lines(lines), len(walks))
-            if answers:
-                found[f"{run_id}/answers.jsonl"] = (_lines(answers), len(answers))
-        return found
+def run_files(run: Run) -> dict[str, tuple[bytes, int]]:
+    """(content, number of results) of each file of a run folder, by path."""
+    num_results = len(run.episodes) + len(run.answers)
+    found = {f"{run.info.run_id}/run.json": (run.info.model_dump_json(indent=2).encode() + b"\n", num_results)}
+    if run.episodes:
+        lines = [line for walk in run.episodes for line in (walk.start, *walk.steps, walk.end)]
+        found[f"{run.info.run_id}/steps.jsonl"] = (_lines(lines), len(run.episodes))
+    if run.answers:
+        found[f"{run.info.run_id}/answers.jsonl"] = (_lines(run.answers), len(run.answers))
+    return found
 
 
 def _lines(models: Sequence[BaseModel]) -> bytes:

@@ -5,8 +5,7 @@ Written from one read transaction, so it works while the study is served. The sa
 
 import os
 import shutil
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 
 import yaml
@@ -18,24 +17,14 @@ from sim.homes.kind import scene_labels, scene_terms
 
 from ..design.plan import PRACTICE_FOLDER
 from ..design.study import STUDY_FILE
-from ..store.record_types import StoredEvent, TrialStatus
 from ..store.records import StudyReader, read_study
-from .codes import exported_codes, is_gone
+from .collect import Collected, collect
 from .data_dictionary import dictionary_text
 from .formats import table_bytes
 from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
-from .rows import (
-    EventRow,
-    ExclusionRow,
-    ParticipantRow,
-    VerificationRow,
-    event_rows,
-    exclusion_rows,
-    participant_row,
-    verification_rows,
-)
-from .runs import RunFolders, created_utc, result_of, trial_run_info
-from .trial_table import AttemptName, RowContext, TrialRow, row_context, trial_row
+from .rows import EventRow, ExclusionRow, ParticipantRow, VerificationRow, event_rows
+from .runs import run_files
+from .trial_table import TrialRow
 
 DICTIONARY_FILE = "data_dictionary.md"
 TABLES: dict[str, tuple[str, type[BaseModel]]] = {
@@ -49,17 +38,6 @@ TABLES: dict[str, tuple[str, type[BaseModel]]] = {
     "verifications": ("One row per time that an attempt was done again and compared.", VerificationRow),
 }
 """(what a row is, row model) by file name without ending."""
-
-
-@dataclass(slots=True)
-class _Collected:
-    """What has been read so far."""
-
-    rows: dict[str, list[BaseModel]] = field(default_factory=lambda: {name: [] for name in TABLES})
-    runs: RunFolders = field(default_factory=RunFolders)
-    names: dict[str, AttemptName] = field(default_factory=dict)
-    """Exported name of each attempt, by trial id."""
-    num_deleted: int = 0
 
 
 def export_study(folder: Path, out: Path) -> list[Path]:
@@ -80,65 +58,22 @@ def export_study(folder: Path, out: Path) -> list[Path]:
     with read_study(folder) as reader:
         reader.check()
         _require_replaceable(out, reader.study_version)
-        collected = _collect(reader)
-        files = _table_files(collected) | collected.runs.files() | _study_files(reader, folder)
-        manifest = _manifest(reader, collected, files)
+        found = collect(reader)
+        files = _table_files(found) | _study_files(reader, folder)
+        for _, run in sorted(found.runs.items()):
+            files |= run_files(run)
+        manifest = _manifest(reader, found, files)
     _write_folder(out, {name: content for name, (content, _) in files.items()}, manifest)
     return [out / name.removesuffix("/run.json") for name in sorted(files) if name.endswith("/run.json")]
 
 
-def _collect(reader: StudyReader) -> _Collected:
-    """All rows and results of the people who did not have their records deleted."""
-    context, codes = row_context(reader), exported_codes(reader)
-    is_deleted = context.config.privacy.on_withdraw == "delete"
-    collected = _Collected()
-    kept: dict[str, str] = {}
-    for code, exported in sorted(codes.items(), key=lambda item: item[1]):
-        record = reader.participant(code)
-        if is_gone(record, is_deleted_on_withdrawal=is_deleted):
-            collected.num_deleted += 1
-            continue
-        kept[code] = exported
-        trials = reader.trials(code)
-        collected.rows["participants"].append(participant_row(record, trials, code=exported))
-        for status in trials:
-            _add_trial(collected, reader, context, status, exported)
-    collected.rows["exclusions"] += exclusion_rows(context.config, reader.exclusions(), collected.names, kept)
-    collected.rows["verifications"] += verification_rows(reader.verifications(), collected.names)
-    return collected
-
-
-def _add_trial(collected: _Collected, reader: StudyReader, context: RowContext, status: TrialStatus, code: str) -> None:
-    """One attempt: its row, its events, and its result where it counts."""
-    stored: Sequence[StoredEvent] = reader.events(status.trial_id) if status.trial_id is not None else ()
-    head = reader.head_hash(status.trial_id) if status.trial_id is not None else None
-    events = [item.event for item in stored]
-    row = trial_row(context, status, events, head_hash=head, code=code)
-    collected.rows["trials"].append(row)
-    collected.rows["events"] += event_rows(row, stored)
-    if status.trial_id is not None:
-        collected.names[status.trial_id] = row
-    if row.left_out is None and status.outcome is not None:
-        info = trial_run_info(
-            context.config,
-            context.plan.scene(status.key.scene),
-            code,
-            status.task,
-            condition=status.condition,
-            created_utc=created_utc(reader.created_ns),
-            app_version=reader.app_version,
-            study_version=reader.study_version,
-            mixes_kinds=len({home.kind for home in context.plan.scenes}) > 1,
-            is_pilot=reader.is_pilot,
-        )
-        collected.runs.add(info, result_of(events, status.outcome, code=code))
-
-
-def _table_files(collected: _Collected) -> dict[str, tuple[bytes, int | None]]:
+def _table_files(found: Collected) -> dict[str, tuple[bytes, int | None]]:
     """(content, number of rows) of each table in each format, and of the data dictionary."""
     files: dict[str, tuple[bytes, int | None]] = {}
+    events = [line for row, stored in found.events for line in event_rows(row, stored)]
+    rows_of = {"events": events, **{name: getattr(found, name) for name in TABLES if name != "events"}}
     for name, (_, model) in TABLES.items():
-        rows = collected.rows[name]
+        rows = rows_of[name]
         for ending, content in table_bytes(model, rows).items():
             files[f"{name}.{ending}"] = (content, len(rows))
     files[DICTIONARY_FILE] = (dictionary_text("Data dictionary", TABLES).encode(), None)
@@ -158,11 +93,10 @@ def _study_files(reader: StudyReader, folder: Path) -> dict[str, tuple[bytes, in
     return files
 
 
-def _manifest(reader: StudyReader, collected: _Collected, files: Mapping[str, tuple[bytes, int | None]]) -> Manifest:
+def _manifest(reader: StudyReader, found: Collected, files: Mapping[str, tuple[bytes, int | None]]) -> Manifest:
     """What `manifest.json` says."""
     config, plan = reader.config, reader.plan
-    trials = [row for row in collected.rows["trials"] if isinstance(row, TrialRow)]
-    begun = [row for row in trials if row.attempt > 0]
+    begun = [row for row in found.trials if row.attempt > 0]
     return Manifest(
         study=config.study,
         study_version=reader.study_version,
@@ -174,9 +108,9 @@ def _manifest(reader: StudyReader, collected: _Collected, files: Mapping[str, tu
         tasks=config.task,
         scenes=plan.scenes,
         practice_scenes=plan.practice_scenes,
-        num_participants=len(collected.rows["participants"]),
-        num_deleted=collected.num_deleted,
-        num_not_begun=len(trials) - len(begun),
+        num_participants=len(found.participants),
+        num_deleted=found.num_deleted,
+        num_not_begun=len(found.trials) - len(begun),
         left_out=tuple(
             LeftOutTrial(attempt=row.attempt_name, reason=row.left_out) for row in begun if row.left_out is not None
         ),

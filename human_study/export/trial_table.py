@@ -14,7 +14,6 @@ from ..design.study import Condition, StudyConfig
 from ..store.record_types import TrialStatus, VerificationStatus
 from ..store.records import StudyReader
 from ..trial.events import Event
-from .codes import is_gone
 from .trial_figures import Seconds, TrialFigures, trial_figures
 
 NOT_A_RESULT: tuple[EndReason, ...] = ("technical", "abandoned")
@@ -112,27 +111,6 @@ class RowContext:
     """Rule ids by participant code."""
 
 
-def trial_rows(reader: StudyReader) -> list[TrialRow]:
-    """Every attempt of every participant, by participant, order and attempt.
-
-    Participants whose records were deleted after a withdrawal are not in it.
-
-    Raises:
-        StudyError: A record cannot be read.
-    """
-    context = row_context(reader)
-    rows = []
-    is_deleted = context.config.privacy.on_withdraw == "delete"
-    for code in reader.codes():
-        if is_gone(reader.participant(code), is_deleted_on_withdrawal=is_deleted):
-            continue
-        for status in reader.trials(code):
-            events = [stored.event for stored in reader.events(status.trial_id)] if status.trial_id else []
-            head = reader.head_hash(status.trial_id) if status.trial_id else None
-            rows.append(trial_row(context, status, events, head_hash=head))
-    return rows
-
-
 def is_long_hidden(t_hidden_s: float, config: StudyConfig) -> bool:
     """Whether a page was in the background for longer than the study allows without a flag."""
     return config.hidden_max_s is not None and t_hidden_s > config.hidden_max_s
@@ -154,7 +132,7 @@ def row_context(reader: StudyReader) -> RowContext:
 
 
 def trial_row(
-    context: RowContext, status: TrialStatus, events: Sequence[Event], *, head_hash: str | None, code: str | None = None
+    context: RowContext, status: TrialStatus, events: Sequence[Event], *, head_hash: str | None, code: str
 ) -> TrialRow:
     """One row.
 
@@ -163,7 +141,7 @@ def trial_row(
         status: The attempt.
         events: All of the attempt, in order.
         head_hash: Of the last event.
-        code: What the person is called in the row; None = as in the study.
+        code: What the person is called in the row.
     """
     rules = dict.fromkeys(
         [*context.excluded_people.get(status.code, ()), *context.excluded_trials.get(status.trial_id or "", ())]
@@ -172,7 +150,7 @@ def trial_row(
     kind = context.plan.scene(status.key.scene).kind
     return TrialRow(
         **dict(figures),
-        participant=code or status.code,
+        participant=code,
         order_no=status.order_no,
         phase=status.phase,
         task=status.task,

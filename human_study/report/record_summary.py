@@ -8,8 +8,9 @@ from pydantic import BaseModel, ConfigDict
 from sim.types import TaskKind
 
 from ..export.rows import ExclusionRow, ParticipantRow
+from ..export.runs import run_condition
 from ..export.trial_table import NOT_A_RESULT, TrialRow
-from .row_labels import is_first_condition, run_condition
+from .row_labels import is_first_condition
 
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 NO_REASON = "not in the export"

@@ -1,7 +1,5 @@
 """What rows of a report are called, for readers: people by condition, agents by name, differences by both."""
 
-from ..design.study import Condition
-
 PEOPLE = {
     "none": "Human",
     "memory": "Human with memory",
@@ -11,12 +9,6 @@ PEOPLE = {
     "map_open": "Human (home and text together)",
     "map_2d": "Human (agents' top-down map)",
 }
-_RUN_CONDITIONS: dict[Condition, str] = {"topdown": "memory_topdown", "glb": "memory_glb"}
-
-
-def run_condition(condition: Condition) -> str:
-    """The condition of `run.json` for a condition of the study file."""
-    return _RUN_CONDITIONS.get(condition, condition)
 
 
 def is_first_condition(condition: str) -> bool:

@@ -7,8 +7,8 @@ from pydantic import BaseModel, ConfigDict
 
 from sim.types import EpisodeKey, TaskKind
 
+from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
-from .row_labels import run_condition
 from .rows import Aggregate, counted_trials, estimate_of
 from .statistics import mean_interval, numbered, rate_interval
 from .trial_groups import CountedTrial, TrialGroup, row_key

@@ -1,6 +1,5 @@
-"""What a report is made from: run folders, exports of a study, or study folders, which are exported first."""
+"""What a report is made from: run folders, exports of a study, or study folders, whose records are read directly."""
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +12,11 @@ from sim.tasks.metrics import read_runs
 from sim.tasks.run_files import Run
 
 from ..design.study import STUDY_FILE, StudyConfig, load_study
+from ..export.collect import collect
 from ..export.manifest import MANIFEST_FILE, read_manifest
 from ..export.rows import ExclusionRow, ParticipantRow
-from ..export.study_export import export_study
 from ..export.trial_table import TrialRow
-from ..store.records import DATABASE_FILE
+from ..store.records import DATABASE_FILE, read_study
 
 TRIALS_FILE = "trials.jsonl"
 _Row = TypeVar("_Row", bound=BaseModel)
@@ -26,7 +25,7 @@ _PARTICIPANTS_FILE, _EXCLUSIONS_FILE = "participants.jsonl", "exclusions.jsonl"
 
 @dataclass(frozen=True, slots=True)
 class StudyRecords:
-    """What a study's export holds beside the run folders."""
+    """What a study, or its export, holds beside the runs."""
 
     config: StudyConfig
     rows: tuple[TrialRow, ...]
@@ -37,8 +36,6 @@ class StudyRecords:
     is_pilot: bool = False
     plan_changes: tuple[str, ...] = ()
     """What the study file asked for and the plan could not give, and why."""
-    head_hashes: tuple[str, ...] = ()
-    """Of every attempt's last event, sorted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,28 +57,45 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
         RunFileError: A folder holds no run, or a run is damaged.
     """
     studies = [folder for folder in folders if (folder / DATABASE_FILE).is_file()]
-    with tempfile.TemporaryDirectory() as temporary:
-        exports = []
-        for number, folder in enumerate(studies):
-            out = Path(temporary) / str(number)
-            export_study(folder, out)
-            exports.append(out)
-        exports += [folder for folder in folders if folder not in studies and (folder / TRIALS_FILE).is_file()]
-        if len(exports) > 1:
-            names = ", ".join(str(folder) for folder in folders)
-            raise StudyError(
-                f"report: found records of {len(exports)} studies or exports in {names}; expected one, because a trial "
-                "counts once. Give one study folder or one of its exports, and run folders of agents."
-            )
-        others = [folder for folder in folders if folder not in studies and folder not in exports]
-        records = read_records(exports[0]) if exports else None
-        with_runs = [*exports, *others] if exports and any(exports[0].glob("*/run.json")) else others
-        if exports and not with_runs:
-            raise StudyError(
-                f"{folders[0]}: holds no counted trial with a result; expected at least one. Wait for participants to "
-                "finish some; personal-viz study status shows how far they are."
-            )
-        return ReportSource(tuple(read_runs(with_runs)), records)
+    exports = [folder for folder in folders if folder not in studies and (folder / TRIALS_FILE).is_file()]
+    if len(studies) + len(exports) > 1:
+        names = ", ".join(str(folder) for folder in folders)
+        raise StudyError(
+            f"report: found records of {len(studies) + len(exports)} studies or exports in {names}; expected one, "
+            "because a trial counts once. Give one study folder or one of its exports, and run folders of agents."
+        )
+    others = [folder for folder in folders if folder not in (*studies, *exports)]
+    if not studies and not exports:
+        return ReportSource(tuple(read_runs(others)))
+    people, records = _of_study(studies[0]) if studies else _of_export(exports[0])
+    if not people and not others:
+        raise StudyError(
+            f"{folders[0]}: holds no counted trial with a result; expected at least one. Wait for participants to "
+            "finish some; personal-viz study status shows how far they are."
+        )
+    return ReportSource((*people, *(read_runs(others) if others else ())), records)
+
+
+def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:
+    """People's runs and their records, as an export would say them."""
+    with read_study(folder) as reader:
+        reader.check()
+        found = collect(reader)
+        records = StudyRecords(
+            config=reader.config,
+            rows=tuple(found.trials),
+            people=tuple(found.participants),
+            exclusions=tuple(found.exclusions),
+            num_deleted=found.num_deleted,
+            is_pilot=reader.is_pilot,
+            plan_changes=reader.plan.changes,
+        )
+    return [run for _, run in sorted(found.runs.items())], records
+
+
+def _of_export(folder: Path) -> tuple[list[Run], StudyRecords]:
+    has_runs = any(folder.glob("*/run.json"))
+    return read_runs([folder]) if has_runs else [], read_records(folder)
 
 
 def read_records(folder: Path) -> StudyRecords:
@@ -101,7 +115,6 @@ def read_records(folder: Path) -> StudyRecords:
         num_deleted=manifest.num_deleted if manifest else 0,
         is_pilot=manifest.is_pilot if manifest else False,
         plan_changes=manifest.plan_changes if manifest else (),
-        head_hashes=tuple(sorted(manifest.head_hashes.values())) if manifest else (),
     )
 
 

@@ -10,8 +10,9 @@ from pydantic import BaseModel, ConfigDict
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
 
+from ..export.runs import run_condition
 from ..export.trial_table import NOT_A_RESULT, TrialRow
-from .row_labels import is_first_condition, run_condition
+from .row_labels import is_first_condition
 
 STEP_LIMITS = (25, 50, 100, 200, 300, 400, 500)
 """Of the anytime success rate: success within so many steps."""

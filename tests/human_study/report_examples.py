@@ -7,8 +7,8 @@ import numpy as np
 
 from human_study.design.study import StudyConfig, StudyDataset, StudyMemory, save_study
 from human_study.export.rows import ExclusionRow, ParticipantRow, StageRow
+from human_study.export.runs import run_condition
 from human_study.export.trial_table import TrialRow
-from human_study.report.row_labels import run_condition
 from human_study.store.stages import Stage
 from sim.tasks.run_files import (
     EpisodeEnd,

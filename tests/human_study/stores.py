@@ -4,6 +4,10 @@ import sqlite3
 from pathlib import Path
 
 from human_study.design.study import StudyConfig
+from human_study.export.codes import exported_codes
+from human_study.export.collect import collect
+from human_study.export.trial_table import TrialRow
+from human_study.store.records import read_study
 from human_study.store.store import StudyStore, Trial, open_store
 from human_study.tickets import token_hash
 from human_study.trial.events import Key, Open
@@ -54,3 +58,11 @@ def edit(folder: Path, sql: str) -> None:
         database.execute(f"DROP TRIGGER {name}")
     database.executescript(sql)
     database.close()
+
+
+def rows_of(folder: Path) -> list[TrialRow]:
+    """The rows of all attempts, under the study's own codes."""
+    with read_study(folder) as reader:
+        codes = {exported: code for code, exported in exported_codes(reader).items()}
+        rows = [row.model_copy(update={"participant": codes[row.participant]}) for row in collect(reader).trials]
+    return sorted(rows, key=lambda row: (row.participant, row.order_no, row.attempt))

@@ -28,7 +28,7 @@ def rate(found: StudyReport, task: str) -> tuple[float, int | None, int]:
     return row.value, row.k, row.n
 
 
-def test_a_study_folder_is_exported_and_read(tmp_path: Path) -> None:
+def test_a_study_folder_is_read_without_an_export(tmp_path: Path) -> None:
     study_with_trials(tmp_path / "study")
     found = of_study(tmp_path / "study")
     assert (found.study, found.scene_kinds) == ("pilot", ("invented",))

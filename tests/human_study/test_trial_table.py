@@ -7,8 +7,7 @@ import pytest
 from human_study.design.plan import PlannedTrial, StudyPlan
 from human_study.export.data_dictionary import columns_of
 from human_study.export.trial_figures import trial_figures
-from human_study.export.trial_table import TrialRow, trial_rows
-from human_study.store.records import read_study
+from human_study.export.trial_table import TrialRow
 from human_study.store.store import open_store
 from human_study.tickets import token_hash
 from human_study.trial.commands import Move, Start
@@ -18,12 +17,7 @@ from sim.types import Action
 
 from .finished import SUCCESS, TOO_FAR, do_trial, events_of, study_with_trials
 from .small_world import plan, study
-from .stores import OPEN, edit, open_small
-
-
-def rows_of(folder: Path) -> list[TrialRow]:
-    with read_study(folder) as reader:
-        return trial_rows(reader)
+from .stores import OPEN, edit, open_small, rows_of
 
 
 def begun(*events: Event) -> list[Event]:

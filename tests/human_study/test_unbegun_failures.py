@@ -7,11 +7,9 @@ import pytest
 
 from human_study.export.import_check import import_check
 from human_study.export.study_export import export_study
-from human_study.export.trial_table import trial_rows
 from human_study.export.verify import verify_trial
 from human_study.report.report import study_report
 from human_study.report.source import read_source
-from human_study.store.records import read_study
 from human_study.trial.events import Error, Event, GaveUp
 from human_study.trial.outcome import has_begun, technical_outcome
 from sim.tasks.run_files import EpisodeEnd
@@ -19,7 +17,7 @@ from sim.types import TaskKind
 
 from .finished import POINT, SUCCESS, do_trial, register, room
 from .small_world import episode
-from .stores import open_small
+from .stores import open_small, rows_of
 
 NOTE = Error(message="connection closed: sent text", is_fatal=False)
 BROKEN = Error(message="the home cannot be opened", is_fatal=True)
@@ -40,8 +38,7 @@ def stray(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def test_its_row_says_technical_and_has_no_figures(stray: Path) -> None:
-    with read_study(stray) as reader:
-        row = next(row for row in trial_rows(reader) if (row.participant, row.order_no, row.attempt) == ("p02", 2, 1))
+    row = next(row for row in rows_of(stray) if (row.participant, row.order_no, row.attempt) == ("p02", 2, 1))
     assert (row.end_reason, row.left_out) == ("technical", "technical")
     assert (row.success, row.n_steps, row.t_total_s, row.t_look_s, row.t_hidden_s) == (None, None, None, None, 0.0)
 
