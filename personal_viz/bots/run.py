@@ -19,7 +19,7 @@ from .homes import BotHomes
 from .log import BotKind
 from .pan import PanBot
 from .pog import PogBot
-from .site import Site, cpu_seconds
+from .site import Person, Site, cpu_seconds
 from .walker import Bot
 from .way import WayFinder
 
@@ -70,7 +70,7 @@ def run_bots(
 
 def _bots(
     site: Site,
-    people: Sequence[tuple[str, TaskKind, str]],
+    people: Sequence[Person],
     *,
     rate: float,
     kinds: Sequence[BotKind],

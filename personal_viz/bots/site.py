@@ -1,15 +1,12 @@
 """Where bots take part: a study made for them, served by a child process as a person at a terminal would serve it."""
 
-import os
-import re
 import shutil
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+
+import psutil
 
 from human_study.design.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, load_plan
 from human_study.design.secrets import load_secrets
@@ -29,13 +26,12 @@ from human_study.design.study import (
 )
 from human_study.texts.participants import TEXT_FILES, TOLD_FOLDER
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import StudyError
 from sim.types import SPLITS, TaskKind
 
+from ..study_app.operator.served import Person, serve_command
+from ..study_app.operator.served import served as served_by
+
 HOME = "BotHome"
-START_S = 120.0
-_READY = "Everything is written to"
-_LINK = re.compile(r"(PAN|POG)\s+(p\d+)\s+(\S+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,21 +41,19 @@ class Site:
     folder: Path
     dataset: Path
     scenes_dir: Path | None
-    links: dict[str, str]
-    """Personal link of each PAN participant, by code."""
+    everybody: tuple[Person, ...]
     pid: int | None
     """Of the serving process; None when somebody else started it."""
-    pog_links: dict[str, str] = field(default_factory=dict)
-    """Personal link of each POG participant, by code."""
 
-    def people(self, tasks: Sequence[TaskKind]) -> list[tuple[str, TaskKind, str]]:
-        """(code, task, personal link) of everybody who does one of the tasks, in the plan's order."""
-        links: dict[TaskKind, dict[str, str]] = {"pan": self.links, "pog": self.pog_links}
-        found: list[tuple[str, TaskKind, str]] = []
-        for task in tasks:
-            for code, link in links[task].items():
-                found.append((code, task, link))
-        return sorted(found, key=lambda person: (len(person[0]), person[0]))
+    @property
+    def links(self) -> dict[str, str]:
+        """Personal link of each PAN participant, by code."""
+        return {person.code: person.link for person in self.everybody if person.task == "pan"}
+
+    def people(self, tasks: Sequence[TaskKind]) -> list[Person]:
+        """Everybody who does one of the tasks, in the plan's order."""
+        found = [person for person in self.everybody if person.task in tasks]
+        return sorted(found, key=lambda person: (len(person.code), person.code))
 
 
 def make_bot_study(
@@ -138,38 +132,22 @@ def copy_plan(study: Path, folder: Path) -> None:
 
 
 @contextmanager
-def served(folder: Path, dataset: Path, scenes_dir: Path | None = None) -> Iterator[Site]:
+def served(
+    folder: Path, dataset: Path, scenes_dir: Path | None = None, *, workers: int | None = None
+) -> Iterator[Site]:
     """`study serve` on a free port until the end of the block.
+
+    Args:
+        folder: Of a planned study.
+        dataset: Of its episodes.
+        scenes_dir: Of licensed scans.
+        workers: None = as many as usual.
 
     Raises:
         StudyError: The program ended instead; its own message is above.
     """
-    program = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--dataset", str(dataset)]
-    program += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
-    program += ["--port", "0", "--pilot"]
-    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, process_group=0, preexec_fn=hear_ctrl_c)
-    try:
-        assert process.stdout is not None
-        links: dict[str, dict[str, str]] = {"PAN": {}, "POG": {}}
-        for line in process.stdout:
-            if found := _LINK.search(line):
-                label, code, link = found.groups()
-                links[label][code] = link
-            if _READY in line:
-                break
-        if not any(links.values()):
-            raise StudyError(
-                f"{' '.join(program[2:6])}: printed no personal link; expected at least one. Its own message is above."
-            )
-        yield Site(folder, dataset, scenes_dir, links["PAN"], process.pid, links["POG"])
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        try:
-            process.communicate(timeout=30)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+    with served_by(serve_command(folder, dataset, scenes_dir=scenes_dir, workers=workers)) as study:
+        yield Site(folder, dataset, scenes_dir, study.people, study.pid)
 
 
 def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> Site:
@@ -182,38 +160,20 @@ def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> S
         url: As browsers reach it, `http://127.0.0.1:8080`.
     """
     plan: StudyPlan = load_plan(folder, load_study(folder))
-    tokens = load_secrets(folder).tokens
-    links: dict[TaskKind, dict[str, str]] = {"pan": {}, "pog": {}}
-    for person in plan.participants:
-        if person.code in tokens:
-            links[person.task][person.code] = f"{url.rstrip('/')}/#{tokens[person.code]}"
-    return Site(folder, dataset, scenes_dir, links["pan"], None, links["pog"])
-
-
-def hear_ctrl_c() -> None:
-    """In the child: Ctrl-C ends it, also where the shell that started us ignores it."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    tokens, address = load_secrets(folder).tokens, url.rstrip("/")
+    people = (person for person in plan.participants if person.code in tokens)
+    everybody = tuple(Person(one.code, one.task, f"{address}/#{tokens[one.code]}") for one in people)
+    return Site(folder, dataset, scenes_dir, everybody, None)
 
 
 def cpu_seconds(pid: int) -> float:
-    """CPU seconds of a process and its children so far (Linux; 0 elsewhere)."""
+    """CPU seconds of a process and its children so far; 0 when it is gone."""
     total = 0.0
-    for one in (pid, *_children(pid)):
-        fields = _stat_fields(one)
-        if fields:
-            total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    return total
-
-
-def _children(pid: int) -> list[int]:
-    folder = Path("/proc")
-    found = [int(path.name) for path in folder.iterdir() if path.name.isdigit()] if folder.is_dir() else []
-    return [one for one in found if (fields := _stat_fields(one)) and int(fields[1]) == pid]
-
-
-def _stat_fields(pid: int) -> list[str]:
-    """Fields of /proc/PID/stat behind the name; empty when there is no such process."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return []
+        process = psutil.Process(pid)
+        for one in (process, *process.children()):
+            times = one.cpu_times()
+            total += times.user + times.system
+    except psutil.NoSuchProcess:
+        pass
+    return total

@@ -1,85 +1,430 @@
-"""Makes the README's pictures from the running program: `make screenshots`, on the invented home, nothing staged."""
+"""Makes the pictures of the README and of the instructions from the running program, on invented homes, nothing staged.
 
+`make screenshots` makes the README's; `python -m personal_viz.screenshots.make NAME ...` makes some: a name of JOBS.
+"""
+
+import contextlib
+import io
+import re
+import sys
 import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-from playwright.sync_api import BrowserContext, expect
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from PIL import Image
+from playwright.sync_api import Page, expect
 
+from human_study.design.plan import load_plan
+from human_study.design.study import (
+    Condition,
+    StudyChecks,
+    StudyConfig,
+    StudyDataset,
+    StudyDesign,
+    StudyEthics,
+    StudyMemory,
+    StudyPog,
+    StudyPractice,
+    load_study,
+    save_study,
+)
+from sim.authoring.generation import dataset_files, invent_dataset, write_files
 from sim.episodes.dataset import PersonalDataset
-from sim.homes.open_home import open_scene
+from sim.episodes.schema import Episode
+from sim.frames import T_world_camera, yaw_towards
+from sim.homes.invented.invent import invent_plan
+from sim.homes.labels import raycaster_of
+from sim.homes.open_home import open_scene, scene_from_plan
+from sim.homes.plan import HomePlan
+from sim.homes.recovered.recover import recover_plan
+from sim.mesh import Scene
+from sim.tasks.rules import success_region
 from sim.tasks.run_files import read_run
+from sim.types import STOREY_GAP, Action, Camera, EpisodeKey, Pose
 
+from ..browse.app import browser_app
+from ..browse.library import open_library
 from ..browser import open_chromium
-from ..study_app.operator.served import ServedStudy, served_demo
-from .browse import picture_browser
-from .grounding import picture_grounding
-from .homes import picture_homes
-from .recordings import KEYS, first_walk, picture_recordings, run_agent
-from .simulator import picture_simulator
-from .study import picture_study_pages
+from ..cli.verbs import parse
+from ..contact_sheet.sheet import contact_sheet_picture
+from ..study_app.operator.served import ServedStudy, serve_command, served
+from ..study_app.page_script import STATIC
+from ..study_app.study_files import plan_study
+from .rerun_page import screenshot_rrd
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
-SHOWN_STEP = 5
-"""Of the PAN screen's picture."""
+RELEASE = Path(__file__).resolve().parents[3] / "shared" / "personal-dataset" / "split"
+"""The released episodes, where they lie beside the checkout."""
+SIZE = (760, 475)
+"""Pixels of a picture of the instructions: it is shown inside a card."""
+MAX_BYTES = 60_000
+"""Of a picture of the instructions: a page holds up to three."""
+_INSTRUCTIONS: dict[Condition, str] = {
+    "none": "how-pan.jpg",
+    "topdown": "how-topdown.jpg",
+    "glb": "how-glb.jpg",
+    "map_open": "how-pog.jpg",
+    "map_first": "how-map-first.jpg",
+    "map_2d": "how-map-2d.jpg",
+}
+"""File in `static` that shows a condition, as the templates of `human_study.texts` name it."""
+_PAIRS: tuple[tuple[Condition, Condition], ...] = (("none", "map_open"), ("topdown", "map_first"), ("glb", "map_2d"))
+"""Conditions of PAN and POG that are served together."""
+_EXPLORER = "personal_viz.examples.example_1_explaining_agent:make"
+_KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "d"}
+"""What a participant presses; STOP is Enter twice."""
+_METHODS = ("center", "qs", "rpg", "phrase", "joint")
+_WORSE, _BETTER = "rpg", "joint"
+"""Methods whose answers are replayed."""
+_QUALITIES = range(86, 30, -4)
+_WAIT_MS = 120_000
 
 
 def main() -> None:
-    """Writes pictures of studies, simulator, recordings, grounding, homes and `browse` into `docs/pictures`."""
+    """Makes the pictures that were asked for."""
+    names = sys.argv[1:] or [name for name in JOBS if name != "instructions"]
     PICTURES.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="personal-pictures-") as folder:
-        dataset = Path(folder) / "demo" / "dataset"
-        with served_demo(Path(folder) / "demo") as study, open_chromium() as browser:
-            _picture_pan(browser, study, dataset=dataset, runs=Path(folder) / "way")
-            _picture_pog(browser, study.links["pog"])
-        with open_chromium() as browser:
-            picture_study_pages(browser, Path(folder) / "planned", PICTURES)
-        _picture_simulator(dataset)
-        picture_recordings(PICTURES, study.folder, dataset=dataset, folder=Path(folder))
-        picture_grounding(PICTURES, Path(folder) / "grounding")
-    picture_homes(PICTURES)
-    picture_browser(PICTURES)
-    print(f"Written to {PICTURES}")
+    expect.set_options(timeout=_WAIT_MS)
+    for name in names:
+        with tempfile.TemporaryDirectory(prefix=f"personal-{name}-") as folder:
+            JOBS[name](Path(folder))
+    print(f"Written to {PICTURES}" + (f" and {STATIC}" if "instructions" in names else ""))
 
 
-def _picture_pan(browser: BrowserContext, study: ServedStudy, *, dataset: Path, runs: Path) -> None:
-    """The PAN screen after some steps; then the script walks on to the goal, whose way an agent knows, and stops."""
-    way = run_agent("shortest-path", key=first_walk(study.folder), dataset=dataset, runs=runs, name="way")
-    keys = ["d", "a", *(KEYS[step.action] for step in read_run(way).episodes[0].steps[:-1])]
-    page = browser.new_page()
-    page.goto(study.links["pan"])
-    page.get_by_role("button", name="Start").click()
-    expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", "0", timeout=60_000)
-    for number, key in enumerate(keys, start=1):
-        page.keyboard.press(key, delay=60)  # sessions drop presses within 50 ms of the last one
-        expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", str(number))
-        if number == SHOWN_STEP:
-            page.screenshot(path=PICTURES / "study-pan.png")
+def picture_demo(folder: Path) -> None:
+    """PAN and POG of the demo, what its simulator shows, and its trial beside an agent in Rerun and in `compare`."""
+    dataset = folder / "demo" / "dataset"
+    with (
+        served(["demo", "--seed", "5", "--out", str(folder / "demo"), "--port", "0"]) as study,
+        open_chromium() as browser,
+    ):
+        plan = load_plan(folder / "demo/study", load_study(folder / "demo/study"))
+        key = next(person.trials[0].key for person in plan.participants if person.trials[0].task == "pan")
+        way = _run_agent("shortest-path", dataset, folder / "way", "--episode", str(key))
+        _walk_to_the_goal(browser.new_page(), study, way)
+        _point_at_the_sofa(browser.new_page(), study)
+    episodes = PersonalDataset(dataset)
+    episode = next(episodes.episodes(splits=("hard",)))
+    draw_simulator(open_scene(episodes, episode.key.scene), episode, PICTURES / "simulator.png")
+    _compare(folder, dataset, key)
+
+
+def picture_pages(folder: Path) -> None:
+    """Consent, instructions and a question that was answered wrongly."""
+    shown = StudyMemory(arms=("topdown",))
+    with (
+        _served_study(folder, task=("pan",), memory=shown, practice=StudyPractice(pan=1)) as study,
+        open_chromium() as browser,
+    ):
+        page = browser.new_page()
+        page.goto(study.link("pan"))
+        expect(page.get_by_text("Your window has room")).to_be_visible()
+        page.keyboard.press("w", delay=60)
+        _press(page, "Continue")
+        expect(page.get_by_role("button", name="I agree and take part")).to_be_visible()
+        _keep(page, "study-consent.png")
+        _press(page, "I agree and take part")
+        _press(page, "Next")
+        expect(page.get_by_text("Page 2 of")).to_be_visible()
+        _keep(page, "study-instructions.png")
+        while page.get_by_role("button", name="I have read this").count() == 0:
+            count = page.get_by_text(re.compile(r"Page \d+ of \d+")).inner_text()
+            _press(page, "Next")
+            expect(page.get_by_text(count, exact=True)).to_be_hidden()
+        _press(page, "I have read this")
+        _press(page, "Anywhere in the same room")
+        expect(page.get_by_text("Not quite.")).to_be_visible()
+        _keep(page, "study-question.png")
+
+
+def picture_grounding(folder: Path) -> None:
+    """An exploration and answers on an explored map in Rerun, and the POG report's page."""
+    data = ["--dataset", str(folder / "homes")]
+    invent_dataset(folder / "homes", name="Invented3", seed=3)
+    exploration, pair, report = folder / "explore.rrd", folder / "pair.rrd", folder / "report"
+    _work("explore", *data, "--max-steps", "300", "--out", str(folder / "walks"), "--rerun", str(exploration))
+    screenshot_rrd(exploration, PICTURES / "explore.png", at_end=True)
+    runs = {method: folder / "runs" / method for method in _METHODS}
+    for method in _METHODS:
+        out = ["--out", str(folder / "runs"), "--run-id", method]
+        _work("ground", *data, *out, "--method", method, "--map", "explore")
+    worse, better = (read_run(runs[method]).answers for method in (_WORSE, _BETTER))
+    right = [
+        good.key
+        for bad, good in zip(worse, better, strict=True)
+        if good.measures and bad.measures and good.measures.success and not bad.measures.success
+    ]
+    key = right[0] if right else better[0].key
+    shown = ["--runs", str(runs[_WORSE]), str(runs[_BETTER])]
+    _work("replay", *data, "--episode", str(key), "--out", str(pair), *shown)
+    screenshot_rrd(pair, PICTURES / "ground-explored.png", at_end=True)
+    _work("pog-report", *(str(path) for path in runs.values()), *data, "--out", str(report))
+    with open_chromium(width=1500, height=1100) as browser:
+        page = browser.new_page()
+        page.goto((report / "index.html").as_uri())
+        page.screenshot(path=PICTURES / "pog-report.png")
+
+
+def picture_homes(folder: Path) -> None:
+    """Contact sheets of an invented home, and of a schematic one where the released episodes are."""
+    plans: dict[str, HomePlan] = {"home-invented.jpg": invent_plan("Invented7", seed=7)}
+    if RELEASE.is_dir():
+        plans["home-schematic.jpg"] = recover_plan(PersonalDataset(RELEASE), "TEEsavR23oF")
+    else:
+        print(f"{RELEASE}: not there; home-schematic.jpg stays as it is")
+    for name, plan in plans.items():
+        picture = contact_sheet_picture(scene_from_plan(plan), plan)
+        picture = picture.resize((1400, round(picture.height * 1400 / picture.width)), Image.Resampling.LANCZOS)
+        picture.save(PICTURES / name, quality=85)
+
+
+def picture_browse(folder: Path) -> None:
+    """`browse`: an episode with two runs, one of its objects under the mouse."""
+    dataset, runs = folder / "data", folder / "runs"
+    write_files(dataset, dataset_files("Invented7", seed=7, episodes_per_split=8))
+    found = tuple(
+        _run_agent(agent, dataset, runs, "--split", "medium", "--limit", "3", seed=3)
+        for agent in ("shortest-path", "random")
+    )
+    with (
+        browser_app(open_library(dataset, runs=found)) as address,
+        open_chromium(width=1750, height=1200) as browser,
+    ):
+        page = browser.new_page()
+        page.goto(address)
+        expect(page.locator(".bw.home")).to_contain_text("invented home")
+        page.locator(".rows .row", has_text="runs").first.click()
+        picture = page.get_by_alt_text("What the robot saw")
+        expect(picture).to_have_attribute("data-step", "0")
+        page.get_by_role("slider").focus()
+        for _ in range(12):
+            page.keyboard.press("ArrowRight")
+        expect(picture).to_have_attribute("data-step", "12")
+        page.locator(".og .node.object.linked").first.hover()
+        last, now = b"", page.screenshot()
+        while now != last:  # homes are drawn some time after they have arrived
+            page.wait_for_timeout(1000)
+            last, now = now, page.screenshot()
+        (PICTURES / "browse.png").write_bytes(now)
+
+
+def picture_instructions(folder: Path) -> None:
+    """What participants see of a home before they walk in it, and where they point at it: pictures of `static`."""
+    for pan, pog in _PAIRS:
+        choices = {
+            "task": ("pan", "pog"),
+            "flow": ("instructions",),
+            "memory": StudyMemory.model_validate({"arms": (pan,)}),
+            "pog": StudyPog.model_validate({"conditions": (pog,)}),
+            "practice": StudyPractice(pan=0, pog=0),
+        }
+        with _served_study(folder / f"{pan}-{pog}", **choices) as study, open_chromium() as browser:
+            shown: tuple[tuple[Condition, str], ...] = ((pan, study.link("pan")), (pog, study.link("pog")))
+            for condition, link in shown:
+                page = browser.new_page()
+                page.goto(link)
+                _press(page, "Start")
+                _WAYS[condition](page)
+                page.mouse.move(5, 795)
+                page.wait_for_timeout(1000)  # colours of buttons fade
+                (STATIC / _INSTRUCTIONS[condition]).write_bytes(small_jpeg(page.screenshot(timeout=_WAIT_MS)))
+                page.close()
+
+
+JOBS: dict[str, Callable[[Path], None]] = {
+    "demo": picture_demo,
+    "pages": picture_pages,
+    "grounding": picture_grounding,
+    "homes": picture_homes,
+    "browse": picture_browse,
+    "instructions": picture_instructions,
+}
+"""What makes pictures, given a folder for what is made on the way."""
+
+
+def small_jpeg(png: bytes) -> bytes:
+    """A screenshot in the instructions' size, as good as MAX_BYTES allow."""
+    picture = Image.open(io.BytesIO(png)).convert("RGB").resize(SIZE, Image.Resampling.LANCZOS)
+    for quality in _QUALITIES:
+        buffer = io.BytesIO()
+        picture.save(buffer, "JPEG", quality=quality, optimize=True, progressive=True)
+        if buffer.tell() <= MAX_BYTES:
+            break
+    return buffer.getvalue()
+
+
+def draw_simulator(scene: Scene, episode: Episode, path: Path) -> None:
+    """Writes what a robot near the end of an episode's shortest path sees, and the path on its storey's map."""
+    way = scene.navigation.shortest_path(np.array(episode.start.position), success_region(episode, scene.navigation))
+    assert way is not None, episode.key
+    back = way[-2] - way[-1]
+    x, y, z = (float(value) for value in way[-1] + min(1.5 / max(float(np.linalg.norm(back)), 1e-9), 2 / 3) * back)
+    target = episode.targets[0].position
+    pose = Pose((x, y, z), yaw_towards((x, z), (target[0], target[2])))
+    frame = raycaster_of(scene).render(T_world_camera(pose, Camera()), Camera())
+    figure = Figure(figsize=(15, 3.3), dpi=100, layout="constrained")
+    colour, depth, ids, top_down = figure.subplots(1, 4)
+    colour.imshow(frame.rgb)
+    colour.set_title("colour")
+    shown = depth.imshow(np.where(frame.depth_m > 0, frame.depth_m, np.nan), cmap="viridis")
+    figure.colorbar(shown, ax=depth, shrink=0.8, label="metres")
+    depth.set_title("planar depth")
+    ids.imshow(np.where(frame.instance_ids > 0, frame.instance_ids % 20, np.nan), cmap="tab20", interpolation="nearest")
+    ids.set_title("object ids")
+    for axes in (colour, depth, ids):
+        axes.set_axis_off()
+    _draw_map(top_down, scene, way, pose)
+    figure.suptitle(scene.label, fontsize=9)
+    figure.savefig(path)
+
+
+def _draw_map(axes: Axes, scene: Scene, way: np.ndarray, pose: Pose) -> None:
+    storey_y = min(scene.navigation.storey_heights, key=lambda y: abs(y - pose.position[1]))
+    free, grid, _ = scene.navigation.top_down(storey_y)
+    (x0, z0), (rows, cols) = grid.origin_xz, grid.shape
+    extent = (x0, x0 + cols * grid.cell, z0 + rows * grid.cell, z0)
+    axes.imshow(free, extent=extent, cmap="Greys_r", vmin=-0.6, vmax=1.0, interpolation="nearest")
+    here = np.abs(way[:, 1] - storey_y) < STOREY_GAP
+    axes.plot(way[here, 0], way[here, 2], color="#d6006e", linewidth=2)
+    axes.plot(pose.position[0], pose.position[2], marker="o", color="#1f5fa8")
+    axes.set_title("free space and shortest path")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("z (m)")
+
+
+def _walk_to_the_goal(page: Page, study: ServedStudy, way: Path) -> None:
+    """The PAN screen after five steps; then the script walks on to the goal, whose way an agent knows, and stops."""
+    keys = ["d", "a", *(_KEYS[step.action] for step in read_run(way).episodes[0].steps[:-1])]
+    page.goto(study.link("pan"))
+    _press(page, "Start")
+    _walk(page, keys[:5])
+    page.screenshot(path=PICTURES / "study-pan.png")
+    _walk(page, keys[5:], first=5)
     page.keyboard.press("Enter", delay=60)
     page.keyboard.press("Enter", delay=60)
     expect(page.get_by_text("Saved")).to_be_visible()
 
 
-def _picture_pog(browser: BrowserContext, link: str) -> None:
-    """The POG screen with a mark in the middle of the home."""
-    page = browser.new_page()
-    page.goto(link)
-    page.get_by_role("button", name="Start").click()
-    expect(page.get_by_text("Click the middle of the object")).to_be_visible(timeout=60_000)
-    page.wait_for_timeout(3000)  # the home is drawn some time after it has arrived; nothing in the page tells when
-    canvas = page.locator("canvas").last.bounding_box()
-    assert canvas is not None
-    page.mouse.click(canvas["x"] + canvas["width"] * 0.45, canvas["y"] + canvas["height"] * 0.33)
-    expect(page.get_by_text("Click again to move your mark")).to_be_visible()
-    page.wait_for_timeout(2000)
+def _point_at_the_sofa(page: Page, study: ServedStudy) -> None:
+    page.goto(study.link("pog"))
+    _press(page, "Start")
+    _point(page, 0.45, 0.33)
     page.screenshot(path=PICTURES / "study-pog.png")
 
 
-def _picture_simulator(dataset: Path) -> None:
-    """One view and the map of a long way."""
-    episodes = PersonalDataset(dataset)
-    episode = next(episodes.episodes(splits=("hard",)))
-    picture_simulator(open_scene(episodes, episode.key.scene), episode, PICTURES / "simulator.png")
+def _compare(folder: Path, dataset: Path, key: EpisodeKey) -> None:
+    """The participant's trial beside an exploring agent in Rerun, and the page of `compare` with more agents."""
+    _work("study", "export", str(folder / "demo/study"), "--out", str(folder / "people"))
+    people = sorted(path for path in (folder / "people").iterdir() if (path / "steps.jsonl").is_file())
+    explorer = _run_agent(_EXPLORER, dataset, folder / "one", "--episode", str(key))
+    rrd, page = folder / "pair.rrd", folder / "page"
+    data = ["--dataset", str(dataset)]
+    _work("replay", *data, "--episode", str(key), "--out", str(rrd), "--runs", *map(str, (*people, explorer)))
+    screenshot_rrd(rrd, PICTURES / "replay.png", at_end=True)
+    agents = [
+        _run_agent(agent, dataset, folder / "all", "--split", key.split)
+        for agent in (_EXPLORER, "random", "shortest-path")
+    ]
+    _work("compare", *map(str, (*people, *agents)), *data, "--out", str(page))
+    with open_chromium(width=1600, height=1000) as browser:
+        tab = browser.new_page()
+        tab.goto((page / "index.html").as_uri())
+        tab.wait_for_function("[...document.images].slice(0, 3).every((image) => image.naturalWidth > 0)")
+        tab.screenshot(path=PICTURES / "compare.png")
 
+
+@contextlib.contextmanager
+def _served_study(folder: Path, **choices: Any) -> Iterator[ServedStudy]:
+    """A pilot on one invented home, until the end of the block.
+
+    Args:
+        folder: For the study and its episodes.
+        choices: Fields of StudyConfig.
+    """
+    dataset, study = folder / "dataset", folder / "study"
+    invent_dataset(dataset, name="PictureHome", seed=5)
+    config = StudyConfig(
+        study="picture-study",
+        dataset=StudyDataset(
+            sha256=PersonalDataset(dataset).digest(), splits={"easy": 4}, stratify="none", max_per_scene=None
+        ),
+        design=StudyDesign(kind="crossed", raters_per_episode=1),
+        checks=StudyChecks(every=None),
+        ethics=StudyEthics(institution="Example University", contact="study@example.org", duration_min=30),
+        **choices,
+    )
+    save_study(study, config)
+    plan_study(study, dataset, None, pilot=True)
+    with served(serve_command(study, dataset, workers=1)) as program:
+        yield program
+
+
+def _run_agent(agent: str, dataset: Path, runs: Path, *more: str, seed: int = 1) -> Path:
+    """Runs an agent over the episodes that further options name; its run folder."""
+    name = agent.partition(":")[0].rpartition(".")[2]
+    options = ["--dataset", str(dataset), "--out", str(runs), "--run-id", name, "--seed", str(seed)]
+    _work("run", "--agent", agent, *options, *more)
+    return runs / name
+
+
+def _work(*arguments: str) -> None:
+    if parse(list(arguments)).work():
+        raise RuntimeError(f"personal-viz {' '.join(arguments)} failed")
+
+
+def _press(page: Page, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).click(timeout=_WAIT_MS)
+
+
+def _keep(page: Page, name: str) -> None:
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(500)  # colours of buttons fade
+    page.screenshot(path=PICTURES / name)
+
+
+def _walk(page: Page, keys: Sequence[str] = "ddd", *, first: int = 0) -> None:
+    """Presses keys, each when the picture of the one before is there; without others, turns to a view of the room."""
+    picture = page.get_by_alt_text("What the robot sees")
+    expect(picture).to_have_attribute("data-step", str(first))
+    for number, key in enumerate(keys, start=first + 1):
+        page.keyboard.press(key, delay=60)  # sessions drop presses within 50 ms of the last one
+        expect(picture).to_have_attribute("data-step", str(number))
+
+
+def _see_map(page: Page) -> None:
+    expect(page.get_by_text("Look at the home from above")).to_be_visible()
+    page.wait_for_timeout(1500)
+
+
+def _see_home(page: Page) -> None:
+    expect(page.get_by_text("Look around in the home")).to_be_visible()
+    page.wait_for_timeout(4000)  # the home is drawn some time after it has arrived; nothing in the page tells when
+
+
+def _point(page: Page, right: float = 0.49, down: float = 0.62) -> None:
+    """A mark at this place of the picture; without another, on the floor of the hall, where nothing hides it."""
+    expect(page.get_by_text("Click the middle of the object")).to_be_visible()
+    page.wait_for_timeout(4000)
+    canvas = page.locator("canvas").last.bounding_box()
+    assert canvas is not None
+    page.mouse.click(canvas["x"] + canvas["width"] * right, canvas["y"] + canvas["height"] * down)
+    expect(page.get_by_text("Click again to move your mark")).to_be_visible()
+    page.wait_for_timeout(2000)
+
+
+_WAYS: dict[Condition, Callable[[Page], None]] = {
+    "none": _walk,
+    "topdown": _see_map,
+    "glb": _see_home,
+    "map_first": _see_home,
+    "map_open": _point,
+    "map_2d": _point,
+}
+"""What is done before the picture of a condition is taken."""
 
 if __name__ == "__main__":
     main()

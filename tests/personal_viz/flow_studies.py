@@ -1,17 +1,16 @@
 """Small planned studies, served by a child process as a researcher would, and a line to them that can be cut."""
 
 import contextlib
-import os
-import re
 import signal
 import socket
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
+
+import psutil
 
 from human_study.design.plan import PRACTICE_FOLDER, load_plan
 from human_study.design.study import (
@@ -24,7 +23,8 @@ from human_study.design.study import (
     load_study,
     save_study,
 )
-from personal_viz.bots.site import hear_ctrl_c
+from personal_viz.study_app.operator.served import serve_command
+from personal_viz.study_app.operator.served import served as served_by
 from personal_viz.study_app.study_files import PRACTICE_HOME, plan_study
 from sim.episodes.dataset import PersonalDataset
 from sim.types import TaskKind
@@ -85,7 +85,7 @@ def plan_small(root: Path, **choices: Any) -> Path:
 
 @contextlib.contextmanager
 def served(
-    folder: Path, dataset: Path, *more: str, port: int = 0, ended_by: int = signal.SIGINT
+    folder: Path, dataset: Path, *more: str, port: int = 0, ended_by: signal.Signals = signal.SIGINT
 ) -> Iterator[PlannedStudy]:
     """Serves a planned study until the end of the block, where the program hears a signal if it still runs.
 
@@ -96,54 +96,16 @@ def served(
         port: 0 takes a free one.
         ended_by: The signal.
     """
-    command = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--dataset", str(dataset)]
-    command += ["--port", str(port), "--pilot", *more] + ([] if "--workers" in more else ["--workers", "1"])
-    with started(command) as (process, said):
-        links = dict(re.findall(r"(?:PAN|POG)\s+(p\d+)\s+(http://\S+)", said))
-        assert links, said
-        yield PlannedStudy(folder, dataset, links, process, said)
-        if process.poll() is None:
-            process.send_signal(ended_by)
-            process.communicate(timeout=60)
-            assert process.returncode == 0
-
-
-@contextlib.contextmanager
-def started(command: list[str], *, stderr: IO[str] | None = None) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A program that serves a study, once its links are printed, and all that it said; killed with the block."""
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True, preexec_fn=hear_ctrl_c)
-    try:
-        assert process.stdout is not None
-        lines = []
-        for line in process.stdout:
-            lines.append(line)
-            if "Everything is written to" in line:
-                break
-        yield process, "".join(lines)
-    finally:
-        process.kill()
-        process.communicate()
-
-
-def free_port() -> int:
-    """A port that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    with served_by(serve_command(folder, dataset, *more, port=port, workers=None if "--workers" in more else 1)) as one:
+        assert one.links, one.said
+        yield PlannedStudy(folder, dataset, one.links, one.process, one.said)
+        if one.process.poll() is None:
+            assert one.end(ended_by) == 0
 
 
 def children(pid: int) -> list[int]:
     """Processes that a process has started: the workers of a served study."""
-    return [int(child) for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()]
-
-
-def is_running(pid: int) -> bool:
-    """Whether the process is there."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
+    return [child.pid for child in psutil.Process(pid).children()]
 
 
 class Line:

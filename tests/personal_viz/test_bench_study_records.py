@@ -16,7 +16,7 @@ from human_study.store.store import StudyStore, Trial
 from human_study.trial.events import Act, Event, Key
 from personal_viz.bench.study.big_scan import divided
 from personal_viz.bench.study.crowd import StayingBot
-from personal_viz.bench.study.processes import children, held_by, is_running
+from personal_viz.bench.study.processes import held_by
 from personal_viz.bench.study.records import first_other_step, key_tally, missing_steps, resumed_elsewhere
 from personal_viz.bots.log import Press
 from sim.errors import StudyError
@@ -24,8 +24,6 @@ from sim.mesh import FLAT, TriangleMesh
 from sim.types import Action
 from tests.human_study.small_world import env
 from tests.human_study.stores import edit, opened
-
-LINUX = pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
 
 
 def bot_with(marks: tuple[float, ...], *, starts: tuple[int, ...] = (0,)) -> StayingBot:
@@ -142,10 +140,8 @@ def test_divided_triangles_are_the_same_surface() -> None:
     np.testing.assert_array_equal(np.unique(fine.face_rgb[fine.face_instance == 2], axis=0), [[40, 50, 60]])
 
 
-@LINUX
 def test_files_threads_and_connections_of_a_server_are_counted() -> None:
     before = held_by(os.getpid())
-    assert before is not None
     assert before.rss_mb > 10
     assert before.peak_mb >= before.rss_mb - 1
     ended = threading.Event()
@@ -153,14 +149,12 @@ def test_files_threads_and_connections_of_a_server_are_counted() -> None:
     with open(os.devnull) as one, open(os.devnull) as two:
         waiting.start()
         held = held_by(os.getpid())
-        assert held is not None
         assert held.fds >= before.fds + 2 > one.fileno() - two.fileno()
         assert held.threads >= before.threads + 1
         ended.set()
         waiting.join()
 
 
-@LINUX
 def test_connections_of_workers_are_counted() -> None:
     program = "import socket, sys; one = socket.create_connection(('127.0.0.1', int(sys.argv[1]))); print(flush=True)"
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -174,11 +168,8 @@ def test_connections_of_workers_are_counted() -> None:
             assert worker.stdout is not None
             worker.stdout.readline()
             held = held_by(os.getpid())
-            assert held is not None
-            assert worker.pid in children(os.getpid())
-            assert is_running(worker.pid)
+            assert held.processes >= 2
             assert held.clients == 1
             connection.close()
         finally:
             worker.communicate(b"\n")
-    assert not is_running(worker.pid)

@@ -24,7 +24,7 @@ from personal_viz.bots.log import KINDS, BotLog, Confirmed, Pointed
 from personal_viz.bots.mouse import ABOVE, Ray, click, look_down, ray_to, screen_pos
 from personal_viz.bots.page import BotPage
 from personal_viz.bots.run import run_bots
-from personal_viz.bots.site import Site, make_bot_study, served
+from personal_viz.bots.site import Person, Site, make_bot_study, served
 from personal_viz.cli.study.bots import StudyBots
 from personal_viz.cli.study.verify import StudyVerify
 from personal_viz.study_app.gateway.filter import ScenePointerMessage, browser_message
@@ -32,7 +32,7 @@ from personal_viz.study_app.screens.cards import end_card
 from personal_viz.study_app.screens.panels import card_html
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay
-from sim.types import EpisodeKey
+from sim.types import EpisodeKey, TaskKind
 from tests.human_study.small_world import SCENE_DIGEST, episode, study
 from tests.personal_viz.bot_pages import button, html, wire
 
@@ -232,14 +232,20 @@ def test_a_bot_knows_which_mark_answers_a_click_and_which_a_move() -> None:
     assert not moved.is_marked_by((1.0, 0.0, 0.0))
 
 
+def everybody(task: TaskKind, *codes: str) -> list[Person]:
+    return [Person(code, task, f"link of {code}") for code in codes]
+
+
 def test_people_of_both_tasks_are_taken_in_the_plans_order() -> None:
-    site = Site(Path("s"), Path("d"), None, {"p01": "a", "p03": "c", "p100": "e"}, None, {"p02": "b", "p04": "d"})
-    assert [code for code, _, _ in site.people(("pan", "pog"))] == ["p01", "p02", "p03", "p04", "p100"]
-    assert site.people(("pog",)) == [("p02", "pog", "b"), ("p04", "pog", "d")]
+    site = Site(
+        Path("s"), Path("d"), None, (*everybody("pan", "p01", "p100", "p03"), *everybody("pog", "p02", "p04")), None
+    )
+    assert [person.code for person in site.people(("pan", "pog"))] == ["p01", "p02", "p03", "p04", "p100"]
+    assert site.people(("pog",)) == everybody("pog", "p02", "p04")
 
 
 def test_too_few_participants_of_a_task_are_said_before_anybody_comes_in() -> None:
-    site = Site(Path("s"), Path("d"), None, {"p01": "a"}, None)
+    site = Site(Path("s"), Path("d"), None, tuple(everybody("pan", "p01")), None)
     with pytest.raises(StudyError, match="has 0 POG participants; expected at least 1"):
         run_bots(site, participants=1, seconds=1, rate=1, kinds=("random",), seed=0, tasks=("pog",))
 

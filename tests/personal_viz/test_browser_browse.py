@@ -15,13 +15,13 @@ import viser
 from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.trial.events import Cam
-from personal_viz.bots.site import hear_ctrl_c
 from personal_viz.browse.app import browser_app, is_own_page
 from personal_viz.browse.catalogue import Wanted
 from personal_viz.browse.layers import Layers, Outlined
 from personal_viz.browse.library import Library, open_library
 from personal_viz.cli.browse import Browse
 from personal_viz.cli.run import Run
+from personal_viz.study_app.operator.served import hear_ctrl_c
 from personal_viz.study_app.page_version import VISER_CLIENT
 from sim.episodes.ownership import ownership_graph
 from sim.errors import PersonalVizError

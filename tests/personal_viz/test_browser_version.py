@@ -18,10 +18,11 @@ from playwright.sync_api import BrowserContext, Locator, Page, expect
 from human_study.store.progress import study_progress
 from human_study.store.records import read_study
 from human_study.trial.events import Act
+from personal_viz.study_app.operator.served import free_port, served
 
 from .conftest import Profiles
 from .flow_steps import HOLD_MS, see_step, start
-from .flow_studies import children, free_port, started
+from .flow_studies import children
 from .gateways import running, wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -35,8 +36,8 @@ def serving(
     """A planned study served with these choices: the program, links to PAN, and its lines of standard error."""
     command = [sys.executable, "-m", "tests.personal_viz.serve_with", str(folder), str(folder.parent / "dataset")]
     errors, told = folder.parent / "errors.txt", list[str]()
-    with errors.open("w") as written, started([*command, str(port), json.dumps(choices)], stderr=written) as program:
-        process, said = program
+    with errors.open("w") as written, served([*command, str(port), json.dumps(choices)], stderr=written) as program:
+        process, said = program.process, program.said
         links = dict(re.findall(r"PAN\s+(p\d+)\s+(http://\S+)", said))
         assert links, errors.read_text()
         yield process, links, told

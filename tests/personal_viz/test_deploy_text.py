@@ -17,6 +17,7 @@ import pytest
 
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.operator.doctor import examine
+from personal_viz.study_app.operator.served import free_port
 
 from .gateways import running, wait_until
 from .tls_proxy import self_signed
@@ -43,13 +44,6 @@ def replaced(text: str, places: Mapping[str, str], changed: tuple[str, str]) -> 
         assert found in text
         text = text.replace(found, place)
     return text
-
-
-def free_port() -> int:
-    """A port that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def is_answered(port: int) -> bool:

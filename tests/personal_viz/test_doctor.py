@@ -1,7 +1,6 @@
 """`study doctor` against a gateway behind a real TLS proxy: all is well, or one setting is wrong and is named."""
 
 import json
-import re
 import signal
 import socket
 import subprocess
@@ -19,6 +18,7 @@ from personal_viz.cli.study.doctor import StudyDoctor
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
 from personal_viz.study_app.operator.doctor import CHECKS, examine
 from personal_viz.study_app.operator.doctor_site import Check, site_from_url
+from personal_viz.study_app.operator.served import free_port, served
 from sim.errors import StudyError
 
 from .gateways import PRESS, Running, enter, pack, running, small_config
@@ -173,32 +173,20 @@ def test_our_own_tls_serves_without_a_proxy(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_served_study_behind_the_proxy_has_nothing_to_correct_from_the_command_line(tmp_path: Path) -> None:
     invented_dataset(tmp_path / "data", name="Small", seed=3)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    program = [sys.executable, "-m", "personal_viz", "study"]
+    port = free_port()
     with tls_proxy(tmp_path) as proxy:
         proxy.set_behind(port)
-        serve = [*program, "serve", "--dataset", str(tmp_path / "data"), "--scene", "Small", "--workers", "1"]
+        serve = ["study", "serve", "--dataset", str(tmp_path / "data"), "--scene", "Small", "--workers", "1"]
         serve += ["--out", str(tmp_path / "study"), "--port", str(port)]
         serve += ["--public", "--proxy", "127.0.0.1", "--host", f"localhost:{proxy.port}"]
-        process = subprocess.Popen(serve, stdout=subprocess.PIPE, text=True)
-        try:
-            assert process.stdout is not None
-            lines = []
-            for line in process.stdout:
-                lines.append(line)
-                if "Everything is written to" in line:
-                    break
-            found = re.search(rf"PAN  p\d\d  (https://localhost:{proxy.port}/#[\w-]+)\n", "".join(lines))
-            assert found is not None
-            look = [*program, "doctor", "--url", f"https://localhost:{proxy.port}", "--link", found.group(1)]
-            look += ["--insecure-ca", str(tmp_path / "cert.pem"), "--http-port", str(proxy.http_port), "--json"]
+        with served(serve, ended_by=signal.SIGTERM) as study:
+            link = study.link("pan")
+            assert link.startswith(f"https://localhost:{proxy.port}/#")
+            look = [sys.executable, "-m", "personal_viz", "study", "doctor", "--url", link.partition("/#")[0]]
+            look += ["--link", link, "--insecure-ca", str(tmp_path / "cert.pem")]
+            look += ["--http-port", str(proxy.http_port), "--json"]
             looked = subprocess.run(look, capture_output=True, text=True, timeout=200)
-        finally:
-            process.send_signal(signal.SIGTERM)
-            process.communicate(timeout=60)
     rows = {row["name"]: (row["passed"], row["detail"]) for row in json.loads(looked.stdout)}
     assert {name for name, (passed, _) in rows.items() if not passed} == set(), rows
     assert "session" in rows
-    assert (looked.returncode, process.returncode) == (0, 0)
+    assert (looked.returncode, study.process.returncode) == (0, 0)

@@ -15,7 +15,7 @@ from human_study.design.study import Condition, StudyConfig, StudyDataset, Study
 from human_study.journey import AssignedTrial, Journey, Person
 from human_study.texts.participants import instruction_texts
 from human_study.texts.quiz import QuizRound, questions_for
-from personal_viz.screenshots.instructions import MAX_BYTES, SIZE, small_jpeg
+from personal_viz.screenshots.make import MAX_BYTES, SIZE, small_jpeg
 from personal_viz.study_app.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in, script
 from personal_viz.study_app.screens.cards import (
     DeviceReport,

@@ -31,7 +31,7 @@ from human_study.design.study import (
 )
 from personal_viz.bots.page import BotPage, decoded
 from personal_viz.bots.run import run_bots
-from personal_viz.bots.site import Site
+from personal_viz.bots.site import served
 from personal_viz.study_app.first_camera import CAMERA
 from personal_viz.study_app.home.frames import RenderThreads
 from personal_viz.study_app.home.home import Home
@@ -45,7 +45,6 @@ from sim.tasks.pan import PanEnv
 from sim.types import Action
 
 from ..human_study.small_world import study
-from .flow_studies import served
 from .invented import invented_dataset
 from .stage import staged
 from .wire import WireClient, numbers_of, texts_of
@@ -202,13 +201,9 @@ def test_no_page_practice_or_answer_over_http_names_home_or_object(
         take(page, data)
 
     monkeypatch.setattr(BotPage, "apply", keep)
-    with served(plan_marked(tmp_path, marked_dataset), marked_dataset) as served_study:
-        tasks = {"pan": {}, "pog": {}}
-        for code, link in served_study.links.items():
-            tasks["pan" if int(code[1:]) % 2 else "pog"][code] = link
-        site = Site(served_study.folder, marked_dataset, None, tasks["pan"], None, tasks["pog"])
+    with served(plan_marked(tmp_path, marked_dataset), marked_dataset, workers=1) as site:
         figures = run_bots(site, participants=2, seconds=40, rate=10, kinds=["shortest"], seed=1, tasks=("pan", "pog"))
-        answers = list(over_http(next(iter(served_study.links.values()))))
+        answers = list(over_http(site.everybody[0].link))
     messages = [message for data in received for message in decoded(data)]
     said = "".join(text for message in messages for text in texts_of(message))
     for page in ("Practice", "Completion code", "How sure", "consent", "Thank you"):

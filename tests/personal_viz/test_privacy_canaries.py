@@ -4,7 +4,6 @@ import http.cookies
 import json
 import re
 import signal
-import sys
 import urllib.request
 from pathlib import Path
 
@@ -14,9 +13,10 @@ from websockets.sync.client import connect
 
 from human_study.design.study import StudyPractice, StudyPrivacy, StudyRecruit
 from human_study.export.study_export import export_study
+from personal_viz.study_app.operator.served import serve_command, served
 from personal_viz.study_app.recruit_codes import CODES_FILE
 
-from .flow_studies import plan_small, started
+from .flow_studies import plan_small
 from .wire import CAMERA, WireClient
 
 pytestmark = pytest.mark.slow
@@ -67,14 +67,14 @@ def test_nothing_tells_who_a_visitor_was(tmp_path: Path) -> None:
         practice=StudyPractice(pan=0, pog=0),
     )
     (folder / CODES_FILE).write_text(CODES)
-    command = [sys.executable, "-m", "personal_viz", "study", "serve", str(folder), "--pilot", "--workers", "1"]
-    command += ["--dataset", str(tmp_path / "dataset"), "--port", "0"]
-    with (tmp_path / "said.txt").open("w") as errors, started(command, stderr=errors) as (process, said):
+    command = serve_command(folder, tmp_path / "dataset", workers=1)
+    with (tmp_path / "said.txt").open("w") as errors, served(command, stderr=errors) as program:
+        said = program.said
         found = re.search(r"http://127\.0\.0\.1:\d+", said)
         assert found, said
         visit(found[0])
-        process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=60)
+        program.process.send_signal(signal.SIGINT)
+        output, _ = program.process.communicate(timeout=60)
     export_study(folder, tmp_path / "out")
     (tmp_path / "out.txt").write_text(said + output)
     canaries = (AGENT, ADDRESS, PLATFORM_ID, "canary-CA", "canarystudy", "canarysession")

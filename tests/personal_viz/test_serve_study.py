@@ -4,11 +4,11 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 from websockets.exceptions import ConnectionClosed
 
@@ -16,11 +16,12 @@ from human_study.store.records import read_study
 from human_study.store.store import StudyStore, open_store
 from human_study.trial.events import Act
 from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.operator.served import served as served_by
 from personal_viz.study_app.operator.service import ended_by_sigterm, listen, serve_study, shown_live
 from sim.errors import StudyError
 from tests.human_study.small_world import plan, study
 
-from .flow_studies import children, is_running, started
+from .flow_studies import children
 from .gateways import KEY
 from .wire import enter
 
@@ -28,10 +29,10 @@ from .wire import enter
 @contextmanager
 def served(folder: Path, dataset: Path, *, workers: int) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The home Small served by some workers, and what was printed; standard error goes to `errors.txt`."""
-    command = [sys.executable, "-m", "personal_viz", "study", "serve", "--dataset", str(dataset), "--scene", "Small"]
-    command += ["--out", str(folder / "study"), "--port", "0", "--workers", str(workers)]
-    with (folder / "errors.txt").open("a") as errors, started(command, stderr=errors) as program:
-        yield program
+    command = ["study", "serve", "--dataset", str(dataset), "--scene", "Small", "--out", str(folder / "study")]
+    command += ["--port", "0", "--workers", str(workers)]
+    with (folder / "errors.txt").open("a") as errors, served_by(command, stderr=errors) as program:
+        yield program.process, program.said
 
 
 def stored_steps(folder: Path) -> int:
@@ -73,7 +74,7 @@ def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_
                     walker.receive_until(lambda _: False)
             assert process.returncode == 0
             assert rest.startswith(f"Stopped. Everything is in {tmp_path / 'study'}")
-            assert not any(is_running(worker) for worker in workers)
+            assert not any(psutil.pid_exists(worker) for worker in workers)
         assert stored_steps(tmp_path / "study") == first + 3
     assert len(tokens) == 2, "links outlive the program"
     errors = (tmp_path / "errors.txt").read_text()

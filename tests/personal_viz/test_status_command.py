@@ -14,8 +14,8 @@ from rich.console import Console
 
 from human_study.journey import Place
 from human_study.store.progress_people import PersonProgress, State
-from personal_viz.bots.site import hear_ctrl_c
 from personal_viz.cli.study.status import MIN_WIDTH, StudyStatus, page, progress_now
+from personal_viz.study_app.operator.served import hear_ctrl_c
 from personal_viz.study_app.progress_words import age_words, disk_words, place_words
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials

@@ -7,6 +7,7 @@ import signal
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
@@ -14,9 +15,10 @@ from human_study.store.progress import study_progress
 from human_study.store.progress_people import PersonProgress
 from human_study.store.records import read_study
 from human_study.trial.events import Act
+from personal_viz.study_app.operator.served import free_port
 
 from .flow_steps import HOLD_MS, see_step, start
-from .flow_studies import PlannedStudy, children, free_port, is_running, served
+from .flow_studies import PlannedStudy, children, served
 from .gateways import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -69,7 +71,7 @@ def test_an_open_page_goes_on_after_the_program_was_killed_and_after_it_was_ende
         os.kill(first.process.pid, signal.SIGKILL)  # as the system does when memory runs out, with nothing tidied up
         first.process.wait(timeout=30)
     assert len(workers) == 1
-    wait_until(lambda: not any(is_running(worker) for worker in workers))
+    wait_until(lambda: not any(psutil.pid_exists(worker) for worker in workers))
     assert len(acts(folder)) == 2
     before = walker(folder)
     assert (before.is_in_trial, before.num_reconnects) == (True, 0)

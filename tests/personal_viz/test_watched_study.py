@@ -12,7 +12,7 @@ from human_study.export.study_export import export_study
 from human_study.store.records import read_study
 from human_study.trial.events import Act
 from personal_viz.cli.study.serve import StudyServe
-from personal_viz.study_app.operator.served import start_study
+from personal_viz.study_app.operator.served import served
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeStart, RunInfo, Step, read_run
 
@@ -44,25 +44,24 @@ def entities(path: Path) -> set[str]:
 def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
     live = tmp_path / "live"
     home = ("--dataset", str(marked_dataset), "--scene", HOME, "--split", "easy", "--limit", "1", "--workers", "1")
-    study = start_study(tmp_path / "study", "study", "serve", *home, "--rerun", str(live))
-    try:
-        with enter(study.links["pan"]) as walker:
+    command = ["study", "serve", "--out", str(tmp_path / "study"), "--port", "0", *home, "--rerun", str(live)]
+    with served(command) as study:
+        with enter(study.link("pan")) as walker:
             walker.press("Start")
             walker.see_step(0)
             walker.press("Turn left (A or Left)")
             walker.see_step(1)
-        with enter(study.links["pan"]) as walker_again:
+        with enter(study.link("pan")) as walker_again:
             walker_again.see_step(1)
             walker_again.press("Forward (W or Up)")
             walker_again.see_step(2)
             walker_again.give_up()
             walker_again.receive_until(lambda message: "Thank you" in str(message))
-        with enter(study.links["pog"]) as pointer:
+        with enter(study.link("pog")) as pointer:
             pointer.press("Start")
             pointer.receive_until(lambda message: "Click the middle of the object" in str(message))
             pointer.give_up()
             pointer.receive_until(lambda message: "Thank you" in str(message))
-    finally:
         assert study.end() == 0
     for client in (walker, walker_again, pointer):
         assert_no_answer(client.messages, client.buffers, marked_dataset)

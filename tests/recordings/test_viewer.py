@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
-from personal_viz.bots.site import hear_ctrl_c
+from personal_viz.study_app.operator.served import hear_ctrl_c
 from recordings import viewer
 from recordings.rerun_process import RerunProcess, program, quiet_environment, running_rerun
 from recordings.viewer import live_viewer, open_file, open_folder

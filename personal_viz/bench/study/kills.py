@@ -139,7 +139,7 @@ class _Tally:
             self.look(bots)
             return
         self._workers_in_a_row = 0
-        self._server.kill()
+        self._server.study.kill()
         began_s = time.perf_counter()
         self._server.begin()
         self.look(bots)

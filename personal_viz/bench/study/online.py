@@ -102,7 +102,7 @@ def measure_browser(
 
 def _measured(site: Site, settings: BrowserSettings, progress: Callable[[str], None]) -> BrowserFigures | None:
     config, codes = load_study(site.folder), list(site.links)
-    others = Site(site.folder, site.dataset, None, {code: site.links[code] for code in codes[3:]}, None)
+    others = Site(site.folder, site.dataset, None, tuple(one for one in site.everybody if one.code in codes[3:]), None)
     try:
         progress("Chromium, alone")
         with walking(site.links[codes[0]], config) as page:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import psutil
 from pydantic import BaseModel, ConfigDict
 
 from human_study.design.study import load_study
@@ -19,7 +20,6 @@ from ...bots.site import Site, make_bot_study
 from ...bots.walker import BotKind
 from .browser import key_to_image_ms, walking
 from .crowd import Crowd, crowd
-from .processes import children, is_running
 from .records import key_tally, missing_steps, resumed_elsewhere
 from .server import Server
 
@@ -136,10 +136,10 @@ class _Tally:
 
     def restart(self, end: signal.Signals, bots: Crowd, person: "_Person") -> None:
         """Ends the program, starts it again, waits for everybody."""
-        processes = (self._server.pid, *children(self._server.pid))
+        processes = [psutil.Process(self._server.pid), *self._server.workers]
         connections = [log.num_connections for log in bots.logs]
         self.drains_s.append(self._server.end(end))
-        self.num_left += sum(is_running(pid) for pid in processes)
+        self.num_left += sum(process.is_running() and process.status() != psutil.STATUS_ZOMBIE for process in processes)
         began_s = time.perf_counter()
         self._server.start()
         served_s = time.perf_counter()

@@ -1,60 +1,163 @@
-"""A study served by a child process, as a person at a terminal would start it: for screenshots and browser tests."""
+"""A study served by a child process, as from a terminal: for bots, benchmarks, screenshots and tests."""
 
+import contextlib
+import os
 import re
 import signal
+import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
+from typing import IO, NamedTuple
 
 from sim.errors import StudyError
+from sim.types import TaskKind
+
+END_S = 60.0
+"""Longest wait for the end of a program that was told to end; then it is killed."""
+_PERSON = re.compile(r"(PAN|POG)\s+(p\d+)\s+(https?://\S+)")
+_READY = "Everything is written to"
 
 
-@dataclass(frozen=True, slots=True)
+class Person(NamedTuple):
+    """A participant as `study serve` prints them."""
+
+    code: str
+    task: TaskKind
+    link: str
+    """Personal link."""
+
+
 class ServedStudy:
-    """A running `personal-viz demo` or `study serve`."""
+    """A program that serves a study: `study serve` or `demo`."""
 
-    folder: Path
-    """Of the study."""
-    links: dict[str, str]
-    """Task (`pan`, `pog`) to personal link."""
-    process: subprocess.Popen[str]
+    def __init__(
+        self, command: list[str], *, stderr: IO[str] | None = None, environment: Mapping[str, str] | None = None
+    ) -> None:
+        """Starts the program and does not wait for it.
 
-    def end(self) -> int:
-        """Exit code after one Ctrl-C."""
-        self.process.send_signal(signal.SIGINT)
-        return self.process.wait(timeout=30)
+        Args:
+            command: What follows `personal-viz`, or a whole program whose first part is `sys.executable`.
+            stderr: Gets what it says there; None = our own.
+            environment: Variables that differ from ours.
+        """
+        self._command = command if command[0] == sys.executable else [sys.executable, "-m", "personal_viz", *command]
+        self.process = subprocess.Popen(
+            self._command,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            text=True,
+            env={**os.environ, **(environment or {})},
+            process_group=0,
+            preexec_fn=hear_ctrl_c,
+        )
+        self.said = ""
+        """What it printed up to and with the links."""
+        self.people: tuple[Person, ...] = ()
+        """Those whose personal links it printed, in its order."""
+
+    @property
+    def pid(self) -> int:
+        """Of the serving process."""
+        return self.process.pid
+
+    @property
+    def links(self) -> dict[str, str]:
+        """Personal link by participant."""
+        return {person.code: person.link for person in self.people}
+
+    def link(self, task: TaskKind) -> str:
+        """Personal link of the first participant of a task."""
+        return next(person.link for person in self.people if person.task == task)
+
+    def await_ready(self) -> None:
+        """Returns when people can come.
+
+        Raises:
+            StudyError: The program ended instead; its own message is on stderr.
+        """
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.said += line
+            if _READY in line:
+                break
+        else:
+            code = self.process.wait()
+            raise StudyError(
+                f"{' '.join(self._command[2:])}: ended with exit code {code}; expected a served study. "
+                "Its own message is above."
+            )
+        found = _PERSON.findall(self.said)
+        self.people = tuple(Person(code, "pan" if task == "PAN" else "pog", link) for task, code, link in found)
+
+    def end(self, number: signal.Signals = signal.SIGINT) -> int:
+        """Exit code after one signal, as a host or Ctrl-C sends it; nothing is sent to a program that has ended."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            self.process.communicate(timeout=END_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+        return self.process.returncode
+
+    def kill(self) -> None:
+        """kill -9 of the serving process and its group; the workers find out by themselves, as after a crash."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self.process.communicate()
 
 
-def start_study(folder: Path, *command: str) -> ServedStudy:
-    """Starts `personal-viz <command> --out <folder>` on a free port and returns when it has printed its links.
+def serve_command(
+    folder: Path, dataset: Path, *more: str, port: int = 0, workers: int | None = None, scenes_dir: Path | None = None
+) -> list[str]:
+    """`study serve` of a planned pilot, for ServedStudy.
 
-    Raises:
-        StudyError: The program ended instead.
+    Args:
+        folder: Of the study.
+        dataset: Of its episodes.
+        more: Further options.
+        port: 0 takes a free one.
+        workers: None = as many as usual.
+        scenes_dir: Of scans.
     """
-    program = [sys.executable, "-m", "personal_viz", *command, "--out", str(folder), "--port", "0"]
-    process = subprocess.Popen(program, stdout=subprocess.PIPE, text=True, process_group=0)
-    assert process.stdout is not None
-    lines = []
-    for line in process.stdout:
-        lines.append(line)
-        if "Everything is written to" in line:
-            break
-    links = re.findall(r"(PAN|POG)\s+p\d+\s+(http://\S+)", "".join(lines))
-    if not links:
-        raise StudyError(f"{' '.join(program[2:])}: ended with exit code {process.wait()}; expected personal links.")
-    return ServedStudy(folder, {task.lower(): link for task, link in links}, process)
+    command = ["study", "serve", str(folder), "--dataset", str(dataset), "--port", str(port), "--pilot", *more]
+    command += [] if workers is None else ["--workers", str(workers)]
+    return command + ([] if scenes_dir is None else ["--scenes-dir", str(scenes_dir)])
 
 
 @contextmanager
-def served_demo(out: Path) -> Iterator[ServedStudy]:
-    """The demo until the end of the block; its episodes are in `out/dataset`."""
-    study = start_study(out, "demo", "--seed", "5")
-    study = ServedStudy(out / "study", study.links, study.process)
+def served(
+    command: list[str], *, stderr: IO[str] | None = None, ended_by: signal.Signals = signal.SIGINT
+) -> Iterator[ServedStudy]:
+    """The program until the end of the block, where it hears a signal if it still runs; killed if the block fails.
+
+    Args:
+        command: As ServedStudy's.
+        stderr: As ServedStudy's.
+        ended_by: The signal.
+
+    Raises:
+        StudyError: The program ended before it served.
+    """
+    study = ServedStudy(command, stderr=stderr)
     try:
+        study.await_ready()
         yield study
+        study.end(ended_by)
     finally:
         if study.process.poll() is None:
-            study.end()
+            study.kill()
+
+
+def hear_ctrl_c() -> None:
+    """In a child process: Ctrl-C ends it, also where the shell that started us ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens on now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
