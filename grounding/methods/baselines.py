@@ -44,7 +44,7 @@ class RandomCell:
 
 
 class MapCentre:
-    """The middle of the bounding box of what is mapped, always."""
+    """Always answers the middle of the bounding box of the mapped area."""
 
     name = "center"
     uses_phrases = False
@@ -76,7 +76,7 @@ class QueryScoring:
         """Ranks the non-empty cells by their cosine with the query.
 
         Raises:
-            AgentError: The map is of another encoder or no grid.
+            AgentError: The map was made with another encoder, or is no grid.
         """
         memory = require_grid(memory, self.name)
         memory.require_encoder(self._encoder.name, self._encoder.dim)

@@ -45,7 +45,7 @@ class Grounder(Protocol):
 
     @property
     def frame(self) -> str:
-        """Among which places it chooses; a baseline's figure means nothing without it."""
+        """The places among which it chooses; a baseline's figure means nothing without it."""
         ...
 
     @property
@@ -57,9 +57,9 @@ class Grounder(Protocol):
         """Ranked answers; the same inputs give the same answers.
 
         Args:
-            memory: The map, of the kind that it takes.
+            memory: A map of the kind that it takes.
             task: Description and queries; the first query counts.
-            phrases: Of the task's description; may be empty.
+            phrases: Phrases of the task's description; may be empty.
         """
         ...
 
@@ -68,9 +68,9 @@ def make_grounder(name: GrounderName, encoder: TextEncoder, *, seed: int = 0) ->
     """The grounder of this name with the paper's parameters.
 
     Args:
-        name: Which.
-        encoder: The map's encoder; `random` and `center` do without.
-        seed: Of `random`'s draws.
+        name: The grounder's name.
+        encoder: The map's encoder; `random` and `center` do not use it.
+        seed: Seed of `random`'s draws.
     """
     match name:
         case "random":

@@ -1,4 +1,4 @@
-"""Ordinary texts of things in homes: what an encoder says of any of them is no evidence for one of them.
+"""Ordinary texts about things in homes; a phrase that resembles a cell no more than these do is no evidence.
 
 Written for this project, not taken from a dataset. `joint` uses their spread as the background against which a phrase
 stands out.
@@ -25,9 +25,9 @@ _RELATIONS = ("next to", "on top of", "near", "in front of", "hanging above", "b
 
 
 def household_texts() -> tuple[str, ...]:
-    """Each thing by its name, with attributes, with a relation, and with a detail: a few hundred texts, always alike.
+    """Each thing by its name, with attributes, with a relation, and with a detail: a few hundred fixed texts.
 
-    Attributes and neighbours go round with steps that share no factor with their lists, so that all pairs are mixed.
+    The steps through attributes and neighbours share no factor with the lengths of their lists, which mixes all pairs.
     """
     texts = list(_NOUNS)
     for index, noun in enumerate(_NOUNS):

@@ -1,17 +1,17 @@
-"""`joint`: the place most probably within 1 m of what the query's phrase names, all phrases and cells weighed at once.
+"""`joint`: the place most probably within 1 m of the thing that the query means, from all phrases and cells at once.
 
-The steps, and why each is there (no training, no language model; the map, the phrases and the query are all it sees):
+The steps, and the reason for each (no training, no language model; it sees only the map, the phrases and the query):
 
 1. Text. The query's phrase is chosen as in `phrase`; room and article are cut off, because map cells hold things.
-2. Contrast. Each phrase's vector is freed of what it shares with the task's other phrases and with ordinary texts of
-   things in homes (ridge regression): a cell that is as much like those is no evidence. This does what the dual
-   softmax does, but before noise and neighbours are weighed.
+2. Contrast. Ridge regression takes away the part of each phrase's vector that the task's other phrases and ordinary
+   texts about things in homes share: a cell that resembles those equally well is no evidence. The dual softmax has the
+   same effect, but this step comes before noise and neighbours are weighed.
 3. Standard scores. Cosines of one phrase with all cells get mean 0 and deviation 1: encoders and noise levels differ.
 4. Matched filter. A thing colours its own cell and the cells around it. For each place on a sub-cell grid: log
    likelihood ratio of "it is here" with the expected footprint against "it is not", amplitudes and footprints averaged.
-5. Rooms. Phrases of the same room say where that room is: their places, widened, are a soft prior. Doubt is kept.
-6. Decision. Success is a distance, so the answer is the place with most probability within 1 m of it, the middle of
-   it where places tie; the next answers are the best places for what is then left.
+5. Rooms. Phrases of the same room say where that room is: their places, widened, are a soft prior; part of it is flat.
+6. Decision. Success is a distance, so the answer is the place with most probability within 1 m of it, the middle one
+   where places tie; the next answers are the best places for the remaining probability.
 """
 
 from collections.abc import Sequence
@@ -47,9 +47,9 @@ class JointOptions:
     """The constants of the steps, frozen on 24 invented homes with clutter and noise, then run once on the release."""
 
     ridge: float = 2.0
-    """Step 2; smaller takes away more of what the others share."""
+    """Step 2; a smaller value takes away more of the shared part."""
     ordinary: float = 15.0
-    """Step 2: as how many phrases the ordinary texts count."""
+    """Step 2: the ordinary texts together count as this many phrases."""
     amplitudes: tuple[float, ...] = (3.0,)
     """Step 4: standard scores expected in the middle of a thing's footprint."""
     footprints: tuple[float, ...] = (0.35, 0.5, 1.0)
@@ -57,7 +57,7 @@ class JointOptions:
     crowd: float = 0.5
     """Step 4: squared weight of other things in a cell, whose vectors share its unit length."""
     room_sigma: float = 3.0
-    """Step 5, metres."""
+    """Step 5: sigma of the widened places, metres."""
     room_doubt: float = 0.2
     """Step 5: share of the prior that is flat; 1 leaves the step out."""
 
@@ -80,7 +80,7 @@ class JointMatcher:
         """Weighs all phrases and cells at once.
 
         Raises:
-            AgentError: The map is of another encoder or no grid.
+            AgentError: The map was made with another encoder, or is no grid.
         """
         memory = require_grid(memory, self.name)
         memory.require_encoder(self._encoder.name, self._encoder.dim)
@@ -115,7 +115,7 @@ class JointMatcher:
 
 
 def background(texts: NDArray[np.floating], *, weight: float, ridge: float) -> NDArray[np.float64]:
-    """(E, E) inverse of ridge I + weight x mean outer product of the vectors of ordinary texts (N, E)."""
+    """(E, E) inverse of ridge x I + weight x mean outer product of the vectors of ordinary texts (N, E)."""
     rows = np.asarray(texts, np.float64)
     spread = weight / max(len(rows), 1) * rows.T @ rows + ridge * np.eye(rows.shape[1])
     return np.asarray(np.linalg.inv(spread), np.float64)
@@ -144,10 +144,10 @@ def standard_scores(values: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 class Places:
-    """The places of a map, `sub` x `sub` in each stored cell, on a picture around the stored cells."""
+    """The places of a map, `sub` x `sub` in each stored cell, on a raster around the stored cells."""
 
     def __init__(self, memory: FeatureMap) -> None:
-        """Lays the picture around the cells."""
+        """Lays the raster around the cells."""
         self._memory = memory
         self._sub = max(1, round(memory.grid.cell / SPACING))
         low = memory.rc.min(axis=0).astype(np.int64)
@@ -160,7 +160,7 @@ class Places:
         self._is_place = np.kron(is_stored, np.ones((self._sub, self._sub))).astype(bool)
 
     def evidence(self, scores: NDArray[np.float64], options: JointOptions) -> NDArray[np.float64]:
-        """Log likelihood ratio (K, places of the picture) of standard scores (K, N); -inf where no cell is stored."""
+        """Log likelihood ratio (K, places of the raster) of standard scores (K, N); -inf where no cell is stored."""
         pictures = np.zeros((len(scores) + 1, *self._shape))
         pictures[:-1, self._rows, self._cols] = scores
         pictures[-1, self._rows, self._cols] = 1  # last: which cells are stored
@@ -180,7 +180,7 @@ class Places:
         offsets = np.arange(-reach, reach + 1)
         shape = (self._shape[0] * sub, self._shape[1] * sub)
         response, energy = np.empty((len(pictures) - 1, *shape)), np.empty(shape)
-        inside = (np.arange(sub) + 0.5) / sub - 0.5  # of a place in its cell, in cells
+        inside = (np.arange(sub) + 0.5) / sub - 0.5  # position of a place in its cell, in cells
         for i, down in enumerate(inside):
             for j, right in enumerate(inside):
                 square = ((offsets[:, None] - down) ** 2 + (offsets[None] - right) ** 2) * cell**2
@@ -204,7 +204,7 @@ class Places:
         reach = int(REACH / self._step + 1e-9)
         offsets = np.arange(-reach, reach + 1) * self._step
         square = offsets[:, None] ** 2 + offsets[None] ** 2
-        # nearly flat inside the reach: of places that cover as much, the one in the middle of it
+        # nearly flat inside the reach: among places that cover equally much, this prefers the one in the middle
         disc = np.where(square <= REACH**2 + 1e-9, 1 - 0.1 * square / REACH**2, 0)
         left = self._probability(total)
         points, cells, shares = [], [], []

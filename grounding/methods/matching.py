@@ -1,4 +1,4 @@
-"""Grounders that look for the phrase which the query means, not for the query: `phrase` and `dual` (GROUNDING.md, 3).
+"""Grounders `phrase` and `dual` look for the phrase that the query means, not for the query (GROUNDING.md, section 3).
 
 Cosines of the phrases (owners stripped) with the cells -> optional smoothing -> optional dual softmax -> the row of
 the query's phrase ranks the cells -> optional refinement of each answer within its cell's neighbourhood.
@@ -22,7 +22,7 @@ from ..types import Candidate, FeatureMap, Grounding, Layers
 from .baselines import NUM_CANDIDATES, QueryScoring, candidates_at, rank_cells
 
 DUAL_TEMPERATURE = 10.0
-"""Scale of cosines in both softmaxes (GROUNDING.md, section 3: 10-20); of 10, 15, 20 best on noisy invented homes."""
+"""Scale of cosines in both softmaxes (GROUNDING.md, section 3: 10-20); 10 beat 15 and 20 on noisy invented homes."""
 SMOOTH_SIGMA = 0.7
 """Cells (GROUNDING.md, section 3)."""
 POINT_BETA = 20.0
@@ -71,7 +71,7 @@ class PhraseMatcher:
         """Matches the phrases with the cells.
 
         Raises:
-            AgentError: The map is of another encoder or no grid.
+            AgentError: The map was made with another encoder, or is no grid.
         """
         memory = require_grid(memory, self.name)
         memory.require_encoder(self._encoder.name, self._encoder.dim)
@@ -79,7 +79,7 @@ class PhraseMatcher:
         wanted = wanted_phrase(things, parse_query(task.queries[0]), self._encoder)
         if wanted is None:
             return QueryScoring(self._encoder).ground(memory, task, phrases)
-        # things that several people own are one competitor for a cell
+        # a thing that several people own competes for a cell once
         texts = tuple(dict.fromkeys(item.text for item in things))
         chosen = texts.index(things[wanted].text)
         similarity = self._encoder.encode_texts(texts) @ memory.rows.T
@@ -106,8 +106,8 @@ def smoothed(values: NDArray[np.floating], rc: NDArray[np.integer], *, sigma: fl
 
     Args:
         values: Scores of the cells.
-        rc: (N, 2) where the cells are.
-        sigma: Cells; 0 leaves the values alone.
+        rc: (N, 2) rows and columns of the cells.
+        sigma: Width in cells; 0 leaves the values unchanged.
     """
     if not sigma or not len(rc):
         return values
@@ -117,7 +117,7 @@ def smoothed(values: NDArray[np.floating], rc: NDArray[np.integer], *, sigma: fl
 
 
 def dual_scores(cosines: NDArray[np.floating], *, temperature: float) -> NDArray[np.float64]:
-    """Logarithm (K, N) of softmax over cells times softmax over phrases: high where both choose each other.
+    """Logarithm (K, N) of softmax over cells times softmax over phrases: high where cell and phrase choose each other.
 
     Args:
         cosines: (K, N) of phrases with cells.
@@ -130,7 +130,7 @@ def dual_scores(cosines: NDArray[np.floating], *, temperature: float) -> NDArray
 
 
 def refined_xz(cosines: NDArray[np.floating], memory: FeatureMap, index: int, *, beta: float) -> NDArray[np.float64]:
-    """World x and z (2,) of the centroid of the cells around one cell (3 x 3), weighted exp(beta x cosine)."""
+    """World x and z (2,) of the centroid of the cells around one cell (3 x 3), weighted by exp(beta x cosine)."""
     near = np.flatnonzero(np.abs(memory.rc.astype(np.int64) - memory.rc[index]).max(axis=1) <= 1)
     weights = np.exp(beta * (cosines[near] - cosines[near].max()))
     return weights @ memory.grid.xz_from_rc(memory.rc[near]) / weights.sum()
@@ -139,7 +139,7 @@ def refined_xz(cosines: NDArray[np.floating], memory: FeatureMap, index: int, *,
 def candidates_near(
     memory: FeatureMap, cells: Sequence[int], points_xz: Sequence[NDArray[np.float64]], scores: NDArray[np.floating]
 ) -> tuple[Candidate, ...]:
-    """Candidates at points on the floors of cells (indices into the map's); row and column are of the point's cell."""
+    """Candidates at points on the floors of cells (indices into the map), with row and column of the point's cell."""
     cols = memory.grid.shape[1]
     found = []
     for cell, point, score in zip(cells, points_xz, scores, strict=True):

@@ -1,8 +1,8 @@
 """Grounders `object-phrase` and `object-dual`: match phrases with the things of an object map, answer their middles.
 
-As `phrase` and `dual` on grids (GROUNDING.md, section 3), with instances in the place of cells: cosines of the phrases
-(owners stripped) with the instances' features -> dual softmax (`object-dual` only) -> the row of the query's phrase
-ranks the instances.
+They work as `phrase` and `dual` do on grids (GROUNDING.md, section 3), with instances instead of cells: cosines of the
+phrases (owners stripped) with the instances' features -> dual softmax (`object-dual` only) -> the row of the query's
+phrase ranks the instances.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from .matching import DUAL_TEMPERATURE, dual_scores
 
 _CELL = 1.0
 _MARGIN = 1
-"""The layers' grid: cells of 1 m around the instances, metres and cells."""
+"""Margin of the layers' grid around the instances, in metres and in cells, since its cells have 1 m."""
 ObjectMatchName = Literal["object-phrase", "object-dual"]
 OBJECT_MATCHERS: dict[ObjectMatchName, float] = {"object-phrase": 0.0, "object-dual": DUAL_TEMPERATURE}
 """Temperature of the dual softmax; 0 = cosines alone."""
@@ -37,7 +37,7 @@ class ObjectMatcher:
     takes: MemoryKind = "objects"
 
     def __init__(self, encoder: TextEncoder, *, name: str, temperature: float) -> None:
-        """Takes the encoder of the map, the name for tables, and the dual softmax's scale of cosines; 0 = without."""
+        """Takes the encoder of the map, the name for tables, and the dual softmax's scale of cosines (0 = none)."""
         self.name = name
         self._encoder = encoder
         self._temperature = temperature
@@ -46,7 +46,7 @@ class ObjectMatcher:
         """Matches the phrases with the things; ties go to the first in the map.
 
         Raises:
-            AgentError: The map is of another encoder or a grid.
+            AgentError: The map was made with another encoder, or is a grid.
         """
         memory = require_objects(memory, self.name)
         memory.require_encoder(self._encoder.name, self._encoder.dim)
@@ -82,7 +82,7 @@ class ObjectMatcher:
 
 
 def objects_grid(memory: ObjectMap) -> GridSpec:
-    """Cells of 1 m around the middles of all things; candidates' rows and columns and the layers are of this grid.
+    """Cells of 1 m around the middles of all things; candidates' rows and columns and the layers use this grid.
 
     Several things may be in one cell: layers keep one column per thing.
     """

@@ -1,6 +1,6 @@
 """RPG, region-gated personalized grounding (the paper's Algorithm 1): products in torch, loops compiled, two layouts.
 
-`rpg_packed` runs many episodes on one sparse map (what evaluations use), `rpg_dense` the paper's batch of full grids.
+`rpg_packed` runs many episodes on one sparse map, as evaluations do; `rpg_dense` runs the paper's batch of full grids.
 Steps: cosine of every phrase with every cell; each phrase's `top_k` peaks with non-maximum suppression; peaks grown by
 `nhood` cells open a gate; inside it the cell most like the query is the answer.
 """
@@ -40,12 +40,12 @@ class RpgOptions:
     top_k: int = 3
     """Peaks per phrase (paper, Sec. IV: top-3)."""
     nhood: int = 1
-    """How far peaks grow (paper: 1 pixel = 1 m)."""
+    """Distance by which peaks grow (paper: 1 pixel = 1 m)."""
     nms_r: int = 1
     """Peaks of one phrase are farther apart than this; 0 = plain top-k."""
     literal: bool = False
-    """As printed: empty cells take part with cosine 0, and cells outside the gate score 0 instead of -inf, so the
-    answer leaves the gate when all cosines in it are negative."""
+    """Algorithm 1 as printed: empty cells take part with cosine 0, and cells outside the gate score 0 instead of -inf,
+    so the answer leaves the gate when all cosines in it are negative."""
 
     def __post_init__(self) -> None:
         if self.top_k < 1 or self.nhood < 0 or self.nms_r < 0:
@@ -54,7 +54,7 @@ class RpgOptions:
 
 PRESETS: dict[RpgPreset, RpgOptions] = {
     "paper": RpgOptions(),
-    # how the authors' public code calls it
+    # the values with which the authors' public code calls it
     "authors": RpgOptions(top_k=4, nhood=0, nms_r=0),
     "literal": RpgOptions(literal=True),
 }
@@ -201,7 +201,7 @@ class RegionGated:
         """Runs Algorithm 1 with the phrases as they are (owners' names included).
 
         Raises:
-            AgentError: The map is of another encoder or no grid.
+            AgentError: The map was made with another encoder, or is no grid.
         """
         memory = require_grid(memory, self.name)
         memory.require_encoder(self._encoder.name, self._encoder.dim)
@@ -252,6 +252,6 @@ def _unit(vectors: Tensor) -> Tensor:
 
 
 def _cosines(texts: Tensor, rows: Tensor) -> NDArray[np.float32]:
-    """(L, N) of texts (L, E) of any length with unit rows (N, E); divides the product, so that nothing is copied."""
+    """Cosines (L, N) of texts (L, E) of any length with unit rows (N, E); divides the product, which copies nothing."""
     lengths = torch.linalg.vector_norm(texts, dim=1, keepdim=True).clamp(min=_SHORTEST)
     return (texts @ rows.T).div_(lengths).numpy()

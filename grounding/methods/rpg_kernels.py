@@ -11,15 +11,15 @@ from sim.compiled import njit
 
 @njit(cache=True, nogil=True)
 def few_answers(phrases, queries, rows, rc, width, uses, top_k, nms_r, nhood, tie, shortest):
-    """The whole of Algorithm 1 for few texts in one call: what `gated_answers` gives, then the cosines (P + B, N).
+    """All of Algorithm 1 for few texts in one call: the results of `gated_answers`, then the cosines (P + B, N).
 
-    A map pushes the interpreter out of the processor's caches, so that each further call from Python is a slow one.
+    A map pushes the interpreter out of the processor's caches, so each further call from Python is slow.
 
     Args:
         phrases: (P, E) float32, any length.
         queries: (B, E) float32, any length.
         rows: (N, E) float32 unit rows.
-        rc: As in `gated_answers`, like those behind it.
+        rc: As in `gated_answers`, like the next six.
         width: See there.
         uses: See there.
         top_k: See there.
@@ -33,7 +33,7 @@ def few_answers(phrases, queries, rows, rc, width, uses, top_k, nms_r, nhood, ti
     return gated_answers(cosines, rc, width, uses, top_k, nms_r, nhood, tie), cosines
 
 
-# sums may be taken in any order, so that they are vectors; -inf and nan keep their meaning
+# sums may be taken in any order, so that the compiler vectorizes them; -inf and nan keep their meaning
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def few_cosines(texts, rows, shortest, cosines):
     """Fills cosines (L, N) of texts (L, E) of any length with unit rows (N, E); reads the rows once.
@@ -76,10 +76,10 @@ def few_cosines(texts, rows, shortest, cosines):
 
 @njit(cache=True, nogil=True)
 def gated_answers(cosines, rc, width, uses, top_k, nms_r, nhood, tie):
-    """Algorithm 1 behind the product: flat index (B,), value (B,), final (B, N), gate (B, N), peaks (P, top_k).
+    """Algorithm 1 after the product: flat index (B,), value (B,), final (B, N), gate (B, N), peaks (P, top_k).
 
     Args:
-        cosines: (P + B, N) float32, of the phrases, then of the queries.
+        cosines: (P + B, N) float32; first those of the phrases, then those of the queries.
         rc: (N, 2) int64.
         width: Columns of the grid, for the flat index row * width + column; -1 = no answer.
         uses: (B, P) bool, which phrases each episode has.
@@ -108,7 +108,7 @@ def gated_answers(cosines, rc, width, uses, top_k, nms_r, nhood, tie):
 
 @njit(cache=True, nogil=True)
 def find_peaks(scores, rc, top_k, nms_r, tie, peaks):
-    """Fills peaks (L, top_k) int64 with each row's best cells, best first: arg-max, drop what is near, repeat.
+    """Fills peaks (L, top_k) int64 with each row's best cells, best first: arg-max, drop the cells near it, repeat.
 
     Args:
         scores: (L, N) float32; -inf is never a peak.
@@ -116,7 +116,7 @@ def find_peaks(scores, rc, top_k, nms_r, tie, peaks):
         top_k: Peaks per row.
         nms_r: Chebyshev radius in cells.
         tie: float32; scores closer than this are equal, and the first wins.
-        peaks: Of -1, which stays where there are no more.
+        peaks: Filled with -1, which stays where there are no more.
     """
     num_rows, num_cells = scores.shape
     left = np.empty(num_cells, scores.dtype)
@@ -153,7 +153,7 @@ def open_cells(peaks, rc, nhood, opened):
 
 @njit(cache=True, nogil=True)
 def join_gates(opened, uses, gates):
-    """Marks in gates (B, N) bool what any phrase opens (P, N) that an episode uses (B, P); without any, all cells."""
+    """Marks in gates (B, N) bool the cells opened (P, N) by a phrase that the episode uses (B, P); without any, all."""
     for episode in range(uses.shape[0]):
         has_any = False
         for phrase in range(uses.shape[1]):
@@ -167,15 +167,15 @@ def join_gates(opened, uses, gates):
 
 @njit(cache=True, nogil=True)
 def best_inside(scores, gates, tie, final, cells, values):
-    """Fills each episode's answer: the best cell (B,) inside its gate and its score (B,); -1 and -inf stay without any.
+    """Fills each episode's answer: the best cell (B,) inside its gate and its score (B,); -1 and -inf stay if none is.
 
     Args:
         scores: (B, N) float32.
         gates: (B, N) bool.
         tie: float32; scores closer than this are equal, and the first wins.
-        final: (B, N) of -inf; gets the scores inside the gate.
-        cells: (B,) int64 of -1.
-        values: (B,) float32 of -inf.
+        final: (B, N), filled with -inf; gets the scores inside the gate.
+        cells: (B,) int64, filled with -1.
+        values: (B,) float32, filled with -inf.
     """
     for at in range(scores.shape[0]):
         top = scores.dtype.type(-np.inf)
