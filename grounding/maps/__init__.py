@@ -1,1 +1,1 @@
-"""What maps of a home are made of and how they are stored."""
+"""Maps of a home: how they are built from views or from ground truth, and how they are stored."""

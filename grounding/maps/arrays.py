@@ -24,17 +24,17 @@ class MapArrays:
     """Reads the arrays of one storey."""
 
     file: str
-    """For errors."""
+    """Name of the file, for errors."""
     folder: str
     """`storey0`."""
     read: Callable[[str], NDArray[Any]]
-    """The array of a name in the file; raises RunFileError."""
+    """Reads the array with this name from the file; raises RunFileError."""
 
     def array(self, name: str, dtype: type, shape: tuple[int | None, ...]) -> NDArray[Any]:
         """The array, finite, of this dtype and shape; None = any length.
 
         Raises:
-            RunFileError: It is another one, or damaged.
+            RunFileError: The array has another dtype or shape, or is damaged.
         """
         full = f"{self.folder}/{name}"
         found = self.read(full)
@@ -59,7 +59,7 @@ class MapArrays:
 
 
 def arrays_of_storey(storey: StoreyMemory) -> dict[str, NDArray[Any]]:
-    """All arrays of a storey by name."""
+    """All arrays of a storey, by name."""
     memory = storey.memory
     arrays: dict[str, NDArray[Any]] = {"occupancy": storey.occupancy.cells}
     if isinstance(memory, FeatureMap):

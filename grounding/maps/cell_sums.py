@@ -10,13 +10,13 @@ class CellSums:
     """Sums of one storey; cells are (row, col) of a lattice whose cell (0, 0) begins at the frame's origin."""
 
     def __init__(self, dim: int) -> None:
-        """No cell yet; vectors have E = `dim` numbers."""
+        """Starts without cells; vectors have E = `dim` numbers."""
         self._place: dict[tuple[int, int], int] = {}
         self._sums = np.zeros((_FIRST_CELLS, dim))
         self._weights = np.zeros(_FIRST_CELLS)
 
     def __len__(self) -> int:
-        """Touched cells."""
+        """The number of touched cells."""
         return len(self._place)
 
     def add(self, rc: NDArray[np.integer], vectors: NDArray[np.floating], weights: NDArray[np.floating]) -> None:

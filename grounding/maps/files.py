@@ -1,7 +1,7 @@
 """Maps on disk: one `.npz` per home, plain arrays beside a JSON header; nothing pickled is ever written or loaded.
 
 `HomeMemory` -> `save_memory` -> `load_memory` gives the same bits. The header (maps/header.py) names encoder,
-dimension, frame and cells, so that a query of another encoder is refused before any cosine is computed.
+dimension, frame and cells, so that a query with another encoder is refused before any cosine is computed.
 """
 
 import io
@@ -26,20 +26,20 @@ from .header import MapSource as MapSource
 from .home_map import HomeMemory, ObjectMap, StoreyMemory
 
 MAX_BYTES, MAX_RATIO = 128 << 20, 64
-"""Most bytes of all arrays of a file together, and most for each byte of the file. A storey of 50 x 50 m in
-cells of 0.25 m with 768 numbers each unpacks to 117 MiB; of three such storeys 1 % may hold anything."""
+"""Most unpacked bytes of all arrays of a file together, and most for each byte of the file. A storey of 50 x 50 m in
+cells of 0.25 m with 768 numbers each unpacks to 117 MiB."""
 _HEADER = "header.json"
 _EXPECTED = "a map written by personal-viz (header.json and arrays)"
 _AGAIN = "Build the map again, e.g. with personal-viz map or explore."
 
 
 def save_memory(path: Path, memory: HomeMemory, source: MapSource) -> None:
-    """Writes a map; the file is the old one or the whole new one at any time. Makes the folder.
+    """Writes a map and makes its folder; at any time the file is the whole old one or the whole new one.
 
     Args:
         path: `.npz` file.
         memory: At least one storey, all of one encoder and layout.
-        source: What was mapped.
+        source: The place that was mapped.
 
     Raises:
         RunFileError: The memory is empty, its storeys do not fit together, or the file cannot be written.
@@ -83,11 +83,11 @@ def load_memory(path: Path, *, encoder: TextEncoder | None = None) -> HomeMemory
 
     Args:
         path: Written by `save_memory`.
-        encoder: Of the queries to come; None = not known yet (`FeatureMap.require_encoder` asks again).
+        encoder: The encoder of later queries; None = not known yet (`FeatureMap.require_encoder` checks it then).
 
     Raises:
         RunFileError: The file is missing, damaged, of another version, or no map.
-        AgentError: The map is of another encoder.
+        AgentError: The map was made with another encoder.
     """
     with _opened(path) as archive:
         header = _header(path, archive)
@@ -101,7 +101,7 @@ def load_memory(path: Path, *, encoder: TextEncoder | None = None) -> HomeMemory
 
 
 def read_map_header(path: Path) -> MapHeader:
-    """What a map file says of itself, without its arrays.
+    """The header of a map file, without its arrays.
 
     Raises:
         RunFileError: The file is missing, damaged, of another version, or no map.
@@ -130,7 +130,7 @@ def _grid_header(grid: GridSpec) -> GridHeader:
 
 
 def _put(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
-    """Without a time stamp, so that the same map gives the same bytes."""
+    """Writes an entry without a time stamp, so that the same map gives the same bytes."""
     entry = zipfile.ZipInfo(name)
     entry.compress_type = zipfile.ZIP_DEFLATED
     archive.writestr(entry, data, compresslevel=1)

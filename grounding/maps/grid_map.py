@@ -1,6 +1,6 @@
-"""Grid maps from posed pictures: where each patch or picture looks, its vector is added to the cell there.
+"""Grid maps from posed pictures: the vector of each patch or picture is added to the cells that it shows.
 
-Posed frames + encoder -> sums per cell and storey -> `HomeMemory` (memory.py). Seen places only, no ground truth.
+Posed frames + encoder -> sums per cell and storey -> `HomeMemory` (home_map.py). Seen places only, no ground truth.
 """
 
 from collections.abc import Sequence
@@ -26,12 +26,12 @@ GRID_SIZE = 50.0
 FeatureSource = Literal["patches", "images"]
 """A vector for each patch of a view, or one for the whole view in every cell that it shows (the authors' code)."""
 _EVERY_PIXEL = 8
-"""Whole views: cells are looked for at this step of rows and columns."""
+"""Whole views: only every 8th pixel of every 8th row is asked which cell it shows."""
 _WHOLE = 1e-9
 
 
 class MapBuilder(Protocol):
-    """Makes a map of views. `grounding.checks.check_map_builder` tests a plug-in."""
+    """Makes a map from views. `grounding.checks.check_map_builder` tests a plug-in."""
 
     @property
     def name(self) -> str:
@@ -68,22 +68,22 @@ class GridMapBuilder:
         frame: str = "world",
         batch: int = 8,
     ) -> None:
-        """An empty map.
+        """Starts an empty map.
 
         Args:
-            encoder: Of the views; with `features="patches"` it must have `encode_patches`.
+            encoder: Encodes the views; with `features="patches"` it must have `encode_patches`.
             cell: Side of a cell, metres; 1, or 1 divided by a whole number.
-            features: What is encoded.
+            features: Whether patches or whole views are encoded.
             centre_xz: Middle of the grid, e.g. `OracleHome.centre_xz`, so that the cells are those of its oracle map;
-                default the middle of all that was seen. The grid's corner is floor(middle) - size / 2
+                default the middle of the seen area. The grid's corner is floor(middle) - size / 2
                 (GROUNDING.md, section 0): cells of all maps of a home lie on one lattice. The map's own `centre_xz`,
-                which grounders see, is always the middle of what was seen.
+                which grounders see, is always the middle of the seen area.
             size: Side of the grid, an even number of metres.
-            floors: Heights of the storeys' floors, metres; None = found on the way (`Storeys`).
-            mount_height: Of the camera above the feet, metres; needed where `floors` is None.
+            floors: Heights of the storeys' floors, metres; None = found while mapping (`Storeys`).
+            mount_height: Height of the camera above the feet, metres; needed where `floors` is None.
             max_depth: Farther returns are not mapped, planar metres.
             frame: Words that name the poses' frame.
-            batch: Views that are encoded together.
+            batch: Number of views that are encoded together.
 
         Raises:
             AgentError: The encoder, `cell`, `size` or `floors` does not fit.
@@ -95,7 +95,7 @@ class GridMapBuilder:
                 'features="patches". Take features="images", or another encoder.'
             )
         self.name = f"{cell:g} m cells of {features}"
-        """What map files say of it."""
+        """Map files keep this name of the builder."""
         self._encoder = encoder
         self._cell, self._size, self._features = cell, size, features
         self._centre_xz, self._frame, self._max_depth = centre_xz, frame, max_depth
@@ -122,7 +122,7 @@ class GridMapBuilder:
         """The map of all views since `reset`.
 
         Raises:
-            AgentError: The encoder broke its contract, or something seen is outside of the grid.
+            AgentError: The encoder broke its contract, or a seen cell is outside the grid.
         """
         self._place(self._storeys.rest())
         centre = _middle(self._low, self._high)
@@ -136,7 +136,7 @@ class GridMapBuilder:
         return HomeMemory(storeys, self._frame, self._storeys.num_frames)
 
     def _place(self, frames: Sequence[PosedFrame]) -> None:
-        """Encodes frames and adds what they show to the cells."""
+        """Encodes frames and adds their vectors to the cells that they show."""
         if not frames:
             return
         if self._features == "patches":
@@ -199,10 +199,10 @@ class GridMapBuilder:
 
 
 def encoded_patches(encoder: DenseEncoder, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
-    """(N, h, w, E) of an encoder, its shape and numbers checked.
+    """Patch vectors (N, h, w, E) from an encoder, with shape and numbers checked.
 
     Raises:
-        AgentError: They are not what `DenseEncoder` promises.
+        AgentError: The array is not as `DenseEncoder` promises.
     """
     vectors = encoder.encode_patches(frames)
     _require_vectors(encoder.name, "encode_patches", vectors, 4, (len(frames), encoder.dim))

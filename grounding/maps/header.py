@@ -1,4 +1,4 @@
-"""What a map file says of itself; pydantic, read and written by map_files.py."""
+"""The header of a map file; pydantic, read and written by files.py."""
 
 from typing import Annotated, Literal
 
@@ -16,16 +16,16 @@ class _Frozen(BaseModel):
 
 
 class MapSource(_Frozen):
-    """What was mapped."""
+    """The place that was mapped, and how."""
 
     scene: str
-    """Scene name, or a name of the place."""
+    """Name of the scene or the place."""
     kind: SceneKind | Literal["robot"]
     """Tables never mix kinds."""
     digest: str = ""
     """`Scene.digest`, or "" where there is none."""
     builder: str = ""
-    """`MapBuilder.name`: how the map was made; holds "oracle-perception" where ground truth was used."""
+    """`MapBuilder.name`: how the map was made; contains "oracle-perception" where ground truth was used."""
 
 
 class GridHeader(_Frozen):
@@ -37,12 +37,12 @@ class GridHeader(_Frozen):
 
     @property
     def spec(self) -> GridSpec:
-        """As the rest of the code has it."""
+        """The grid as a `GridSpec`."""
         return GridSpec(self.origin_xz, self.cell, self.shape)
 
 
 class StoreyHeader(_Frozen):
-    """What the arrays of one storey do not say."""
+    """Facts about one storey that its arrays do not hold."""
 
     floor_y: float
     centre_xz: tuple[float, float]
@@ -56,7 +56,7 @@ class StoreyHeader(_Frozen):
 
 
 class MapHeader(_Frozen):
-    """All of a map file but its arrays."""
+    """Everything in a map file except its arrays."""
 
     schema_version: Literal[1] = SCHEMA_VERSION
     source: MapSource

@@ -1,4 +1,4 @@
-"""What exploration leaves behind: per storey the free space and a map of features or of objects. numpy only.
+"""The result of exploring a home: per storey the free space and a map of features or of objects. numpy only.
 
 Map builders make a `HomeMemory`, map files hold it, grounders get one storey's `Memory`, recordings draw it.
 """
@@ -17,7 +17,7 @@ from ..types import FeatureMap, map_from_cells, require_same_encoder
 
 @dataclass(frozen=True, slots=True)
 class OccupancyGrid:
-    """What a robot knows of one storey's floor."""
+    """A robot's knowledge of one storey's floor."""
 
     cells: NDArray[np.uint8]
     """(rows, cols) `UNKNOWN`, `FREE` or `OCCUPIED` of sim.tasks.observers."""
@@ -35,9 +35,9 @@ class ObjectInstance:
     points: NDArray[np.float32]
     """(P, 3) points on its surface, thinned to about 5 cm, map frame."""
     feature: NDArray[np.float32]
-    """(E,) unit mean of what the encoder said of its views."""
+    """(E,) mean of the encoder's vectors of its views, as a unit vector."""
     caption: str
-    """What a captioner or the encoder's nearest label calls it; "" when nothing did."""
+    """Words from a captioner, or the encoder's nearest label; "" when there are none."""
     weight: float
     """Evidence: number of views."""
 
@@ -64,14 +64,14 @@ class ObjectMap:
     encoder: str
     """Name of the encoder of the features."""
     dim: int
-    """E, known without objects too."""
+    """E; known even when there are no objects."""
     centre_xz: tuple[float, float]
-    """Middle of what was seen."""
+    """Middle of all things' points, world x and z in metres."""
     merge_m: float
     """Views of one thing are merged when their points are within this many metres."""
 
     def require_encoder(self, name: str, dim: int) -> None:
-        """Refuses vectors of another encoder, whose cosines with the map would mean nothing.
+        """Refuses vectors from another encoder, whose cosines with the map would mean nothing.
 
         Raises:
             AgentError: Name or dimension differ.
@@ -80,7 +80,7 @@ class ObjectMap:
 
 
 Memory = FeatureMap | ObjectMap
-"""What a grounder may be given; each grounder says which it takes."""
+"""The maps that a grounder may get; each grounder says which kind it takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class StoreyMemory:
 
 @dataclass(frozen=True, slots=True)
 class HomeMemory:
-    """All that one or more explorations of a home left behind."""
+    """The result of one or more explorations of a home."""
 
     storeys: tuple[StoreyMemory, ...]
     """Ascending in `floor_y`."""
@@ -119,9 +119,10 @@ class HomeMemory:
 
 
 def merged_storeys(home: HomeMemory) -> Memory:
-    """One memory of all storeys, for queries that do not say the storey; cells above each other become one.
+    """One memory for all storeys, for queries that do not name a storey; cells above each other become one.
 
-    A merged cell holds the mean of its storeys' vectors by evidence, and the floor of the one with most evidence.
+    A merged cell holds the mean of its storeys' vectors, weighted by evidence, and the floor of the storey with the
+    most evidence.
 
     Raises:
         AgentError: The memory is empty.

@@ -1,4 +1,4 @@
-"""Which kind of map a grounder takes, and the refusal of the other kind."""
+"""The two kinds of map; a grounder takes one kind and refuses the other."""
 
 from typing import Literal
 

@@ -21,7 +21,7 @@ MERGE_M, MIN_SHARE, MIN_COSINE = 0.1, 0.3, 0.7
 """Defaults of `MergeRule`: metres, share of points, cosine."""
 _EVERY_PIXEL = 2
 _LEAST_IN_PATCH = 0.25
-"""A patch counts for a mask that covers at least this share of it, or the most of all patches."""
+"""A patch counts for a mask that covers at least this share of it, or if no patch has a larger share."""
 
 
 class ObjectMapBuilder:
@@ -45,30 +45,30 @@ class ObjectMapBuilder:
         frame: str = "world",
         batch: int = 8,
     ) -> None:
-        """An empty map.
+        """Starts an empty map.
 
         Args:
-            encoder: Of the patches.
+            encoder: Encodes the patches.
             segmenter: Finds the things of a view; `InstanceIds` where the simulator gives them.
             merge_m: Points of two views this near (metres) to each other overlap.
             min_share: Share of the smaller view's points that must overlap for the two to be one thing.
-            min_cosine: Least cosine of the two features for the same.
+            min_cosine: Least cosine of the two features for the two to be one thing.
             min_points: Things with fewer points (one per 5 cm cube) are left out.
             min_views: Things seen in fewer views are left out.
-            labels: Texts of which the nearest becomes the caption of a thing without one.
+            labels: A thing without a caption gets the nearest of these texts.
             centre_xz: Middle of the occupancy grids; default the first camera's place. The map's own `centre_xz`, which
                 grounders see, is the middle of all things' points.
-            floors: Heights of the storeys' floors, metres; None = found on the way (`Storeys`).
-            mount_height: Of the camera above the feet, metres; needed where `floors` is None.
+            floors: Heights of the storeys' floors, metres; None = found while mapping (`Storeys`).
+            mount_height: Height of the camera above the feet, metres; needed where `floors` is None.
             max_depth: Farther returns are not mapped, planar metres.
             frame: Words that name the poses' frame.
-            batch: Views that are encoded together.
+            batch: Number of views that are encoded together.
 
         Raises:
             AgentError: `floors` does not fit.
         """
         self.name = f"objects of {segmenter.name}"
-        """What map files say of it; holds "oracle-perception" where the masks are ground truth."""
+        """Map files keep this name; it contains "oracle-perception" where the masks are ground truth."""
         self._encoder, self._segmenter = encoder, segmenter
         self._rule = MergeRule(merge_m, min_share, min_cosine)
         self._min_points, self._min_views = min_points, min_views

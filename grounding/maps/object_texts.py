@@ -1,6 +1,6 @@
-"""What each object of a scene is called, from the episode files: the words that oracle perception sees with.
+"""The text of each object of a scene, from the episode files, for oracle perception.
 
-Ground truth: it goes into a map through `oracle_perception.OraclePerception` only, and the map says so.
+This is ground truth: it enters a map only through `oracle_perception.OraclePerception`, and the map says so.
 """
 
 from sim.episodes.dataset import PersonalDataset
@@ -17,9 +17,9 @@ def object_texts(
 
     Args:
         dataset: The scene's episodes.
-        scene: Its objects; furniture that no episode knows (clutter) gets its category too.
+        scene: Holds the objects; furniture that is in no episode (clutter) gets its category too.
         level: How far the captions are from the annotators' words; see `paraphrase`.
-        seed: Of the paraphrases.
+        seed: Seed of the paraphrases.
 
     Raises:
         DatasetError: The scene is unknown or a file is damaged.

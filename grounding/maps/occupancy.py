@@ -1,4 +1,4 @@
-"""What of a storey's floor is free, blocked or unknown, from depth pictures: the ground of exploration and of maps.
+"""Free, blocked and unknown cells of a storey's floor, from depth pictures; exploration and maps build on it.
 
 Depth + pose -> hits per cell (occupancy_kernels.py) -> votes over views -> cells.
 """
@@ -17,19 +17,19 @@ SIZE, CELL = 50.0, 0.05
 MAX_DEPTH = 5.0
 """Planar depth that a sensor of ObjectNav-HM3D returns at most, metres."""
 FLOOR_LOW, FLOOR_HIGH = -0.2, 0.2
-"""What lies between these heights is floor, metres: homes are uneven, and the robot climbs 0.2 m. Lower is a hole or a
+"""Points between these heights (metres) are floor: homes are uneven, and the robot climbs 0.2 m. Lower is a hole or a
 stair down, higher an obstacle."""
 OBSTACLE_TOP = AGENT_HEIGHT + 0.05
-"""What begins higher does not block the robot."""
+"""Points higher above the floor (metres) do not block the robot."""
 _STANDING_VOTES = -12
 _CELL_OF_VOTES = np.full(256, FREE, np.uint8)
-"""By the votes' byte: positive votes are 1-127, negative ones 128-255."""
+"""Indexed by the votes as a byte: positive votes are 1-127, negative ones 128-255."""
 _CELL_OF_VOTES[:128] = OCCUPIED
 _CELL_OF_VOTES[0] = UNKNOWN
 
 
 class OccupancyMapper:
-    """Grows a storey's occupancy grid from views; keeps no picture. Frame: whatever the poses refer to, y up."""
+    """Grows a storey's occupancy grid from views; keeps no picture. The frame is that of the poses, y up."""
 
     def __init__(
         self,
@@ -40,19 +40,19 @@ class OccupancyMapper:
         cell: float = CELL,
         max_depth: float = MAX_DEPTH,
     ) -> None:
-        """Nothing is known yet.
+        """Starts with every cell unknown.
 
         Args:
             centre_xz: Middle of the mapped square, metres; it lies on a corner between cells.
             floor_y: Height of the storey's floor, metres.
-            size: Side of the square, metres; what is outside is not mapped.
+            size: Side of the square, metres; nothing outside it is mapped.
             cell: Side of a cell, metres.
             max_depth: Planar metres; farther returns only say that nothing is nearer.
         """
         count = 2 * round(size / cell / 2)
         corner = (centre_xz[0] - count * cell / 2, centre_xz[1] - count * cell / 2)
         self.grid = GridSpec(corner, cell, (count, count))
-        """Where the cells are."""
+        """The grid of the cells."""
         self.floor_y = floor_y
         """Height of the storey's floor, metres."""
         self._max_depth = max_depth
@@ -71,17 +71,17 @@ class OccupancyMapper:
 
     @property
     def known_box(self) -> tuple[int, int, int, int]:
-        """First row, last row, first column, last column of a box that holds all that is known; last < first: none."""
+        """First row, last row, first column, last column of a box around all known cells; last < first if none is."""
         return self._box
 
     @property
     def num_known(self) -> int:
-        """Cells that are free or occupied."""
+        """The number of cells that are free or occupied."""
         r0, r1, c0, c1 = self._box
         return int(np.count_nonzero(self._votes[r0 : r1 + 1, c0 : c1 + 1]))
 
     def _grow(self, r0: int, r1: int, c0: int, c1: int) -> None:
-        """Lets the box of what is known hold these rows and columns too."""
+        """Extends the box of known cells to these rows and columns."""
         box = self._box
         self._box = (min(box[0], r0), max(box[1], r1), min(box[2], c0), max(box[3], c1))
 
@@ -98,12 +98,12 @@ class OccupancyMapper:
 
         A cell is free where the floor is seen, between neighbouring pixels too; blocked where at least two points are
         between FLOOR_HIGH and OBSTACLE_TOP above it, or where rays fall through the floor's height. In one view blocked
-        wins; over views the votes count, so that what is gone is free after some clear views.
+        wins; over views the votes count, so that the place of a removed thing is free after some clear views.
 
         Args:
             depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing.
-            T_map_camera: (4, 4) of the camera (OpenCV axes).
-            intrinsics: Of the picture.
+            T_map_camera: (4, 4) pose of the camera (OpenCV axes).
+            intrinsics: Intrinsics of the picture.
         """
         assert depth_m.shape == (intrinsics.height, intrinsics.width), depth_m.shape
         x, y, z = T_map_camera[:3, 3]
@@ -124,11 +124,11 @@ class OccupancyMapper:
         self._grow(*box.tolist())
 
     def stand(self, xz: tuple[float, float], *, radius: float = AGENT_RADIUS) -> None:
-        """Marks the robot's own footprint free: it stands there, whatever was seen.
+        """Marks the robot's own footprint free: since it stands there, views do not matter.
 
         Args:
-            xz: Where its middle is, metres.
-            radius: Metres.
+            xz: Middle of the robot, metres.
+            radius: Radius of the footprint, metres.
         """
         cell = self.grid.cell
         reach = int(np.ceil(radius / cell)) + 1

@@ -10,13 +10,13 @@ import numpy as np
 from sim.compiled import njit
 
 FREE_HIT, BLOCKED_HIT = 1, 16
-"""What `mark` adds to a cell: one free hit is enough, blocked ones are counted in sixteenths up to 15."""
+"""Hits that `mark` stores in a cell's byte: a flag for free, and a count of blocked hits up to 15 in the upper bits."""
 _LEAST_BLOCKED = 2
 """Points above a cell that block it; a single one may be noise."""
 _MOST_BLOCKED = 240
 _KNOWN_MOST = 12
 _BLOCKED_GAIN = 4
-"""Votes of one view: a blocked cell needs this many clear views, and at most _KNOWN_MOST, to be free again."""
+"""Votes that one view gives a blocked cell; that many clear views, and at most _KNOWN_MOST, make it free again."""
 
 
 @njit(cache=True, nogil=True)
@@ -32,8 +32,8 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
         focal: (fx, fy, cx, cy) pixels.
         scale: Cells per metre.
         band: (lowest floor, highest floor, highest obstacle) metres.
-        max_depth: Metres; what is farther is not seen.
-        hits: To fill; zero outside of what earlier calls returned.
+        max_depth: Metres; farther returns count as not seen.
+        hits: Filled here; must be zero outside the boxes that earlier calls returned.
     """
     fx, fy, cx, cy = focal
     low, high, top = band

@@ -1,7 +1,7 @@
 """Oracle maps: grids whose cells hold the texts of the objects that the episode files know (GROUNDING.md, section 0).
 
-They rank methods; they do not predict success on maps that a camera saw. `oracle_home` reads what is known of a home
-once; `objects_map` makes a storey's `FeatureMap` of it. Built from ground truth: grounders see the map only.
+They rank methods; they do not predict success on maps built from camera views. `oracle_home` reads the objects of a
+home once; `objects_map` makes a storey's `FeatureMap` of them. Built from ground truth: grounders see only the map.
 """
 
 from collections import defaultdict
@@ -39,7 +39,7 @@ class OracleObject:
 
 @dataclass(frozen=True, slots=True)
 class OracleHome:
-    """All that the episode files know of a home, before any encoder."""
+    """Everything that the episode files know about a home; no encoder is used yet."""
 
     scene: str
     grid: GridSpec
@@ -47,7 +47,7 @@ class OracleHome:
     """Middle of the x, z bounds of all objects and view points."""
     objects: tuple[OracleObject, ...]
     stands: tuple[tuple[str, Vector3], ...]
-    """View points on the storey of the object that they look at: its label, and the floor point, world metres."""
+    """View points on the storey of the object that they look at: storey label, and floor point in world metres."""
 
 
 def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
@@ -72,7 +72,7 @@ def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
         )
         for goal in goals
     )
-    # a goal's floor is found anew at each call
+    # each call would search the goal's floor again
     seen_from = [
         (floor_y, goal.floor_id, point.agent_state.position)
         for goal, floor_y in ((goal, goal.floor_y) for goal in goals)
@@ -104,7 +104,7 @@ def objects_map(home: OracleHome, encoder: TextEncoder, *, floor_id: str | None)
     Args:
         home: From `oracle_home`.
         encoder: Encodes the objects' texts.
-        floor_id: Storey label whose objects are on the map; None merges all storeys.
+        floor_id: Label of the storey whose objects are on the map; None merges all storeys.
 
     Raises:
         SceneError: No object has this label.
@@ -129,7 +129,7 @@ def objects_map(home: OracleHome, encoder: TextEncoder, *, floor_id: str | None)
 
 
 def storey_objects(home: OracleHome, floor_id: str | None) -> list[int]:
-    """Indices into `home.objects` of those with this label; all for None.
+    """Indices into `home.objects` of the objects with this label; all for None.
 
     Raises:
         SceneError: No object has this label.
@@ -145,5 +145,5 @@ def storey_objects(home: OracleHome, floor_id: str | None) -> list[int]:
 
 
 def lower_median(heights: np.ndarray) -> float:
-    """A height that occurs: the mean of two storeys would be on neither."""
+    """The lower median of the heights, so that it is one of them: the mean of two storeys would be on neither."""
     return float(np.sort(heights)[(len(heights) - 1) // 2])

@@ -1,7 +1,7 @@
 """Oracle maps made worse in known ways (GROUNDING.md, section 0): clutter, noisy objects, blur, noisy cells.
 
-A curve over one of these says how a method fails; it does not predict success on maps that a camera saw. Steps, in
-this order: clutter, object noise, blur, cell noise.
+A curve over one of these shows how a method fails; it does not predict success on maps built from camera views. Steps,
+in this order: clutter, object noise, blur, cell noise.
 """
 
 import math
@@ -21,7 +21,7 @@ from .oracle_map import OracleHome, lower_median, objects_map, storey_objects
 
 @dataclass(frozen=True, slots=True)
 class OracleVariant:
-    """How a map is made worse; the same values and home give the same map. All 0 = the map `objects`."""
+    """Settings that make a map worse; the same values and home give the same map. All 0 = the map `objects`."""
 
     blur: float = 0.0
     """b, metres: an object spreads over the observed cells with a Gaussian of this sigma."""
@@ -40,7 +40,7 @@ class OracleVariant:
 
 
 def other_texts(homes: Iterable[OracleHome], scene: str) -> tuple[str, ...]:
-    """The texts of all objects of the homes but `scene`, for clutter; in order of the homes."""
+    """The texts of all objects in all homes except `scene`, for clutter; in the order of the homes."""
     return tuple(item.text for home in homes if home.scene != scene for item in home.objects)
 
 
@@ -57,9 +57,9 @@ def variant_map(
     Args:
         home: From `oracle_home`.
         encoder: Encodes the texts.
-        floor_id: Storey label; None merges all storeys.
-        variant: How.
-        clutter_texts: Of other homes (`other_texts`), drawn from when the variant has clutter.
+        floor_id: Label of the storey; None merges all storeys.
+        variant: How the map is made worse.
+        clutter_texts: Texts of other homes (`other_texts`); drawn from when the variant has clutter.
 
     Raises:
         SceneError: No object has this label, or there is no text to draw clutter from.
@@ -67,7 +67,7 @@ def variant_map(
     chosen = storey_objects(home, floor_id)
     if not (variant.blur or variant.clutter or variant.object_noise or variant.cell_noise):
         return objects_map(home, encoder, floor_id=floor_id)
-    # an object says the same wrong thing on every map of its home, whatever storeys are merged
+    # an object has the same error on every map of its home, merged or not
     key = zlib.crc32(home.scene.encode())
     object_rng = np.random.default_rng([variant.seed, key, 0])
     cell_rng = np.random.default_rng([variant.seed, key, 1, zlib.crc32(repr(floor_id).encode())])
@@ -98,7 +98,10 @@ def variant_map(
 
 
 def noisy(vectors: NDArray[np.floating], c: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """unit(v + c sqrt(E) n) of unit(v), rows (N, E): a cosine of v errs by a standard deviation of c before `unit`."""
+    """unit(v + c sqrt(E) n) for the rows (N, E) as unit vectors v; n is a random unit vector.
+
+    Before the last `unit`, cosines have errors with standard deviation c.
+    """
     rows = np.asarray(vectors, np.float64)
     rows = _unit(rows)
     if not c:
@@ -140,5 +143,5 @@ def _spread(
     if not blur:
         return (cells[:, None] == home.grid.rc_from_xz(places)[None]).all(axis=2).astype(np.float64)
     square = ((home.grid.xz_from_rc(cells)[:, None] - places[None]) ** 2).sum(axis=2)
-    # rows are made unit vectors, so a factor of each row is free: far cells would round to zero without it
+    # rows become unit vectors later, so each may be scaled here; without it far cells would round to zero
     return np.exp(-(square - square.min(axis=1, keepdims=True)) / (2 * blur**2))

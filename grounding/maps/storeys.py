@@ -1,6 +1,6 @@
-"""Which storey views and points belong to while a map grows, and each storey's occupancy; both map builders use it.
+"""Finds the storey of views and points while a map grows, and keeps each storey's occupancy; both map builders use it.
 
-Frames go in one by one and come out in batches once their storey is known; points are sorted by the floors known then.
+Frames go in one by one and come out in batches once their storey is known; points go to the floors known at that time.
 """
 
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ from .home_map import OccupancyGrid
 from .occupancy import MAX_DEPTH, OccupancyMapper
 
 FLOOR_SLACK = 0.3
-"""What is up to this much (metres) under a storey's floor is still on it: floors are uneven, poses drift."""
+"""A point up to this much (metres) under a storey's floor still belongs to it: floors are uneven, poses drift."""
 _LEVEL_RISE, _LEVEL_RUN = 0.1, 0.6
 """A robot is on a new storey once it has gone this far (metres) within this height; on stairs it rises 0.3 m."""
 _MOST_HELD = 64
-"""Frames that wait until their storey is known; on stairs that are longer, the newest height is taken as a storey."""
+"""Most frames that wait until their storey is known; on longer stairs the newest height becomes a storey."""
 _EYE_ABOVE_FLOOR = 0.1
 """A camera is at least this high (metres) above its storey's floor."""
 _PEAK, _PEAK_SHARE = 0.05, 0.25
@@ -31,7 +31,7 @@ _EVERY_PIXEL = 8
 
 
 class Storeys:
-    """The storeys met so far: their floors, the frames that wait, and what is free and blocked on each."""
+    """The storeys met so far: their floors, the waiting frames, and the free and blocked cells of each storey."""
 
     def __init__(
         self,
@@ -42,15 +42,15 @@ class Storeys:
         max_depth: float = MAX_DEPTH,
         batch: int = 8,
     ) -> None:
-        """Nothing was seen yet.
+        """Starts without views.
 
         Args:
-            floors: Heights of all storeys' floors, metres; None = found on the way from the robot's feet: the first
-                frame's, and each level STOREY_GAP or more from the known ones on which the robot then moves about.
-            mount_height: Of the camera above the feet, metres; needed where `floors` is None.
-            centre_xz: Middle of the occupancy grids; default the first camera's place. Whole metres are taken.
+            floors: Heights of all storeys' floors, metres; None = found from the heights of the robot's feet: that of
+                the first frame, and each level STOREY_GAP or more from the known ones on which the robot moves about.
+            mount_height: Height of the camera above the feet, metres; needed where `floors` is None.
+            centre_xz: Middle of the occupancy grids, rounded to whole metres; default the first camera's place.
             max_depth: Planar metres; farther returns are not mapped.
-            batch: Frames that come out together, for encoders that are faster so.
+            batch: Number of frames that come out together; batches make encoders faster.
 
         Raises:
             AgentError: Two floors are less than STOREY_GAP apart, or there is none.
@@ -61,9 +61,9 @@ class Storeys:
                 "Give one height per storey, or leave floors out."
             )
         self.floors: list[float] = [] if floors is None else sorted(float(floor) for floor in floors)
-        """Metres, in the order in which they were met."""
+        """Heights in metres, in the order in which the robot met them."""
         self.num_frames = 0
-        """Frames that came out."""
+        """Number of frames that came out."""
         self._are_given = floors is not None
         self._mount_height = mount_height
         self._centre_xz = centre_xz
@@ -74,7 +74,7 @@ class Storeys:
         self._mappers: dict[int, OccupancyMapper] = {}
 
     def take(self, frame: PosedFrame) -> list[PosedFrame]:
-        """Adds a view; returns a batch of frames whose storeys are known, or [] while one is collected."""
+        """Adds a view; returns a batch of frames whose storeys are known, or [] until a batch is full."""
         if not self._are_given:
             self._held.append(frame)
             if not self.floors:
@@ -87,7 +87,7 @@ class Storeys:
         return self._out() if len(self._ready) >= self._batch else []
 
     def rest(self) -> list[PosedFrame]:
-        """All frames that are still inside; those that wait on a stair go to the nearest storey below."""
+        """All frames that have not come out yet; those that wait on a stair go to the nearest storey below."""
         self._release()
         return self._out()
 
@@ -100,7 +100,7 @@ class Storeys:
         return np.where(place >= 0, order[place], -1)
 
     def occupancy(self, index: int) -> OccupancyGrid:
-        """What is known of a storey's floor; all unknown where no camera was."""
+        """The occupancy of a storey's floor; all unknown where no camera was."""
         mapper = self._mapper(index, near=(0.0, 0.0))
         return OccupancyGrid(mapper.cells, mapper.grid)
 
@@ -111,7 +111,7 @@ class Storeys:
         return any(abs(feet - floor) < STOREY_GAP for floor in self.floors)
 
     def _opens_storey(self) -> bool:
-        """Whether the newest held frames are on a level of their own; then it is a storey."""
+        """Whether the newest held frames are on a level of their own, which is then a new storey."""
         places = np.array([frame.T_map_camera[:3, 3] for frame in self._held])
         is_off = np.abs(places[:, 1] - places[-1, 1]) > _LEVEL_RISE
         level = places[len(places) - int(np.argmax(is_off[::-1])) if is_off.any() else 0 :]
@@ -122,7 +122,7 @@ class Storeys:
         return True
 
     def _release(self) -> None:
-        """Lets the held frames go on, each seen by its storey's occupancy."""
+        """Releases the held frames and adds each to its storey's occupancy."""
         for frame in self._held:
             eye = float(frame.T_map_camera[1, 3])
             index = int(self.index_of(np.array([eye - _EYE_ABOVE_FLOOR - FLOOR_SLACK]))[0])
@@ -152,12 +152,12 @@ class Storeys:
 def floors_of_frames(frames: Sequence[PosedFrame], *, mount_height: float | None = None) -> tuple[float, ...]:
     """Heights of the floors under cameras whose poses are all known, ascending.
 
-    Storeys are the levels at which cameras often are, at least STOREY_GAP apart.
+    Storeys are the levels at which many cameras are, at least STOREY_GAP apart.
 
     Args:
         frames: Some views of the recording, e.g. every tenth; at least one.
-        mount_height: Of the camera above the floor, metres; None = taken from the depth below it: the floor is the
-            lowest height at which many points lie.
+        mount_height: Height of the camera above the floor, metres; None = found from the depth below it: the floor is
+            the lowest height at which many points lie.
 
     Raises:
         AgentError: The mount height is unknown and no view shows anything below a camera.
@@ -176,7 +176,7 @@ def floors_of_frames(frames: Sequence[PosedFrame], *, mount_height: float | None
 
 
 def _drop_below(frames: Sequence[PosedFrame]) -> float:
-    """Metres from these cameras down to the floor."""
+    """The distance from these cameras down to the floor, metres."""
     drops = []
     for frame in frames:
         height, width = frame.depth_m.shape
@@ -197,7 +197,7 @@ def _drop_below(frames: Sequence[PosedFrame]) -> float:
 
 
 def points_at(frame: PosedFrame, rc: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Map points (N, 3) that a view shows at pixels (N, 2) of (row, column); nan where there is no return."""
+    """Map points (N, 3) that a view shows at pixels (N, 2), given as (row, column); nan where there is no return."""
     depth = frame.depth_m[rc[:, 0], rc[:, 1]].astype(np.float64)
     depth[~(depth > 0)] = np.nan
     seen = frame.intrinsics

@@ -1,4 +1,4 @@
-"""The things of a growing object map: points thinned to voxels, sums of features, and when two views are one thing."""
+"""The things of a growing object map: points thinned to voxels, sums of features, and the merging of views."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -19,9 +19,9 @@ class View:
     points: NDArray[np.float64]
     """(P, 3) thinned surface points, map frame; P >= 1."""
     feature: NDArray[np.float64]
-    """(E,) unit, or zero when the encoder said nothing."""
+    """(E,) unit vector, or zero when the encoder gave nothing."""
     quality: float
-    """How much the feature is believed, in (0, 1]."""
+    """Trust in the feature, in (0, 1]."""
     caption: str = ""
     number: int | None = None
     """Number from a source that recognizes things; None = compare points and features."""
@@ -29,7 +29,7 @@ class View:
 
 @dataclass
 class Thing:
-    """One thing, merged over views. Mutable: it grows."""
+    """One thing, merged over views. Mutable, because it grows."""
 
     points: NDArray[np.float64]
     """(P, 3) thinned."""
@@ -43,7 +43,7 @@ class Thing:
 
     @property
     def feature(self) -> NDArray[np.float64]:
-        """(E,) unit; zero when the encoder never said anything."""
+        """(E,) unit vector; zero when the encoder never gave one."""
         length = np.linalg.norm(self.feature_sum)
         return self.feature_sum / length if length > 0 else self.feature_sum
 
@@ -68,7 +68,7 @@ class Thing:
         return float(np.isfinite(found).sum() / len(points))
 
     def take(self, other: "Thing") -> None:
-        """Adds all that is known of another thing, which is the same one."""
+        """Takes over the points and features of another record of the same thing."""
         self.points = thinned(np.concatenate([self.points, other.points]))
         self.feature_sum = self.feature_sum + other.feature_sum
         self.views += other.views
@@ -86,7 +86,7 @@ class MergeRule:
     min_share: float
     """Least share of the smaller set that overlaps the other."""
     min_cosine: float
-    """Least cosine of the features; not asked where one has none."""
+    """Least cosine of the features; ignored where one thing has none."""
 
     def match(self, thing: Thing, other: Thing) -> float:
         """The overlapping share, or 0 where they are two things."""
@@ -119,7 +119,7 @@ def add_view(things: list[Thing], view: View, rule: MergeRule) -> None:
 
 
 def merged(things: list[Thing], rule: MergeRule) -> list[Thing]:
-    """New things, in which those that have grown into each other are one; the first keeps its place."""
+    """New things, in which those that have grown into each other are merged; the first keeps its place."""
     kept: list[Thing] = []
     for thing in things:
         copy = Thing(thing.points, thing.feature_sum, thing.views, Counter(thing.captions), set(thing.numbers))

@@ -1,4 +1,4 @@
-"""Where the patches of a view are and how far each is to be believed; pure functions of depth and pose.
+"""Places of a view's patches and the trust in each; pure functions of depth and pose.
 
 The weights follow OneMap (distance) and VLFM (bearing), BASELINES.md sections 1 and 2.
 """
@@ -14,11 +14,11 @@ from .storeys import points_at
 NEAR = 0.1
 """Nearer returns are the robot itself, metres."""
 _SAMPLES = 6
-"""Pixels a side that stand for a patch."""
+"""Number of sampled pixels along each side of a patch."""
 _EDGE, _EDGE_SHARE = 0.1, 0.05
 """A pixel shows the patch's surface when its depth is within this many metres plus this share of the median depth."""
 _LEAST_PURE = 0.25
-"""A patch of which less shows one surface says nothing of a place."""
+"""A patch with a smaller share on one surface is not used."""
 _BEST_DISTANCE, _DISTANCE_SPREAD = 1.0, 1.5
 """OneMap's defaults, metres: most trusted at 1 m, 0.26 at 4 m."""
 _EDGE_OF_VIEW = 0.25
@@ -31,18 +31,18 @@ class Patches(NamedTuple):
     points: NDArray[np.float64]
     """(h*w, 3) map point at each patch's median depth; nan where it has none."""
     weights: NDArray[np.float64]
-    """(h*w,) in [0, 1]; 0 where the patch says nothing of a place."""
+    """(h*w,) in [0, 1]; 0 where the patch is not used."""
 
 
 def patches_of(frame: PosedFrame, shape: tuple[int, int], *, max_depth: float) -> Patches:
-    """Where patches that tile a view evenly are.
+    """Places and weights of the patches that tile a view evenly.
 
-    A patch is at the pixel that has the median of its depths, so that it lies on a surface; it weighs the more, the
+    A patch is placed at the pixel that has the median of its depths, so that it lies on a surface. It weighs more the
     nearer it is to 1 m, and the more of it shows that one surface.
 
     Args:
         frame: The view.
-        shape: (h, w) patches.
+        shape: Rows and columns (h, w) of patches.
         max_depth: Farther returns count as none, planar metres.
     """
     pixels = patch_pixels(frame.intrinsics, shape)  # (P, S, 2)
@@ -74,12 +74,12 @@ def patch_pixels(intrinsics: Intrinsics, shape: tuple[int, int]) -> NDArray[np.i
 
 
 def distance_weight(depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(N,) OneMap's trust in what is at these depths (N,); 1 at 1 m, .86 at 2 m, .26 at 4 m, 0 at inf."""
+    """(N,) OneMap's trust in returns at these depths (N,); 1 at 1 m, .86 at 2 m, .26 at 4 m, 0 at inf."""
     return np.exp(-(((depth_m - _BEST_DISTANCE) / _DISTANCE_SPREAD) ** 2) / 3)
 
 
 def bearing_weight(columns: NDArray[np.floating], intrinsics: Intrinsics) -> NDArray[np.float64]:
-    """(N,) VLFM's trust in what a whole view says of these pixel columns (N,); 1 in the middle, .25 at the edges."""
+    """(N,) VLFM's trust in a whole view at these pixel columns (N,); 1 in the middle, .25 at the edges."""
     half = np.arctan(intrinsics.width / 2 / intrinsics.fx)
     share = np.arctan((columns - intrinsics.width / 2) / intrinsics.fx) / half
     return _EDGE_OF_VIEW + (1 - _EDGE_OF_VIEW) * np.cos(share * np.pi / 2) ** 2
