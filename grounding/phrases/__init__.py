@@ -1,1 +1,1 @@
-"""Where phrases "X owns Y in Z" come from: the dataset, rules, or a language model."""
+"""Sources of phrases "X owns Y in Z": the dataset, rules, or a language model."""

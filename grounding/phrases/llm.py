@@ -1,7 +1,8 @@
 """Phrases from a language model behind an OpenAI-compatible chat endpoint (OpenAI, vLLM, Ollama, llama.cpp).
 
-It is sent the description of a task and nothing else. Answers are kept in the cache folder by everything that they
-depend on. Where an answer cannot be had or read, the rules answer instead, which is counted and said aloud.
+The model gets the description of a task and nothing else. Answers are kept in the cache folder; the key covers
+everything that they depend on. If an answer is missing or unreadable, the rules answer instead, with a count and a
+warning.
 """
 
 import json
@@ -29,20 +30,20 @@ them. Describe each object as fully as the paragraph does (colour, material, wha
 _PROMPT_VERSION = 1
 """Part of the cache's key with the prompt itself."""
 _GIVE_UP_AFTER = 5
-"""Failures in a row; a server that is down would cost a time-out per description."""
+"""Failures in a row after which no more requests are sent: a dead server would cost a time-out per description."""
 _REFUSALS = {401: "the key", 403: "the key", 404: "--llm-url and --llm-model"}
-"""HTTP statuses that a second request will not change: what to correct."""
+"""HTTP statuses that a second request will not change, and the setting to correct."""
 
 
 class LlmOptions(BaseModel):
-    """Where the model is. Holds the name of the key's environment variable, never the key."""
+    """Address of the model. Holds the name of the key's environment variable, never the key."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     base_url: HttpUrl
     """E.g. http://127.0.0.1:11434/v1."""
     model: str = Field(min_length=1)
     api_key_env: str | None = Field(default=None, pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
-    """Environment variable that holds the key; None = the server wants none."""
+    """Environment variable that holds the key; None = the server needs no key."""
     timeout_s: float = Field(default=60.0, gt=0, allow_inf_nan=False)
     """Longest time for one request, seconds."""
 
@@ -63,7 +64,7 @@ class _Owned(BaseModel):
 
 
 class _Reply(BaseModel):
-    """What the prompt asks for; more fields are ignored."""
+    """The answer that the prompt asks for; more fields are ignored."""
 
     ownership: tuple[_Owned, ...]
 
@@ -72,11 +73,11 @@ class ChatPhrases:
     """A `PhraseSource` that asks a model once per description."""
 
     def __init__(self, options: LlmOptions, *, warn: Callable[[str], None] | None = None) -> None:
-        """Asks nothing yet.
+        """Sends no request yet.
 
         Args:
-            options: Where the model is.
-            warn: Told in one line what went wrong; default prints to stderr.
+            options: Address of the model.
+            warn: Gets each problem in one line; default prints to stderr.
 
         Raises:
             AgentError: The key's environment variable is not set.
@@ -84,9 +85,9 @@ class ChatPhrases:
         """
         self.name = f"llm:{options.model}"
         self.num_fallbacks = 0
-        """Calls that the rules answered instead; of this process, so runs count their answers."""
+        """Calls in this process that the rules answered instead; a run counts its own from its answers."""
         self.num_dropped = 0
-        """Entries left out because their owner does not stand in the text."""
+        """Entries left out because their owner is not named in the text."""
         self._options = options
         self._rules = RulePhrases()
         self._warn = warn or (lambda line: print(line, file=sys.stderr, flush=True))
@@ -100,12 +101,12 @@ class ChatPhrases:
         """The model's phrases "X owns Y in the Z"; the rules' where it gives none.
 
         Raises:
-            AgentError: The server refuses key or model; no other request would do better.
+            AgentError: The server refuses key or model, and would refuse every other request too.
         """
         try:
             content = self._content(task.description)
             entries = _Reply.model_validate_json(_json_in(content)).ownership
-        except ValueError as error:  # of the body, which is JSON, or of the model's words in it
+        except ValueError as error:  # in the body, which is JSON, or in the model's words inside it
             first = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
             return self._fall_back(task, f"the answer is not the JSON asked for: {first}")
         except self._openai.OpenAIError as error:
@@ -128,7 +129,7 @@ class ChatPhrases:
         return cached_bytes("phrases", key, lambda: self._asked(description).encode()).decode()
 
     def _asked(self, description: str) -> str:
-        """The model's answer, checked for its form, so that no bad one is kept."""
+        """The model's answer; its form is checked here, so that no bad answer is kept."""
         reply = self._client.chat.completions.create(
             model=self._options.model,
             temperature=0,
@@ -157,7 +158,7 @@ class ChatPhrases:
 
 def _key(options: LlmOptions) -> str:
     if options.api_key_env is None:
-        return "none"  # the client insists on one
+        return "none"  # the client demands a key
     key = os.environ.get(options.api_key_env)
     if not key:
         raise AgentError(
@@ -168,7 +169,7 @@ def _key(options: LlmOptions) -> str:
 
 
 def _content_of(reply: Any) -> str:
-    """The text of a chat completion; empty where the server sent another shape, which is then no JSON."""
+    """The text of a chat completion; empty (so no JSON) where the server's answer has another shape."""
     choices = getattr(reply, "choices", None) or ()
     message = getattr(choices[0], "message", None) if choices else None
     content = getattr(message, "content", None)
@@ -176,7 +177,7 @@ def _content_of(reply: Any) -> str:
 
 
 def _json_in(content: str) -> str:
-    """The outermost {...}; models put it into code fences and behind their thoughts."""
+    """The outermost {...}; models put it into code fences and after their reasoning."""
     found = re.search(r"\{.*\}", re.sub(r"<think>.*?</think>", "", content, flags=re.DOTALL), re.DOTALL)
     return found[0] if found else content
 

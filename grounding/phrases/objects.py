@@ -1,6 +1,6 @@
-"""What is owned: cuts the words of things out of a clause, splits lists, and looks up "the microwave".
+"""Owned things: cuts the words of things out of a clause, splits lists, and looks up "the microwave".
 
-Second step of `rules`. Works on the surface of English only.
+Second step of `rules`. Works with patterns of English words only.
 """
 
 import re
@@ -53,7 +53,7 @@ _MODIFIERS = (
     r"behind|close|beneath|atop|found|standing|between|sitting|set|adjacent|topped|made|featuring|to the|without|"
     r"resting"
 )
-"""Alternatives of a pattern: with what the words that tell a thing's place or looks begin."""
+"""Alternatives of a pattern: words that begin a statement about a thing's place or looks."""
 _NEW_A = r"(?:a|an|one of|another|two|his|her|their)\s+[\w'-]"
 _NEW_THE = rf"the\s+(?:[\w'-]+\s+){{1,5}}?(?:{_MODIFIERS})\b"
 _LIST = re.compile(
@@ -90,10 +90,10 @@ _SHORT = 4
 
 
 def before_words(text: str) -> tuple[str, bool]:
-    """What the text before "belongs to" speaks of, without place in front, "there is" and loose ends.
+    """The things in the text before "belongs to", without a leading place, "there is" and loose ends.
 
     Returns:
-        The words, and whether the text lists what there is ("the room features ..."), perhaps with more things.
+        The words, and whether the text lists a room's things ("the room features ..."), so that there may be more.
     """
     text = _trimmed(text)
     lists = False
@@ -114,7 +114,7 @@ def before_words(text: str) -> tuple[str, bool]:
 
 
 def after_words(text: str) -> str:
-    """The things that the text behind "Ada owns" speaks of, without loose ends."""
+    """The things in the text after "Ada owns", without loose ends."""
     text = _trimmed(text)
     while (shorter := _LINKS.sub("", text)) != text:
         text = shorter
@@ -152,7 +152,7 @@ def listed(text: str, *, several: bool = False) -> list[str]:
 
     Args:
         text: From `before_words` or `after_words`.
-        several: It is known that there are more than one ("both are owned by"), so any "and" may part them.
+        several: Whether there is surely more than one thing ("both are owned by"), so that any "and" may part them.
     """
     parts = [part for part in _LIST.split(text) if part.strip(" ,")]
     if several and len(parts) == 1:
@@ -168,23 +168,23 @@ def is_empty(text: str) -> bool:
 
 
 def is_pointing(text: str) -> bool:
-    """Whether the text only points back ("it", "both", "these items")."""
+    """Whether the text only refers back ("it", "both", "these items")."""
     return _POINTING.match(text.strip(" ,")) is not None
 
 
 def short_names(text: str) -> list[str]:
-    """The names in "the oven, the glass window and microwave"; none where any has words of its own."""
+    """The names in "the oven, the glass window and microwave"; none if one of them has further words."""
     parts = [part for part in re.split(r"\s*(?:,\s*(?:and\s+)?|\band\b)\s*", text) if part]
     short = all(len(part.split()) <= _SHORT and not any(map(_STOPS.match, part.split())) for part in parts)
     return [f"the {bare(part)}" for part in parts] if short and len(parts) > 1 and _DEFINITE.match(text) else []
 
 
 def recalled(text: str, before: str) -> str:
-    """A thing named shortly ("the microwave") in the fuller words that the text before used for it.
+    """The fuller words that the earlier text used for a thing with a short name ("the microwave").
 
     Args:
         text: The thing, e.g. "the microwave".
-        before: All of the description before it.
+        before: All of the description before the thing.
 
     Returns:
         The fuller words, or `text` where it is long, new ("a microwave") or not found.

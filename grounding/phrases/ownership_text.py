@@ -1,4 +1,4 @@
-"""What queries and phrases say of ownership, read with regular expressions: who owns what, in which room.
+"""Reads owner, thing and room out of queries and phrases with regular expressions.
 
 Queries of the release are "Find Mira's chair" in six wordings, phrases "Mira owns a red chair in the kitchen"; all of
 them parse (GROUNDING.md, section 1).
@@ -24,7 +24,7 @@ _LONGEST_ROOM = 4
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a query asks for."""
+    """The owner and category that a query asks for."""
 
     owner: str
     category: str
@@ -33,7 +33,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class OwnedThing:
-    """What a phrase says."""
+    """The owner, thing and room of a phrase."""
 
     owner: str
     """Empty where the phrase names none."""
@@ -68,7 +68,7 @@ def parse_phrase(phrase: str) -> OwnedThing:
 
 
 def wanted_phrase(things: Sequence[OwnedThing], wanted: Wanted | None, encoder: TextEncoder) -> int | None:
-    """Index of the phrase that the query means: of the owner's, the one most like the category; None = no such.
+    """Index of the phrase that the query means: the owner's phrase most like the category; None if there is none.
 
     Likeness = cosine of the phrase without its owner with the category, + 1 where the category's word or plural
     occurs in it (GROUNDING.md, section 0); ties go to the first.

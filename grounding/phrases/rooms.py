@@ -28,7 +28,7 @@ HOLDS = (
     r"hosts?|is (?:furnished|equipped|fitted|adorned) with|accommodates?|presents?|is characterized by|provides?|"
     r"comprises?|stores?|reveals?|is where|is shared ground"
 )
-"""Alternatives of a pattern: what rooms do with their things."""
+"""Alternatives of a pattern: verbs that tie a room to its things."""
 HOLDER = re.compile(
     rf"^(?:(?:also|and|while)\s+)*({_NAME}|the (?:scene|floor|home|house|space|layout|setting))"
     rf"(?:\s[^,;]*?|,[^,;]*,)??\s+(?:\w+ly\s+|also\s+|itself\s+)*(?:{HOLDS})(?:\s+(?:both\s+|also\s+)?|:\s*)",
@@ -44,7 +44,7 @@ _ARTICLES = re.compile(
 
 
 def room_in(text: str) -> str | None:
-    """The last room that the text says to be in, without article; None = none, or "the same room"."""
+    """The last room that the text gives as a place, without article; None if there is none, or for "the same room"."""
     rooms = [match[1] for match in _IN.finditer(text)]
     rooms += [match[1] for part in (text, *re.split(r"[,;]\s*", text)) if (match := HOLDER.match(part))]
     rooms = [bare(room) for room in rooms if not _UNNAMED.match(room)]

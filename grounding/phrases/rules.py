@@ -1,6 +1,6 @@
-"""Phrases "X owns Y in the Z" out of the free text of a description, by rules alone.
+"""Phrases "X owns Y in the Z" from the free text of a description, by rules alone.
 
-`phrase_sentences` finds who is spoken of, `phrase_objects` what; here they are put together while reading on.
+`sentences` finds the people, `objects` the things; this module puts them together, sentence by sentence.
 """
 
 import re
@@ -40,9 +40,9 @@ _SEVERAL_THINGS = re.compile(
 
 
 class RulePhrases:
-    """Reads ownership out of English paragraphs: lists, pronouns, "both", "shared by", relative clauses.
+    """Reads ownership from English paragraphs: lists, pronouns, "both", "shared by", relative clauses.
 
-    It sees what a person sees: description and query.
+    Like a person, it sees the description and the query.
     """
 
     name = "rules"
@@ -70,20 +70,20 @@ def phrases_in(text: str, *, also: tuple[str, ...] = ()) -> tuple[str, ...]:
 
 @dataclass(slots=True)
 class _Reader:
-    """What is known while reading on."""
+    """Reads sentence by sentence and keeps the last room, people and things."""
 
     found: list[str] = field(default_factory=list)
     before: str = ""
     """Everything read so far; "the microwave" is looked up in it."""
     room: str = ""
-    """Spoken of last, without article."""
+    """The room mentioned last, without article."""
     owners: str = ""
-    """Named last, marked."""
+    """The people named last, as marked names."""
     things: tuple[str, ...] = ()
-    """Spoken of last, for "it belongs to"."""
+    """The things mentioned last, for "it belongs to"."""
 
     def read(self, sentence: str) -> None:
-        """Takes in one sentence with marked names."""
+        """Reads one sentence with marked names."""
         cues = cues_of(sentence)
         for cue, lead, rest in _portions(sentence, cues):
             self.room = room_in(lead) or self.room
@@ -106,7 +106,7 @@ class _Reader:
             self.before += f" {sentence};"
 
     def _things_before(self, lead: str, cue: Cue) -> list[str]:
-        """What "... belongs to Ada" speaks of."""
+        """The things in "... belongs to Ada"."""
         several = cue.several or _SEVERAL.search(lead.strip(" ,")) is not None
         parts = parted(_ALL_OF_THESE.sub("", lead))
         last, lists = before_words(parts[-1]) if parts else ("", False)
@@ -128,7 +128,7 @@ class _Reader:
         return things if together else things[-1:]
 
     def _things_after(self, rest: str) -> list[str]:
-        """What "Ada owns ..." speaks of."""
+        """The things in "Ada owns ..."."""
         text = after_words(rest)
         head, colon, tail = text.partition(":")
         if colon and (is_empty(head) or len(head) < len(tail) / 3):
@@ -139,7 +139,7 @@ class _Reader:
         return things
 
     def _wholes(self, thing: str) -> list[str]:
-        """The thing, or all things of "the oven and the chair" where the text has told of them before."""
+        """The thing, or all things of "the oven and the chair" where the text has described them before."""
         names = short_names(thing)
         fuller = [recalled(name, self.before) for name in names]
         if names and all(full != name for full, name in zip(fuller, names, strict=True)):
@@ -147,7 +147,7 @@ class _Reader:
         return [self._whole(thing)]
 
     def _whole(self, thing: str) -> str:
-        """The thing with its noun and its room put in where the text leaves them to the reader."""
+        """The thing, with its noun and its room added where the text leaves them out."""
         if one := _ONE_OF_SEVERAL.match(thing):
             several = _SEVERAL_THINGS.findall(self.before)
             if several and not thing.startswith(("one of", "One of")):
@@ -165,7 +165,7 @@ class _Reader:
 
 
 def _portions(sentence: str, cues: list[Cue]) -> list[tuple[Cue, str, str]]:
-    """Each cue with the text that leads up to it and the text after it that is its own."""
+    """Each cue with the text before it and the text after it that belong to it."""
     if not cues:
         return []
     leads, rests = [sentence[: cues[0].start]], []

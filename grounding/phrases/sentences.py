@@ -44,7 +44,7 @@ _PEOPLE = (
     r"namely|by|to|the|group|trio|pair|duo|of|two|three|four|five|six|seven|eight|nine|several|multiple|a|larger|"
     r"different|these|following|household|roommates|same)\b[:,]?\s+)*"
 )
-"""Words between the verb and the names: "shared by all four individuals: Ada, Bo ..."."""
+"""Words between the verb and the names, as in "shared by all four individuals: Ada, Bo ..."."""
 _CAPITAL = r"\b(?:[A-Z]')?[^\W\d_a-z][^\W\d_A-Z]+(?:[A-Z][^\W\d_A-Z]+)*(?:[-'][^\W\d_a-z][^\W\d_]+)*\b"
 _NO_NAMES = frozenset(
     word
@@ -76,14 +76,14 @@ _NAME = "[\ue000-\uf8ff]"
 
 @dataclass(frozen=True, slots=True)
 class Cue:
-    """Words that say whose something is, at [start, end) of a sentence."""
+    """Words that name the owner of something, at [start, end) of a sentence."""
 
     start: int
     end: int
     owners: str
-    """Marked names; empty: the people named last ("she also owns")."""
+    """Marked names; empty means the people named last ("she also owns")."""
     side: Side
-    """Where the things stand: before the words ("... belongs to Ada") or after them ("Ada owns ...")."""
+    """Whether the things come before the words ("... belongs to Ada") or after them ("Ada owns ...")."""
     several: bool
     """The words speak of more than one thing ("are both owned by Ada")."""
 
@@ -96,7 +96,7 @@ def sentences_of(text: str) -> list[str]:
 
 
 def names_in(text: str, *, also: Iterable[str] = ()) -> tuple[str, ...]:
-    """People who own something in the text, in the order in which they first stand in it.
+    """People who own something in the text, in the order of their first mention.
 
     Args:
         text: The paragraph.
@@ -122,7 +122,7 @@ def unmarked(text: str, names: Sequence[str]) -> str:
 
 
 def cues_of(sentence: str) -> list[Cue]:
-    """All words of a marked sentence that say whose something is, from left to right, none overlapping."""
+    """All words of a marked sentence that name an owner, from left to right, without overlaps."""
     cues = []
     for match in _cue_pattern().finditer(sentence):
         owners = "".join(dict.fromkeys(re.findall(_NAME, match[0])))

@@ -1,4 +1,4 @@
-"""Where a grounder's phrases ("X owns Y in Z") come from. The source's name is printed in every row of results."""
+"""The sources of a grounder's phrases ("X owns Y in Z"). Every row of results prints the source's name."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Literal, Protocol
@@ -14,7 +14,7 @@ PhraseSourceName = Literal["dataset", "rules", "llm"]
 
 
 class PhraseSource(Protocol):
-    """Short phrases of who owns what, taken from a task."""
+    """Takes short phrases about owners and their things from a task."""
 
     @property
     def name(self) -> str:
@@ -23,7 +23,7 @@ class PhraseSource(Protocol):
 
     @property
     def num_fallbacks(self) -> int:
-        """Calls so far that another source had to answer in its place; answers say so."""
+        """Number of calls so far that another source had to answer instead; answers say so."""
         ...
 
     def phrases(self, task: Task) -> tuple[str, ...]:
@@ -38,7 +38,7 @@ class DatasetPhrases:
     num_fallbacks = 0
 
     def __init__(self, episodes: Iterable[Episode]) -> None:
-        """Knows the phrases of these episodes' tasks."""
+        """Keeps the phrases of these episodes' tasks."""
         self._phrases = {
             (episode.record.summary, query): tuple(dict.fromkeys(episode.record.extracted_summary))
             for episode in episodes
@@ -46,10 +46,10 @@ class DatasetPhrases:
         }
 
     def phrases(self, task: Task) -> tuple[str, ...]:
-        """The stored phrases of the episode that the task is of.
+        """The stored phrases of the task's episode.
 
         Raises:
-            AgentError: The task is of none of the episodes.
+            AgentError: The task belongs to none of the episodes.
         """
         try:
             return self._phrases[(task.description, task.queries[0])]
@@ -67,8 +67,8 @@ def make_phrases(
 
     Args:
         name: `dataset` knows the phrases, `rules` and `llm` read the description.
-        episodes: Whose phrases `dataset` knows; the others never see an episode.
-        llm: Where the model of `llm` is.
+        episodes: The episodes whose phrases `dataset` knows; the others never see an episode.
+        llm: Address of the model for `llm`.
 
     Raises:
         AgentError: `llm` without options, or its key is missing.
@@ -92,11 +92,11 @@ def make_phrases(
 
 
 def without_owner(phrase: str) -> str:
-    """ "the lamp in the hall" of "Ada owns the lamp in the hall"; a phrase without " owns " stays as it is."""
+    """ "the lamp in the hall" from "Ada owns the lamp in the hall"; a phrase without " owns " stays as it is."""
     return phrase.partition(" owns ")[2] or phrase
 
 
 def owner_of(phrase: str) -> str | None:
-    """ "Ada" of "Ada owns the lamp"; None for a phrase without " owns "."""
+    """ "Ada" from "Ada owns the lamp"; None for a phrase without " owns "."""
     owner, verb, _ = phrase.partition(" owns ")
     return owner.strip() or None if verb else None
