@@ -1,1 +1,1 @@
-"""What cuts views into things and says what they are; oracle perception, as wrong as it is told."""
+"""Segmenters that cut views into things, and oracle perception with adjustable errors."""

@@ -1,8 +1,8 @@
-"""Oracle perception: sees the instance ids of a picture and says their captions' vectors, as wrong as it is told to be.
+"""Oracle perception: turns the instance ids of a picture into vectors of their captions, with adjustable errors.
 
-It lets mapping and grounding run whole without a vision model. Maps made with it rank methods; they do not predict
-success on pictures. Noise: v <- unit(v + c sqrt(E) n), n a random unit vector (GROUNDING.md, section 0), so c is the
-standard deviation of a cosine's error.
+It lets the whole of mapping and grounding run without a vision model. Maps made with it rank methods; they do not
+predict success on pictures. Noise: v <- unit(v + c sqrt(E) n), n a random unit vector (GROUNDING.md, section 0), so c
+is the standard deviation of a cosine's error.
 """
 
 import math
@@ -26,29 +26,29 @@ CLUTTER_TEXTS = (
     "newspaper stack", "spray bottle", "toolbox", "pet bowl", "yoga mat", "suitcase", "water pipe", "smoke detector",
     "window sill", "loose cables", "stair step", "door mat", "wall shelf with jars", "hanging jacket", "empty bottle",
 )  # fmt: skip
-"""What stands where no captioned object is, with background `clutter`."""
+"""Texts for places without a captioned object, with background `clutter`."""
 _PLACE = 1.0
 """Background without an instance keeps its text within cubes of this size (metres)."""
 _VIEW, _OBJECT, _CONFUSION, _BACKGROUND = range(4)
-"""Streams of random numbers: raising one option leaves the draws of the others as they are."""
+"""Streams of random numbers: raising one option does not change the draws of the others."""
 
 
 @dataclass(frozen=True, slots=True)
 class PerceptionOptions:
-    """How wrong the perception is. All draws follow from `seed`, the home and what is drawn for, never from order."""
+    """Errors of the perception. Draws depend on `seed`, the home and their purpose, never on the order of calls."""
 
     view_noise: float = 0.0
-    """c of the error of each patch in each view; views of one place average it out. The same picture from the same pose
-    gets the same error, as from a real model."""
+    """c for the error of each patch in each view; averaging views of one place reduces it. The same picture from the
+    same pose gets the same error, as from a real model."""
     object_noise: float = 0.0
-    """c of the error that an instance keeps in all views; no averaging helps."""
+    """c for the error that an instance keeps in all views; averaging does not reduce it."""
     confusion: float = 0.0
-    """Probability that an instance is taken, in all views, for another object of the home with another text. The
-    instances confused at a lower probability stay confused at a higher one."""
+    """Probability that an instance is mistaken, in all views, for another object of the home with another text. An
+    instance confused at a lower probability stays confused at a higher one."""
     background: Literal["empty", "clutter"] = "empty"
     """Patches without a captioned object: zero vectors, or a clutter text that each instance or cubic metre keeps."""
     patch: int = 16
-    """Pixels along a patch's side, as nearly as patches tile the picture evenly."""
+    """Pixels along a patch's side, rounded so that patches tile the picture evenly."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -63,10 +63,10 @@ class PerceptionOptions:
 
 
 class OraclePerception:
-    """A `DenseEncoder` of the simulator's frames in the space of a text encoder.
+    """A `DenseEncoder` for the simulator's frames in the space of a text encoder.
 
-    Its name is the text space's with a suffix: a map of it is told from one of real pictures, and is queried with this
-    object, or with `make_encoder("hashed+oracle-perception")`.
+    Its name is the text space's name with a suffix, which tells its maps from maps of real pictures. Query such a map
+    with this object, or with `make_encoder("hashed+oracle-perception")`.
     """
 
     def __init__(
@@ -81,11 +81,11 @@ class OraclePerception:
         """Encodes the captions.
 
         Args:
-            text_encoder: Of the captions and of queries.
+            text_encoder: Encodes the captions and the queries.
             captions: Instance id to text, as `object_texts` gives them; empty for one that only reads queries.
             options: Errors, background, patches; none by default.
-            home: Name of the home, so that homes with the same ids get draws of their own.
-            clutter: Texts of the background `clutter`.
+            home: Name of the home, so that homes with the same ids get different draws.
+            clutter: Texts for the background `clutter`.
 
         Raises:
             AgentError: The background is `clutter` and there are no texts for it.
@@ -111,7 +111,7 @@ class OraclePerception:
 
     @property
     def dim(self) -> int:
-        """The text encoder's."""
+        """The text encoder's dimension."""
         return self.text_encoder.dim
 
     @property
@@ -120,7 +120,7 @@ class OraclePerception:
         return dict(self._texts)
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """(N, E) unit rows: what the text encoder says."""
+        """(N, E) unit rows from the text encoder."""
         return self.text_encoder.encode_texts(texts)
 
     def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
@@ -165,7 +165,7 @@ class OraclePerception:
 
     def _row(self, instance: int) -> NDArray[np.float32]:
         known = self._rows.get(instance)
-        if known is None:  # 0 is no instance; others are things without a caption
+        if known is None:  # 0 means no instance; other ids are things without a caption
             known = np.zeros(self.dim, np.float32)
             if instance > 0 and self.options.background == "clutter":
                 known = self._clutter[self._rng(_BACKGROUND, instance).integers(len(self._clutter))]
@@ -173,7 +173,7 @@ class OraclePerception:
         return known
 
     def _background(self, frame: PosedFrame, empty: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """(M, E) the clutter of the places that patches without an instance show; zero where depth is unknown."""
+        """(M, E) clutter vectors for the places that patches without an instance show; zero where depth is unknown."""
         rows, cols = np.nonzero(empty)
         v = ((rows + 0.5) * frame.depth_m.shape[0] / empty.shape[0]).astype(int)
         u = ((cols + 0.5) * frame.depth_m.shape[1] / empty.shape[1]).astype(int)
@@ -208,11 +208,11 @@ class OraclePerception:
 
 
 def winning_ids(ids: NDArray[np.integer], *, patch: int) -> NDArray[np.int64]:
-    """(h, w) id with the most pixels in each patch, the lowest of equals.
+    """(h, w) id with the most pixels in each patch; of equals the lowest.
 
     Args:
         ids: (H, W), 0 or more.
-        patch: Wanted side in pixels; h = H / patch, rounded, at least 1, and so w.
+        patch: Wanted side in pixels; h = H / patch, rounded, at least 1, and likewise w.
     """
     (height, width), present = ids.shape, np.flatnonzero(np.bincount(ids.ravel()))
     position = np.zeros(int(present[-1]) + 1, np.int64)  # of each id in `present`

@@ -1,7 +1,7 @@
-"""Captions said otherwise, for maps: how much a method leans on the exact words of a description.
+"""Paraphrases captions for maps, to measure how much a method depends on the exact words of a description.
 
-Levels: 0 as it is; 1 other words in another order; 2 half of the attributes gone; 3 only the category. The category's
-own words stay at every level, so that a level takes away and never adds. Queries and phrases are not touched.
+Levels: 0 unchanged; 1 other words in another order; 2 half of the attributes gone; 3 only the category. The category's
+own words stay at every level, so that a level removes words and never adds any. Queries and phrases are not changed.
 """
 
 import re
@@ -35,21 +35,21 @@ _SYNONYMS: dict[str, tuple[str, ...]] = {
     # looks
     "old": ("aged",), "modern": ("contemporary",), "decorative": ("ornamental",), "decorated": ("adorned",),
     "carved": ("sculpted",), "framed": ("bordered",), "mounted": ("fixed",), "hanging": ("suspended",),
-    # things round about
+    # things nearby
     "couch": ("sofa",), "sofa": ("couch",), "rug": ("carpet",), "carpet": ("rug",), "picture": ("image",),
     "painting": ("canvas",), "tv": ("television",), "television": ("tv",), "wardrobe": ("closet",),
     "closet": ("wardrobe",), "cupboard": ("cabinet",), "cabinet": ("cupboard",), "lamp": ("light",),
     "blanket": ("throw",), "pillow": ("cushion",), "cushion": ("pillow",), "curtain": ("drape",),
     "refrigerator": ("fridge",), "fridge": ("refrigerator",), "stove": ("cooker",), "bathtub": ("bath",),
     "nightstand": ("bedside table",), "fireplace": ("hearth",), "corner": ("nook",), "window": ("pane",),
-    # where
+    # places
     "near": ("close to", "not far from"), "beside": ("next to", "alongside"), "next to": ("beside", "adjacent to"),
     "above": ("over", "higher than"), "over": ("above",), "below": ("beneath", "underneath"),
     "under": ("beneath", "underneath"), "in front of": ("before", "facing"), "behind": ("at the back of",),
     "between": ("amid",), "located": ("placed", "situated"), "positioned": ("placed",), "standing": ("placed",),
     "on top of": ("atop",), "with": ("having", "featuring"), "against": ("up to",), "opposite": ("across from",),
 }  # fmt: skip
-"""Written for this project; what replaces a word says nearly the same, a little less exactly."""
+"""Written for this project; a replacement means nearly the same, a little less exactly."""
 _LONG_FIRST = sorted(_SYNONYMS, key=len, reverse=True)
 _KNOWN = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, _LONG_FIRST))})(?![\w-])")
 _CLAUSE = re.compile(
@@ -65,9 +65,9 @@ def paraphrase(caption: str, category: str, *, level: ParaphraseLevel, seed: int
 
     Args:
         caption: A description of an object.
-        category: What the object is; its words are never replaced and never dropped.
-        level: 0 to 3, as the module says.
-        seed: Which of the possible wordings.
+        category: The object's category; its words are never replaced and never dropped.
+        level: 0 to 3, as in the module's docstring.
+        seed: Chooses among the possible wordings.
     """
     if level == 0:
         return caption
@@ -95,7 +95,7 @@ def _stem(word: str) -> str:
 
 
 def _clauses(caption: str) -> list[str]:
-    """The head with its adjectives, and each further statement, without what tied them together."""
+    """The head with its adjectives, and each further statement, without the words that tied them together."""
     found = []
     for clause in _CLAUSE.split(caption.lower()):
         while (shorter := _LEADING.sub("", clause.strip())) != clause:
@@ -110,7 +110,7 @@ def _is_content(word: str) -> bool:
 
 
 def _says_more(clause: str, kept: set[str]) -> bool:
-    """Whether there is more in it than "the bed" of "the bed is located ..."."""
+    """Whether the clause says more than "the bed" does in "the bed is located ..."."""
     return any(_is_content(word) and _stem(word) not in kept for word in clause.split())
 
 
@@ -133,9 +133,9 @@ def _reworded(clause: str, kept: set[str], rng: np.random.Generator) -> str:
 
 
 def _half(first: str, others: list[str], kept: set[str], rng: np.random.Generator) -> list[str]:
-    """The clauses that are left when half of the attributes (the larger half) are dropped.
+    """The clauses that remain when half of the attributes (the larger half) are dropped.
 
-    An attribute is a word of the head's own, or another clause as a whole.
+    An attribute is a word of the head, or another clause as a whole.
     """
     words = first.split()
     own = [i for i, word in enumerate(words) if _is_content(word) and _stem(word) not in kept]

@@ -1,7 +1,7 @@
 """Things in a view from depth alone: smooth or bulging regions above the floor. No weights, no colours, no labels.
 
-It stands in where no segmentation model is at hand: things that touch are one where their joint is smooth, and a thing
-with dents may be several. Walls and what is larger than furniture are left out.
+It is for use without a segmentation model: things that touch become one where their joint is smooth, and a thing with
+dents may become several. Walls and other regions larger than furniture are left out.
 """
 
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ from .segments import Segments
 _COLUMNS = 160
 """About this many columns of a view are used, and rows at the same step."""
 _REACH = 2
-"""Normals and dents are measured over this many of them to each side."""
+"""Normals and dents are measured over this many columns or rows to each side."""
 _JUMP, _JUMP_SHARE = 0.05, 0.03
 """Metres, plus share of the depth, by which neighbouring pixels of one surface differ at most along the view."""
 _DENT = 0.25
 """A joint is a dent when the normals turn towards each other by more than this (cosine units)."""
 _LOW, _HIGH = 0.08, 2.3
-"""Metres above the floor between which things are looked for."""
+"""Things are searched between these heights above the floor, metres."""
 _LEAST_PIXELS, _LARGEST = 40, 3.0
-"""Looked-at pixels of a thing at least; metres along its longest side at most."""
+"""Least number of used pixels of a thing; most metres along its longest side."""
 
 
 class DepthRegions:

@@ -1,4 +1,4 @@
-"""What cuts a view into things: the `Segmenter` protocol, and the simulator's instance ids as one of them."""
+"""The `Segmenter` protocol, which cuts a view into things, and the simulator's instance ids as one segmenter."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ class Segments:
     """The things in one view."""
 
     masks: NDArray[np.bool_]
-    """(M, H, W) pixels of each; they may overlap."""
+    """(M, H, W) pixels of each thing; they may overlap."""
     captions: tuple[str, ...] = ()
-    """What each is called, or () when nothing calls them."""
+    """A name for each thing, or () from a source without names."""
     ids: tuple[int, ...] = ()
-    """The same number in two views = the same thing, for sources that know it; or ()."""
+    """The same number in two views means the same thing; () from a source that cannot tell."""
 
     def __post_init__(self) -> None:
         for name, values in (("captions", self.captions), ("ids", self.ids)):
@@ -39,7 +39,7 @@ class Segmenter(Protocol):
 
     @property
     def name(self) -> str:
-        """Says what it is; part of the map's name."""
+        """The segmenter's name, part of the map's name."""
         ...
 
     def segment(self, frame: PosedFrame) -> Segments:
@@ -53,7 +53,7 @@ class InstanceIds:
     name = "oracle-perception instance ids"
 
     def __init__(self, captions: Mapping[int, str] | None = None, *, least_pixels: int = _LEAST_PIXELS) -> None:
-        """Takes what to call each id; things with fewer pixels in a view are not found."""
+        """Takes a caption for each id; things with fewer than `least_pixels` in a view are not found."""
         self._captions = captions or {}
         self._least_pixels = least_pixels
 
