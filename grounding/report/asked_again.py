@@ -1,6 +1,6 @@
-"""Asks the grounder of a run again: run files hold answers only, and views show how they came about.
+"""Asks a run's grounder again: run files hold only the answers, and views show how the grounder found them.
 
-The grounder answers from the settings in `run.json` and must come to the same points.
+The grounder answers with the settings in `run.json` and must give the same points.
 """
 
 from collections.abc import Sequence
@@ -23,26 +23,26 @@ from ..types import Grounding
 
 _SETTINGS = TypeAdapter(GroundSettings)
 _NEEDED = ("map", "encoder", "all_storeys")
-"""Config keys without which nothing is guessed."""
+"""Config keys that must be present; they are never guessed."""
 _SAME = 1e-6
 """Metres within which an answer given again is the same."""
 
 
 @dataclass(frozen=True, slots=True)
 class AnswerAgain:
-    """An answer given again, or why it is not."""
+    """An answer given again, or the reason why there is none."""
 
     memory: Memory | None = None
-    """The map that was asked."""
+    """The map on which the grounder answered."""
     grounding: Grounding | None = None
     map_file: Path | None = None
     """The file of the home's map; None for oracle maps."""
     problem: str = ""
-    """One sentence, subject left out, when there is no answer; empty otherwise."""
+    """A sentence without its subject when there is no answer; empty otherwise."""
 
 
 def settings_of(info: RunInfo) -> GroundSettings | None:
-    """The settings with which `personal-viz ground` made a run; None where another program did."""
+    """The settings with which `personal-viz ground` made a run; None if another program made it."""
     names = {field.name for field in fields(GroundSettings)} - {"method", "seed"}
     config = {name: value for name, value in info.config.items() if name in names}
     if config.get("phrases") == "none":  # the method uses none
@@ -59,7 +59,7 @@ class AskAgain:
     """Keeps a grounder per scene and map, so that many answers are quick. Maps are read only, never made."""
 
     def __init__(self, dataset: PersonalDataset, *, beside: Sequence[Path] = ()) -> None:
-        """Takes the data set of the runs, and the folders that hold their run folders: their maps lie there too."""
+        """Takes the data set of the runs, and the folders that hold their run folders and maps."""
         self._dataset = dataset
         self._beside = tuple(dict.fromkeys(beside))
         self._made: dict[tuple[str, GroundSettings, Path | None], SceneGrounder] = {}
@@ -68,7 +68,7 @@ class AskAgain:
         """The answer once more, with its map and layers.
 
         Raises:
-            PersonalVizError: The episode's files are damaged, or its map cannot be had.
+            PersonalVizError: The episode's files are damaged, or its map cannot be loaded.
         """
         settings = settings_of(info)
         if settings is None:

@@ -1,4 +1,4 @@
-"""Curves of a POG report: over the distance that is allowed, and over an option in which runs differ; numbers only."""
+"""Curves of a POG report: over the allowed distance, and over an option in which runs differ; numbers only."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from .rows import RADII, MapVariant, MethodTrials
 from .statistics import HomeDraws, Range, mean_of_splits, percent
 
 KNOBS = ("object_noise", "view_noise", "cell_noise", "confusion", "paraphrase", "blur")
-"""Options over which curves are drawn where runs differ in one of them alone."""
+"""Options over which curves are drawn where runs differ in only one of them."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -44,7 +44,7 @@ class KnobPoint(BaseModel):
 
 
 class KnobCurve(BaseModel):
-    """A method over the values of one option, all else the same."""
+    """A method over the values of one option; everything else is the same."""
 
     model_config = _MODEL
     knob: str
@@ -62,11 +62,11 @@ def distance_curve(row: MethodTrials, draws: HomeDraws) -> tuple[DistancePoint, 
 
 
 def knob_curves(rows: Sequence[MethodTrials], *, seed: int) -> tuple[KnobCurve, ...]:
-    """A curve for each method and option with at least two values on maps that are the same but for the option.
+    """A curve for each method and option with at least two values on maps that differ only in this option.
 
     Args:
-        rows: On all maps.
-        seed: Of the bootstrap; all values of a curve get the same draws of homes.
+        rows: Rows of all maps.
+        seed: Seed of the bootstrap; all values of a curve get the same draws of homes.
     """
     curves = []
     for knob in KNOBS:

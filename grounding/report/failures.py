@@ -1,4 +1,4 @@
-"""Why a POG answer failed: from where it lies among the home's objects, and from what the grounder computed."""
+"""Reasons why a POG answer failed, from its place among the home's objects and from the grounder's computed layers."""
 
 import math
 from collections.abc import Sequence
@@ -46,11 +46,11 @@ class Failure:
 def failure_of(
     episode: Episode, answer: Answer, *, goals: Sequence[Goal], storeys: Sequence[tuple[float, float]]
 ) -> Failure:
-    """What kind of failure an answer is.
+    """The kind of failure of an answer.
 
     Args:
-        episode: With its targets.
-        answer: Its measures say that it failed.
+        episode: The episode, with its targets.
+        answer: An answer that failed according to its measures.
         goals: All objects of the home.
         storeys: From `scene_storeys`.
     """
@@ -60,7 +60,7 @@ def failure_of(
     distance = math.inf if answer.measures is None else answer.measures.planar_distance
     distance = math.inf if distance is None else distance
     here = [goal for goal in goals if storey_of(goal.floor_y, storeys) == storey_of(point[1], storeys)]
-    # within a metre at most one thing is named: one of the right category before others that are nearer
+    # of the things within a metre one is named: those of the right category come before others that are nearer
     near = [goal for goal in here if _planar(point, goal) <= SUCCESS_RADIUS]
     same = [goal for goal in near if goal.object_category == episode.record.object_category]
     nearest = min(same or near, key=lambda goal: (_planar(point, goal), goal.object_name), default=None)
@@ -75,7 +75,7 @@ def failure_of(
 
 
 def reasons(episode: Episode, again: AnswerAgain) -> list[str]:
-    """What the grounder's own layers say of the failure, in sentences; empty where they say nothing."""
+    """Sentences about the failure from the grounder's own layers; empty where they show nothing."""
     if again.grounding is None or again.memory is None:
         return [f"The method {again.problem}."] if again.problem else []
     near = _near_targets(episode, _places(again))
@@ -106,7 +106,7 @@ def _places(again: AnswerAgain) -> NDArray[np.float64]:
 
 
 def _near_targets(episode: Episode, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N,) which points are within SUCCESS_RADIUS of a right object, planar."""
+    """(N,) whether each point is within SUCCESS_RADIUS of a right object, planar."""
     targets = np.array([target.position for target in episode.targets], float)[:, [0, 2]]
     apart = np.linalg.norm(points[:, None, [0, 2]] - targets, axis=-1)
     return (apart <= SUCCESS_RADIUS).any(axis=1)

@@ -1,4 +1,4 @@
-"""Runs of POG sorted into tables and rows: one table per kind of map, one row per method, seeds averaged by episode."""
+"""Sorts POG runs into tables and rows: one table per kind of map, one row per method, seeds averaged by episode."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -18,9 +18,9 @@ from ..settings import GroundSettings
 RADII = np.round(np.arange(0.0, 10.01, 0.25), 2)
 """(R,) metres of the curves over distance."""
 _METHODS = ("random", "center", "qs", "rpg")
-"""The paper's, in its order; others follow in order of names."""
+"""The paper's methods in its order; others follow, sorted by name."""
 _OF_ROW = ("phrases", "layout", "features", "frame")
-"""Config keys that say how a method works; the others say on which map."""
+"""Config keys that say how a method works; the others describe the map."""
 _MAP_FOLDER = "maps"
 """Config key of the folder of map files: it tells maps apart where they were made elsewhere."""
 _TEXT_ENCODERS = {"hashed": "hashed words", "minilm": "MiniLM"}
@@ -43,16 +43,16 @@ ConfigValue = str | int | float | bool | None
 
 @dataclass(frozen=True, slots=True)
 class MapVariant:
-    """On what answers were given; results on different variants never share a table."""
+    """The kind of map on which answers were given; results on different variants never share a table."""
 
     scene_kind: str
     dataset_digest: str
     options: tuple[tuple[str, ConfigValue], ...] = ()
-    """What differs from the default, by name; empty for people, who have the home itself."""
+    """Values that differ from the default, by name; empty for people, who have the home itself."""
 
     @property
     def title(self) -> str:
-        """For headings."""
+        """The variant's name in headings."""
         if not self.options:
             return f"People in {_PEOPLE_NAMES[self.scene_kind]}"
         known = dict(self.options)
@@ -67,7 +67,7 @@ class MapVariant:
         return ", ".join([kind[0].upper() + kind[1:], *parts])
 
     def without(self, name: str) -> "MapVariant":
-        """The same but for one option."""
+        """The same variant without one option."""
         return MapVariant(self.scene_kind, self.dataset_digest, tuple(item for item in self.options if item[0] != name))
 
 
@@ -85,30 +85,30 @@ class MethodTrials:
     within: NDArray[np.float64]
     """(N, R) share of the episode's trials whose first point is within each of RADII of the target."""
     top3_within: NDArray[np.float64] | None
-    """(N, R) the same for the nearest of three points; None for people, and where a run holds the first's alone."""
+    """(N, R) the same for the nearest of three points; None for people, and where a run holds only the first point."""
     success: NDArray[np.float64]
     """(N,) share of its trials that succeed, as stored with the run."""
     top3: NDArray[np.float64]
     """(N,) the same for any of three points."""
     num_trials: int
     num_fallbacks: int
-    """Trials whose phrases rules read because the language model gave none."""
+    """Trials whose phrases were read by rules because the language model gave none."""
     is_ranked: bool
     """Whether points are ranked by scores: people give one point, and no score."""
 
     @cached_property
     def homes(self) -> tuple[str, ...]:
-        """(N,)"""
+        """(N,) home of each episode."""
         return tuple(key.scene for key in self.keys)
 
     @cached_property
     def splits(self) -> tuple[str, ...]:
-        """(N,)"""
+        """(N,) split of each episode."""
         return tuple(key.split for key in self.keys)
 
 
 def variant_of(info: RunInfo) -> MapVariant:
-    """On what a run's answers were given."""
+    """The map variant on which a run's answers were given."""
     if info.who_kind == "human":
         return MapVariant(info.scene_kind, info.dataset_digest)
     always = ("map", "encoder", "all_storeys")
@@ -118,12 +118,12 @@ def variant_of(info: RunInfo) -> MapVariant:
         if name not in _OF_ROW and (name in always or value != _DEFAULTS.get(name, ""))
         if name != _MAP_FOLDER or info.config.get("map") == "files"
     }
-    shown.setdefault("map", info.condition)  # of another program
+    shown.setdefault("map", info.condition)  # for runs of another program
     return MapVariant(info.scene_kind, info.dataset_digest, tuple(sorted(shown.items())))
 
 
 def _encoder_text(options: dict[str, ConfigValue]) -> str:
-    """What made the map's vectors: where nothing but texts is encoded on a walk, an oracle saw."""
+    """The encoder of the map's vectors; a walk with a pure text encoder used oracle perception."""
     encoder = str(options.get("encoder", "unknown"))
     text_encoder = _TEXT_ENCODERS.get(encoder.removesuffix(ORACLE_SUFFIX))
     if options.get("map") in ("explore", "files") and text_encoder is not None:
@@ -132,7 +132,7 @@ def _encoder_text(options: dict[str, ConfigValue]) -> str:
 
 
 def row_name(info: RunInfo) -> str:
-    """What a table calls the row of a run; runs of other seeds have the same."""
+    """The name of a run's row in a table; runs that differ only in the seed share it."""
     if info.who_kind == "human":
         return info.who if info.condition == "none" else f"{info.who} ({info.condition.replace('_', ' ')})"
     words = [f"{info.config[name]}" for name in ("layout", "features") if _differs(info, name)]
@@ -145,7 +145,7 @@ def method_trials(runs: Sequence[Run]) -> list[MethodTrials]:
     """One item per row, the paper's methods first, people last.
 
     Raises:
-        RunFileError: A run holds no answer or one that was never scored, or one trial stands in two runs.
+        RunFileError: A run holds no answer, an answer was never scored, or two runs hold the same trial.
     """
     groups: dict[tuple[MapVariant, str], list[Run]] = defaultdict(list)
     for run in runs:
@@ -160,7 +160,7 @@ def method_trials(runs: Sequence[Run]) -> list[MethodTrials]:
 
 
 def ordered_splits(splits: Iterable[str]) -> list[str]:
-    """Those that occur, in the paper's order."""
+    """The splits that occur, in the paper's order."""
     found = set(splits)
     return [split for split in SPLITS if split in found]
 
@@ -238,6 +238,6 @@ def _measures(answer: Answer) -> AnswerMeasures:
 
 
 def _within(trials: Sequence[Sequence[Sequence[float | None]]]) -> NDArray[np.float64]:
-    """(N, R) share of each episode's trials whose nearest point is within each of RADII; None = far off."""
+    """(N, R) share of each episode's trials whose nearest point is within each of RADII; None = too far."""
     nearest = [[min((d for d in points if d is not None), default=np.inf) for points in found] for found in trials]
     return np.array([(np.asarray(found)[:, None] <= RADII).mean(axis=0) for found in nearest])

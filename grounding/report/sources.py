@@ -1,6 +1,6 @@
-"""What figures of grounding rest on: where map words and phrases come from, and what the paper printed on its own maps.
+"""Notes on the sources of grounding figures: map words, phrases, and the paper's printed figures on its own maps.
 
-Every table of POG figures, in whatever form, takes its one line about sources from here.
+Every table of POG figures, in every form, takes its line about sources from here.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,7 +10,7 @@ from sim.tasks.run_files import RunInfo
 from ..encoders.protocol import ORACLE_SUFFIX, TEXT_ENCODERS
 
 PAPER_IS = "paper's HM3D maps"
-"""What a row or column of the paper's figures is called."""
+"""Name of a row or column with the paper's figures."""
 PAPER_POG: dict[str, tuple[float, float, float, float]] = {
     "random": (0.5, 0.3, 0.4, 0.4),
     "center": (1.2, 0.8, 1.0, 1.0),
@@ -33,10 +33,10 @@ _PHRASES = {
 
 
 def pog_notes(infos: Sequence[RunInfo]) -> tuple[str, ...]:
-    """What stands beside the POG figures of runs on one kind of map, in every form; empty for people alone.
+    """The notes beside the POG figures of runs on one kind of map, in every form; empty for people alone.
 
-    Where map words, phrases and storey come from; which methods have no row with phrases read by rules beside that
-    with the dataset's; on oracle maps the paper's figures, and why they cannot be compared.
+    They say where map words, phrases and storey come from; which methods have a row with the dataset's phrases but none
+    with phrases read by rules; and on oracle maps the paper's figures, and why they cannot be compared.
     """
     agents = [info for info in infos if info.who_kind == "agent"]
     if not agents:

@@ -1,7 +1,7 @@
 """Intervals of success rates over episodes of several homes: by episode (Wilson), and by home (cluster bootstrap).
 
-Episodes of one home share its map and resemble each other. An interval that takes episodes for independent speaks of
-more questions about these homes; one that draws whole homes again speaks of other homes, which claims are about.
+Episodes of one home share its map and resemble each other. An interval that treats episodes as independent holds for
+more questions about these homes; one that draws whole homes again holds for other homes, as claims usually mean.
 """
 
 import math
@@ -17,7 +17,7 @@ LEVEL = 0.95
 """Level of all intervals."""
 NUM_RESAMPLES = 10_000
 FEWEST_HOMES = 5
-"""With fewer, a bootstrap of homes is far too narrow and is left out."""
+"""With fewer homes, a bootstrap interval is far too narrow and is left out."""
 
 
 class Range(NamedTuple):
@@ -34,7 +34,7 @@ def wilson(k: float, n: int) -> Range:
 
 
 def mean_of_shares(shares: Sequence[float], ranges: Sequence[Range]) -> Range:
-    """Interval of the plain mean of independent shares, from theirs (MOVER; Zou and Donner 2008)."""
+    """Interval of the plain mean of independent shares, from their intervals (MOVER; Zou and Donner 2008)."""
     mean, count = float(np.mean(shares)), len(shares)
     below = math.sqrt(sum((share - one.low) ** 2 for share, one in zip(shares, ranges, strict=True))) / count
     above = math.sqrt(sum((one.high - share) ** 2 for share, one in zip(shares, ranges, strict=True))) / count
@@ -56,12 +56,12 @@ class HomeDraws:
     """Homes drawn again, with replacement; the same draws for every figure, so that differences are paired."""
 
     def __init__(self, homes: Sequence[str], *, seed: int, num_resamples: int = NUM_RESAMPLES) -> None:
-        """Draws.
+        """Draws the homes.
 
         Args:
             homes: Names; the order does not matter.
             seed: Same seed and homes, same draws.
-            num_resamples: How often.
+            num_resamples: Number of draws.
         """
         self._place = {name: index for index, name in enumerate(sorted(set(homes)))}
         count = len(self._place)
@@ -73,7 +73,7 @@ class HomeDraws:
 
         Args:
             values: One per episode: a share, or a difference of two.
-            homes: (N,) whose each is; all of them were drawn.
+            homes: (N,) the home of each; all of them were drawn.
             strata: (N,) the split of each.
 
         Returns:

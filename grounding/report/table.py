@@ -1,8 +1,8 @@
 """The paper's POG table of run folders, with curves and paired differences; numbers only, nothing is drawn here.
 
-Results on oracle maps, on maps of schematic homes, of invented homes and of scans each have tables of their own, and so
-has each variant of a map (encoder, noise, storey told or not). The paper's own figures stand beside ours as what they
-are: measured on its HM3D maps, which are none of these.
+Oracle maps, maps of schematic homes, of invented homes and of scans each have tables of their own, and so has each
+variant of a map (encoder, noise, storey given or not). The paper's figures are shown beside ours with the note that
+they were measured on its HM3D maps, which are none of these.
 """
 
 from collections import defaultdict
@@ -33,7 +33,7 @@ class PogCell(BaseModel):
     n: int
     """Episodes."""
     k: float
-    """Successes; parts of one where trials of an episode were averaged."""
+    """Successes; with fractions where trials of an episode were averaged."""
     sr: float
     by_episode: Range
     by_home: Range | None
@@ -51,21 +51,21 @@ class PogRow(BaseModel):
     who: str
     is_human: bool
     cells: tuple[PogCell, ...]
-    """Splits, then total."""
+    """One cell per split, then the total."""
     curve: tuple[DistancePoint, ...]
     num_trials: int
     num_fallbacks: int
-    """Trials whose phrases rules read because the language model gave none."""
+    """Trials whose phrases were read by rules because the language model gave none."""
     run_ids: tuple[str, ...]
     seeds: tuple[int, ...]
     commits: tuple[str, ...]
     """Commits of the code that made the runs."""
     paper: tuple[float, float, float, float] | None
-    """What the paper prints for a method of this name, on its own maps."""
+    """The paper's figures for a method of this name, on its own maps."""
 
 
 class PogDifference(BaseModel):
-    """Two methods on the episodes that both answered, total, percent points."""
+    """Two methods on the episodes that both answered: total, in percentage points."""
 
     model_config = _MODEL
     first: str
@@ -85,23 +85,23 @@ class PogTable(BaseModel):
     title: str
     scene_kind: str
     scene_label: str
-    """What must be said of results in homes of this kind; empty for scans and oracle maps."""
+    """The warning that results in homes of this kind must carry; empty for scans and oracle maps."""
     dataset_digest: str
     options: dict[str, str | int | float | bool | None]
     notes: tuple[str, ...]
-    """What stands beside the figures in every form (`pog_notes`)."""
+    """The notes beside the figures in every form (`pog_notes`)."""
     num_homes: int
     rows: tuple[PogRow, ...]
     differences: tuple[PogDifference, ...]
 
     @property
     def has_home_intervals(self) -> bool:
-        """Whether there are homes enough for intervals by home."""
+        """Whether there are enough homes for intervals by home."""
         return self.num_homes >= FEWEST_HOMES
 
 
 class PogReport(BaseModel):
-    """All that a report of POG runs says in numbers."""
+    """All numbers in a report of POG runs."""
 
     model_config = _MODEL
     tables: tuple[PogTable, ...]
@@ -114,7 +114,7 @@ def pog_report(runs: Sequence[Run], *, seed: int = 0) -> PogReport:
     """Tables, differences and curves of run folders with POG answers.
 
     Raises:
-        RunFileError: A run holds no answer or none that was scored, or one trial stands in two runs.
+        RunFileError: A run holds no answer, an answer was never scored, or two runs hold the same trial.
     """
     rows = method_trials(runs)
     by_variant: dict[MapVariant, list[MethodTrials]] = defaultdict(list)
@@ -127,7 +127,7 @@ def pog_report(runs: Sequence[Run], *, seed: int = 0) -> PogReport:
 
 
 def with_people(by_variant: dict[MapVariant, list[MethodTrials]]) -> dict[MapVariant, list[MethodTrials]]:
-    """People beside every map of their kind of homes and episodes; in a table of their own where there is none."""
+    """Adds people to every table with their kind of homes and episodes; without such a table they get their own."""
     found = {variant: list(rows) for variant, rows in by_variant.items()}
     for people, rows in by_variant.items():
         if people.options:
