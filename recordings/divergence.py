@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.types import STOREY_GAP
+from sim.walk.storeys import same_storey
 
 LIMIT = 1.0
 """Metres within which a run follows a path: the success radius."""
@@ -84,7 +84,7 @@ def path_deviation(positions: NDArray[np.float64], path: NDArray[np.float64]) ->
     share = np.clip((offsets * along).sum(axis=-1) / squared, 0.0, 1.0)
     nearest_y = starts[:, 1] + share * (ends - starts)[:, 1]
     apart = np.linalg.norm(offsets - share[..., None] * along, axis=-1)
-    on_storey = np.abs(positions[:, None, 1] - nearest_y) < STOREY_GAP
+    on_storey = same_storey(positions[:, None, 1], nearest_y)
     return np.where(on_storey, apart, np.inf).min(axis=1)
 
 
@@ -113,7 +113,7 @@ def _shared_rows(first: NDArray[np.float64], second: NDArray[np.float64]) -> tup
     for row, position in enumerate(first):
         offsets = second - position
         near = np.hypot(offsets[:, 0], offsets[:, 2]) <= LIMIT
-        near &= np.abs(offsets[:, 1]) < STOREY_GAP
+        near &= same_storey(second[:, 1], position[1])
         entered = reached | np.append(row == 0, reached[:-1])  # from the pose before of the first, or of both
         # the second walker may go on alone from an entered column until a column that is not near
         last_entered = np.maximum.accumulate(np.where(entered & near, columns, -1))

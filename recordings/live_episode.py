@@ -17,7 +17,8 @@ from sim.render.renderer import jpeg_bytes
 from sim.tasks.fog import SeenArea
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
-from sim.types import STOREY_GAP, Observation, Pose
+from sim.types import Observation, Pose
+from sim.walk.storeys import same_storey
 
 from .live import LiveRecording
 from .live_blueprint import live_blueprint
@@ -221,7 +222,7 @@ class LiveEpisode:
         if not len(goal.places):
             return np.full(len(positions), np.inf)
         left = self._scene.navigation.distances(positions, goal.places)
-        on_storey = np.abs(positions[:, None, 1] - goal.floors_y) < STOREY_GAP  # (N, M)
+        on_storey = same_storey(positions[:, None, 1], goal.floors_y)  # (N, M)
         there = on_storey & (_apart(goal, positions) <= goal.radii)
         return np.where(there.any(axis=1), 0.0, left)
 

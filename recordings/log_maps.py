@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from sim.frames import forward_from_yaw
-from sim.tasks.rules import storey_of
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import GridSpec
 from sim.walk.navigation_map import NavigationMap
+from sim.walk.storeys import storey_of
 
 from . import paths
 from .log_run import Trace, dimmed, indexes, set_answered

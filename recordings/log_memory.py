@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from grounding.maps.home_map import HomeMemory, ObjectInstance, OccupancyGrid, StoreyMemory
 from grounding.types import FeatureMap
 from sim.tasks.observers import FREE, UNKNOWN
-from sim.types import STOREY_GAP
+from sim.walk.storeys import same_storey
 
 from . import paths
 from .carpets import carpet, on_map
@@ -100,7 +100,7 @@ def log_memory(stream: rr.RecordingStream, name: str, memory: HomeMemory, maps: 
 
 def storey_at(memory: HomeMemory, shown: StoreyMap) -> StoreyMemory | None:
     """The storey of the memory that lies on a storey shown; None where it knows nothing of it."""
-    near = [storey for storey in memory.storeys if abs(storey.floor_y - shown.floor_y) < STOREY_GAP]
+    near = [storey for storey in memory.storeys if same_storey(storey.floor_y, shown.floor_y)]
     return min(near, key=lambda storey: abs(storey.floor_y - shown.floor_y), default=None)
 
 

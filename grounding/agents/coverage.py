@@ -14,6 +14,7 @@ from sim.errors import SceneError
 from sim.tasks.observers import UNKNOWN
 from sim.types import AGENT_RADIUS, GridSpec
 from sim.walk.navigation_map import NavigationMap
+from sim.walk.storeys import nearest_storey
 
 from ..maps.occupancy import MAX_DEPTH, OccupancyMapper
 from ..posed_frames import Intrinsics
@@ -43,13 +44,13 @@ class VisibleFloor:
             SceneError: The start is not on any floor.
         """
         place = navigation.snap(start)
-        heights = np.array(navigation.storey_heights)
+        heights = navigation.storey_heights
         if place is None or not len(heights):
             raise SceneError(
                 f"navigation: no floor near the start {np.round(start, 2).tolist()}; expected a place to stand. "
                 "Take one of start_on_storey."
             )
-        self.storey_y = float(heights[np.abs(heights - place[1]).argmin()])
+        self.storey_y = float(heights[nearest_storey(place[1], heights)])
         """Typical height of the storey's floor, metres."""
         top_down = navigation.top_down(self.storey_y)
         self.grid: GridSpec = top_down.grid

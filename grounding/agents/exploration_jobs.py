@@ -18,7 +18,7 @@ from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
 from sim.types import Camera, Pose
 
-from .exploration_files import load_exploration, save_exploration
+from .exploration import load_exploration, save_exploration
 from .explore import EXPLORER_VERSION, Exploration, explore, start_on_storey
 
 Storeys = Literal["start", "all"]

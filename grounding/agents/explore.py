@@ -1,12 +1,12 @@
 """An exploration of one storey of a home: run it, keep it in a file, and make the pictures of its poses again.
 
-Scene + start -> `FrontierExplorer` in a `PanEnv`, with depth alone -> `Exploration` -> file (exploration_files.py), or
+Scene + start -> `FrontierExplorer` in a `PanEnv`, with depth alone -> `Exploration` -> file (exploration.py), or
 `PosedFrame`s for maps.
 """
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypedDict
 
 import numpy as np
@@ -18,11 +18,12 @@ from sim.mesh import Scene
 from sim.tasks.observers import Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Step
-from sim.types import PAPER6, Action, Camera, Pose, SceneKind, Task
+from sim.types import PAPER6, Action, Camera, Pose, Task
 
 from ..posed_frames import Intrinsics, PosedFrame
 from .coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
-from .frontier import MAX_STEPS, FrontierExplorer, FrontierSettings, StopReason
+from .exploration import Exploration as Exploration
+from .frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
 from .rooms_found import RoomMap
 
 EXPLORER_VERSION = "1"
@@ -34,39 +35,6 @@ _STARTS_TRIED = 200
 _MAIN_PART = 0.5
 """A start is on the part of the storey that holds at least this share of its free cells."""
 OnStep = Callable[[Step | None, Insight | None], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Exploration:
-    """One exploration with all that is needed to show it, and to make its pictures, again."""
-
-    scene: str
-    scene_kind: SceneKind
-    scene_digest: str
-    seed: int
-    camera: Camera
-    """With which the agent looked."""
-    start: Pose
-    storey_y: float
-    """Typical height of the start's storey, metres."""
-    steps: tuple[Step, ...]
-    """Every action and where it led; the last is STOP unless the steps ran out."""
-    stop_reason: StopReason
-    coverage: tuple[float, ...]
-    """(len(steps) + 1,) share of the visible floor seen at the start and after each step."""
-    area_m2: float
-    """Area of the floor that an ideal sensor could see."""
-    doors_passed: int | None = None
-    num_doors: int | None = None
-    rooms_missed: tuple[str, ...] | None = None
-    """Rooms neither entered nor seen; these three are None for homes without a plan."""
-    policy: str = ""
-    """Version of the explorer that chose the way (`EXPLORER_VERSION`)."""
-
-    @property
-    def poses(self) -> tuple[Pose, ...]:
-        """The start and the pose after each step, world frame."""
-        return (self.start, *(step.pose for step in self.steps))
 
 
 def start_on_storey(scene: Scene, storey_y: float, seed: int) -> Pose:

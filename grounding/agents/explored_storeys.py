@@ -13,8 +13,9 @@ import numpy as np
 from sim.episodes.dataset import PersonalDataset
 from sim.mesh import Scene
 from sim.types import Camera
+from sim.walk.storeys import nearest_storey
 
-from .exploration_files import load_exploration, save_exploration
+from .exploration import load_exploration, save_exploration
 from .explore import EXPLORER_VERSION, Exploration, OnStep, explore, start_on_storey
 from .progress_notes import Say
 
@@ -45,7 +46,7 @@ def storey_explorations(
     """
     heights = scene.navigation.storey_heights
     starts = [episode.start.position[1] for episode in dataset.episodes(scenes=(scene.name,))]
-    storeys = sorted({int(np.argmin(np.abs(np.asarray(heights) - y))) for y in starts})
+    storeys = np.unique(nearest_storey(starts, heights)).tolist()
     found = []
     for number, index in enumerate(storeys, start=1):
         path = folder / exploration_name(scene, storey=index, seed=seed, camera=camera)

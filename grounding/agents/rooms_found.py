@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from sim.homes.plan import HomePlan, Wall
 from sim.types import GridSpec
+from sim.walk.storeys import nearest_storey
 
 from .coverage import VisibleFloor
 
@@ -28,8 +29,7 @@ class RoomMap:
 
     def __init__(self, plan: HomePlan, floor: VisibleFloor) -> None:
         """Gives every free cell of the floor to a room: the one it is in, or the nearest."""
-        heights = np.array([storey.floor_y for storey in plan.storeys])
-        storey = int(np.abs(heights - floor.storey_y).argmin())
+        storey = int(nearest_storey(floor.storey_y, [storey.floor_y for storey in plan.storeys]))
         self._floor = floor
         self._plan, self._storey = plan, storey
         self._names = [room.name for room in plan.rooms]

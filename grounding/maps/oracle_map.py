@@ -12,7 +12,8 @@ import numpy as np
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Vector3
 from sim.errors import SceneError
-from sim.types import STOREY_GAP, GridSpec
+from sim.types import GridSpec
+from sim.walk.storeys import same_storey
 
 from ..encoders.protocol import TextEncoder
 from ..types import FeatureMap, map_from_cells
@@ -94,7 +95,7 @@ def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
             f"{GRID_CELLS - 1} x {GRID_CELLS - 1} m, the size of an oracle map. Leave the scene out with --scene."
         )
     # the release lists points of other storeys too
-    stands = tuple((label, at) for floor_y, label, at in seen_from if abs(at[1] - floor_y) < STOREY_GAP)
+    stands = tuple((label, at) for floor_y, label, at in seen_from if same_storey(at[1], floor_y))
     return OracleHome(scene, grid, (float(middle[0]), float(middle[1])), objects, stands)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim.errors import AgentError
 from sim.types import CAMERA_HEIGHT, STOREY_GAP
-from sim.walk.storeys import storey_levels
+from sim.walk.storeys import same_storey, storey_levels
 
 from ..posed_frames import PosedFrame
 from .home_map import OccupancyGrid
@@ -108,7 +108,7 @@ class Storeys:
         return float(frame.T_map_camera[1, 3]) - self._mount_height
 
     def _is_near_known(self, feet: float) -> bool:
-        return any(abs(feet - floor) < STOREY_GAP for floor in self.floors)
+        return any(same_storey(feet, floor) for floor in self.floors)
 
     def _opens_storey(self) -> bool:
         """Whether the newest held frames are on a level of their own, which is then a new storey."""
@@ -170,7 +170,7 @@ def floors_of_frames(frames: Sequence[PosedFrame], *, mount_height: float | None
     for level in levels:
         near = [frame for frame, eye in zip(frames, eyes, strict=True) if abs(eye - level) < STOREY_GAP / 2]
         floor = level - _drop_below(near)
-        if not floors or floor - floors[-1] >= STOREY_GAP:
+        if not floors or not same_storey(floor, floors[-1]):
             floors.append(floor)
     return tuple(floors)
 

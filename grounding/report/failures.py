@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode, Goal, Vector3
-from sim.tasks.rules import SUCCESS_RADIUS, storey_of
+from sim.tasks.rules import SUCCESS_RADIUS
 from sim.tasks.run_files import Answer
+from sim.walk.storeys import storey_of
 
 from ..maps.home_map import ObjectMap
 from ..types import TIE

@@ -10,8 +10,8 @@ from personal_viz.study_app.home.scene_view import StoreyCopies
 from sim.frames import T_world_camera
 from sim.mesh import Scene, SceneObject
 from sim.render.renderer import Renderer
-from sim.tasks.rules import storey_of
 from sim.types import Camera, Pose
+from sim.walk.storeys import storey_of
 
 KEPT = 4
 """Homes that stay in memory; a scan takes some hundred megabytes."""

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from sim.frames import forward_from_yaw
-from sim.types import STOREY_GAP, Pose
+from sim.types import Pose
+from sim.walk.storeys import same_storey
 
 Array = NDArray[np.float32]
 _EDGES = np.array([(a, b) for a in range(8) for b in range(8) if a < b and (a ^ b) in (1, 2, 4)])
@@ -62,4 +63,4 @@ def thinned(points: NDArray[np.floating], cell: float) -> NDArray[np.floating]:
 
 
 def _near_floor(heights: NDArray[np.floating], floor_y: float) -> NDArray[np.bool_]:
-    return np.abs(heights - floor_y) < STOREY_GAP
+    return same_storey(heights, floor_y)

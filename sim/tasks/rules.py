@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode, Goal, Vector3, ViewPoint
 from sim.types import STOREY_GAP, SUCCESS_RULES, Pose, SuccessRule
-from sim.walk.navigation_map import NavigationMap, storey_clusters
+from sim.walk.navigation_map import NavigationMap
+from sim.walk.storeys import same_storey, storey_clusters, storey_of
 
 from .run_files import AnswerMeasures, Measures, RuleMeasures
 
@@ -28,8 +29,6 @@ HABITAT_DISTANCE = 0.1
 """Strict upper bound of ObjectNav-HM3D's success_distance, metres."""
 AUTHORS_DISTANCE = 0.2
 """Planar metres to a listed view point in the authors' result reader."""
-BELOW_FLOOR = 0.3
-"""A point this far below a storey's lowest floor still belongs to it (floors are noisy), metres."""
 
 
 def score_run(
@@ -92,12 +91,7 @@ def scene_storeys(goals: Iterable[Goal]) -> list[tuple[float, float]]:
     """(lowest, highest) floor of each storey of a scene, ascending, from the heights of its view points."""
     listed = [goal for goal in goals if goal.view_points]
     heights = [point.agent_state.position[1] for goal in listed for point in goal.original_view_points]
-    return storey_clusters(np.array(heights or [goal.floor_y for goal in listed]), gap=STOREY_GAP)
-
-
-def storey_of(y: float, storeys: Sequence[tuple[float, float]]) -> int:
-    """Index of the storey that a point at height `y` belongs to: the highest whose floor is not above it."""
-    return max((index for index, (low, _) in enumerate(storeys) if y >= low - BELOW_FLOOR), default=0)
+    return storey_clusters(np.array(heights or [goal.floor_y for goal in listed]))
 
 
 def success_radius(target: Goal, *, rule: SuccessRule = "paper") -> float:
@@ -110,9 +104,7 @@ def success_radius(target: Goal, *, rule: SuccessRule = "paper") -> float:
 def storey_view_points(target: Goal) -> tuple[ViewPoint, ...]:
     """Original view points on the target's storey: all that `paper` and `habitat` use."""
     return tuple(
-        point
-        for point in target.original_view_points
-        if abs(point.agent_state.position[1] - target.floor_y) < STOREY_GAP
+        point for point in target.original_view_points if same_storey(point.agent_state.position[1], target.floor_y)
     )
 
 
@@ -120,7 +112,7 @@ def reaches_target(
     position: Sequence[float] | NDArray[np.float64], target: Goal, *, rule: SuccessRule = "paper"
 ) -> bool:
     """Whether a robot here is close enough for rule `paper` or `paper-strict`; the boundary counts."""
-    on_storey = abs(position[1] - target.floor_y) < STOREY_GAP
+    on_storey = same_storey(position[1], target.floor_y)
     return on_storey and _planar(position, target.position) <= success_radius(target, rule=rule)
 
 

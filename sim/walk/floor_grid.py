@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from sim.errors import SceneError
-from sim.types import AGENT_HEIGHT, AGENT_RADIUS, STOREY_GAP, GridSpec
+from sim.types import AGENT_HEIGHT, AGENT_RADIUS, GridSpec
 
 from .grid_field import Field, lengths_to_goals, path_to_goal, spread
 from .grid_kernels import INSET, Cells, linked_layers, nearest_node, snap_all, with_diagonals
 from .height_field import standing_places
 from .navigation_map import Points, StepResult, TopDown
 from .steps import STOP_MARGIN, end_of_walk, has_collided
-from .storeys import connected_parts, storey_levels
+from .storeys import same_storey, storey_levels
 
 if TYPE_CHECKING:
     from sim.mesh import TriangleMesh
@@ -74,7 +76,7 @@ class FloorGrid:
         self.digest = digest
         self.node_y = cells.h * grid.cell
         """(N,) floor height of each node, metres."""
-        self.islands = connected_parts(cells.links)
+        self.islands = _connected_parts(cells.links)
         """(N,) number of the connected part each node is on."""
         self.storey_heights: tuple[float, ...] = storey_levels(self.node_y, self.islands, covered)
         self._fields: tuple[tuple[bytes, Field], ...] = ()
@@ -251,7 +253,7 @@ class FloorGrid:
         return TopDown(free, self.grid, float(storey_y))
 
     def _on_storey(self, storey_y: float) -> NDArray[np.bool_]:
-        return np.abs(self.node_y - storey_y) < STOREY_GAP
+        return same_storey(self.node_y, storey_y)
 
     def _grid_units(self, points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """(u, h, v) of world points (M, 3)."""
@@ -328,6 +330,14 @@ def first_of_columns(row: NDArray[np.int32], col: NDArray[np.int32], rows: int, 
     """(rows * cols + 1,) index of the first node of each column, for nodes sorted by column."""
     counts = np.bincount(row.astype(np.int64) * cols + col, minlength=rows * cols)
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+
+
+def _connected_parts(links: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(N,) connected part of each node."""
+    count = len(links)
+    node, side = np.nonzero(links[:, :4] >= 0)
+    pairs = coo_matrix((np.ones(len(node), bool), (node, links[node, side])), shape=(count, count))
+    return connected_components(pairs, directed=False)[1]
 
 
 def _check_cells(rc: NDArray[np.int64], y: NDArray[np.float64], grid: GridSpec, max_climb: float) -> None:

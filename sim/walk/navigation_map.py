@@ -71,13 +71,3 @@ class NavigationMap(Protocol):
     def top_down(self, storey_y: float) -> TopDown:
         """Free space of the storey at this height."""
         ...
-
-
-def storey_clusters(heights: NDArray[np.floating], *, gap: float) -> list[tuple[float, float]]:
-    """(lowest, highest) of each group of heights (N,) whose sorted neighbours are less than `gap` apart, ascending."""
-    ordered = np.sort(np.asarray(heights, float))
-    if not len(ordered):
-        return []
-    breaks = np.flatnonzero(np.diff(ordered) >= gap)
-    firsts, lasts = np.append(0, breaks + 1), np.append(breaks, len(ordered) - 1)
-    return [(float(ordered[a]), float(ordered[b])) for a, b in zip(firsts, lasts, strict=True)]

@@ -20,7 +20,7 @@ from .navmesh_places import MAX_SPAN, cells_of, covered_cells, places_near, rand
 from .navmesh_polygons import island_radii, polygons_from_data, triangle_areas
 from .navmesh_search import wall_distance
 from .navmesh_steps import step
-from .storeys import storey_levels
+from .storeys import same_storey, storey_levels
 
 if TYPE_CHECKING:
     from sim.mesh import TriangleMesh
@@ -174,7 +174,7 @@ class NavMesh:
     def top_down(self, storey_y: float) -> TopDown:
         """Free space of the storey at this height: 5 cm cells less than STOREY_GAP above or below it."""
         free = np.zeros(self._cells.grid.shape, bool)
-        on_storey = np.abs(self._cells.y - storey_y) < STOREY_GAP
+        on_storey = same_storey(self._cells.y, storey_y)
         free[self._cells.row[on_storey], self._cells.col[on_storey]] = True
         return TopDown(free, self._cells.grid, float(storey_y))
 

@@ -1,24 +1,49 @@
-"""Which parts of a floor grid hang together, and at which heights its storeys lie."""
+"""What a storey is: heights that belong to one, which one a point is on, and where a home's storeys lie."""
+
+from collections.abc import Sequence
+from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from numpy.typing import ArrayLike, NDArray
 
 from sim.types import STOREY_GAP
 
+BELOW_FLOOR = 0.3
+"""A point this far below a storey's lowest floor still belongs to it (floors are noisy), metres."""
 _MIN_SHARE = 0.1
 """Islands and levels smaller than this share of the largest are no storeys (table tops, landings)."""
 _MIN_COVERED = 0.1
 """An island with less than this share of ceiling over it, while others have one, is a roof and no storey."""
 
 
-def connected_parts(links: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(N,) connected part of each node."""
-    count = len(links)
-    node, side = np.nonzero(links[:, :4] >= 0)
-    pairs = coo_matrix((np.ones(len(node), bool), (node, links[node, side])), shape=(count, count))
-    return connected_components(pairs, directed=False)[1]
+@overload
+def same_storey(y: float, other_y: float) -> bool: ...
+@overload
+def same_storey(y: NDArray[np.floating], other_y: float | NDArray[np.floating]) -> NDArray[np.bool_]: ...
+def same_storey(y, other_y):
+    """Whether floors, or robots' feet, at these heights (...) lie on one storey: less than STOREY_GAP apart."""
+    return abs(y - other_y) < STOREY_GAP
+
+
+def nearest_storey(y: ArrayLike, floors: Sequence[float]) -> NDArray[np.int64]:
+    """Index (...) of the storey whose floor is nearest to each height (...); the first where two are."""
+    return np.abs(np.subtract.outer(y, floors)).argmin(axis=-1)
+
+
+def storey_of(y: float, storeys: Sequence[tuple[float, float]]) -> int:
+    """Index of the storey (lowest, highest floor) that anything at height `y` belongs to, things on shelves included:
+    the highest whose floor is not above it."""
+    return max((index for index, (low, _) in enumerate(storeys) if y >= low - BELOW_FLOOR), default=0)
+
+
+def storey_clusters(heights: NDArray[np.floating]) -> list[tuple[float, float]]:
+    """(lowest, highest) of each group of heights (N,) whose sorted neighbours are on one storey, ascending."""
+    ordered = np.sort(np.asarray(heights, float))
+    if not len(ordered):
+        return []
+    breaks = np.flatnonzero(~same_storey(ordered[1:], ordered[:-1]))
+    firsts, lasts = np.append(0, breaks + 1), np.append(breaks, len(ordered) - 1)
+    return [(float(ordered[a]), float(ordered[b])) for a, b in zip(firsts, lasts, strict=True)]
 
 
 def storey_levels(
@@ -47,5 +72,5 @@ def storey_levels(
             break
         largest = largest or len(near)
         levels.append(float(np.median(near)))
-        left = left[np.abs(left - levels[-1]) >= STOREY_GAP]
+        left = left[~same_storey(left, levels[-1])]
     return tuple(sorted(levels))

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from sim.frames import yaw_towards
 from sim.mesh import SceneObject, TriangleMesh
-from sim.types import STOREY_GAP, TURN_STEP, Camera
+from sim.types import TURN_STEP, Camera
 
 from ..render.renderer import Renderer
 from .navigation_map import NavigationMap, Points
 from .object_surface import object_ids_at, object_surface
+from .storeys import same_storey
 
 RADIUS = 1.0
 """Planar metres from the object's centre (paper: success within 1.0 m)."""
@@ -130,7 +131,7 @@ def _on_storey(
     """(K,) which places belong to a storey and to its floor: steps and platforms do, table tops do not."""
     off = np.abs(around[:, 1] - floor_y)
     is_level = off <= _LEVEL
-    on_storey = off < STOREY_GAP
+    on_storey = same_storey(around[:, 1], floor_y)
     others = np.flatnonzero(on_storey & ~is_level)
     level = navigation.points_within(np.array([[centre[0], floor_y, centre[2]]]), _LEVEL_REACH, max_dy=_LEVEL)
     if len(others) and len(level):

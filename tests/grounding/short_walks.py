@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grounding.agents.exploration_files import save_exploration
+from grounding.agents.exploration import save_exploration
 from grounding.agents.explore import explore, start_on_storey
 from grounding.agents.explored_storeys import exploration_name
 from sim.episodes.dataset import PersonalDataset

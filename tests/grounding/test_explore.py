@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from grounding.agents.coverage import VisibleFloor
-from grounding.agents.exploration_files import load_exploration, save_exploration
+from grounding.agents.exploration import load_exploration, save_exploration
 from grounding.agents.explore import TASK, Exploration, explore, frames_of, start_on_storey
 from grounding.agents.frontier import FrontierExplorer, FrontierSettings
 from grounding.agents.random_frontier import random_frontier

@@ -1,12 +1,11 @@
 """Stored explorations: which of them are read again, and which are refused."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from grounding.agents import exploration_jobs as jobs
-from grounding.agents.exploration_files import load_exploration, save_exploration
+from grounding.agents.exploration import load_exploration, save_exploration
 from grounding.agents.exploration_jobs import ExploreJob, run_job
 from sim.errors import RunFileError
 from sim.types import Camera
@@ -54,7 +53,7 @@ def test_one_of_more_steps_is_no_result_of_fewer(tmp_path: Path) -> None:
 def test_one_that_ended_of_itself_is_the_result_of_more_steps_too(tmp_path: Path) -> None:
     run_job(job(tmp_path, 12))
     (path,) = tmp_path.glob("*.json")
-    ended = replace(load_exploration(path), stop_reason="no-frontier")
+    ended = load_exploration(path).model_copy(update={"stop_reason": "no-frontier"})
     save_exploration(path, ended)
     assert run_job(job(tmp_path, 2500)) == (ended,)
     assert run_job(job(tmp_path, 12)) == (ended,)

@@ -23,7 +23,7 @@ READERS = {
     "npz": "from sim.exchange.pose_readers import read_npz_table as read",
     "json": "from sim.exchange.pose_readers import read_json_tables; read = lambda path: list(read_json_tables(path))",
     "map": "from grounding.maps.files import load_memory as read",
-    "exploration": "from grounding.agents.exploration_files import load_exploration as read",
+    "exploration": "from grounding.agents.exploration import load_exploration as read",
     "run": "from sim.tasks.run_files import read_run as read",
     "recording": "from recordings.read import read_recorded as read",
 }

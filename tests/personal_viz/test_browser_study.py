@@ -20,9 +20,10 @@ from sim.homes.open_home import open_scene
 from sim.mesh import Scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
-from sim.tasks.rules import scene_storeys, storey_of
+from sim.tasks.rules import scene_storeys
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import PAPER4, Action, EpisodeKey
+from sim.walk.storeys import storey_of
 
 from .flow_steps import HOLD_MS
 from .flow_studies import PlannedStudy

@@ -11,7 +11,7 @@ from typing import get_type_hints
 import pytest
 
 from grounding.agents import exploration_jobs as jobs_module
-from grounding.agents.exploration_files import load_exploration
+from grounding.agents.exploration import load_exploration
 from grounding.agents.explore import EXPLORER_VERSION
 from personal_viz.__main__ import main
 from personal_viz.cli.grounding.explore import Explore

@@ -1,11 +1,10 @@
 """`personal-viz show-exploration`: a stored walk done again in its home, and what is refused."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from grounding.agents.exploration_files import load_exploration, save_exploration
+from grounding.agents.exploration import load_exploration, save_exploration
 from grounding.agents.explore import Exploration, explore, start_on_storey
 from personal_viz.cli.grounding import same_home
 from personal_viz.cli.grounding.show_exploration import ShowExploration
@@ -65,7 +64,7 @@ def test_another_version_of_the_home_and_other_files_are_refused(
     exploration: Exploration, scene: Scene, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
-    save_exploration(tmp_path / "b.json", replace(exploration, scene_digest="f" * 64))
+    save_exploration(tmp_path / "b.json", exploration.model_copy(update={"scene_digest": "f" * 64}))
     with pytest.raises(RecordingError, match="expected the same version of the home"):
         ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.rrd").work()
     with pytest.raises(RecordingError, match=r"ends in \.rrd"):
@@ -80,7 +79,7 @@ def test_an_invented_home_is_made_again_from_its_name(tmp_path: Path, capsys: py
     assert parse(["show-exploration", str(file), "--out", str(tmp_path / "a.rrd")]).work() == 0
     assert len(tables(tmp_path / "a.rrd")[("/runs/frontier/camera", False)]["EncodedImage:blob"]) == 5
     assert "4 steps in" in capsys.readouterr().out
-    other = replace(load_exploration(file), scene_digest="f" * 64)
+    other = load_exploration(file).model_copy(update={"scene_digest": "f" * 64})
     save_exploration(tmp_path / "other.json", other)
     with pytest.raises(RecordingError, match=r"the home invented now has .*Give its --dataset, or explore it again"):
         ShowExploration(file=tmp_path / "other.json", out=tmp_path / "b.rrd").work()

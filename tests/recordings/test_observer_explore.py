@@ -137,7 +137,7 @@ def test_an_explorer_that_chooses_otherwise_is_left_out_from_there(
             self.left -= 1
             return exploration.steps[9 - self.left].action if self.left > 5 else None
 
-    short = replace(exploration, steps=exploration.steps[:8], coverage=exploration.coverage[:9])
+    short = exploration.model_copy(update={"steps": exploration.steps[:8], "coverage": exploration.coverage[:9]})
     same = replay_exploration(short, observer(home, out), scene=home, renderer=renderer, agent=Lefty())  # type: ignore[arg-type]
     assert same == 4
     read = tables(out)
@@ -173,7 +173,7 @@ def test_a_recording_that_fails_ends_the_showing_and_not_the_walk(tmp_path: Path
 
 
 def test_figures_name_doors_and_rooms_where_the_home_has_a_plan(live: tuple[Path, Exploration]) -> None:
-    planned = replace(live[1], doors_passed=1, num_doors=2, rooms_missed=("attic",))
+    planned = live[1].model_copy(update={"doors_passed": 1, "num_doors": 2, "rooms_missed": ("attic",)})
     figures = dict(exploration_figures(planned))
     assert figures["doors passed"] == "1 of 2"
     assert figures["rooms neither entered nor seen"] == "attic"

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from sim.tasks.rules import scene_storeys, score_answer, score_run, storey_of, success_region
+from sim.tasks.rules import scene_storeys, score_answer, score_run, success_region
 from sim.types import SUCCESS_RULES, Pose, SuccessRule
+from sim.walk.storeys import storey_of
 
 from .worlds import episode, goal, open_room, room_with, view_point
 

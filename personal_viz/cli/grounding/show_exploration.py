@@ -25,7 +25,7 @@ class ShowExploration:
     open: OpenIt = False
 
     def work(self) -> int:
-        from grounding.agents.exploration_files import load_exploration
+        from grounding.agents.exploration import load_exploration
         from recordings.live import LiveSink
         from recordings.observer_explore import ExplorationObserver
         from recordings.replay_exploration import EXPLORER, explorer_of, replay_exploration

@@ -1,73 +1,66 @@
-"""Explorations on disk: one JSON file each, enough to show them and to make their pictures and maps again."""
+"""An exploration of one storey, as a value and as a JSON file: enough to show it, and to make its pictures again."""
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from sim.episodes.schema import Vector3
 from sim.errors import RunFileError, line_from_validation_error
 from sim.files import bounded_json, write_whole
 from sim.tasks.run_files import Step
 from sim.types import Camera, Pose, SceneKind
 
-from .explore import Exploration
 from .frontier import StopReason
 
-SCHEMA_VERSION = 1
-Finite = Annotated[float, AllowInfNan(False)]
 Share = Annotated[float, Field(ge=0, le=1)]
-_MODEL = ConfigDict(frozen=True, extra="forbid")
 _ADVICE = "Explore the home again with personal-viz explore."
 
 
-class CameraFile(BaseModel):
-    """As `sim.types.Camera`."""
-
-    model_config = _MODEL
-    width: int = Field(ge=1)
-    height: int = Field(ge=1)
-    hfov_deg: float = Field(gt=0, lt=180)
-    mount_height: Finite
+def _with_a_picture(camera: Camera) -> Camera:
+    if min(camera.width, camera.height) < 1 or not 0 < camera.hfov_deg < 180:
+        raise ValueError("a camera has at least one pixel and sees less than 180 degrees")
+    return camera
 
 
-class StartFile(BaseModel):
-    """As `sim.types.Pose`."""
+class Exploration(BaseModel):
+    """One exploration."""
 
-    model_config = _MODEL
-    position: Vector3
-    yaw: Finite
-    tilt: Finite = 0.0
-
-
-class ExplorationFile(BaseModel):
-    """As `Exploration`."""
-
-    model_config = _MODEL
-    schema_version: Literal[1] = SCHEMA_VERSION
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    schema_version: Literal[1] = 1
     scene: str
     scene_kind: SceneKind
     scene_digest: str
     seed: int = Field(ge=0)
-    camera: CameraFile
-    start: StartFile
-    storey_y: Finite
+    camera: Annotated[Camera, AfterValidator(_with_a_picture)]
+    """With which the agent looked."""
+    start: Pose
+    storey_y: float
+    """Typical height of the start's storey, metres."""
     steps: tuple[Step, ...]
+    """Every action and where it led; the last is STOP unless the steps ran out."""
     stop_reason: StopReason
     coverage: tuple[Share, ...]
+    """(len(steps) + 1,) share of the visible floor seen at the start and after each step."""
     area_m2: float = Field(ge=0)
+    """Of the floor that an ideal sensor could see."""
     doors_passed: int | None = None
     num_doors: int | None = None
     rooms_missed: tuple[str, ...] | None = None
+    """Rooms neither entered nor seen; these three are None for homes without a plan."""
     policy: str = ""
+    """Version of the explorer that chose the way (`EXPLORER_VERSION`)."""
 
     @model_validator(mode="after")
-    def _coverage_of_every_step(self) -> "ExplorationFile":
+    def _coverage_of_every_step(self) -> Self:
         """There is one share for the start and one for each step."""
         if len(self.coverage) != len(self.steps) + 1:
             raise ValueError(f"coverage has {len(self.coverage)} values; expected {len(self.steps) + 1}")
         return self
+
+    @property
+    def poses(self) -> tuple[Pose, ...]:
+        """The start and the pose after each step, world frame."""
+        return (self.start, *(step.pose for step in self.steps))
 
 
 def save_exploration(path: Path, exploration: Exploration) -> None:
@@ -76,11 +69,8 @@ def save_exploration(path: Path, exploration: Exploration) -> None:
     Raises:
         RunFileError: The file cannot be written.
     """
-    fields = {name: getattr(exploration, name) for name in ExplorationFile.model_fields if name != "schema_version"}
-    places = {"camera": asdict(exploration.camera), "start": asdict(exploration.start)}
-    found = ExplorationFile.model_validate(fields | places)
     try:
-        write_whole(path, found.model_dump_json() + "\n")
+        write_whole(path, exploration.model_dump_json() + "\n")
     except OSError as error:
         raise RunFileError(
             f"{path}: cannot be written ({error}); expected a place for a file. Give a folder that you can write."
@@ -98,10 +88,6 @@ def load_exploration(path: Path) -> Exploration:
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read ({error}); expected an exploration. {_ADVICE}") from None
     try:
-        found = ExplorationFile.model_validate_json(content)
+        return Exploration.model_validate_json(content)
     except ValidationError as error:
         raise RunFileError(line_from_validation_error(path, error, advice=_ADVICE)) from None
-    fields = {name: getattr(found, name) for name in ExplorationFile.model_fields if name != "schema_version"}
-    fields["camera"] = Camera(**found.camera.model_dump())
-    fields["start"] = Pose(**found.start.model_dump())
-    return Exploration(**fields)
