@@ -11,19 +11,19 @@ if TYPE_CHECKING:
     from .agents.explore import explore as explore
     from .checks import check_encoder as check_encoder
     from .encoders.protocol import TextEncoder as Encoder
-    from .free_text import ground as ground
-    from .home_maps import build_map as build_map
+    from .evaluation.home_maps import build_map as build_map
     from .maps.home_map import HomeMemory as Map
+    from .methods.free_text import ground as ground
     from .phrases.sources import PhraseSource as Phrases
 
 _PLACES = {
     "Encoder": ("grounding.encoders.protocol", "TextEncoder"),
     "Map": ("grounding.maps.home_map", "HomeMemory"),
     "Phrases": ("grounding.phrases.sources", "PhraseSource"),
-    "build_map": ("grounding.home_maps", "build_map"),
+    "build_map": ("grounding.evaluation.home_maps", "build_map"),
     "check_encoder": ("grounding.checks", "check_encoder"),
     "explore": ("grounding.agents.explore", "explore"),
-    "ground": ("grounding.free_text", "ground"),
+    "ground": ("grounding.methods.free_text", "ground"),
 }
 """Module of each public name, and what it is called there."""
 __all__ = [

@@ -18,16 +18,16 @@ ALLOWED = {
 }
 ROOMS = {
     "sim": """
-        public_names types errors files cache compiled frames walk.navigation_map mesh
+        public_names types errors extras files cache compiled frames walk.navigation_map mesh
         words render walk episodes scans
         homes.cells homes.plan_versions homes.plan homes.kind homes.furniture homes.building homes.house homes.portrait
         homes.invented homes.clutter homes.recovered homes
         copies authoring tasks exchange checks
     """,
     "grounding": """
-        types extras posed_frames
+        types
         encoders.protocol encoders phrases perception.segments perception.paraphrase maps perception encoders.by_name
-        methods agents robot settings oracle_source home_maps evaluate free_text report checks
+        methods agents robot evaluation report checks
     """,
     "human_study": "private_files tickets design trial store.stages journey store texts export report",
     "personal_viz": """

@@ -17,7 +17,7 @@ from sim.walk.navigation_map import NavigationMap
 from sim.walk.storeys import nearest_storey
 
 from ..maps.occupancy import MAX_DEPTH, OccupancyMapper
-from ..posed_frames import Intrinsics
+from ..types import Intrinsics
 
 FLOOR_BAND = 0.3
 """Floor so near to the storey's typical height counts, metres: recorded heights lie up to 0.2 above the floor, and a

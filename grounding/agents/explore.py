@@ -20,7 +20,7 @@ from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Step
 from sim.types import PAPER6, Action, Camera, Pose, Task
 
-from ..posed_frames import Intrinsics, PosedFrame
+from ..types import Intrinsics, PosedFrame
 from .coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
 from .exploration import Exploration as Exploration
 from .frontier import MAX_STEPS, FrontierExplorer, FrontierSettings

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from grounding.maps.occupancy import OccupancyMapper
-from grounding.posed_frames import Intrinsics
+from grounding.types import Intrinsics
 from sim.errors import AgentError
 from sim.frames import forward_from_yaw
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN

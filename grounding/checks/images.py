@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.errors import AgentError
 
 from ..encoders.protocol import DenseEncoder, TextImageEncoder
-from ..posed_frames import Intrinsics, PosedFrame
+from ..types import Intrinsics, PosedFrame
 from .answers import check_encoder
 
 _TOLERANCE = 1e-3

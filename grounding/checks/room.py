@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.frames import T_world_camera
 from sim.types import Camera, Pose
 
-from ..posed_frames import Intrinsics, PosedFrame
+from ..types import Intrinsics, PosedFrame
 
 CAMERA = Camera(width=160, height=120)
 ROOM = ((2.7, 0.0, -9.2), (8.1, 2.5, -3.6))

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 from .pretrained import load_pretrained
 from .protocol import ModelOptions
 

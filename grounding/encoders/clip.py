@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 from .pretrained import features, load_pretrained
 from .protocol import ModelOptions
 

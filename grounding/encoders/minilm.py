@@ -16,8 +16,8 @@ import torch
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
+from sim.extras import require
 
-from ..extras import require
 from .packed_bert import PackedBert
 from .stored_vectors import StoredTextEncoder
 

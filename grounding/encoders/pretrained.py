@@ -17,9 +17,9 @@ import torch
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
+from sim.extras import require
 
-from ..extras import require
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 from .protocol import ModelOptions
 
 _DIGEST_VALUES = 64

@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 
 EncoderName = str
 """`hashed`, `minilm`, or `clip:`, `siglip:`, `blip2-itc256:`, `blip2-hidden768:` and a model id or a folder; with the

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.errors import AgentError
 
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 from .pretrained import features, load_pretrained
 from .protocol import ModelOptions
 

@@ -13,9 +13,7 @@ from sim.errors import AgentError
 from sim.types import CAMERA_HEIGHT, GridSpec
 
 from ..encoders.protocol import DenseEncoder, TextImageEncoder
-from ..posed_frames import PosedFrame
-from ..types import FeatureMap, map_from_cells
-from .cell_sums import CellSums
+from ..types import FeatureMap, PosedFrame, map_from_cells
 from .home_map import HomeMemory, StoreyMemory
 from .occupancy import MAX_DEPTH
 from .storeys import Storeys, points_at
@@ -28,6 +26,7 @@ FeatureSource = Literal["patches", "images"]
 _EVERY_PIXEL = 8
 """Whole views: only every 8th pixel of every 8th row is asked which cell it shows."""
 _WHOLE = 1e-9
+_FIRST_CELLS = 64
 
 
 class MapBuilder(Protocol):
@@ -196,6 +195,48 @@ class GridMapBuilder:
             centre_xz=centre_xz,
             weights=weights,
         )
+
+
+class CellSums:
+    """Sums of one storey; cells are (row, col) of a lattice whose cell (0, 0) begins at the frame's origin."""
+
+    def __init__(self, dim: int) -> None:
+        """Starts without cells; vectors have E = `dim` numbers."""
+        self._place: dict[tuple[int, int], int] = {}
+        self._sums = np.zeros((_FIRST_CELLS, dim))
+        self._weights = np.zeros(_FIRST_CELLS)
+
+    def __len__(self) -> int:
+        """The number of touched cells."""
+        return len(self._place)
+
+    def add(self, rc: NDArray[np.integer], vectors: NDArray[np.floating], weights: NDArray[np.floating]) -> None:
+        """Adds `weights` (N,) times `vectors` (N, E) to the cells `rc` (N, 2), in which cells may repeat."""
+        if not len(rc):
+            return
+        cells, inverse = np.unique(rc, axis=0, return_inverse=True)
+        inverse = inverse.reshape(-1)
+        order = np.argsort(inverse, kind="stable")
+        firsts = np.searchsorted(inverse[order], np.arange(len(cells)))
+        weighted = vectors[order] * weights[order, None].astype(vectors.dtype)
+        parts = np.add.reduceat(weighted, firsts, axis=0)
+        places = [self._place.setdefault((row, col), len(self._place)) for row, col in cells.tolist()]
+        self._grow()
+        self._sums[places] += parts
+        self._weights[places] += np.bincount(inverse, weights, len(cells))
+
+    def cells(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """(M, 2) cells, (M, E) sums and (M,) sums of weights, in the order in which the cells were first touched."""
+        count = len(self._place)
+        rc = np.array(list(self._place), np.int64).reshape(-1, 2)
+        return rc, self._sums[:count].copy(), self._weights[:count].copy()
+
+    def _grow(self) -> None:
+        missing = len(self._place) - len(self._weights)
+        if missing > 0:
+            more = max(missing, len(self._weights))
+            self._sums = np.concatenate([self._sums, np.zeros((more, self._sums.shape[1]))])
+            self._weights = np.concatenate([self._weights, np.zeros(more)])
 
 
 def encoded_patches(encoder: DenseEncoder, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:

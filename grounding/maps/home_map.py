@@ -4,6 +4,7 @@ Map builders make a `HomeMemory`, map files hold it, grounders get one storey's 
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +82,38 @@ class ObjectMap:
 
 Memory = FeatureMap | ObjectMap
 """The maps that a grounder may get; each grounder says which kind it takes."""
+
+
+MemoryKind = Literal["grid", "objects"]
+"""`FeatureMap` or `ObjectMap`."""
+
+
+def require_grid(memory: Memory, grounder: str) -> FeatureMap:
+    """The memory, which must be a grid map.
+
+    Raises:
+        AgentError: It is a map of objects.
+    """
+    if not isinstance(memory, FeatureMap):
+        raise AgentError(
+            f"grounder {grounder!r}: got a map of {len(memory.objects)} objects; expected a grid map. "
+            'Use "object-phrase" or "object-dual", or build a grid map.'
+        )
+    return memory
+
+
+def require_objects(memory: Memory, grounder: str) -> ObjectMap:
+    """The memory, which must be a map of objects.
+
+    Raises:
+        AgentError: It is a grid map.
+    """
+    if not isinstance(memory, ObjectMap):
+        raise AgentError(
+            f"grounder {grounder!r}: got a grid map of {len(memory.rows)} cells; expected a map of objects. "
+            'Use "dual" or "joint", or build a map of objects.'
+        )
+    return memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from sim.types import CAMERA_HEIGHT
 
 from ..encoders.protocol import DenseEncoder
 from ..perception.segments import Segmenter
-from ..posed_frames import Intrinsics, PosedFrame
+from ..types import Intrinsics, PosedFrame
 from .grid_map import encoded_patches
 from .home_map import HomeMemory, ObjectInstance, ObjectMap, StoreyMemory
 from .occupancy import MAX_DEPTH

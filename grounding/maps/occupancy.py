@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, GridSpec
 
-from ..posed_frames import Intrinsics
+from ..types import Intrinsics
 from .occupancy_kernels import mark, vote
 
 SIZE, CELL = 50.0, 0.05

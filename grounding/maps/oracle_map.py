@@ -12,10 +12,12 @@ import numpy as np
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Vector3
 from sim.errors import SceneError
+from sim.mesh import Scene
 from sim.types import GridSpec
 from sim.walk.storeys import same_storey
 
 from ..encoders.protocol import TextEncoder
+from ..perception.paraphrase import ParaphraseLevel, paraphrase
 from ..types import FeatureMap, map_from_cells
 
 GRID_CELLS = 50
@@ -148,3 +150,27 @@ def storey_objects(home: OracleHome, floor_id: str | None) -> list[int]:
 def lower_median(heights: np.ndarray) -> float:
     """The lower median of the heights, so that it is one of them: the mean of two storeys would be on neither."""
     return float(np.sort(heights)[(len(heights) - 1) // 2])
+
+
+def object_texts(
+    dataset: PersonalDataset, scene: Scene, *, level: ParaphraseLevel = 0, seed: int = 0
+) -> dict[int, str]:
+    """Instance id to text: the caption of an episode that targets the object, else its category.
+
+    This is ground truth: it enters a map only through `oracle_perception.OraclePerception`, and the map says so.
+
+    Args:
+        dataset: The scene's episodes.
+        scene: Holds the objects; furniture that is in no episode (clutter) gets its category too.
+        level: How far the captions are from the annotators' words; see `paraphrase`.
+        seed: Seed of the paraphrases.
+
+    Raises:
+        DatasetError: The scene is unknown or a file is damaged.
+        SceneError: The home does not fit an oracle map.
+    """
+    captions = {item.name: item.text for item in oracle_home(dataset, scene.name).objects}
+    return {
+        item.instance_id: paraphrase(captions.get(item.name, item.category), item.category, level=level, seed=seed)
+        for item in scene.objects
+    }

@@ -12,7 +12,7 @@ from sim.errors import AgentError
 from sim.types import CAMERA_HEIGHT, STOREY_GAP
 from sim.walk.storeys import same_storey, storey_levels
 
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 from .home_map import OccupancyGrid
 from .occupancy import MAX_DEPTH, OccupancyMapper
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..posed_frames import Intrinsics, PosedFrame
+from ..types import Intrinsics, PosedFrame
 from .storeys import points_at
 
 NEAR = 0.1

@@ -10,8 +10,7 @@ from sim.episodes.schema import Vector3
 from sim.types import Task
 
 from ..encoders.protocol import TextEncoder
-from ..maps.home_map import Memory
-from ..maps.kinds import MemoryKind, require_grid
+from ..maps.home_map import Memory, MemoryKind, require_grid
 from ..types import TIE, Candidate, FeatureMap, Grounding, Layers
 
 NUM_CANDIDATES = 3

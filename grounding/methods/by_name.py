@@ -6,8 +6,7 @@ from typing import Literal, Protocol
 from sim.types import Task
 
 from ..encoders.protocol import TextEncoder
-from ..maps.home_map import Memory
-from ..maps.kinds import MemoryKind
+from ..maps.home_map import Memory, MemoryKind
 from ..types import Grounding
 from .baselines import MapCentre, QueryScoring, RandomCell
 from .matching import MATCHERS, PhraseMatcher

@@ -15,8 +15,7 @@ from sim.errors import AgentError
 from sim.types import Task
 
 from ..encoders.protocol import TextEncoder
-from ..maps.home_map import Memory
-from ..maps.kinds import MemoryKind, require_grid
+from ..maps.home_map import Memory, MemoryKind, require_grid
 from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
 from ..types import Candidate, FeatureMap, Grounding, Layers
 from .baselines import NUM_CANDIDATES, QueryScoring, candidates_at, rank_cells

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from sim.types import GridSpec, Task
 
 from ..encoders.protocol import TextEncoder
-from ..maps.home_map import Memory, ObjectMap
-from ..maps.kinds import MemoryKind, require_objects
+from ..maps.home_map import Memory, MemoryKind, ObjectMap, require_objects
 from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
 from ..types import TIE, Candidate, Grounding, Layers
 from .baselines import NUM_CANDIDATES

@@ -19,8 +19,7 @@ from sim.errors import AgentError
 from sim.types import Task
 
 from ..encoders.protocol import TextEncoder
-from ..maps.home_map import Memory
-from ..maps.kinds import MemoryKind, require_grid
+from ..maps.home_map import Memory, MemoryKind, require_grid
 from ..types import TIE, FeatureMap, Grounding, Layers
 from .baselines import candidates_at, rank_cells
 from .rpg_kernels import few_answers, find_peaks, gated_answers, open_cells

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sim.errors import AgentError
 
 from ..encoders.protocol import ORACLE_SUFFIX, TextEncoder
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 
 CLUTTER_TEXTS = (
     "white wall", "brick wall", "wooden floor", "tiled floor", "plaster ceiling", "skirting board", "door frame",

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from ..maps.occupancy import MAX_DEPTH
 from ..maps.storeys import points_at
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 from .segments import Segments
 
 _COLUMNS = 160

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim.errors import AgentError
 
-from ..posed_frames import PosedFrame
+from ..types import PosedFrame
 
 _LEAST_PIXELS = 30
 

@@ -16,9 +16,9 @@ from pydantic import BaseModel, ConfigDict, Field, HttpUrl, ValidationError, fie
 
 from sim.cache import cached_bytes
 from sim.errors import AgentError
+from sim.extras import require
 from sim.types import Task
 
-from ..extras import require
 from .rules import RulePhrases
 
 PROMPT = """You read a paragraph about a home and list who owns what.

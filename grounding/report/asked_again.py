@@ -15,10 +15,10 @@ from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.tasks.run_files import Answer, RunInfo
 
-from ..evaluate import SceneGrounder
-from ..home_maps import MapFolders
+from ..evaluation.evaluate import SceneGrounder
+from ..evaluation.home_maps import MapFolders
+from ..evaluation.settings import GroundSettings
 from ..maps.home_map import Memory
-from ..settings import GroundSettings
 from ..types import Grounding
 
 _SETTINGS = TypeAdapter(GroundSettings)

@@ -13,7 +13,7 @@ from sim.tasks.run_files import Answer, AnswerMeasures, Run, RunInfo
 from sim.types import SPLITS, EpisodeKey
 
 from ..encoders.protocol import ORACLE_SUFFIX
-from ..settings import GroundSettings
+from ..evaluation.settings import GroundSettings
 
 RADII = np.round(np.arange(0.0, 10.01, 0.25), 2)
 """(R,) metres of the curves over distance."""

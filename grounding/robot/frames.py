@@ -16,7 +16,7 @@ from sim.errors import SceneError
 from sim.frames import CameraAxes
 from sim.scans.up_axis import Up
 
-from ..posed_frames import Intrinsics, PosedFrame
+from ..types import Intrinsics, PosedFrame
 from .layout import RobotFiles, find_files, matching, read_intrinsics
 from .poses import BadPose, T_map_camera_of, pose_lines, pose_of_file, up_warning
 

@@ -16,7 +16,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 from sim.errors import SceneError, line_from_validation_error
 from sim.files import bounded_json
 
-from ..posed_frames import Intrinsics
+from ..types import Intrinsics
 from .poses import MAX_APART
 
 _PICTURES = (".jpg", ".jpeg", ".png")

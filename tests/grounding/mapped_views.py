@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from grounding.posed_frames import PosedFrame
+from grounding.types import PosedFrame
 from sim.frames import T_world_glb_zup
 
 PATCH = 10

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from grounding.evaluate import GroundSettings, SceneGrounder, evaluate, open_job, select_jobs
+from grounding.evaluation.evaluate import GroundSettings, SceneGrounder, evaluate, open_job, select_jobs
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.evaluate import GroundSettings, SceneGrounder
+from grounding.evaluation.evaluate import GroundSettings, SceneGrounder
 from personal_viz.cli.grounding.ground import Ground
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, DatasetError, PersonalVizError, RunFileError

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from grounding.evaluate import SceneGrounder
+from grounding.evaluation.evaluate import SceneGrounder
 from personal_viz.cli.verbs import parse
 from sim.episodes.schema import Episode
 from sim.tasks.run_files import Answer
 
 KILLED_AFTER = """
 import os, signal, sys
-from grounding import evaluate
+from grounding.evaluation import evaluate
 from personal_viz.cli.verbs import parse
 from sim.tasks.run_writer import RunWriter
 

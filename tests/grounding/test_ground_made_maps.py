@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from grounding.encoders.by_name import make_encoder
+from grounding.evaluation.settings import GroundSettings
 from grounding.maps.files import MapSource, save_memory
 from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.maps.oracle_map import oracle_home
-from grounding.settings import GroundSettings
 from grounding.types import map_from_cells
 from personal_viz.cli.grounding.ground import Ground
 from sim.episodes.dataset import PersonalDataset

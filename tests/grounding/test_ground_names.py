@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from grounding.settings import GroundSettings
+from grounding.evaluation.settings import GroundSettings
 from personal_viz.__main__ import main
 from personal_viz.cli.grounding.ground import map_name, run_name
 from sim.errors import AgentError

@@ -8,7 +8,7 @@ import pytest
 
 from grounding.checks import check_encoder, check_grounder
 from grounding.encoders.hashed import HashedWords
-from grounding.maps.kinds import MemoryKind
+from grounding.maps.home_map import MemoryKind
 from grounding.methods.baselines import QueryScoring
 from grounding.methods.by_name import GrounderName, make_grounder
 from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions

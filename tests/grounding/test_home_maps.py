@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.evaluate import SceneGrounder
-from grounding.home_maps import MapFolders
+from grounding.evaluation.evaluate import SceneGrounder
+from grounding.evaluation.home_maps import MapFolders
+from grounding.evaluation.settings import GroundSettings
 from grounding.maps.files import load_memory, read_map_header
 from grounding.maps.home_map import ObjectMap
-from grounding.settings import GroundSettings
 from grounding.types import FeatureMap
 from personal_viz.cli.grounding.ground import Ground
 from sim.episodes.dataset import PersonalDataset

@@ -5,8 +5,7 @@ import pytest
 
 from grounding.methods.baselines import QueryScoring
 from grounding.methods.by_name import make_grounder
-from grounding.methods.household_texts import household_texts
-from grounding.methods.joint import JointMatcher, JointOptions, background, contrasted, standard_scores
+from grounding.methods.joint import JointMatcher, JointOptions, background, contrasted, household_texts, standard_scores
 from grounding.types import Grounding
 
 from .toy_maps import ORIGIN, ToyEncoder, asks, toy_map, xz

@@ -12,7 +12,7 @@ from grounding.maps.home_map import HomeMemory, OccupancyGrid
 from grounding.maps.object_map import ObjectMapBuilder
 from grounding.perception.segment_depth import DepthRegions
 from grounding.perception.segments import InstanceIds
-from grounding.posed_frames import PosedFrame
+from grounding.types import PosedFrame
 from sim.errors import AgentError
 from sim.types import GridSpec
 

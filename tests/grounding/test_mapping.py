@@ -6,17 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.maps.cell_sums import CellSums
-from grounding.maps.grid_map import GridMapBuilder
+from grounding.maps.grid_map import CellSums, GridMapBuilder
 from grounding.maps.home_map import HomeMemory, ObjectMap
 from grounding.maps.object_map import ObjectMapBuilder
 from grounding.maps.storeys import floors_of_frames
 from grounding.methods.baselines import MapCentre
 from grounding.perception.segment_depth import DepthRegions
 from grounding.perception.segments import InstanceIds, Segments
-from grounding.posed_frames import Intrinsics, PosedFrame
 from grounding.robot.frames import read_robot_frames
-from grounding.types import FeatureMap
+from grounding.types import FeatureMap, Intrinsics, PosedFrame
 from sim.errors import AgentError
 from sim.frames import T_world_camera
 from sim.homes.invented.invent import invent_plan

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from grounding.maps.occupancy import OccupancyMapper
-from grounding.posed_frames import Intrinsics
+from grounding.types import Intrinsics
 from sim.frames import T_world_camera
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import Camera, Pose

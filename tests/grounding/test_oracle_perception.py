@@ -8,9 +8,9 @@ import pytest
 
 from grounding.checks import check_image_encoder
 from grounding.encoders.hashed import HashedWords
-from grounding.maps.object_texts import object_texts
+from grounding.maps.oracle_map import object_texts
 from grounding.perception.oracle_perception import CLUTTER_TEXTS, OraclePerception, PerceptionOptions, winning_ids
-from grounding.posed_frames import Intrinsics, PosedFrame
+from grounding.types import Intrinsics, PosedFrame
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError
 from sim.mesh import SceneObject

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grounding.evaluate import GroundSettings, SceneGrounder
+from grounding.evaluation.evaluate import GroundSettings, SceneGrounder
 from grounding.report.asked_again import AnswerAgain, AskAgain, settings_of
 from grounding.report.failures import failure_of, reasons
 from grounding.types import Candidate, Grounding, Layers, map_from_cells

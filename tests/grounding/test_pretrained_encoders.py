@@ -16,7 +16,7 @@ from grounding.checks import check_image_encoder
 from grounding.encoders import by_name as encoders
 from grounding.encoders.by_name import make_encoder, make_image_encoder
 from grounding.encoders.protocol import DenseEncoder, ModelOptions
-from grounding.posed_frames import PosedFrame
+from grounding.types import PosedFrame
 from sim.errors import AgentError, MissingDependencyError
 
 from .tiny_models import picture, save_blip2, save_clip, save_siglip, save_siglip_naflex

@@ -12,8 +12,8 @@ from grounding.checks.room import check_views
 from grounding.maps.grid_map import GridMapBuilder
 from grounding.maps.home_map import HomeMemory
 from grounding.maps.storeys import floors_of_frames
-from grounding.posed_frames import PosedFrame
 from grounding.robot.frames import read_robot_frames
+from grounding.types import PosedFrame
 from sim.errors import SceneError
 from sim.frames import R_agent_axes, R_agent_camera
 

@@ -5,7 +5,7 @@ import pytest
 
 from grounding.maps.storeys import Storeys, points_at
 from grounding.maps.view_quality import bearing_weight, distance_weight, patches_of
-from grounding.posed_frames import Intrinsics, PosedFrame
+from grounding.types import Intrinsics, PosedFrame
 from sim.frames import T_world_camera
 from sim.tasks.observers import FREE
 from sim.types import Camera, Pose

@@ -7,7 +7,7 @@ import torch
 import transformers
 from tokenizers import Tokenizer, models, normalizers, pre_tokenizers, processors
 
-from grounding.posed_frames import Intrinsics, PosedFrame
+from grounding.types import Intrinsics, PosedFrame
 
 WORDS = (
     *("a", "red", "wooden", "chair", "beside", "the", "window", "large", "white", "sofa", "oval", "mirror", "with"),

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from grounding.evaluate import evaluate, select_jobs
+from grounding.evaluation.evaluate import evaluate, select_jobs
+from grounding.evaluation.settings import GroundSettings
 from grounding.methods.by_name import GrounderName
-from grounding.settings import GroundSettings
 from personal_viz.cli.grounding.pog_report import PogReport
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset

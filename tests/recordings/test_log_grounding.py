@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from grounding.evaluate import GroundSettings, SceneGrounder
+from grounding.evaluation.evaluate import GroundSettings, SceneGrounder
 from grounding.report.asked_again import settings_of
 from recordings.carpets import on_map
 from recordings.log_grounding import outline, reground

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from grounding.encoders.by_name import make_encoder
-from grounding.evaluate import SceneGrounder
-from grounding.home_maps import MapFolders
+from grounding.evaluation.evaluate import SceneGrounder
+from grounding.evaluation.home_maps import MapFolders
+from grounding.evaluation.settings import GroundSettings
 from grounding.maps.files import MapSource, save_memory
 from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.maps.oracle_map import objects_map, oracle_home
 from grounding.methods.by_name import GrounderName
-from grounding.settings import GroundSettings
 from recordings.log_grounding import reground
 from recordings.traces import select_traces
 from sim.episodes.dataset import PersonalDataset

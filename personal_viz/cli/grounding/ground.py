@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
 
+from grounding.evaluation.settings import MapLayout
 from grounding.methods.by_name import GrounderName
-from grounding.settings import MapLayout
 from sim.errors import AgentError, PersonalVizError
 from sim.types import SPLITS
 
@@ -34,9 +34,9 @@ from ..options import (
 
 if TYPE_CHECKING:
     from grounding.encoders.protocol import ModelOptions
-    from grounding.evaluate import GroundJob
+    from grounding.evaluation.evaluate import GroundJob
+    from grounding.evaluation.settings import GroundSettings
     from grounding.methods.by_name import Grounder
-    from grounding.settings import GroundSettings
     from sim.episodes.dataset import PersonalDataset
     from sim.tasks.run_files import RunInfo
 
@@ -142,7 +142,7 @@ class Ground:
         Raises:
             PersonalVizError: Options that do not go together, or map files that do not.
         """
-        from grounding.settings import GroundSettings
+        from grounding.evaluation.settings import GroundSettings
 
         from .ground_maps import layout_of_maps
 
@@ -186,7 +186,7 @@ class Ground:
 
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers what the run folder does not hold yet."""
-        from grounding.evaluate import evaluate
+        from grounding.evaluation.evaluate import evaluate
         from sim.tasks.run_writer import RunWriter
 
         from ..progress import counted
@@ -204,8 +204,8 @@ class Ground:
 
     def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
         """One job per scene."""
-        from grounding.evaluate import select_jobs
-        from grounding.home_maps import MapFolders
+        from grounding.evaluation.evaluate import select_jobs
+        from grounding.evaluation.home_maps import MapFolders
 
         folders = None
         if settings.map != "oracle":
@@ -224,7 +224,7 @@ class Ground:
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
         """What run.json says."""
-        from grounding.settings import CELLS
+        from grounding.evaluation.settings import CELLS
         from sim.homes.kind import common_kind
         from sim.tasks.provenance import make_run_info
 
@@ -318,7 +318,7 @@ def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
     """Folder name of the maps of explored homes that runs with these settings and versions of their makers share."""
     from grounding.agents.explore import EXPLORER_VERSION
     from grounding.encoders.by_name import encoder_slug
-    from grounding.home_maps import MAP_VERSION
+    from grounding.evaluation.home_maps import MAP_VERSION
     from sim.homes.plan import HOMES_VERSION
     from sim.tasks.run_files import fitting_run_id
 

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from grounding.evaluation.settings import CELLS, MapLayout
 from grounding.maps.files import read_map_header
 from grounding.methods.by_name import GrounderName
-from grounding.settings import CELLS, MapLayout
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, RunFileError
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.table import Table
 
+from grounding.evaluation.settings import GroundSettings
 from grounding.report.sources import PAPER_IS, PAPER_POG, pog_notes
-from grounding.settings import GroundSettings
 from personal_viz.printed import Console
 from sim.tasks.metrics import MetricRow
 from sim.tasks.run_files import RunInfo

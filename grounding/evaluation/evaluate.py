@@ -12,15 +12,14 @@ from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .encoders.by_name import make_encoder
-from .encoders.protocol import ModelOptions
-from .home_maps import HomeMaps, MapFolders
-from .maps.home_map import Memory
-from .methods.by_name import make_grounder
-from .oracle_source import OracleMaps
-from .phrases.sources import make_phrases
+from ..encoders.by_name import make_encoder
+from ..encoders.protocol import ModelOptions
+from ..maps.home_map import Memory
+from ..methods.by_name import make_grounder
+from ..phrases.sources import make_phrases
+from ..types import Grounding
+from .home_maps import HomeMaps, MapFolders, OracleMaps
 from .settings import GroundSettings as GroundSettings
-from .types import Grounding
 
 BATCH = 200
 """A process does a whole scene of the release (at most 106) at a time: else two would explore and map the same home."""

@@ -4,14 +4,14 @@ from pathlib import Path
 
 from sim.types import Task
 
-from .encoders.by_name import make_encoder
-from .encoders.protocol import ORACLE_SUFFIX, EncoderName, TextEncoder
-from .maps.files import load_memory
-from .maps.home_map import HomeMemory, ObjectMap, merged_storeys
-from .methods.by_name import GrounderName, make_grounder
-from .phrases.rules import RulePhrases
-from .phrases.sources import PhraseSource
-from .types import Grounding
+from ..encoders.by_name import make_encoder
+from ..encoders.protocol import ORACLE_SUFFIX, EncoderName, TextEncoder
+from ..maps.files import load_memory
+from ..maps.home_map import HomeMemory, ObjectMap, merged_storeys
+from ..phrases.rules import RulePhrases
+from ..phrases.sources import PhraseSource
+from ..types import Grounding
+from .by_name import GrounderName, make_grounder
 
 
 def ground(

@@ -1,4 +1,6 @@
-"""Maps of homes that were walked: each scene's map is explored, built and saved once, and read from then on.
+"""The map that each episode is asked on: an oracle map, or the map of a home that was walked.
+
+A home is explored, mapped and saved once, and its map read from then on.
 
 Exploration (explore.py, an agent's observations only) -> views of its way -> map builder with an encoder -> a file per
 scene. The views are rendered again with instance ids where perception is an oracle; the encoder's name says so.
@@ -6,6 +8,7 @@ scene. The views are rendered again with instance ids where perception is an ora
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,18 +19,21 @@ from sim.errors import RunFileError
 from sim.mesh import Scene
 from sim.types import Camera
 
-from .agents.progress_notes import Say, scene_note
-from .encoders.by_name import is_model, make_encoder, make_image_encoder
-from .encoders.protocol import ORACLE_SUFFIX, ModelOptions, TextEncoder
-from .maps.files import MapSource, load_memory, read_map_header, save_memory
-from .maps.home_map import HomeMemory, Memory, merged_storeys
-from .perception.oracle_perception import OraclePerception, PerceptionOptions
+from ..agents.progress_notes import Say, scene_note
+from ..encoders.by_name import is_model, make_encoder, make_image_encoder
+from ..encoders.protocol import ORACLE_SUFFIX, ModelOptions, TextEncoder
+from ..maps.files import MapSource, load_memory, read_map_header, save_memory
+from ..maps.home_map import HomeMemory, Memory, merged_storeys
+from ..maps.oracle_map import OracleHome, oracle_home
+from ..maps.oracle_noise import OracleVariant, other_texts, variant_map
+from ..perception.oracle_perception import OraclePerception, PerceptionOptions
+from ..types import FeatureMap
 from .settings import CELLS, GroundSettings
 
 if TYPE_CHECKING:
-    from .agents.explore import Exploration
-    from .encoders.protocol import DenseEncoder
-    from .maps.grid_map import MapBuilder
+    from ..agents.explore import Exploration
+    from ..encoders.protocol import DenseEncoder
+    from ..maps.grid_map import MapBuilder
 
 MAP_VERSION = 1
 """Raised by whoever changes what is on the map of a walked home; maps of another number are made anew."""
@@ -51,6 +57,55 @@ class MapFolders:
     def map_file(self, scene: str) -> Path:
         """The map of one scene."""
         return self.maps / f"{scene}.npz"
+
+
+class OracleMaps:
+    """Gives each episode of a scene the oracle map of its target's storey; each is made once."""
+
+    def __init__(self, dataset: PersonalDataset, scene: str, settings: GroundSettings, encoder: TextEncoder) -> None:
+        """Reads the scene's episode files; with clutter those of all scenes, whose texts it is drawn from.
+
+        Raises:
+            DatasetError: The scene is unknown or a file is damaged.
+            SceneError: The home does not fit a map.
+        """
+        self._settings = settings
+        self._encoder = encoder
+        self._home = oracle_home(dataset, scene)
+        self._variant = OracleVariant(
+            blur=settings.blur,
+            object_noise=settings.object_noise,
+            cell_noise=settings.cell_noise,
+            clutter=settings.clutter_texts,
+            seed=settings.seed,
+        )
+        homes = _all_homes(dataset.root) if settings.clutter_texts else ()
+        self._clutter_texts = other_texts(homes, scene)
+        self._maps: dict[str | None, FeatureMap] = {}
+
+    def memory(self, episode: Episode) -> FeatureMap:
+        """The map of the target's storey, or of all storeys where the settings say so.
+
+        Raises:
+            SceneError: No text to draw clutter from.
+        """
+        floor_id = None if self._settings.all_storeys else episode.record.floor_id
+        if floor_id not in self._maps:
+            self._maps[floor_id] = variant_map(
+                self._home,
+                self._encoder,
+                floor_id=floor_id,
+                variant=self._variant,
+                clutter_texts=self._clutter_texts,
+            )
+        return self._maps[floor_id]
+
+
+@lru_cache(maxsize=1)
+def _all_homes(root: Path) -> tuple[OracleHome, ...]:
+    """All homes of a dataset; read once per process, because every scene draws its clutter from all the others."""
+    dataset = PersonalDataset(root)
+    return tuple(oracle_home(dataset, name) for name in dataset.scenes)
 
 
 class HomeMaps:
@@ -134,8 +189,8 @@ def make_home_map(
     """
     from sim.homes.open_home import open_scene
 
-    from .agents.explore import frames_of
-    from .agents.explored_storeys import storey_explorations
+    from ..agents.explore import frames_of
+    from ..agents.explored_storeys import storey_explorations
 
     scene = open_scene(dataset, scene_name, scenes_dir=folders.scenes_dir, clutter=settings.home_clutter)
     told = say if folders.notes is not None else None  # being told of steps costs the explorer some time
@@ -174,7 +229,7 @@ def build_map(
         SceneError: A walk was made in another home.
         AgentError: The encoder is unknown or cannot be loaded.
     """
-    from .agents.explore import frames_of
+    from ..agents.explore import frames_of
 
     builder = _builder(dataset, home, GroundSettings("joint", map="explore", encoder=encoder), ModelOptions())
     for walk in walks:
@@ -184,14 +239,13 @@ def build_map(
 
 
 def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions) -> "MapBuilder":
-    from .maps.grid_map import GridMapBuilder
-    from .maps.oracle_map import oracle_home
+    from ..maps.grid_map import GridMapBuilder
 
     encoder = _image_encoder(dataset, scene, settings, model)
     centre_xz = oracle_home(dataset, scene.name).centre_xz  # the cells of the home's oracle map
     if settings.layout == "objects":
-        from .maps.object_map import ObjectMapBuilder
-        from .perception.segments import InstanceIds
+        from ..maps.object_map import ObjectMapBuilder
+        from ..perception.segments import InstanceIds
 
         # captions as they are perceived: confusions show; a real encoder names nothing
         captions = encoder.perceived if isinstance(encoder, OraclePerception) else None
@@ -206,7 +260,7 @@ def _image_encoder(
 ) -> "DenseEncoder":
     if is_model(settings.encoder):
         return make_image_encoder(settings.encoder, options=model)
-    from .maps.object_texts import object_texts
+    from ..maps.oracle_map import object_texts
 
     options = PerceptionOptions(
         view_noise=settings.view_noise,

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Literal
 from sim.errors import AgentError
 from sim.types import ClutterLevel
 
-from .encoders.by_name import is_model
-from .encoders.protocol import ORACLE_SUFFIX, Autocast
-from .methods.by_name import GrounderName
-from .perception.paraphrase import ParaphraseLevel
-from .phrases.sources import PhraseSourceName
+from ..encoders.by_name import is_model
+from ..encoders.protocol import ORACLE_SUFFIX, Autocast
+from ..methods.by_name import GrounderName
+from ..perception.paraphrase import ParaphraseLevel
+from ..phrases.sources import PhraseSourceName
 
 if TYPE_CHECKING:
-    from .phrases.llm import LlmOptions
+    from ..phrases.llm import LlmOptions
 
 MapName = Literal["oracle", "explore", "files"]
 """`oracle` = texts of the episode files; `explore` = our explorer walks each home first; `files` = maps made before."""
@@ -138,7 +138,7 @@ class GroundSettings:
             return None
         from pydantic import ValidationError
 
-        from .phrases.llm import LlmOptions
+        from ..phrases.llm import LlmOptions
 
         try:
             return LlmOptions.model_validate(
