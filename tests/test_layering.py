@@ -40,7 +40,6 @@ ROOMS = {
 
 A module belongs to the longest name that fits, and imports nothing that stands after it."""
 LARGE_ROOMS = {
-    "human_study/report": 27,
     "recordings": 38,
     "sim/homes/building": 24,
     "sim/homes/furniture": 26,

@@ -76,10 +76,10 @@ def trial_figures(events: Sequence[Event], outcome: Outcome | None, *, rule: Suc
         t_first_view_s=next((event.t_s for event in events if isinstance(event, Shown)), None),
         confidence=next((event.value for event in reversed(events) if isinstance(event, Confidence)), None),
     )
-    return figures.model_copy(update=_measured(outcome, rule))
+    return figures.model_copy(update=measured(outcome, rule))
 
 
-def _measured(outcome: Outcome | None, rule: SuccessRule) -> dict[str, float | None]:
+def measured(outcome: Outcome | None, rule: SuccessRule) -> dict[str, float | None]:
     """The figures that come from the outcome's measures; {} without any."""
     if outcome is None or outcome.measures is None:
         return {}

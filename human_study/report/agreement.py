@@ -1,9 +1,168 @@
-"""How far people agree with each other on the same episodes."""
+"""How far people agree on the same episodes: on success, and on the place where they pointed or stopped."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+from sim.tasks.run_files import Answer, EpisodeRun
+from sim.types import EpisodeKey, TaskKind
+
+from .rows import Aggregate, counted_trials
+from .trials import Frame, TrialGroup
+
+SUSPECT_SHARE = 0.8
+"""An episode is suspect when so many of its people chose the same wrong place."""
+SUSPECT_RADIUS = 1.0
+"""Metres; how near to each other, on the floor plan, answers count as the same place."""
+SUSPECT_PEOPLE = 3
+"""Fewer people say nothing."""
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+HomeObjects = Mapping[str, Sequence[tuple[str, tuple[float, float]]]]
+"""(name, middle on the floor plan) of each object, by home."""
+
+
+class AgreementRow(BaseModel):
+    """How far people agree whether an episode succeeds."""
+
+    model_config = _MODEL
+    task: TaskKind
+    scene_kind: str
+    condition: str
+    num_episodes: int
+    """With at least two people."""
+    krippendorff_alpha: float | None
+    gwet_ac1: float | None
+
+
+class PlaceRow(BaseModel):
+    """How far people of one condition choose alike."""
+
+    model_config = _MODEL
+    task: TaskKind
+    scene_kind: str
+    condition: str
+    num_episodes: int
+    """With at least two people who chose a place."""
+    num_choices: int
+    spread_lower: float | None
+    spread_median: float | None
+    """Metres: mean distance of the answers at one episode from their middle; quartiles over the episodes."""
+    spread_upper: float | None
+    place_alpha: float | None
+    """Krippendorff's alpha of the place, where answers within a metre of each other are one."""
+    place_ac1: float | None
+    """Gwet's AC1 of it."""
+    object_alpha: float | None
+    """Krippendorff's alpha of the object that is nearest to the answer; None without the dataset."""
+    object_ac1: float | None
+
+
+class SuspectEpisode(BaseModel):
+    """An episode at which people agree on a wrong place: perhaps its label is wrong."""
+
+    model_config = _MODEL
+    task: TaskKind
+    episode: str
+    scene_kind: str
+    condition: str
+    num_people: int
+    num_agreeing: int
+    xz: tuple[float, float]
+    """Where they pointed or stopped, world metres."""
+    object: str | None
+    """Nearest object of the home; None without the dataset."""
+
+
+def agreement_row(group: TrialGroup) -> AgreementRow:
+    """Agreement of a group of people on success."""
+    trials = counted_trials(group.trials, "sr", Aggregate())
+    counts = counts_of((trials.values == 100).astype(int).tolist(), trials.episode_index, num_categories=2)
+    return AgreementRow(
+        task=group.task,
+        scene_kind=group.scene_kind,
+        condition=group.condition,
+        num_episodes=int((counts.sum(axis=1) >= 2).sum()),
+        krippendorff_alpha=krippendorff_alpha(counts),
+        gwet_ac1=gwet_ac1(counts),
+    )
+
+
+def place_row(group: TrialGroup, objects: HomeObjects | None = None) -> PlaceRow:
+    """Spread and agreement of a group of people on the place."""
+    by_key = _places(group.trials)
+    repeated = [points for points in by_key.values() if len(points) >= 2]
+    spreads = [float(np.linalg.norm(points - points.mean(axis=0), axis=1).mean()) for points in repeated]
+    lower, median, upper = np.quantile(spreads, [0.25, 0.5, 0.75]) if spreads else (None, None, None)
+    places = [(key, (key, int(label))) for key, points in by_key.items() for label in _clusters(points)]
+    named = objects or {}
+    things = [
+        (key, (key.scene, nearest_object(point, named.get(key.scene, ()))))
+        for key, points in by_key.items()
+        for point in points
+    ]
+    place_alpha, place_ac1 = _agreements(places)
+    object_alpha, object_ac1 = _agreements(things) if objects else (None, None)
+    return PlaceRow(
+        task=group.task,
+        scene_kind=group.scene_kind,
+        condition=group.condition,
+        num_episodes=len(repeated),
+        num_choices=len(places),
+        spread_lower=lower,
+        spread_median=median,
+        spread_upper=upper,
+        place_alpha=place_alpha,
+        place_ac1=place_ac1,
+        object_alpha=object_alpha,
+        object_ac1=object_ac1,
+    )
+
+
+def suspect_episodes(group: TrialGroup, objects: HomeObjects | None = None) -> list[SuspectEpisode]:
+    """Episodes whose people mostly chose one wrong place."""
+    everybody = group.trials["episode"].value_counts()
+    found = []
+    for key, points in _places(group.trials[group.trials["sr"] == 0]).items():
+        number = int(everybody[str(key)])
+        needed = SUSPECT_SHARE * number / len(points)
+        if number < SUSPECT_PEOPLE or needed > 1:
+            continue
+        place = common_place(points, radius=SUSPECT_RADIUS, share=needed)
+        if place is not None:
+            agreeing = int((np.linalg.norm(points - place, axis=1) <= SUSPECT_RADIUS).sum())
+            found.append(
+                SuspectEpisode(
+                    task=group.task,
+                    episode=str(key),
+                    scene_kind=group.scene_kind,
+                    condition=group.condition,
+                    num_people=number,
+                    num_agreeing=agreeing,
+                    xz=(float(place[0]), float(place[1])),
+                    object=nearest_object(place, objects.get(key.scene, ())) if objects else None,
+                )
+            )
+    return found
+
+
+def chosen_place(item: EpisodeRun | Answer | None) -> NDArray[np.float64] | None:
+    """(2,) where the person pointed, or the robot stopped, on the floor plan; None = nowhere."""
+    if isinstance(item, Answer) and item.candidates:
+        point = item.candidates[0]
+    elif isinstance(item, EpisodeRun) and item.end.reason == "stop":
+        point = item.poses[-1].position
+    else:
+        return None
+    return np.array([point[0], point[2]], np.float64)
+
+
+def nearest_object(point: NDArray[np.float64], objects: Sequence[tuple[str, tuple[float, float]]]) -> str:
+    """Name of the object whose middle is nearest to `point` (2,) within a metre; `elsewhere` without one."""
+    apart = [(float(np.hypot(xz[0] - point[0], xz[1] - point[1])), name) for name, xz in objects]
+    distance, name = min(apart, default=(np.inf, ""))
+    return name if distance <= SUSPECT_RADIUS else "elsewhere"
 
 
 def krippendorff_alpha(counts: NDArray[np.integer]) -> float | None:
@@ -56,3 +215,33 @@ def counts_of(labels: Sequence[int], episode_index: NDArray[np.intp], *, num_cat
     counts = np.zeros((int(episode_index.max(initial=-1)) + 1, num_categories), np.int64)
     np.add.at(counts, (episode_index, np.asarray(labels, np.intp)), 1)
     return counts
+
+
+def _places(trials: Frame) -> dict[EpisodeKey, NDArray[np.float64]]:
+    """(N, 2) chosen places by episode, in order."""
+    found: dict[EpisodeKey, list[NDArray[np.float64]]] = {}
+    for key, item in zip(trials["key"], trials["item"], strict=True):
+        place = chosen_place(item)
+        if place is not None:
+            found.setdefault(key, []).append(place)
+    return {key: np.array(points) for key, points in found.items()}
+
+
+def _clusters(points: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Label of each of `points` (N, 2): those that are linked by steps of at most the radius are one place."""
+    near = np.linalg.norm(points[:, None] - points[None], axis=-1) <= SUSPECT_RADIUS
+    labels = np.arange(len(points))
+    for _ in points:
+        labels = np.where(near, labels[None], len(points)).min(axis=1)
+    return labels
+
+
+def _agreements(labels: Sequence[tuple[EpisodeKey, object]]) -> tuple[float | None, float | None]:
+    """(Krippendorff's alpha, Gwet's AC1) of one label per answer."""
+    if not labels:
+        return None, None
+    episodes = {key: at for at, key in enumerate(sorted({key for key, _ in labels}))}
+    names = {name: at for at, name in enumerate(dict.fromkeys(name for _, name in labels))}
+    index = np.array([episodes[key] for key, _ in labels], np.intp)
+    counts = counts_of([names[name] for _, name in labels], index, num_categories=max(2, len(names)))
+    return krippendorff_alpha(counts), gwet_ac1(counts)

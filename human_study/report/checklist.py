@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict
 
 from ..design.study import StudyConfig
 from ..texts.words import words_of
-from .record_summary import ExclusionCount, FlowCount
+from .counts import ExclusionCount, FlowCount
 from .rows import TOTAL, ReportRow
 
 NOT_IN_FILE = "not in the study file"

@@ -11,8 +11,7 @@ from sim.homes.kind import scene_labels
 from sim.types import SPLITS, TaskKind
 
 from .report import PersonOutcome, StudyReport
-from .row_labels import row_label
-from .trial_groups import TrialGroup
+from .trials import TrialGroup, row_label
 
 _PERSON, _AGENT = "#1f5fa8", "#b5472f"
 _ROW_INCHES, _COLUMN_INCHES = 0.22, 0.16
@@ -89,11 +88,7 @@ def effort_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
         for place, group in enumerate(shown):
             color = _PERSON if group.kind == "human" else _AGENT
             for is_success in (True, False):
-                known = [
-                    value
-                    for trial in group.trials
-                    if (value := trial.figures.get(measure)) is not None and (trial.figures["sr"] == 100) == is_success
-                ]
+                known = group.trials[measure][(group.trials["sr"] == 100) == is_success].dropna().tolist()
                 spread = 0.22 * np.sin(2.4 * np.arange(len(known)))  # dots beside each other, the same every time
                 face = color if is_success else "none"
                 axes.plot(known, place + spread, "o", markersize=4, color=color, markerfacecolor=face, alpha=0.6)

@@ -1,13 +1,15 @@
 """The mixed model of HUMAN_STUDY.md, section 8, as data and a script for R: this program fits none itself."""
 
 from collections.abc import Iterable, Sequence
+from math import isnan
+
+from pandas import concat
 
 from sim.homes.kind import scene_label, scene_labels
 from sim.types import SPLITS, TaskKind
 
 from ..export.csv_cells import csv_lines
-from .row_labels import is_first_condition
-from .trial_groups import TrialGroup
+from .trials import Frame, TrialGroup, is_first_condition
 
 COLUMNS = (
     *("success", "condition", "split", "order", "prior_visits", "seconds_before"),
@@ -20,24 +22,13 @@ def glmm_csv(people: Sequence[TrialGroup], task: TaskKind) -> str:
     """One line per counted trial of people; empty cells where the study's records are not at hand."""
     lines = []
     for group in (group for group in people if group.task == task):
-        for trial in group.trials:
-            row = trial.row
-            lines.append(
-                (
-                    int(trial.figures["sr"] == 100),
-                    group.condition,
-                    trial.key.split,
-                    trial.place,
-                    row.prior_visits_scene if row else None,
-                    row.secs_in_scene_before if row else None,
-                    trial.participant,
-                    str(trial.key),
-                    trial.key.scene,
-                    ";".join(row.excluded) if row else None,
-                    group.scene_kind,
-                    scene_label(group.scene_kind),
-                )
-            )
+        for trial in group.trials.itertuples():
+            order, visits = (None if isnan(x) else int(x) for x in (trial.place, trial.prior_visits))
+            seconds = None if isnan(trial.secs_before) else trial.secs_before
+            excluded = trial.excluded if isinstance(trial.excluded, str) else None
+            told = (int(trial.sr == 100), group.condition, trial.split, order, visits, seconds)
+            whose = (trial.participant, trial.episode, trial.scene, excluded)
+            lines.append((*told, *whose, group.scene_kind, scene_label(group.scene_kind)))
     return csv_lines(COLUMNS, sorted(lines, key=lambda line: (line[6], line[7], line[1])))
 
 
@@ -47,22 +38,15 @@ def glmm_script(people: Sequence[TrialGroup], task: TaskKind) -> str:
     Terms that do not vary in these data are left out, because the model could not be fitted with them. Effects of
     conditions are those over all splits, against the condition that the report compares with.
     """
-    groups = [group for group in people if group.task == task and group.trials]
-    trials = [trial for group in groups for trial in group.trials]
+    groups = [group for group in people if group.task == task and not group.trials.empty]
+    trials: Frame = concat([group.trials for group in groups])
     conditions = sorted(dict.fromkeys(group.condition for group in groups), key=lambda c: not is_first_condition(c))
-    splits = [split for split in SPLITS if any(trial.key.split == split for trial in trials)]
-    numbers = {
-        "order": {trial.place for trial in trials},
-        "prior_visits": {trial.row.prior_visits_scene for trial in trials if trial.row},
-    }
-    randoms = {
-        "participant": len({trial.participant for trial in trials}),
-        "episode": len({trial.key for trial in trials}),
-        "house": len({trial.key.scene for trial in trials}),
-    }
+    splits = [split for split in SPLITS if (trials["split"] == split).any()]
     crossed = {"condition": len(conditions) > 1, "split": len(splits) > 1}
-    scaled = {name: len(values - {None}) > 1 for name, values in numbers.items()}
-    grouped = {name: 1 < num < len(trials) for name, num in randoms.items()}
+    numbers = {"order": "place", "prior_visits": "prior_visits"}
+    scaled = {name: trials[column].nunique() > 1 for name, column in numbers.items()}
+    randoms = {"participant": "participant", "episode": "episode", "house": "scene"}
+    grouped = {name: 1 < trials[column].nunique() < len(trials) for name, column in randoms.items()}
     left_out = [name for name, has_many in (crossed | scaled | grouped).items() if not has_many]
     used = [name for name, has_many in (crossed | scaled).items() if has_many]
     fixed = [" * ".join(name for name, has_many in crossed.items() if has_many)]

@@ -1,6 +1,8 @@
-"""The study's primary hypotheses, named in the study file before the first trial, with Holm's adjustment."""
+"""Tests: the study's primary hypotheses with Holm's adjustment, and agents of one run each against each other."""
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
+from itertools import combinations
 
 from pydantic import BaseModel, ConfigDict
 from scipy.special import stdtr
@@ -8,20 +10,19 @@ from scipy.special import stdtr
 from sim.types import TaskKind
 
 from ..design.analysis import ALPHA, HYPOTHESIS_NAME
-from .person_effects import EffectRow
-from .row_labels import is_first_condition
+from .effects import EffectRow, holm
 from .rows import Aggregate, counted_trials
-from .statistics import mean_interval, two_way_variance
-from .trial_groups import TrialGroup
-from .within_effects import holm
+from .statistics import mcnemar_p, mean_interval, two_way_variance
+from .trials import TrialGroup, is_first_condition, row_label
 
+_MODEL = ConfigDict(frozen=True, extra="forbid")
 _MEASURES = {"SR": "sr", "SPL": "spl", "SoftSPL": "soft_spl", "DTG": "dtg", "steps": "steps", "time": "t_s"}
 
 
 class HypothesisRow(BaseModel):
     """What became of one primary hypothesis."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = _MODEL
     name: str
     value: float | None
     low: float | None
@@ -37,6 +38,22 @@ class HypothesisRow(BaseModel):
     def is_shown(self) -> bool:
         """Whether no difference is rejected at the family-wise level."""
         return self.p_holm is not None and self.p_holm < ALPHA
+
+
+class AgentPairRow(BaseModel):
+    """On how many episodes only one of two agents succeeded."""
+
+    model_config = _MODEL
+    task: TaskKind
+    scene_kind: str
+    first: str
+    second: str
+    n: int
+    """Episodes that both did."""
+    num_only_first: int
+    num_only_second: int
+    p: float | None
+    """Exact, two-sided; None where an agent has several runs, which are no single yes or no."""
 
 
 def hypothesis_rows(
@@ -130,3 +147,32 @@ def _memory(
 
 def _untested(name: str, why: str) -> HypothesisRow:
     return HypothesisRow(name=name, value=None, low=None, high=None, p=None, p_holm=None, n=0, method=why)
+
+
+def agent_pairs(agents: Sequence[TrialGroup], episodes: AbstractSet[str]) -> list[AgentPairRow]:
+    """A row per pair of agents of the same task that did the same episodes: McNemar's exact test.
+
+    Args:
+        agents: With all their runs.
+        episodes: Those that people did.
+    """
+    pairs = [_pair(first, second, episodes) for first, second in combinations(agents, 2) if first.task == second.task]
+    return [row for row in pairs if row.n]
+
+
+def _pair(first: TrialGroup, second: TrialGroup, episodes: AbstractSet[str]) -> AgentPairRow:
+    groups = (first, second)
+    both = sorted(set(first.trials["episode"]) & set(second.trials["episode"]) & episodes)
+    found = [group.trials[group.trials["episode"].isin(both)].sort_values("episode") for group in groups]
+    one, other = (trials["sr"].to_numpy() == 100 for trials in found)
+    is_single = len(one) == len(other) == len(both)
+    return AgentPairRow(
+        task=first.task,
+        scene_kind=first.scene_kind,
+        first=row_label(first.who, first.condition),
+        second=row_label(second.who, second.condition),
+        n=len(both),
+        num_only_first=int((one & ~other).sum()) if is_single else 0,
+        num_only_second=int((~one & other).sum()) if is_single else 0,
+        p=mcnemar_p(one, other) if is_single else None,
+    )

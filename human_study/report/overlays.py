@@ -1,7 +1,9 @@
 """Where people and agents walked and pointed at one episode, seen from above, as SVG; under them the free floor."""
 
+import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +12,21 @@ from sim.homes.kind import scene_labels
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import EpisodeKey, GridSpec, TaskKind
 
-from .overlay_marks import framed, legend, line, mark, scale_bar, start, target
-from .row_labels import row_label
-from .trial_groups import CountedTrial, TrialGroup
+from .trials import TrialGroup, row_label
 
 _PIXELS = 640
 """Longer side of the drawing."""
 _MARGIN = 0.6
 """Metres around everything that is drawn."""
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#7a5c00", "#332288", "#000000", "#6b6b6b")
+"""Of rows of the report in order; people's first. The first ones after Okabe and Ito, for colour-blind readers, who
+also have the shapes."""
+_SHAPES = ("circle", "square", "triangle", "diamond", "triangle down")
+_LINE = 18
+"""Height of a line of the legend in pixels."""
+_TITLE = 26
+DASHES = ' stroke-dasharray="6 3"'
+"""Of an agent's path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +49,9 @@ def overlay_keys(groups: Sequence[TrialGroup], task: TaskKind, *, most: int) -> 
         most: So many at most.
     """
     hits: dict[EpisodeKey, list[float]] = {}
-    for trial in (t for group in groups if group.task == task and group.kind == "human" for t in group.trials):
-        if trial.item is not None:
-            hits.setdefault(trial.key, []).append(trial.figures["sr"] or 0.0)
+    for group in (group for group in groups if group.task == task and group.kind == "human"):
+        for trial in _drawn(group):
+            hits.setdefault(trial.key, []).append(trial.sr)
     apart = {key: min(np.mean(values), 100 - np.mean(values)) for key, values in hits.items()}
     ordered = sorted(hits, key=lambda key: (-len(hits[key]), -apart[key], key))
     return sorted(ordered[:most])
@@ -59,7 +68,7 @@ def overlay_svg(
         task: Of the overlay.
         floor: Under the paths; None = only a frame.
     """
-    shown = [(group, [t for t in group.trials if t.key == key and t.item is not None]) for group in groups]
+    shown = [(group, _drawn(group, str(key))) for group in groups]
     shown = [(group, trials) for group, trials in shown if group.task == task and trials]
     lines = {id(trial): _points(trial) for _, trials in shown for trial in trials}
     points = np.concatenate([*lines.values(), np.zeros((0, 2))])
@@ -68,17 +77,18 @@ def overlay_svg(
     for number, (group, trials) in reversed(list(enumerate(shown))):  # people above agents
         for trial in trials:
             drawn.append(_trial(view.pixels(lines[id(trial)]), trial, number, is_dashed=group.kind != "human"))
-        hits = sum(trial.figures["sr"] == 100 for trial in trials)
+        hits = sum(trial.sr == 100 for trial in trials)
         text = f"{row_label(group.who, group.condition)}: {hits} of {len(trials)} succeed"
         rows.insert(0, (text, group.kind != "human" if task == "pan" else None))
     starts = _start(view, shown) if task == "pan" else ""
-    below = legend(rows, has_start=bool(starts), has_targets=bool(floor and floor.targets), has_floor=floor is not None)
-    picture = (
-        f"{_floor(view, floor)}{''.join(drawn)}{starts}{_targets(view, floor)}{scale_bar(view.scale, view.height - 10)}"
+    below = _legend(
+        rows, has_start=bool(starts), has_targets=bool(floor and floor.targets), has_floor=floor is not None
     )
+    above = f"{starts}{_targets(view, floor)}{_scale_bar(view.scale, view.height - 10)}"
+    picture = f"{_floor(view, floor)}{''.join(drawn)}{above}"
     labels = scene_labels(group.scene_kind for group, _ in shown)
     below = [*below, *(f'<text x="34" y="4" font-weight="bold">{label}</text>' for label in labels)]
-    return framed(f"{task.upper()} {key}", picture, below, size=(view.width, view.height))
+    return _framed(f"{task.upper()} {key}", picture, below, size=(view.width, view.height))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +120,21 @@ class _View:
         return (xz - np.array(self.low)) * self.scale
 
 
-def _points(trial: CountedTrial) -> NDArray[np.float64]:
+class _Trial(Protocol):
+    """A line of a group's trials."""
+
+    key: EpisodeKey
+    sr: float
+    item: EpisodeRun | Answer
+
+
+def _drawn(group: TrialGroup, episode: str | None = None) -> list[_Trial]:
+    """Trials whose run or answer is at hand, of one episode or of all."""
+    trials = group.trials if episode is None else group.trials[group.trials["episode"] == episode]
+    return list(trials[trials["item"].notna()].itertuples())
+
+
+def _points(trial: _Trial) -> NDArray[np.float64]:
     """(N, 2) metres: the path, or the mark."""
     if isinstance(trial.item, EpisodeRun):
         return np.array([[pose.position[0], pose.position[2]] for pose in trial.item.poses])
@@ -118,31 +142,31 @@ def _points(trial: CountedTrial) -> NDArray[np.float64]:
     return np.array([[point[0], point[2]] for point in found]).reshape(-1, 2)
 
 
-def _trial(points: NDArray[np.float64], trial: CountedTrial, number: int, *, is_dashed: bool) -> str:
+def _trial(points: NDArray[np.float64], trial: _Trial, number: int, *, is_dashed: bool) -> str:
     if not len(points):
         return ""
     x, y = points[-1]
-    end = mark(x, y, number, is_filled=trial.figures["sr"] == 100)
+    end = _mark(x, y, number, is_filled=trial.sr == 100)
     if isinstance(trial.item, Answer):
         return end
     moves = np.concatenate([[True], np.any(np.abs(np.diff(points, axis=0)) > 1e-6, axis=1)])  # turning draws nothing
     path = " ".join(f"{px:.1f},{py:.1f}" for px, py in points[moves])
-    return line(path, number, is_dashed=is_dashed) + end
+    return _line(path, number, is_dashed=is_dashed) + end
 
 
-def _start(view: _View, shown: Sequence[tuple[TrialGroup, list[CountedTrial]]]) -> str:
+def _start(view: _View, shown: Sequence[tuple[TrialGroup, list[_Trial]]]) -> str:
     first = next((trial.item for _, trials in shown for trial in trials if isinstance(trial.item, EpisodeRun)), None)
     if first is None:
         return ""
     (place, *_) = view.pixels(np.array([[first.start.position[0], first.start.position[2]]])).tolist()
-    return start(*place)
+    return _cross(*place)
 
 
 def _targets(view: _View, floor: FloorPlan | None) -> str:
     """A ring of one metre, within which an answer is right, around each target."""
     if floor is None or not floor.targets:
         return ""
-    return "".join(target(x, y, view.scale) for x, y in view.pixels(np.array(floor.targets)))
+    return "".join(_ring(x, y, view.scale) for x, y in view.pixels(np.array(floor.targets)))
 
 
 def _floor(view: _View, floor: FloorPlan | None) -> str:
@@ -169,7 +193,7 @@ def overlay_name(key: EpisodeKey, task: TaskKind) -> str:
 def floors_needed(groups: Sequence[TrialGroup], keys: Sequence[EpisodeKey]) -> Mapping[EpisodeKey, float]:
     """Height of the floor on which each episode starts, or was pointed at; for the plan under it."""
     found: dict[EpisodeKey, float] = {}
-    for trial in (trial for group in groups for trial in group.trials if trial.key in keys):
+    for trial in (trial for group in groups for trial in _drawn(group) if trial.key in keys):
         if isinstance(trial.item, EpisodeRun):
             found.setdefault(trial.key, trial.item.start.position[1])
         elif isinstance(trial.item, Answer) and trial.item.ray is not None:
@@ -177,3 +201,100 @@ def floors_needed(groups: Sequence[TrialGroup], keys: Sequence[EpisodeKey]) -> M
         elif isinstance(trial.item, Answer) and trial.item.candidates:
             found.setdefault(trial.key, trial.item.candidates[0][1])
     return found
+
+
+def _mark(x: float, y: float, number: int, *, is_filled: bool) -> str:
+    """The end of a path, or a mark, of the row with this number; a thin white edge keeps neighbours apart."""
+    colour = COLOURS[number % len(COLOURS)]
+    edge, width = ("white", 2) if is_filled else (colour, 1.8)
+    paint = f'fill="{colour if is_filled else "white"}" stroke="{edge}" stroke-width="{width}" paint-order="stroke"'
+    match _SHAPES[number % len(_SHAPES)]:
+        case "circle":
+            return f'<circle class="mark" cx="{x:.1f}" cy="{y:.1f}" r="5" {paint}/>'
+        case "square":
+            shape = "m-4.5 -4.5 h9 v9 h-9 z"
+        case "triangle":
+            shape = "m0 -5.8 l5.5 9.8 h-11 z"
+        case "diamond":
+            shape = "m0 -6.2 l6.2 6.2 l-6.2 6.2 l-6.2 -6.2 z"
+        case _:
+            shape = "m0 5.8 l5.5 -9.8 h-11 z"
+    return f'<path class="mark" d="M{x:.1f} {y:.1f} {shape}" {paint}/>'
+
+
+def _line(points: str, number: int, *, is_dashed: bool) -> str:
+    """A path of the row with this number."""
+    colour = COLOURS[number % len(COLOURS)]
+    dashes = DASHES if is_dashed else ""
+    return f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6" opacity=".75"{dashes}/>'
+
+
+def _cross(x: float, y: float) -> str:
+    """A cross where an episode starts, the same for everybody."""
+    return f'<path d="M{x - 6:.1f} {y:.1f} h12 M{x:.1f} {y - 6:.1f} v12" stroke="black" stroke-width="2.2"/>'
+
+
+def _ring(x: float, y: float, radius: float) -> str:
+    """A right object, and a ring around it."""
+    ring = "" if radius <= 0 else f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="none" stroke="black"'
+    ring += "" if radius <= 0 else ' stroke-dasharray="5 4"/>'
+    return ring + f'<path d="M{x - 5:.1f} {y - 5:.1f} l10 10 m-10 0 l10 -10" stroke="black" stroke-width="1.8"/>'
+
+
+def _scale_bar(metre: float, y: float) -> str:
+    """A bar of a metre, or of five where a metre is short."""
+    length = 1 if metre >= 30 else 5
+    return (
+        f'<path d="M10 {y:g} h{length * metre:.1f}" stroke="black" stroke-width="2"/>'
+        f'<text x="{14 + length * metre:.1f}" y="{y + 4:g}">{length} m</text>'
+    )
+
+
+def _legend(
+    rows: Sequence[tuple[str, bool | None]], *, has_start: bool, has_targets: bool, has_floor: bool
+) -> list[str]:
+    """The lines below an overlay, each drawn from its own corner.
+
+    Args:
+        rows: Text of each row in order, and whether its paths are dashed; None = it has marks and no paths.
+        has_start: Whether the start is drawn.
+        has_targets: Whether the right objects are.
+        has_floor: Whether the free floor is.
+    """
+    lines = []
+    for number, (text, is_dashed) in enumerate(rows):
+        sample = "" if is_dashed is None else _line("0,0 22,0", number, is_dashed=is_dashed)
+        lines.append(f'{sample}{_mark(22, 0, number, is_filled=True)}<text x="34" y="4">{html.escape(text)}</text>')
+    signs = "Filled: success. Open: failure."
+    lines.append(f'<text x="34" y="4">{signs}</text>')
+    if has_start:
+        lines.append(f'{_cross(22, 0)}<text x="34" y="4">Start</text>')
+    if has_targets:
+        lines.append(f'{_ring(22, 0, 0)}<text x="34" y="4">Right object; the ring is 1 m around its middle</text>')
+    ground = "White: where the robot can stand. Grey: walls, furniture, outside."
+    if not has_floor:
+        ground = "The floor is not drawn: the report was made without --dataset."
+    return [*lines, f'<text x="34" y="4">{ground}</text>']
+
+
+def _framed(title: str, picture: str, lines: Sequence[str], *, size: tuple[int, int]) -> str:
+    """The whole file: a title, the picture, and the legend.
+
+    Args:
+        title: Above the picture.
+        picture: From (0, 0).
+        lines: Of the legend.
+        size: (width, height) of the picture in pixels.
+    """
+    width, height = size
+    text = html.escape(title)
+    below = _TITLE + height + 20
+    rows = "".join(f'<g transform="translate(10 {below + _LINE * n})">{one}</g>' for n, one in enumerate(lines))
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{max(width, 460) + 20}" height="{below + _LINE * len(lines)}" '
+        f'role="img" aria-label="{text}" font-family="sans-serif" font-size="12">'
+        f'<rect width="100%" height="100%" fill="white"/>'
+        f'<text x="10" y="18" font-size="13" font-weight="bold">{text}</text>'
+        f'<g transform="translate(10 {_TITLE})">{picture}'
+        f'<rect width="{width}" height="{height}" fill="none" stroke="#8a8a86"/></g>{rows}</svg>\n'
+    )

@@ -12,42 +12,41 @@ from sim.tasks.metrics import made_for_warning, metric_rows, require_comparable
 from sim.tasks.run_files import Run
 from sim.types import SuccessRule, TaskKind
 
-from .agent_pairs import AgentPairRow, agent_pairs
-from .agreement import counts_of, gwet_ac1, krippendorff_alpha
+from .agreement import (
+    AgreementRow,
+    HomeObjects,
+    PlaceRow,
+    SuspectEpisode,
+    agreement_row,
+    place_row,
+    suspect_episodes,
+)
 from .checklist import ChecklistItem, checklist
-from .chosen_places import HomeObjects, PlaceRow, SuspectEpisode, place_row, suspect_episodes
-from .hypotheses import HypothesisRow, hypothesis_rows
-from .person_effects import BlockRow, EffectRow, memory_effects, order_blocks, order_effects
-from .record_summary import (
+from .counts import (
+    AttentionCount,
+    EndRow,
     ExclusionCount,
     FlowCount,
+    HiddenCount,
+    SpreadRow,
     VerificationCount,
+    attention_counts,
+    end_rows,
     exclusion_counts,
     flow_counts,
+    hidden_count,
+    spread_rows,
     verification_counts,
 )
-from .rows import Aggregate, ReportRow, TotalKind, counted_trials, require_totals, rows_of
+from .effects import BlockRow, EffectRow, memory_effects, order_blocks, order_effects
+from .hypotheses import AgentPairRow, HypothesisRow, agent_pairs, hypothesis_rows
+from .rows import Aggregate, ReportRow, TotalKind, require_totals, rows_of
 from .sensitivity import SensitivityRow, sensitivity_rows
 from .source import ReportSource, StudyRecords
-from .spreads import SpreadRow, spread_rows
 from .statistics import Weight
-from .trial_ends import AttentionCount, EndRow, HiddenCount, attention_counts, end_rows, hidden_count
-from .trial_groups import LeftOut, TrialGroup, averaged_agent, difference, trial_groups
+from .trials import LeftOut, TrialGroup, averaged_agent, difference, trial_groups
 
 _MODEL = ConfigDict(frozen=True, extra="forbid")
-
-
-class AgreementRow(BaseModel):
-    """How far people agree whether an episode succeeds."""
-
-    model_config = _MODEL
-    task: TaskKind
-    scene_kind: str
-    condition: str
-    num_episodes: int
-    """With at least two people."""
-    krippendorff_alpha: float | None
-    gwet_ac1: float | None
 
 
 class PersonOutcome(BaseModel):
@@ -181,9 +180,9 @@ def study_report(
         memory=tuple(memory),
         order=tuple(order_effects(people)),
         blocks=tuple(order_blocks(people)),
-        agent_pairs=tuple(agent_pairs(groups.agents, {key for group in people for key in group.keys})),
+        agent_pairs=tuple(agent_pairs(groups.agents, _episodes_of(people))),
         sensitivity=tuple(row for found in sensitivity for row in found),
-        agreement=tuple(_agreement(group) for group in people),
+        agreement=tuple(agreement_row(group) for group in people),
         places=tuple(place_row(group, objects) for group in people),
         suspects=tuple(suspect for group in people for suspect in suspect_episodes(group, objects)),
         left_out=groups.left_out,
@@ -273,7 +272,7 @@ def report_groups(source: ReportSource, *, rule: SuccessRule) -> ReportGroups:
     for agent in (group for group in found if group.kind != "human"):
         beside = [group for group in people if _may_stand_beside(group, agent)]
         same = _on_the_same_episodes(agent, beside)
-        agents.append(replace(agent, trials=tuple(trial for trial in agent.trials if trial.key in same.keys)))
+        agents.append(replace(agent, trials=agent.trials[agent.trials["episode"].isin(same.trials["episode"])]))
         averaged.append(same)
         differences += [difference(group, same) for group in beside]
     return ReportGroups(tuple(people), tuple(agents), tuple(averaged), tuple(differences), tuple(left_out))
@@ -302,9 +301,9 @@ def _may_stand_beside(people: TrialGroup, agent: TrialGroup) -> bool:
 
 def _on_the_same_episodes(agent: TrialGroup, people: Sequence[TrialGroup]) -> TrialGroup:
     """The agent where people were, its runs averaged."""
-    done = {key for group in people for key in group.keys}
+    done = _episodes_of(people)
     same = averaged_agent(agent, done)
-    if not same.trials:
+    if same.trials.empty:
         raise StudyError(
             f"{agent.who} ({agent.task}): did none of the {len(done)} episodes that people did; expected the same "
             "episodes. Run it on them, or leave it out."
@@ -312,29 +311,13 @@ def _on_the_same_episodes(agent: TrialGroup, people: Sequence[TrialGroup]) -> Tr
     return same
 
 
-def _agreement(group: TrialGroup) -> AgreementRow:
-    trials = counted_trials(group.trials, "sr", Aggregate())
-    counts = counts_of((trials.values == 100).astype(int).tolist(), trials.episode_index, num_categories=2)
-    return AgreementRow(
-        task=group.task,
-        scene_kind=group.scene_kind,
-        condition=group.condition,
-        num_episodes=int((counts.sum(axis=1) >= 2).sum()),
-        krippendorff_alpha=krippendorff_alpha(counts),
-        gwet_ac1=gwet_ac1(counts),
-    )
+def _episodes_of(groups: Sequence[TrialGroup]) -> set[str]:
+    return {episode for group in groups for episode in group.trials["episode"]}
 
 
 def _outcomes(group: TrialGroup) -> list[PersonOutcome]:
+    names = zip(group.trials["participant"], group.trials["episode"], group.trials["sr"], strict=True)
     return [
-        PersonOutcome(
-            task=group.task,
-            scene_kind=group.scene_kind,
-            who=group.who,
-            condition=group.condition,
-            participant=trial.participant,
-            episode=str(trial.key),
-            success=(trial.figures["sr"] or 0.0) / 100,
-        )
-        for trial in group.trials
+        PersonOutcome(**group.names, participant=participant, episode=episode, success=percent / 100)  # type: ignore[arg-type]
+        for participant, episode, percent in names
     ]

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -12,7 +12,7 @@ from sim.homes.kind import scene_label
 from sim.types import SPLITS, TaskKind
 
 from .statistics import Estimate, Interval, Trials, Weight, mean, rate, trials_of
-from .trial_groups import FAR, STRICT, CountedTrial, TrialGroup
+from .trials import FAR, STRICT, Frame, TrialGroup
 
 TOTAL = "total"
 TotalKind = Literal["mean_of_splits", "pooled", "dataset_weighted"]
@@ -90,51 +90,42 @@ def rows_of(
     """A row per measure and split, then its total; `behind` has the trials that were averaged, for k and n."""
     rows = []
     for measure in group.measures:
-        known = [trial for trial in group.trials if trial.figures.get(measure) is not None]
-        splits = [split for split in SPLITS if any(trial.key.split == split for trial in known)]
-        for split in [*splits, TOTAL] if splits else []:
-            found = [trial for trial in known if split in (trial.key.split, TOTAL)]
-            keys = {trial.key for trial in found}
-            counted = found if behind is None else [trial for trial in behind.trials if trial.key in keys]
+        known = group.trials[group.trials[measure].notna()]
+        splits = [split for split in SPLITS if (known["split"] == split).any()]
+        for split in [*splits, TOTAL]:
+            found = known if split == TOTAL else known[known["split"] == split]
+            counted = found if behind is None else behind.trials[behind.trials["episode"].isin(found["episode"])]
             row = _row(group, kind, measure, split, found, counted, aggregate)
             rows.append(row.model_copy(update={"share": _share(split, known, splits, aggregate)}))
     return rows
 
 
 def estimate_of(
-    trials: Sequence[CountedTrial], measure: str, aggregate: Aggregate, *, is_share: bool, seed: int | None = None
+    trials: Frame, measure: str, aggregate: Aggregate, *, is_share: bool, seed: int | None = None
 ) -> Estimate:
     """Mean of a measure over at least one trial that has it, in its own unit; shares are in percent.
 
     Args:
         trials: Of one row.
-        measure: One of their figures.
+        measure: One of their columns.
         aggregate: How splits are put together.
         is_share: Whether it is 0 or 100, and the interval stays between them.
         seed: Of the bootstrap; None = none is made.
     """
     found = counted_trials(trials, measure, aggregate)
-    if not is_share:
-        return mean(found, seed=seed)
-    shares = Trials(
-        found.values / 100,
-        found.participant_index,
-        found.episode_index,
-        found.stratum_index,
-        found.stratum_shares,
-        found.weight,
+    return (
+        _in_percent(rate(replace(found, values=found.values / 100), seed=seed)) if is_share else mean(found, seed=seed)
     )
-    return _in_percent(rate(shares, seed=seed))
 
 
-def counted_trials(trials: Sequence[CountedTrial], measure: str, aggregate: Aggregate) -> Trials:
+def counted_trials(trials: Frame, measure: str, aggregate: Aggregate) -> Trials:
     """The trials that have the measure, as the statistics take them."""
-    known = [(trial, value) for trial in trials if (value := trial.figures.get(measure)) is not None]
+    known = trials[trials[measure].notna()]
     return trials_of(
-        [value for _, value in known],
-        [trial.participant for trial, _ in known],
-        [str(trial.key) for trial, _ in known],
-        None if aggregate.total == "pooled" else [trial.key.split for trial, _ in known],
+        known[measure].tolist(),
+        known["participant"].tolist(),
+        known["episode"].tolist(),
+        None if aggregate.total == "pooled" else known["split"].tolist(),
         shares=aggregate.split_sizes if aggregate.total == "dataset_weighted" else None,
         weight=aggregate.weight,
     )
@@ -159,7 +150,7 @@ def require_totals(rows: Iterable[ReportRow]) -> None:
             )
 
 
-def _share(split: str, known: Sequence[CountedTrial], splits: Sequence[str], aggregate: Aggregate) -> float | None:
+def _share(split: str, known: Frame, splits: Sequence[str], aggregate: Aggregate) -> float | None:
     if split == TOTAL:
         return None
     if aggregate.total == "mean_of_splits":
@@ -169,7 +160,7 @@ def _share(split: str, known: Sequence[CountedTrial], splits: Sequence[str], agg
         return sizes[split] / sum(sizes[name] for name in splits)
     if aggregate.weight == "participants":
         return None
-    return sum(trial.key.split == split for trial in known) / len(known)
+    return float((known["split"] == split).sum() / len(known))
 
 
 def _row(
@@ -177,23 +168,20 @@ def _row(
     kind: Literal["difference"] | None,
     measure: str,
     split: str,
-    found: Sequence[CountedTrial],
-    counted: Sequence[CountedTrial],
+    found: Frame,
+    counted: Frame,
     aggregate: Aggregate,
 ) -> ReportRow:
     is_rate = measure.startswith(("sr", FAR)) and kind is None
     seed = None if measure.startswith(("sr_within_", STRICT, FAR)) else 0
     estimate = estimate_of(found, measure, aggregate, is_share=is_rate, seed=seed)
-    hits = [figure for trial in counted if (figure := trial.figures.get(measure)) is not None]
+    hits = counted[measure].dropna()
     interval, bootstrap = estimate.interval, estimate.bootstrap
     if interval is not None and not is_rate and measure.startswith(_SHARES):
         interval = _possible(interval, low=-100.0 if kind == "difference" else 0.0)
     return ReportRow(
-        task=group.task,
-        scene_kind=group.scene_kind,
-        who=group.who,
+        **group.names,  # type: ignore[arg-type]
         kind=kind or ("human" if group.kind == "human" else "agent"),
-        condition=group.condition,
         split=split,
         measure=measure,
         value=estimate.value,
@@ -202,7 +190,7 @@ def _row(
         method=interval.method if interval else "none: a single trial, or all alike, says nothing of others",
         bootstrap_low=bootstrap.low if bootstrap else None,
         bootstrap_high=bootstrap.high if bootstrap else None,
-        k=sum(figure == 100 for figure in hits) if is_rate else None,
+        k=int((hits == 100).sum()) if is_rate else None,
         n=len(hits),
         num_participants=estimate.num_participants,
         num_episodes=estimate.num_episodes,

@@ -5,12 +5,12 @@ from collections.abc import Iterable, Sequence
 from sim.types import RULE_NOTES
 
 from ..design.analysis import LEVEL, NUM_RESAMPLES
+from .agreement import SUSPECT_SHARE
 from .blocks import Block, Heading, Picture, Table, Text, html_text, markdown_text
-from .chosen_places import SUSPECT_SHARE
-from .person_effects import BlockRow, EffectRow
+from .effects import BlockRow, EffectRow
 from .report import StudyReport
-from .row_labels import row_label
 from .tables import HEADS, NOBODY, TITLES, digits_of, result_tables, table_kinds, verification_note, with_interval
+from .trials import row_label
 
 _TOTALS = {
     "mean_of_splits": "the plain mean of the splits, as in the paper",

@@ -1,15 +1,17 @@
-"""A report's numbers as tables: people and agents by split, spreads, and the success within so many steps."""
+"""A report's numbers as tables for readers, as CSV with every field, and as LaTeX in the paper's layout."""
 
 from collections.abc import Sequence
 
+from sim.homes.kind import scene_label
 from sim.tasks.run_files import FAR_FROM_VIEW
 from sim.types import SPLITS, EndReason, TaskKind
 
+from ..design.analysis import LEVEL
+from ..export.csv_cells import csv_lines
 from .blocks import Block, Heading, Table, Text
 from .report import StudyReport
-from .row_labels import row_label
 from .rows import TOTAL, ReportRow
-from .trial_groups import FAR, STRICT
+from .trials import FAR, STRICT, row_label
 
 TITLES: dict[TaskKind, str] = {"pan": "PAN", "pog": "POG"}
 HEADS = {
@@ -35,6 +37,9 @@ END_NAMES: dict[EndReason, str] = {
     "technical": "technical failure",
     "abandoned": "abandoned",
 }
+
+_PAPER: dict[TaskKind, tuple[str, ...]] = {"pan": ("sr", "spl", "dtg"), "pog": ("sr",)}
+"""Measures of the paper's tables."""
 
 
 def result_tables(report: StudyReport, task: TaskKind, kind: str) -> list[Block]:
@@ -121,6 +126,58 @@ def with_interval(value: float, low: float | None, high: float | None, *, digits
     """`value [low, high]`."""
     shown, *limits = (f"{round(x, digits) + 0.0:.{digits}f}" for x in (value, low, high) if x is not None)  # no -0.0
     return f"{shown} [{', '.join(limits)}]" if len(limits) == 2 else shown
+
+
+def csv_text(report: StudyReport) -> str:
+    """Every row with all its fields."""
+    return csv_lines(ReportRow.model_fields, [tuple(row.model_dump().values()) for row in report.rows])
+
+
+def latex(report: StudyReport) -> str:
+    """The paper's columns per split, intervals and k/n beside the figures."""
+    parts = []
+    for task, kind in table_kinds(report):
+        rows = [row for row in report.rows if row.task == task and row.scene_kind in (kind, "oracle-map")]
+        columns = [(split, measure) for split in splits_of(rows) for measure in _PAPER[task]]
+        heads = " & ".join(f"{split} {measure.upper()}" for split, measure in columns)
+        body = []
+        for who, condition in names_of(rows):
+            cells = [find_row(rows, who, condition, split, measure) for split, measure in columns]
+            body.append(f"{tex(row_label(who, condition))} & " + " & ".join(_tex_cell(cell) for cell in cells) + r" \\")
+        rule = report.rule if task == "pan" else "planar"
+        said = [
+            f"{TITLES[task]}, scenes: {kind}, rule {rule}; intervals at {LEVEL:g}, participants and episodes random",
+            *([label] if (label := scene_label(kind)) else []),
+            *(["A pilot"] if report.is_pilot else []),
+            *(warning.split(". ")[0] for warning in report.warnings if task == "pan"),
+        ]
+        parts.append(
+            f"\\begin{{tabular}}{{l{'c' * len(columns)}}}\n\\hline\n & {heads} \\\\\n\\hline\n"
+            + "\n".join(body)
+            + f"\n\\hline\n{tex_lines(said, num_columns=len(columns) + 1)}\\end{{tabular}}\n"
+        )
+    return "\n".join(parts)
+
+
+def tex_lines(texts: Sequence[str], *, num_columns: int) -> str:
+    """Rows below a table that print these texts: whoever copies the table copies what must be said of it."""
+    rows = [f"\\multicolumn{{{num_columns}}}{{l}}{{\\footnotesize {tex(text)}.}} \\\\\n" for text in texts]
+    return "".join(rows)
+
+
+def _tex_cell(row: ReportRow | None) -> str:
+    if row is None:
+        return "--"
+    digits = digits_of(row.measure)
+    count = "" if row.k is None else f" ({row.k}/{row.n})"
+    if row.low is None or row.high is None:
+        return f"${row.value:.{digits}f}${count}"
+    return f"${row.value:.{digits}f}$ {{\\scriptsize [${row.low:.{digits}f}$, ${row.high:.{digits}f}$]{count}}}"
+
+
+def tex(text: str) -> str:
+    """Text as LaTeX prints it."""
+    return "".join(f"\\{letter}" if letter in "#$%&_{}" else letter for letter in text)
 
 
 def _measure_table(report: StudyReport, rows: Sequence[ReportRow], measure: str, note: str) -> Table:

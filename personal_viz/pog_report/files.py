@@ -7,7 +7,7 @@ from grounding.report.sources import PAPER_IS
 from grounding.report.table import TOTAL, PogReport, PogTable
 from human_study.export.csv_cells import csv_lines
 from human_study.report.blocks import html_text, markdown_text
-from human_study.report.files import tex, tex_lines
+from human_study.report.tables import tex, tex_lines
 from sim.homes.kind import scene_label
 
 from .figures import Drawn, distance_figure, knob_figure, methods_figure

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from human_study.report.chosen_places import chosen_place, nearest_object, place_row, suspect_episodes
-from human_study.report.trial_groups import CountedTrial, TrialGroup
+from human_study.report.agreement import chosen_place, nearest_object, place_row, suspect_episodes
+from human_study.report.trials import TrialGroup, trial_frame
 from sim.tasks.run_files import Answer
 from sim.types import EpisodeKey
 
@@ -14,15 +14,15 @@ SOFA, BED = ("sofa_1", (0.0, 0.0)), ("bed_2", (5.0, 0.0))
 OBJECTS = {"Home": [SOFA, BED]}
 
 
-def pointed(episode: str, who: str, xz: tuple[float, float] | None, *, hit: bool) -> CountedTrial:
+def pointed(episode: str, who: str, xz: tuple[float, float] | None, *, hit: bool) -> dict[str, object]:
     candidates = () if xz is None else ((xz[0], 0.4, xz[1]),)
     key = EpisodeKey("easy", "Home", episode)
     item = Answer(split="easy", scene="Home", episode_id=episode, candidates=candidates, participant=who, t_s=3.0)
-    return CountedTrial(key, who, {"sr": 100.0 * hit}, item)
+    return {"key": key, "participant": who, "sr": 100.0 * hit, "item": item}
 
 
-def group(*trials: CountedTrial) -> TrialGroup:
-    return TrialGroup("pog", "scan", "human", "human", "map_first", trials)
+def group(*trials: dict[str, object]) -> TrialGroup:
+    return TrialGroup("pog", "scan", "human", "human", "map_first", trial_frame(trials))
 
 
 def test_the_spread_is_the_mean_distance_from_the_middle() -> None:
@@ -62,12 +62,12 @@ def test_an_object_is_chosen_within_a_metre() -> None:
 def test_a_walk_chooses_where_it_stopped_and_nothing_without_stop() -> None:
     key = EpisodeKey("easy", "Home", "1")
     walk = pan_episode(key, success=False, steps=5, code="p01", path=4)
-    place = chosen_place(CountedTrial(key, "p01", {"sr": 0.0}, walk))
+    place = chosen_place(walk)
     assert place is not None
     assert place == pytest.approx([0.0, 1.0])
     given_up = walk.model_copy(update={"end": walk.end.model_copy(update={"reason": "giveup"})})
-    assert chosen_place(CountedTrial(key, "p01", {"sr": 0.0}, given_up)) is None
-    assert chosen_place(CountedTrial(key, "p01", {"sr": 0.0})) is None
+    assert chosen_place(given_up) is None
+    assert chosen_place(None) is None
 
 
 def test_a_suspect_names_the_object_that_people_took() -> None:

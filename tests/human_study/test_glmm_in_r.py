@@ -1,18 +1,18 @@
 """The report's script for R runs as it is written, and finds what the report says of the same trials."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from human_study.report.effects import memory_effects
 from human_study.report.glmm import glmm_csv, glmm_script
-from human_study.report.person_effects import memory_effects
-from human_study.report.trial_groups import CountedTrial, Figures, TrialGroup
+from human_study.report.trials import TrialGroup, trial_frame
 from sim.types import SPLITS, EpisodeKey, TaskKind
 
 from .r_program import lacks, told_by
-from .report_examples import trial_row
 
 pytestmark = pytest.mark.slow
 KEYS = [EpisodeKey(split, f"Home{n % 5}", str(n)) for split in SPLITS for n in range(10)]
@@ -45,7 +45,7 @@ def people(
     """
     rng = np.random.default_rng(seed)
     skill, ease = rng.normal(size=num_people), 1.2 * rng.normal(size=len(KEYS))
-    trials: dict[str, list[CountedTrial]] = {condition: [] for condition in conditions}
+    trials: dict[str, list[dict[str, object]]] = {condition: [] for condition in conditions}
     for who in range(num_people):
         episodes = [who] if once else rng.permutation(len(KEYS))
         for place, at in enumerate(episodes, start=1):
@@ -53,12 +53,10 @@ def people(
             chance = 1 / (1 + np.exp(-(skill[who] + ease[at] + helps * number)))
             code, condition, hit = f"p{who + 1:02d}", conditions[number], bool(rng.random() < chance)
             visits = int(rng.integers(3))
-            row = trial_row(
-                code, place, KEYS[at], "none", success=hit, steps=30, task=task, prior_visits_scene=visits, excluded=()
-            )
-            figures: Figures = {"sr": 100.0 * hit, "t_s": 30.0}
-            trials[condition].append(CountedTrial(KEYS[at], f"study/{code}", figures, None, row, place))
-    return [TrialGroup(task, "scan", "human", "human", name, tuple(found)) for name, found in trials.items()]
+            trial = {"key": KEYS[at], "participant": f"study/{code}", "sr": 100.0 * hit, "t_s": 30.0}
+            told = {"place": place, "prior_visits": visits, "secs_before": 10.0, "excluded": ""}
+            trials[condition].append(trial | told)
+    return [TrialGroup(task, "scan", "human", "human", name, trial_frame(found)) for name, found in trials.items()]
 
 
 def fitted(folder: Path, groups: list[TrialGroup], task: TaskKind) -> tuple[str, str]:
@@ -129,10 +127,7 @@ def test_a_first_condition_that_is_missing_is_that_of_the_report(tmp_path: Path)
 
 def test_trials_without_records_and_of_one_condition_are_fitted_with_what_is_there(tmp_path: Path) -> None:
     (group,) = people("pan", ("none",), helps=0.0, num_people=6)
-    bare = TrialGroup(
-        *("pan", "scan", "human", "human", "none"),
-        tuple(CountedTrial(trial.key, trial.participant, trial.figures) for trial in group.trials),
-    )
+    bare = replace(group, trials=trial_frame(group.trials[["key", "participant", "sr"]].to_dict("records")))
     printed, complaints = fitted(tmp_path, [bare], "pan")
     assert "split + (1 | participant) + (1 | episode) + (1 | house)" in " ".join(printed.split())
     assert "points" not in printed

@@ -7,9 +7,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from human_study.report.overlay_marks import DASHES
-from human_study.report.overlays import FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
-from human_study.report.trial_groups import CountedTrial, TrialGroup
+from human_study.report.overlays import DASHES, FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
+from human_study.report.trials import TrialGroup, trial_frame
 from sim.tasks.run_files import Answer
 from sim.types import EpisodeKey, GridSpec
 
@@ -19,19 +18,24 @@ KEY = EpisodeKey("easy", "Home", "1")
 OTHER = EpisodeKey("hard", "Home", "2")
 
 
-def walked(key: EpisodeKey, who: str, *, hit: bool, path: int) -> CountedTrial:
-    return CountedTrial(key, who, {"sr": 100.0 * hit}, pan_episode(key, success=hit, steps=path, code=who, path=path))
+def walked(key: EpisodeKey, who: str, *, hit: bool, path: int) -> dict[str, object]:
+    item = pan_episode(key, success=hit, steps=path, code=who, path=path)
+    return {"key": key, "participant": who, "sr": 100.0 * hit, "item": item}
 
 
 PEOPLE = TrialGroup(
     *("pan", "scan", "human", "human", "none"),
-    (
-        walked(KEY, "p01", hit=True, path=4),
-        walked(KEY, "p02", hit=False, path=2),
-        walked(OTHER, "p01", hit=True, path=3),
+    trial_frame(
+        [
+            walked(KEY, "p01", hit=True, path=4),
+            walked(KEY, "p02", hit=False, path=2),
+            walked(OTHER, "p01", hit=True, path=3),
+        ]
     ),
 )
-AGENT = TrialGroup("pan", "scan", "walker & co", "agent", "none", (walked(KEY, "walker", hit=False, path=8),))
+AGENT = TrialGroup(
+    "pan", "scan", "walker & co", "agent", "none", trial_frame([walked(KEY, "walker", hit=False, path=8)])
+)
 
 
 def parts(drawn: str) -> tuple[str, str]:
@@ -94,9 +98,9 @@ def test_marks_are_drawn_where_people_pointed() -> None:
         Answer(split="easy", scene="Home", episode_id="1", candidates=((x, 0.4, 2.0),), participant="p01", t_s=3.0)
         for x in (1.0, 3.0)
     ]
-    trials = tuple(CountedTrial(KEY, f"p0{n}", {"sr": 100.0 * n}, one) for n, one in enumerate(answers))
-    nothing = CountedTrial(KEY, "p09", {"sr": 0.0}, answers[0].model_copy(update={"candidates": ()}))
-    group = TrialGroup("pog", "scan", "human", "human", "map_open", (*trials, nothing))
+    answers.append(answers[0].model_copy(update={"candidates": ()}))
+    trials = [{"key": KEY, "participant": f"p0{n}", "sr": 0.0, "item": one} for n, one in enumerate(answers)]
+    group = TrialGroup("pog", "scan", "human", "human", "map_open", trial_frame(trials))
     drawn = overlay_svg([group], KEY, "pog")
     assert "<polyline" not in drawn
     centres = [x for x, _ in ends(drawn)]
@@ -132,7 +136,7 @@ def test_rows_differ_in_shape_and_in_colour() -> None:
 
 def test_the_drawing_of_a_large_home_has_a_longer_scale_and_of_a_narrow_one_room_for_its_legend() -> None:
     far = walked(KEY, "p01", hit=True, path=120)
-    assert ">5 m</text>" in overlay_svg([replace(PEOPLE, trials=(far,))], KEY, "pan")
+    assert ">5 m</text>" in overlay_svg([replace(PEOPLE, trials=trial_frame([far]))], KEY, "pan")
     width = re.search(r'<svg [^>]*width="(\d+)"', overlay_svg([AGENT], KEY, "pan"))
     assert width is not None
     assert int(width[1]) >= 460

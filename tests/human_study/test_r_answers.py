@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from human_study.report.agreement import counts_of, gwet_ac1, krippendorff_alpha
+from human_study.report.effects import WithinDesign, holm
 from human_study.report.statistics import (
     Trials,
     mcnemar_p,
@@ -18,7 +19,6 @@ from human_study.report.statistics import (
     two_way_variance,
     wilson_interval,
 )
-from human_study.report.within_effects import WithinDesign, holm
 
 from .r_program import lacks, told_by
 

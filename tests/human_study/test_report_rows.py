@@ -4,7 +4,7 @@ import pytest
 
 from human_study.report.rows import Aggregate, ReportRow, require_totals, rows_of
 from human_study.report.statistics import mean, pigeonhole_interval, trials_of, two_way_variance
-from human_study.report.trial_groups import CountedTrial, TrialGroup
+from human_study.report.trials import TrialGroup, trial_frame
 from sim.errors import StudyError
 from sim.types import EpisodeKey, Split
 
@@ -17,11 +17,11 @@ HITS: list[tuple[str, Split, int]] = [
 
 
 def group() -> TrialGroup:
-    trials = tuple(
-        CountedTrial(EpisodeKey(split, "Home", str(n)), who, {"sr": 100.0 * hit})
+    trials = [
+        {"key": EpisodeKey(split, "Home", str(n)), "participant": who, "sr": 100.0 * hit}
         for n, (who, split, hit) in enumerate(HITS)
-    )
-    return TrialGroup("pan", "scan", "human", "human", "none", trials)
+    ]
+    return TrialGroup("pan", "scan", "human", "human", "none", trial_frame(trials))
 
 
 def values(aggregate: Aggregate) -> tuple[float, float, float]:

@@ -9,9 +9,9 @@ from human_study.design.study import StudyEthics
 from human_study.export.csv_cells import csv_lines
 from human_study.report.blocks import Heading, Picture, Table, Text, html_text, markdown_text
 from human_study.report.checklist import NOT_IN_FILE, checklist
+from human_study.report.effects import memory_effects
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.hypotheses import hypothesis_rows
-from human_study.report.person_effects import memory_effects
 from human_study.report.report import report_groups
 from human_study.report.rows import Aggregate
 from human_study.report.source import ReportSource, StudyRecords

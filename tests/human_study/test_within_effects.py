@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from human_study.report.within_effects import WithinDesign, holm
+from human_study.report.effects import WithinDesign, holm
 
 PEOPLE = np.repeat(np.arange(4), 4)
 EPISODES = np.tile(np.arange(4), 4)

@@ -79,9 +79,9 @@ def _scenes_of(runs: Sequence[Run]) -> set[str]:
 
 
 def _texts(found: StudyReport, groups: ReportGroups, pictures: dict[str, str]) -> dict[str, str]:
-    from human_study.report.files import csv_text, latex
     from human_study.report.glmm import glmm_csv, glmm_script
     from human_study.report.sections import html_page, markdown
+    from human_study.report.tables import csv_text, latex
 
     texts = {
         "report.md": markdown(found, pictures),

@@ -1,19 +1,79 @@
-"""What a study's records say beside the figures: how far people came, what was verified, what a rule leaves out."""
+"""What is counted beside the figures: ends, spreads, attention, the flow of people, verifications, exclusions."""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from sim.types import TaskKind
+from sim.types import SPLITS, EndReason, TaskKind
 
 from ..export.rows import ExclusionRow, ParticipantRow
 from ..export.runs import run_condition
 from ..export.trial_table import NOT_A_RESULT, TrialRow
-from .row_labels import is_first_condition
+from .trials import TrialGroup, is_first_condition
 
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 NO_REASON = "not in the export"
+SPREAD_MEASURES = ("dtg", "distance", "steps", "path_m", "t_s", "t_look_s")
+
+
+class SpreadRow(BaseModel):
+    """Quartiles of a measure over all trials of a row, in one split or all."""
+
+    model_config = _MODEL
+    task: TaskKind
+    scene_kind: str
+    who: str
+    condition: str
+    split: str
+    """A split, or `all` trials alike."""
+    measure: str
+    lower: float
+    median: float
+    upper: float
+    n: int
+    """Trials with a value."""
+    num_missing: int
+    """Trials without one: for `dtg` those from whose end no way leads to the goal (unreachable)."""
+
+
+class EndRow(BaseModel):
+    """Trials of a row that ended in one way."""
+
+    model_config = _MODEL
+    task: TaskKind
+    scene_kind: str
+    who: str
+    condition: str
+    reason: EndReason
+    k: int
+    """Successes among them."""
+    n: int
+
+
+class AttentionCount(BaseModel):
+    """Trials with a target in plain view."""
+
+    model_config = _MODEL
+    task: TaskKind
+    num_trials: int
+    num_passed: int
+    num_people: int
+    num_failing: int
+    """People who failed more than one."""
+
+
+class HiddenCount(BaseModel):
+    """Counted trials whose page was in the background for longer than the study file allows without a flag."""
+
+    model_config = _MODEL
+    limit_s: float
+    num_trials: int
+    num_flagged: int
+    """They count as all others."""
+    num_people: int
+    """With a flagged trial."""
 
 
 class FlowCount(BaseModel):
@@ -57,6 +117,58 @@ class ExclusionCount(BaseModel):
     """Whose trials are concerned."""
     num_trials: int
     """Trials with a result; they stay in the tables (intention to treat)."""
+
+
+def spread_rows(group: TrialGroup) -> list[SpreadRow]:
+    """Quartiles per split and of all trials, for every measure of the group that has a spread worth showing."""
+    rows = []
+    for measure in (name for name in SPREAD_MEASURES if name in group.measures):
+        for split in (*SPLITS, "all"):
+            values = group.trials[measure] if split == "all" else group.trials[measure][group.trials["split"] == split]
+            if values.notna().any():
+                lower, median, upper = np.quantile(values.dropna(), [0.25, 0.5, 0.75])
+                found = {"measure": measure, "split": split, "lower": lower, "median": median, "upper": upper}
+                found |= {"n": int(values.notna().sum()), "num_missing": int(values.isna().sum())}
+                rows.append(SpreadRow.model_validate({**group.names, **found}))
+    return rows
+
+
+def end_rows(group: TrialGroup) -> list[EndRow]:
+    """A row per way in which the group's trials ended, most frequent first."""
+    counts = Counter(group.trials["end"].dropna())
+    hits = Counter(group.trials["end"][group.trials["sr"] == 100])
+    found = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    return [EndRow.model_validate({**group.names, "reason": end, "k": hits[end], "n": n}) for end, n in found]
+
+
+def attention_counts(rows: Sequence[TrialRow]) -> list[AttentionCount]:
+    """Per task, over attention trials that ended with a result."""
+    checks = [row for row in rows if row.phase == "check" and row.success is not None]
+    found = []
+    tasks: set[TaskKind] = {row.task for row in checks}
+    for task in sorted(tasks):
+        hits: dict[str, list[bool]] = defaultdict(list)
+        for row in (row for row in checks if row.task == task):
+            hits[row.participant].append(bool(row.success))
+        found.append(
+            AttentionCount(
+                task=task,
+                num_trials=sum(map(len, hits.values())),
+                num_passed=sum(map(sum, hits.values())),
+                num_people=len(hits),
+                num_failing=sum(one.count(False) > 1 for one in hits.values()),
+            )
+        )
+    return found
+
+
+def hidden_count(rows: Sequence[TrialRow], limit_s: float | None) -> HiddenCount | None:
+    """The flagged ones among trials of phase `main` with a result; None where the study file has no limit."""
+    if limit_s is None:
+        return None
+    flagged = [row for row in _results(rows) if row.is_long_hidden]
+    num_people = len({row.participant for row in flagged})
+    return HiddenCount(limit_s=limit_s, num_trials=len(_results(rows)), num_flagged=len(flagged), num_people=num_people)
 
 
 def flow_counts(people: Sequence[ParticipantRow], rows: Sequence[TrialRow], *, num_deleted: int) -> list[FlowCount]:
@@ -113,29 +225,20 @@ _POINTS: tuple[tuple[str, bool], ...] = (
 
 
 def verification_counts(rows: Sequence[TrialRow]) -> list[VerificationCount]:
-    """Counts per task, scene kind and condition, over trials with a result."""
-    groups: dict[tuple[TaskKind, str, str], Counter[str]] = defaultdict(Counter)
+    """Counts per task, scene kind and condition, over trials with a result; without memory before with it."""
+    groups: dict[tuple[TaskKind, str, bool, str], Counter[str]] = defaultdict(Counter)
     for row in _results(rows):
-        groups[row.task, row.scene_kind, run_condition(row.condition)][row.verification or "not_yet"] += 1
+        condition = run_condition(row.condition)
+        name = (row.task, row.scene_kind, not is_first_condition(condition), condition)
+        groups[name][row.verification or "not_yet"] += 1
+    statuses = ("verified", "drift", "failed", "unsupported", "not_yet")
     return [
-        VerificationCount(
-            task=task,
-            scene_kind=kind,
-            condition=condition,
-            num_verified=found["verified"],
-            num_drift=found["drift"],
-            num_failed=found["failed"],
-            num_unsupported=found["unsupported"],
-            num_not_yet=found["not_yet"],
+        VerificationCount.model_validate(
+            {"task": task, "scene_kind": kind, "condition": condition}
+            | {f"num_{status}": found[status] for status in statuses}
         )
-        for (task, kind, condition), found in sorted(groups.items(), key=_order)
+        for (task, kind, _, condition), found in sorted(groups.items())
     ]
-
-
-def _order(item: tuple[tuple[TaskKind, str, str], Counter[str]]) -> tuple:
-    """As in the tables: without memory before with it."""
-    task, kind, condition = item[0]
-    return task, kind, not is_first_condition(condition), condition
 
 
 def exclusion_counts(rows: Sequence[TrialRow], uses: Sequence[ExclusionRow]) -> list[ExclusionCount]:

@@ -1,0 +1,265 @@
+"""Effects within people and within episodes: of memory, of the place in the order, of having been in the home before.
+
+Whoever is better than others, and whichever episode is easier, drops out; what is left is how one person's trials
+differ, at the same episodes as other people's. Both stay random for the interval, as in `statistics`.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pandas import concat
+from pydantic import BaseModel, ConfigDict
+from scipy.special import stdtr, stdtrit
+
+from sim.types import SPLITS, TaskKind
+
+from ..design.analysis import LEVEL
+from .rows import Aggregate, estimate_of
+from .statistics import clustered_variance, numbered
+from .trials import Frame, TrialGroup, is_first_condition
+
+PER_PLACES = 10
+"""The order effect is given per so many trials."""
+ORDER_BLOCK = 10
+"""Trials in one row of the order table."""
+EFFECT_MEASURES: dict[TaskKind, tuple[str, ...]] = {
+    "pan": ("sr", "spl", "steps", "t_s"),
+    "pog": ("sr", "distance", "t_s"),
+}
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+_TINY = 1e-9
+"""Share of a covariate's variation within people and episodes below which it has none."""
+
+
+class Effect(BaseModel):
+    """By how much a measure differs per unit of a covariate."""
+
+    model_config = _MODEL
+    value: float | None
+    """In units of the measure; None = it cannot be told, `method` says why."""
+    low: float | None
+    high: float | None
+    p: float | None
+    """Two-sided, of no effect."""
+    n: int
+    """Trials."""
+    num_participants: int
+    num_episodes: int
+    method: str
+
+
+class EffectRow(BaseModel):
+    """An effect on one measure."""
+
+    model_config = _MODEL
+    task: TaskKind
+    scene_kind: str
+    what: str
+    """`CONDITION - none`, `per 10 trials`, `visited before`, or `per minute in the home before`."""
+    condition: str
+    """In which it was looked for; `all` = all of them."""
+    split: str
+    """A split, or `all`."""
+    measure: str
+    effect: Effect
+    """In percent points for success and SPL."""
+
+
+class BlockRow(BaseModel):
+    """A measure over trials that have something in common: their place in the order, or earlier visits."""
+
+    model_config = _MODEL
+    task: TaskKind
+    scene_kind: str
+    condition: str
+    by: str
+    """`order` or `visits`."""
+    block: str
+    """Such as `1-10`, or `visited before`."""
+    measure: str
+    value: float
+    low: float | None
+    high: float | None
+    k: int | None
+    n: int
+
+
+def memory_effects(people: Sequence[TrialGroup]) -> list[EffectRow]:
+    """Each condition against the first of its task (`none`, or `map_first`), within people and within episodes."""
+    rows = []
+    for task, kind in dict.fromkeys((group.task, group.scene_kind) for group in people):
+        groups = [group for group in people if (group.task, group.scene_kind) == (task, kind)]
+        base = next((group for group in groups if is_first_condition(group.condition)), groups[0])
+        for other in (group for group in groups if group is not base):
+            both = [base.trials.assign(covariate=0.0), other.trials.assign(covariate=1.0)]
+            trials = concat(both, ignore_index=True)
+            what = f"{other.condition} - {base.condition}"
+            for split in ("all", *SPLITS):
+                found = trials if split == "all" else trials[trials["split"] == split]
+                rows += _effects(other, what, "all", split, found)
+    return rows
+
+
+def order_effects(people: Sequence[TrialGroup]) -> list[EffectRow]:
+    """Slopes on the place in the order, and on having been in the home before; needs the study's records."""
+    rows = []
+    for group in people:
+        if group.trials["place"].notna().any():
+            for what, covariate in _COVARIATES.items():
+                trials = group.trials.assign(covariate=covariate)
+                rows += _effects(group, what, group.condition, "all", trials)
+    return rows
+
+
+def order_blocks(people: Sequence[TrialGroup]) -> list[BlockRow]:
+    """Success and effort by place in the order, and with and without earlier visits to the home."""
+    rows = []
+    for group in people:
+        placed = group.trials[group.trials["place"].notna()]
+        if placed.empty:
+            continue
+        for first in range(1, int(placed["place"].max()) + 1, ORDER_BLOCK):
+            last = first + ORDER_BLOCK - 1
+            rows += _blocks(group, "order", f"{first}-{last}", placed[placed["place"].between(first, last)])
+        rows += _blocks(group, "visits", "first visit", placed[placed["prior_visits"] == 0])
+        rows += _blocks(group, "visits", "visited before", placed[placed["prior_visits"] > 0])
+    return rows
+
+
+_COVARIATES: dict[str, Callable[[Frame], Any]] = {
+    f"per {PER_PLACES} trials": lambda trials: trials["place"] / PER_PLACES,
+    "visited before": lambda trials: (trials["prior_visits"] > 0).where(trials["prior_visits"].notna()).astype(float),
+    "per minute in the home before": lambda trials: trials["secs_before"] / 60,
+}
+
+
+def _effects(group: TrialGroup, what: str, condition: str, split: str, trials: Frame) -> list[EffectRow]:
+    """Of the column `covariate` on each measure."""
+    rows = []
+    designs: dict[tuple[int, ...], WithinDesign] = {}  # measures that the same trials have share one
+    for measure in EFFECT_MEASURES[group.task]:
+        known = trials[trials[measure].notna() & trials["covariate"].notna()]
+        if len(known) < 2:
+            continue
+        name = tuple(known.index)
+        if name not in designs:
+            people, episodes = (numbered(known[factor].tolist()) for factor in ("participant", "episode"))
+            designs[name] = WithinDesign(known["covariate"].to_numpy(float), people, episodes)
+        found = {"task": group.task, "scene_kind": group.scene_kind, "what": what, "condition": condition}
+        found |= {"split": split, "measure": measure, "effect": designs[name].effect(known[measure].to_numpy(float))}
+        rows.append(EffectRow.model_validate(found))
+    return rows
+
+
+def _blocks(group: TrialGroup, by: str, block: str, trials: Frame) -> list[BlockRow]:
+    rows = []
+    for measure in ("sr", "steps" if group.task == "pan" else "t_s"):
+        if trials[measure].isna().all():
+            continue
+        estimate = estimate_of(trials, measure, Aggregate(total="pooled"), is_share=measure == "sr")
+        interval = estimate.interval
+        rows.append(
+            BlockRow(
+                task=group.task,
+                scene_kind=group.scene_kind,
+                condition=group.condition,
+                by=by,
+                block=block,
+                measure=measure,
+                value=estimate.value,
+                low=interval.low if interval else None,
+                high=interval.high if interval else None,
+                k=int((trials[measure] == 100).sum()) if measure == "sr" else None,
+                n=estimate.n,
+            )
+        )
+    return rows
+
+
+class WithinDesign:
+    """Which trials there are and what the covariate is; many sets of outcomes may be tried on one."""
+
+    def __init__(
+        self,
+        covariate: NDArray[np.float64],
+        participant_index: NDArray[np.intp],
+        episode_index: NDArray[np.intp],
+        *,
+        is_within_episodes: bool = True,
+    ) -> None:
+        """Takes out what people and episodes differ by.
+
+        Args:
+            covariate: (N,), such as 1 with memory and 0 without.
+            participant_index: (N,), from 0, each at least once.
+            episode_index: (N,), from 0, each at least once.
+            is_within_episodes: Whether episodes' own difficulty is taken out too.
+        """
+        self._at = (participant_index, episode_index)
+        self._factors = [participant_index, episode_index] if is_within_episodes else [participant_index]
+        self._sizes = [int(index.max()) + 1 for index in self._factors]
+        gram = self._sums_of_dummies()
+        sizes, axes = np.linalg.eigh(gram)
+        kept = sizes > _TINY * sizes[-1]
+        self._inverse = (axes[:, kept] / sizes[kept]) @ axes[:, kept].T
+        self._covariate = self._within(covariate)
+        self._spread = float(self._covariate @ self._covariate)
+        self._left = len(covariate) - int(kept.sum()) - 1
+        self._whole = float(((covariate - covariate.mean()) ** 2).sum())
+        self._what = "people and episodes" if is_within_episodes else "people"
+
+    def effect(self, values: NDArray[np.float64]) -> Effect:
+        """Slope of the values (N,) on the covariate."""
+        people, episodes = self._at
+        counts = {"n": len(values), "num_participants": int(people.max()) + 1, "num_episodes": int(episodes.max()) + 1}
+        none = {"value": None, "low": None, "high": None, "p": None}
+        if self._spread <= _TINY * max(self._whole, _TINY):
+            return Effect(**none, **counts, method=f"cannot be told: it does not vary within {self._what}")  # type: ignore[arg-type]
+        if self._left < 1:
+            return Effect(**none, **counts, method=f"cannot be told: too few trials beside {self._what}")  # type: ignore[arg-type]
+        within = self._within(values)
+        slope = float(self._covariate @ within) / self._spread
+        residual = within - slope * self._covariate
+        correction = np.sqrt(len(values) / self._left)  # residuals are too small by what was taken out
+        variance, df = clustered_variance(correction * self._covariate * residual / self._spread, people, episodes)
+        error = float(np.sqrt(variance))
+        if not error > _TINY * max(1.0, abs(slope)):
+            unknown = none | {"value": slope}
+            return Effect(**unknown, **counts, method="no interval: the trials do not differ otherwise")  # type: ignore[arg-type]
+        half = float(stdtrit(df, (1 + LEVEL) / 2)) * error
+        return Effect(
+            value=slope,
+            low=slope - half,
+            high=slope + half,
+            p=float(2 * stdtr(df, -abs(slope) / error)),
+            **counts,
+            method=f"within {self._what}, two-way, t with {df:.1f} df",
+        )
+
+    def _within(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What is left of values (N,) when each factor's levels may have means of their own."""
+        pairs = list(zip(self._factors, self._sizes, strict=True))
+        sums = np.concatenate([np.bincount(index, values, minlength=size) for index, size in pairs])
+        levels = np.split(self._inverse @ sums, np.cumsum(self._sizes)[:-1])
+        return values - sum(level[index] for level, index in zip(levels, self._factors, strict=True))
+
+    def _sums_of_dummies(self) -> NDArray[np.float64]:
+        """(K, K): how many trials each two levels share."""
+        firsts = np.concatenate([[0], np.cumsum(self._sizes)])
+        gram = np.zeros((firsts[-1], firsts[-1]))
+        for first, one in zip(firsts, self._factors, strict=False):
+            for second, other in zip(firsts, self._factors, strict=False):
+                np.add.at(gram, (first + one, second + other), 1.0)
+        return gram
+
+
+def holm(p_values: list[float]) -> list[float]:
+    """Holm's adjusted p of each of a family of hypotheses, in the given order."""
+    order = sorted(range(len(p_values)), key=lambda at: p_values[at])
+    adjusted, largest = [0.0] * len(p_values), 0.0
+    for rank, at in enumerate(order):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[at]))
+        adjusted[at] = largest
+    return adjusted

@@ -1,0 +1,299 @@
+"""Counted trials of people and agents as one long frame: whose each is, and every measure that a report averages.
+
+Runs go in and, where they are at hand, the study's rows; the frame's groups are the rows of the report's tables.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pandas import DataFrame
+from pydantic import BaseModel, ConfigDict
+
+from sim.tasks.run_files import Answer, EpisodeRun, Run
+from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
+
+from ..export.runs import run_condition
+from ..export.trial_figures import measured
+from ..export.trial_table import NOT_A_RESULT, TrialRow
+
+STEP_LIMITS = (25, 50, 100, 200, 300, 400, 500)
+"""Of the anytime success rate: success within so many steps."""
+STRICT, FAR = "sr_strict", "far_from_view"
+"""Success by rule `paper-strict`; and whether a success by `paper` ends far from every view point."""
+Frame = Any
+"""A pandas DataFrame: pandas has no types of its own that tell a cut of a frame from a column."""
+_WITHIN = tuple(f"sr_within_{limit}" for limit in STEP_LIMITS)
+MEASURES: dict[TaskKind, tuple[str, ...]] = {
+    "pan": ("sr", "spl", "soft_spl", "dtg", "steps", "path_m", "t_s", *_WITHIN, STRICT, FAR, "t_look_s"),
+    "pog": ("sr", "distance", "t_s", "t_look_s"),
+}
+"""Columns with figures, in the order of the report; shares in percent, lengths in metres, times in seconds."""
+_ALL_MEASURES = list(dict.fromkeys(name for names in MEASURES.values() for name in names))
+_NAMES = ["task", "scene_kind", "who", "kind", "condition"]
+_ROW_NUMBERS = ("place", "prior_visits", "secs_before")
+_COLUMNS = (*_NAMES, "key", "participant", "end", "item", *_ROW_NUMBERS, "excluded", "verification", *_ALL_MEASURES)
+NEVER_ENDED = "begun, never ended (taken as abandoned)"
+"""Of who left in mid-trial, where nobody else could take the episode; and of trials that still run."""
+PEOPLE = {
+    "none": "Human",
+    "memory": "Human with memory",
+    "memory_topdown": "Human with memory (top-down map)",
+    "memory_glb": "Human with memory (3-D model)",
+    "map_first": "Human (home first, then text)",
+    "map_open": "Human (home and text together)",
+    "map_2d": "Human (agents' top-down map)",
+}
+
+
+class LeftOut(BaseModel):
+    """Trials that are in no number, and why."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    who: str
+    task: TaskKind
+    reason: str
+    n: int
+
+
+@dataclass(frozen=True, slots=True)
+class TrialGroup:
+    """All trials of one row name."""
+
+    task: TaskKind
+    scene_kind: str
+    who: str
+    kind: WhoKind
+    condition: str
+    trials: Frame
+    """As `trial_frame` makes it."""
+
+    @property
+    def names(self) -> dict[str, str]:
+        """What names the group in the report's lists."""
+        return {"task": self.task, "scene_kind": self.scene_kind, "who": self.who, "condition": self.condition}
+
+    @property
+    def measures(self) -> list[str]:
+        """Those that at least one of its trials has."""
+        return [name for name in MEASURES[self.task] if self.trials[name].notna().any()]
+
+
+def is_first_condition(condition: str) -> bool:
+    """Whether the others are compared with it, and stand below it: no memory, or the paper's order in POG."""
+    return condition in ("none", "map_first")
+
+
+def row_label(who: str, condition: str) -> str:
+    """A row's name for readers; `who` is as in the report's rows: `human`, an agent, or `human - AGENT`."""
+    people, minus, agent = who.partition(" - ")
+    if people != "human":
+        return who if condition == "none" else f"{who} ({condition})"
+    return PEOPLE.get(condition, f"Human ({condition})") + minus + agent
+
+
+def trial_frame(trials: Iterable[Mapping[str, Any]]) -> Frame:
+    """A line per trial, by episode and person; a number that a trial lacks is NaN.
+
+    Each trial needs `key` (an `EpisodeKey`) and `participant` (the same text in all conditions of one study). `item` is
+    its run or answer, None where only the study's row is at hand: an excluded trial, which still counts for intention
+    to treat. `place` is that in the person's order of counted trials, from 1; it and `prior_visits`, `secs_before`,
+    `excluded` (rules, joined by `;`) and `verification` come from the study's rows.
+    """
+    ordered = sorted(trials, key=lambda trial: (trial["key"], trial["participant"]))
+    frame = DataFrame(ordered, columns=list(_COLUMNS))
+    frame = frame.astype(dict.fromkeys([*_ROW_NUMBERS, *_ALL_MEASURES], float))
+    keys: list[EpisodeKey] = [trial["key"] for trial in ordered]
+    return frame.assign(
+        episode=[str(key) for key in keys], split=[key.split for key in keys], scene=[key.scene for key in keys]
+    )
+
+
+def trial_groups(
+    runs: Sequence[Run], rule: SuccessRule, rows: Sequence[TrialRow] = (), *, row_rule: SuccessRule = "paper"
+) -> tuple[list[TrialGroup], list[LeftOut]]:
+    """Trials by row name, people first, and counts of those that are left out.
+
+    Args:
+        runs: Of people and agents.
+        rule: Success rule of PAN.
+        rows: Of the people's study. Trials that a rule excludes have no run; they count here from their rows, if the
+            rows are under the same success rule.
+        row_rule: Success rule of the rows.
+    """
+    trials: list[dict[str, Any]] = []
+    left_out: Counter[tuple[str, TaskKind, str]] = Counter()
+
+    def count(names: Mapping[str, Any], figures: dict[str, float | None] | str) -> None:
+        if isinstance(figures, str):
+            left_out[names["who"], names["task"], figures] += 1
+        else:
+            trials.append({**names, **figures})
+
+    results = _results(rows)
+    alone = dict(results)
+    for run in runs:
+        info = run.info
+        for item in (*run.episodes, *run.answers):
+            names = _names_of(run, item)
+            at = (names["code"], names["task"], info.condition, item.key)
+            row, place = results.get(at, (None, None)) if info.who_kind == "human" else (None, None)
+            figures = _run_figures(item, rule)
+            if row is not None:
+                alone.pop(at, None)
+                figures = figures if isinstance(figures, str) else figures | _row_times(row)
+            count({**names, **_told(row, place)}, figures)
+    study = next((str(found) for run in runs if (found := _study_of(run))), "study")
+    for (_, task, condition, key), (row, place) in alone.items():
+        names = {"task": task, "scene_kind": row.scene_kind, "who": "human", "kind": "human", "condition": condition}
+        names |= {"key": key, "participant": f"{study}/{row.participant}", "end": row.end_reason}
+        same_rule = task == "pog" or rule == row_rule
+        count({**names, **_told(row, place)}, _row_figures(row, same_rule=same_rule))
+    for row in rows:
+        if row.phase == "main" and row.end_reason in NOT_A_RESULT:
+            left_out["human", row.task, "technical failure" if row.end_reason == "technical" else "abandoned"] += 1
+        elif row.is_never_ended:
+            left_out["human", row.task, NEVER_ENDED] += 1
+    frame = trial_frame(trials)
+    groups = [TrialGroup(**dict(zip(_NAMES, names, strict=True)), trials=cut) for names, cut in frame.groupby(_NAMES)]
+    groups.sort(key=_order_of_rows)
+    return groups, [LeftOut(who=who, task=task, reason=why, n=n) for (who, task, why), n in sorted(left_out.items())]
+
+
+def averaged_agent(agent: TrialGroup, episodes: Iterable[str]) -> TrialGroup:
+    """One trial per episode of an agent: the mean of its runs."""
+    found = agent.trials[agent.trials["episode"].isin(list(episodes))]
+    means = found.groupby("episode")[_ALL_MEASURES].mean()
+    once = found.drop_duplicates("episode").assign(participant=agent.who)
+    once[_ALL_MEASURES] = means.loc[once["episode"]].to_numpy()
+    return replace(agent, trials=once)
+
+
+def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
+    """People minus the agent, trial by trial on the same episodes; only figures that both have.
+
+    Args:
+        people: Any group of people.
+        agent: With one trial per episode, as `averaged_agent` gives.
+    """
+    theirs = agent.trials.set_index("episode")[_ALL_MEASURES]
+    apart = people.trials[people.trials["episode"].isin(theirs.index)].copy()
+    apart[_ALL_MEASURES] -= theirs.loc[apart["episode"]].to_numpy()
+    apart[FAR] = float("nan")
+    name = f"{people.who} - {agent.who}" + ("" if agent.condition == "none" else f" ({agent.condition})")
+    return replace(people, who=name, trials=apart)
+
+
+def row_key(row: TrialRow) -> EpisodeKey:
+    """The row's episode."""
+    return EpisodeKey(row.split, row.scene, row.episode_id)
+
+
+def _order_of_rows(group: TrialGroup) -> tuple:
+    """People first, without memory before with it."""
+    is_later = not is_first_condition(group.condition)
+    return (group.task, group.scene_kind, group.kind != "human", group.who, is_later, group.condition)
+
+
+_At = tuple[str, TaskKind, str, EpisodeKey]
+
+
+def _results(rows: Sequence[TrialRow]) -> dict[_At, tuple[TrialRow, int]]:
+    """Rows of counted phases that ended with a result, and the place of each in its person's order of these.
+
+    By what also names a run's trial.
+    """
+    last: dict[_At, TrialRow] = {}
+    for row in sorted(rows, key=lambda row: (row.participant, row.order_no, row.attempt)):
+        if row.phase == "main" and row.end_reason is not None and row.end_reason not in NOT_A_RESULT:
+            last[row.participant, row.task, run_condition(row.condition), row_key(row)] = row
+    done: Counter[str] = Counter()
+    found = {}
+    for at, row in sorted(last.items(), key=lambda item: (item[1].participant, item[1].order_no, item[1].attempt)):
+        done[row.participant] += 1
+        found[at] = (row, done[row.participant])
+    return found
+
+
+def _names_of(run: Run, item: EpisodeRun | Answer) -> dict[str, Any]:
+    """Whose trial it is; one person has several runs, of each condition."""
+    info, is_walk = run.info, isinstance(item, EpisodeRun)
+    code = (item.start.participant if isinstance(item, EpisodeRun) else item.participant) or ""
+    return {
+        "task": "pan" if is_walk else "pog",
+        "scene_kind": info.scene_kind,
+        "who": info.who,
+        "kind": info.who_kind,
+        "condition": info.condition,
+        "key": item.key,
+        "code": code,
+        "participant": f"{info.config.get('study') or info.run_id}/{code}",
+        "end": item.end.reason if isinstance(item, EpisodeRun) else item.reason,
+        "item": item,
+    }
+
+
+def _study_of(run: Run) -> object:
+    return run.info.config.get("study") if run.info.who_kind == "human" else None
+
+
+def _told(row: TrialRow | None, place: int | None) -> dict[str, Any]:
+    """What the study's records say of a trial; nothing for agents, and where the runs came without records."""
+    if row is None:
+        return {}
+    return {
+        "place": place,
+        "prior_visits": row.prior_visits_scene,
+        "secs_before": row.secs_in_scene_before,
+        "excluded": ";".join(row.excluded),
+        "verification": row.verification,
+    }
+
+
+def _figures(task: TaskKind, plain: Mapping[str, Any]) -> dict[str, float | None]:
+    """The report's measures from a trial's plain figures, those of its run or of its exported row."""
+    hit = bool(plain["success"])
+    if task == "pog":
+        return {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
+    steps = plain["n_steps"] or 0
+    spl, soft_spl = (None if plain[name] is None else 100.0 * plain[name] for name in ("spl", "softspl"))
+    figures = {"sr": 100.0 * hit, "spl": spl, "soft_spl": soft_spl, "dtg": plain["dtg"], "steps": float(steps)}
+    within = {name: 100.0 * (hit and steps <= limit) for name, limit in zip(_WITHIN, STEP_LIMITS, strict=True)}
+    return {**figures, "path_m": plain["path_m"], **within}
+
+
+def _row_figures(row: TrialRow, *, same_rule: bool) -> dict[str, float | None] | str:
+    """Figures of a trial that has a row only, or why it does not count."""
+    if not same_rule:
+        return "excluded; its row is under another success rule"
+    return "never scored" if row.success is None else _figures(row.task, dict(row)) | _row_times(row)
+
+
+def _row_times(row: TrialRow) -> dict[str, float | None]:
+    """Time to decision, from the start of the task to the trial's end however it ended; and the look before it."""
+    total_s = row.t_total_s
+    return {"t_s": None if total_s is None else total_s - (row.t_look_s or 0.0), "t_look_s": row.t_look_s}
+
+
+def _run_figures(item: EpisodeRun | Answer, rule: SuccessRule) -> dict[str, float | None] | str:
+    """Figures by measure, or why the trial does not count."""
+    end = item.end if isinstance(item, EpisodeRun) else item
+    if end.reason == "technical":
+        return "technical failure"
+    plain = measured(end, rule)
+    if not plain:
+        return "never scored"
+    if isinstance(item, Answer):
+        return _figures("pog", plain) | {"t_s": item.t_s if item.participant is not None else None}
+    if "success" not in plain:
+        return f"no usable point under rule {rule}"
+    assert item.end.measures is not None
+    strict, is_far = item.end.measures.rules["paper-strict"], item.end.measures.ends_far_from_view
+    # run files have no time of the end but that of the last step, which ends no trial that was given up
+    has_time = item.start.participant is not None and item.end.reason in ("stop", "steps") and item.steps
+    return _figures("pan", plain) | {
+        "t_s": item.steps[-1].t_s if has_time else None,
+        STRICT: None if strict is None else 100.0 * strict.success,
+        FAR: None if is_far is None else 100.0 * is_far,
+    }
