@@ -1,6 +1,6 @@
-"""How much of a storey an exploration saw, and which rooms: the researcher's side, with ground truth.
+"""The share of a storey that an exploration saw; on the researcher's side, with ground truth.
 
-Scene -> `VisibleFloor` (what could be seen); views -> `CoverageTracker` -> share of it. Agents never see this.
+Scene -> `VisibleFloor` (floor that can be seen); views -> `CoverageTracker` -> seen share. Agents never see this.
 """
 
 import math
@@ -20,8 +20,8 @@ from ..maps.occupancy import MAX_DEPTH, OccupancyMapper
 from ..types import Intrinsics
 
 FLOOR_BAND = 0.3
-"""Floor so near to the storey's typical height counts, metres: recorded heights lie up to 0.2 above the floor, and a
-step is 0.17. Stairs, and tops of beds, do not."""
+"""Floor within this distance of the storey's typical height counts (metres): recorded heights lie up to 0.2 above the
+floor, and a step is 0.17. Stairs and tops of beds do not count."""
 SENSOR_RANGE = MAX_DEPTH
 """Range of the ideal sensor, metres."""
 RAYS = 720
@@ -34,10 +34,10 @@ class VisibleFloor:
     """The free cells of a storey, and which of them an ideal sensor could see."""
 
     def __init__(self, navigation: NavigationMap, start: NDArray[np.float64]) -> None:
-        """Works out what could be seen from all places of the start's storey that can be walked to.
+        """Computes the floor that can be seen from all places of the start's storey that can be walked to.
 
         Args:
-            navigation: Of the scene.
+            navigation: Navigation map of the scene.
             start: (3,) where the exploration begins, world metres.
 
         Raises:
@@ -61,9 +61,9 @@ class VisibleFloor:
         self.free = self._image(floor) & top_down.free
         """(rows, cols) all free cells of the storey: where the robot's centre can be, on its floor."""
         self.reachable = self._image(floor[is_reachable]) & top_down.free
-        """(rows, cols) those that can be walked to from the start."""
+        """(rows, cols) free cells that can be walked to from the start."""
         self.visible = self.reachable | _seen_from(self.reachable, self.free, self.grid.cell)
-        """(rows, cols) free cells that an ideal sensor of SENSOR_RANGE sees from reachable ones: what counts as all."""
+        """(rows, cols) free cells that an ideal sensor of SENSOR_RANGE sees from reachable ones (coverage 1)."""
 
     def _image(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         image = np.zeros(self.grid.shape, bool)
@@ -77,10 +77,10 @@ class CoverageTracker:
     """The share of a `VisibleFloor` that views have shown so far; it never falls."""
 
     def __init__(self, floor: VisibleFloor, *, floor_y: float | None = None) -> None:
-        """Nothing is seen yet.
+        """Starts with nothing seen.
 
         Args:
-            floor: What could be seen.
+            floor: The floor that can be seen.
             floor_y: Height of the drawn floor, metres; None = the storey's typical height.
         """
         self._floor = floor
@@ -93,7 +93,7 @@ class CoverageTracker:
         self._rc = self._mapper.grid.rc_from_xz(self._xz)
 
     def add(self, depth_m: NDArray[np.float32], T_world_camera: NDArray[np.float64], intrinsics: Intrinsics) -> None:
-        """Adds what one view shows: cells with a return of depth on them, and the robot's own footprint."""
+        """Adds the cells of one view: those with a depth return on them, and the robot's own footprint."""
         self._mapper.add(depth_m, T_world_camera, intrinsics)
         self._mapper.stand((float(T_world_camera[0, 3]), float(T_world_camera[2, 3])))
 

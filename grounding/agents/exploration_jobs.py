@@ -1,4 +1,4 @@
-"""Explorations of many homes: one job per storey, each kept in a file of its own, so that a second call goes on.
+"""Explorations of many homes; each storey is kept in a file of its own, so that a second call continues.
 
 Dataset or seeds -> `ExploreJob`s -> `run_job` in worker processes -> files -> `Exploration`s.
 """
@@ -22,38 +22,38 @@ from .exploration import load_exploration, save_exploration
 from .explore import EXPLORER_VERSION, Exploration, explore, start_on_storey
 
 Storeys = Literal["start", "all"]
-"""`start`: the storey with the most floor; `all`: each of them, from a start of its own."""
+"""`start`: the storey with the most floor; `all`: every storey, each from its own start."""
 
 
 _INVENTED = re.compile(r"Invented(0|[1-9]\d{0,8})")
 
 
 class Watching(Protocol):
-    """What is told of one exploration as it happens, on the researcher's side."""
+    """Gets the steps of one exploration as they happen, on the researcher's side."""
 
     def __call__(self, step: Step | None, insight: Insight | None) -> None:
-        """The first view (step None), or a step (`explore`'s on_step)."""
+        """Gets the first view (step None) or a step, as `explore`'s on_step."""
         ...
 
     def end(self, exploration: Exploration) -> None:
-        """It is over and in its file."""
+        """Called when the exploration is over and in its file."""
         ...
 
 
 class Watch(Protocol):
-    """Makes what is told of explorations; worker processes are sent it."""
+    """Makes observers of explorations; it is sent to worker processes."""
 
     def live(self, scene: Scene, start: Pose, *, seed: int, camera: Camera) -> Watching:
         """The observer of an exploration that begins."""
         ...
 
     def again(self, scene: Scene, exploration: Exploration) -> None:
-        """Shows one that was read from its file."""
+        """Shows an exploration that was read from its file."""
         ...
 
 
 def invented_name(number: int) -> str:
-    """Name of the home that is invented from this seed."""
+    """Name of the invented home with this seed."""
     return f"Invented{number}"
 
 
@@ -61,7 +61,7 @@ def invented_home(name: str) -> tuple[Scene, HomePlan]:
     """The home that `invented_name` names, and its plan; the same every time.
 
     Raises:
-        SceneError: It is no such name, or no home comes of its seed.
+        SceneError: The name has another form, or its seed gives no home.
     """
     from sim.homes.open_home import scene_from_plan
 
@@ -77,7 +77,7 @@ def invented_home(name: str) -> tuple[Scene, HomePlan]:
 
 @dataclass(frozen=True, slots=True)
 class ExploreJob:
-    """All that a worker process needs to explore one home."""
+    """Everything that a worker process needs to explore one home."""
 
     scene: str
     seed: int
@@ -88,19 +88,19 @@ class ExploreJob:
     out: Path
     """Folder of the explorations' files."""
     dataset_root: Path | None = None
-    """Whose home it is; None = an invented home, whose name says its seed."""
+    """The dataset of the home; None = an invented home, whose name contains its seed."""
     scenes_dir: Path | None = None
     watch: Watch | None = None
 
 
 def run_job(job: ExploreJob) -> tuple[Exploration, ...]:
-    """Explores the job's storeys, lowest first; what lies in its folder already is read instead.
+    """Explores the job's storeys, lowest first; explorations that are in its folder already are read instead.
 
     Raises:
         DatasetError: The dataset has no such scene.
         SceneError: The home cannot be opened, or a storey has no place to start.
-        RunFileError: A file in the folder is damaged, or of an exploration with other settings.
-        RecordingError: Who watches cannot show it; the exploration is in its file.
+        RunFileError: A file in the folder is damaged, or was made with other settings.
+        RecordingError: The observer cannot show the exploration, which is in its file.
     """
     scene, plan = _opened(job)
     found = []
@@ -138,7 +138,7 @@ def _opened(job: ExploreJob) -> tuple[Scene, HomePlan | None]:
 
 
 def _checked(found: Exploration, job: ExploreJob, scene: Scene, path: Path) -> Exploration:
-    """The stored exploration, if the job would make it so."""
+    """The stored exploration, if the job would make the same one."""
     expected = (job.seed, job.camera, scene.digest, EXPLORER_VERSION)
     made_with = (found.seed, found.camera, found.scene_digest, found.policy)
     is_cut_short = found.stop_reason == "steps" and len(found.steps) < job.max_steps

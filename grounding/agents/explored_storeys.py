@@ -1,6 +1,6 @@
-"""The explorations that a home's map is made of: one for each storey that episodes start on, kept in files.
+"""The explorations from which a home's map is made: one for each storey on which episodes start, kept in files.
 
-All maps of a home, whatever their encoder and noise, are of the same walks.
+All maps of a home come from the same walks, with every encoder and noise.
 """
 
 import hashlib
@@ -29,15 +29,15 @@ def storey_explorations(
     camera: Camera = Camera(),  # noqa: B008 - frozen value
     say: Say | None = None,
 ) -> list[Exploration]:
-    """Explorations of the storeys that the scene's episodes start on, from the lowest; made where there is no file.
+    """Explorations of the storeys on which the scene's episodes start, lowest first; made where there is no file.
 
     Args:
-        dataset: Of the episodes; their goals are not looked at.
+        dataset: Holds the episodes; their goals are not used.
         scene: The home.
-        folder: Where the files are.
-        seed: Of starts and agents.
-        camera: Of the robot.
-        say: Told what is being done; it changes nothing.
+        folder: Folder of the files.
+        seed: Seed of starts and agents.
+        camera: The robot's camera.
+        say: Gets a line about the progress; it changes nothing.
 
     Raises:
         DatasetError: A file of the dataset is damaged.
@@ -59,13 +59,13 @@ def storey_explorations(
 
 
 def _counted(say: Say, what: str) -> OnStep:
-    """Says after each step how many were made."""
+    """Says after each step how many steps were made."""
     steps = count()
     return lambda step, insight: say(f"{what}, {next(steps)} steps")
 
 
 def exploration_name(scene: Scene, *, storey: int, seed: int, camera: Camera) -> str:
-    """File name of an exploration; another version of the home or of the explorer, or another camera, has another."""
+    """File name of an exploration; it differs for another version of home or explorer, and for another camera."""
     made_of = json.dumps(
         [scene.digest, EXPLORER_VERSION, camera.width, camera.height, camera.hfov_deg, camera.mount_height]
     )

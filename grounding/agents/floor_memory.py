@@ -1,4 +1,4 @@
-"""A robot's own map of one storey while it walks: occupancy, where collisions were, and what a way costs.
+"""A robot's own map of one storey while it walks: occupancy, places of collisions, and costs of ways.
 
 Observation -> `FloorMemory.see` -> cells, weights. Frame: the episode's start (sim/frames.py).
 """
@@ -21,45 +21,45 @@ from sim.types import FORWARD_STEP, GridSpec, Observation
 from .plan_kernels import weigh
 
 CLEARANCE = 0.17
-"""Middles of cells nearer to a blocked cell's middle are blocked for the robot's centre, metres: its radius of 0.18,
-less what the cells' size may add."""
+"""Cells whose middles are nearer than this to a blocked cell's middle are blocked for the robot's centre, metres: its
+radius of 0.18, a little less because of the cells' size."""
 _TIGHT_CLEARANCE, _THIN_TIMES = 0.02, 30.0
-"""That of a robot that found no other way; then ways over thin things count so many times their length: what looks like
-a thin wall may be none."""
+"""The clearance of a robot that found no other way; ways over thin things then count this many times their length: a
+seeming thin wall may be none."""
 _NEAR_TIMES, _NEAR_FADES = 5.0, 0.35
 """Ways count 1 + _NEAR_TIMES * exp(-d / _NEAR_FADES) times their length where the next thing is d metres away: the
 middle of the free floor is where others walked."""
 _FLOOR_AROUND, _FLOOR_BIN = 0.3, 0.02
-"""The floor is looked for so far below and above the feet, in bins of this height, metres."""
+"""The floor is searched up to this far below and above the feet, in bins of this height, metres."""
 _FLOOR_FRAMES = 14
 """Views after which the floor's height is not changed any more: a look around and a bit."""
 _BUMP_AHEAD, _BUMP_ASIDE = (0.03, 0.07), (-0.04, 0.0, 0.04)
-"""A collision blocks the robot's centre so far ahead and aside, metres, but never where it has been."""
+"""A collision blocks the robot's centre this far ahead and aside (metres), but never where it has been."""
 _BUMP_FORE, _BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.2, 0.15, 7.0, 40.0
-"""Each collision makes ways near a place so far ahead of it so many times longer, less with distance (a bell of this
-width; both in metres), and all together at most so much: where a wall cannot be seen, a way round becomes the better
-one before every place of it was tried, and the narrow way beside it stays open."""
+"""Each collision makes ways longer near a place ahead of it: distance ahead and width of the bell (metres), factor, and
+the largest factor of all collisions together. So the way round an invisible wall becomes the better one before every
+place along the wall was tried, and the narrow way beside it stays open."""
 _TRAIL_TIMES, _BESIDE_TIMES = 1.0, 2.5
-"""Ways over cells that the robot came through, and over those beside them, count at most so many times their length,
+"""Ways over cells that the robot came through, and over cells beside them, count at most this many times their length,
 however close things seem."""
 _TRAIL_STEP = 0.01
 """The robot's way is followed in steps of this length, metres."""
 _BLIND, _BLIND_TIMES = 1.5, 3.0
-"""Unknown floor this near to the robot lies below its camera's view; a way over it counts so many times its length."""
+"""Unknown floor this near to the robot is below its camera's view; a way over it counts this many times its length."""
 _COLUMNS = 160
-"""Wider pictures are thinned to about so many columns: cells of 5 cm are seen whole at 5 m, and large and small cameras
-make the same map."""
+"""Wider pictures are thinned to about this many columns: cells of 5 cm are seen whole at 5 m, and large and small
+cameras make the same map."""
 _MARGIN = 8
-"""Cells around what is known that plans include."""
+"""Plans include this many cells around the known ones."""
 
 
 class Bump(NamedTuple):
     """A collision."""
 
     xz: tuple[float, float]
-    """Where the robot was."""
+    """The robot's place, metres."""
     yaw: float
-    """Where it wanted to go, radians."""
+    """The robot's heading, radians."""
     until: int
     """Step at which it no longer blocks anything."""
 
@@ -70,21 +70,21 @@ class Ground(NamedTuple):
     cells: NDArray[np.uint8]
     """(rows, cols) UNKNOWN, FREE or OCCUPIED."""
     assumed: NDArray[np.uint8]
-    """(rows, cols) `cells` with what is unknown near the robot taken as free."""
+    """(rows, cols) `cells`, in which unknown cells near the robot count as free."""
     weights: NDArray[np.float64]
     """(rows, cols) actions to cross a cell; inf where the robot's centre cannot be, nan in things."""
     grid: GridSpec
-    """Where they are, start frame."""
+    """Grid of the cells, start frame."""
 
 
 class FloorMemory:
     """What the robot has seen of the floor since the episode began."""
 
     def __init__(self, *, bump_steps: int) -> None:
-        """Nothing.
+        """Starts empty.
 
         Args:
-            bump_steps: For how many steps a collision blocks its place; for ever would seal doors.
+            bump_steps: Number of steps for which a collision blocks its place; blocking for ever would seal doors.
         """
         self._bump_steps = bump_steps
         self._frames: list[tuple[NDArray[np.float32], NDArray[np.float64], Intrinsics]] = []
@@ -94,19 +94,19 @@ class FloorMemory:
         self._stood: list[tuple[float, float]] = []
         shape = self._mapper.grid.shape
         self._trail = np.zeros(shape, bool)
-        self._touched = np.zeros(shape, np.float32)  # added to what ways near collisions count
+        self._touched = np.zeros(shape, np.float32)  # added to the weights of ways near collisions
         self._bumps: tuple[Bump, ...] = ()
         self._step = 0
         self._clearance = CLEARANCE
         self.xz = (0.0, 0.0)
-        """Where the robot's middle is, metres, start frame."""
+        """The robot's middle, metres, start frame."""
         self.yaw = 0.0
-        """Where it looks, radians."""
+        """The robot's heading, radians."""
         self.is_tilted = False
         """Whether the camera looks down or up."""
 
     def see(self, observation: Observation) -> None:
-        """Adds what is sensed.
+        """Adds an observation.
 
         Raises:
             AgentError: The observation has no depth.
@@ -141,14 +141,14 @@ class FloorMemory:
         return self._bumps
 
     def forget_bumps(self) -> bool:
-        """Lets collisions block nothing any more; they go on to make ways dearer. False where none blocked anything."""
+        """Collisions stop blocking, but still make ways cost more. Returns False where none blocked anything."""
         blocked = any(bump.until > self._step for bump in self._bumps)
         self._bumps = tuple(bump._replace(until=min(bump.until, self._step)) for bump in self._bumps)
         self._ground = None
         return blocked
 
     def squeeze(self) -> bool:
-        """Lets plans go near to things, and over thin ones, until `relax`; False where they do."""
+        """Lets plans go near to things, and over thin ones, until `relax`; returns False where they do so already."""
         is_wide = self._clearance == CLEARANCE
         self._clearance, self._ground = _TIGHT_CLEARANCE, None
         return is_wide
@@ -159,22 +159,22 @@ class FloorMemory:
 
     @property
     def floor_y(self) -> float:
-        """Height of the floor, metres, start frame: most of what is seen near the feet's height lies there."""
+        """Height of the floor, metres, start frame: most points seen near the feet's height have it."""
         return self._mapper.floor_y
 
     @property
     def num_known(self) -> int:
-        """Cells that are free or occupied."""
+        """Number of cells that are free or occupied."""
         return self._mapper.num_known
 
     @property
     def cells(self) -> NDArray[np.uint8]:
-        """(rows, cols) of `grid`; a copy."""
+        """(rows, cols) cells of `grid`; a copy."""
         return self._mapper.cells
 
     @property
     def grid(self) -> GridSpec:
-        """The whole map's."""
+        """The grid of the whole map."""
         return self._mapper.grid
 
     def cell_at(self, xz: tuple[float, float]) -> int:
@@ -182,7 +182,7 @@ class FloorMemory:
         return self._mapper.cell_at(xz)
 
     def ground(self) -> Ground:
-        """What plans are made on now."""
+        """The part of the map on which plans are made now."""
         if self._ground is not None:
             return self._ground
         whole = self._mapper.grid
@@ -206,12 +206,12 @@ class FloorMemory:
         return self._ground
 
     def _follow(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """Keeps that the robot's middle came from one place to another: nothing is in between."""
+        """Stores that the robot's middle moved from one place to another: nothing is in between."""
         count = math.ceil(math.dist(start, end) / _TRAIL_STEP) + 1
         _set(self._trail, self._mapper.grid, np.linspace(start, end, count), True)
 
     def avoid(self, xz: tuple[float, float]) -> None:
-        """Makes ways near a place dearer: what the robot collided with, or where it came no further."""
+        """Makes ways near a place cost more: the robot collided with something there, or got no further."""
         grid = self._mapper.grid
         ((row, col),) = grid.rc_from_xz(np.array([xz]))
         reach = math.ceil(2 * _BUMP_REACH / grid.cell)
@@ -242,7 +242,7 @@ class FloorMemory:
 def _thinned(
     depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], intrinsics: Intrinsics
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], Intrinsics]:
-    """The view with each k-th row and column of pixels only, so that _COLUMNS or a few more are left."""
+    """The view with only every k-th row and column of pixels, so that _COLUMNS or a few more are left."""
     k = max(intrinsics.width // _COLUMNS, 1)
     first = k // 2
     depth = np.ascontiguousarray(depth_m[first::k, first::k])

@@ -1,7 +1,7 @@
-"""Exploration: look at the frontier that is seen with the fewest actions, again and again, until none is left.
+"""Exploration: look at the frontier that takes the fewest actions to see, again and again, until none is left.
 
-A frontier of K cells counts 1 + 60 / K times as far as it is: slivers beside things would be looked at one by one. What
-was spent on it before counts too: where walls cannot be seen, the nearest one may be out of reach.
+The distance of a frontier of K cells counts 1 + 60 / K times: else the robot would look at slivers beside things one by
+one. Actions spent on it before count too: where walls cannot be seen, the nearest frontier may be out of reach.
 
 Observation -> `Seeker` (map, frontiers, way) -> the goal chosen here -> next action.
 """
@@ -23,33 +23,33 @@ MAX_STEPS = 2500
 """Budget of an exploration (paper, Sec. IV; issue 7)."""
 FULL_TURN = round(2 * math.pi / TURN_STEP)
 _MOVED = 0.02
-"""A forward that moves the robot less than this, metres, moved it not at all."""
+"""A forward that moves the robot less than this (metres) counts as no move."""
 _STUCK = 60
-"""Forwards in a row that did not move it after which it gives up."""
+"""After this many forwards in a row without a move the robot gives up."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrontierSettings:
-    """What the policy may be tuned with."""
+    """Settings of the policy."""
 
     max_steps: int = MAX_STEPS
-    """STOP at the latest as this action."""
+    """Number of the action that is STOP at the latest."""
     seek: SeekSettings = field(default_factory=SeekSettings)
     replan_steps: int = 4
-    """Steps between two searches for a nearer goal while the present one holds."""
+    """Steps between two searches for a nearer goal while the present goal is valid."""
     switch_gain: float = 3.0
-    """Actions that another frontier must save to be taken instead."""
+    """Actions that another frontier must save to become the goal."""
 
 
 class FrontierExplorer:
-    """An `Agent` that explores the storey it starts on; it sees depth and where it is, and nothing else."""
+    """An `Agent` that explores the storey on which it starts; it sees depth and its own pose, nothing else."""
 
     def __init__(self, settings: FrontierSettings | None = None) -> None:
-        """Takes what it may be tuned with; None = the defaults."""
+        """Takes the settings of the policy; None = the defaults."""
         self.settings = settings or FrontierSettings()
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
-        """Begins with an empty map, whatever `keep_memory` says: each episode has a start frame of its own."""
+        """Begins with an empty map, even with `keep_memory`: each episode has its own start frame."""
         rng = np.random.default_rng(seed)
         self._turn = Action.LEFT if rng.integers(2) else Action.RIGHT
         self._seeker = Seeker(camera, self.settings.seek, can_look=Action.LOOK_DOWN in task.actions)
@@ -73,7 +73,7 @@ class FrontierExplorer:
         return action
 
     def insight(self) -> Insight:
-        """The map so far, the frontiers, where it goes and why."""
+        """The map so far, the frontiers, the goal, and the reason for it."""
         return self._seeker.insight(self._frontiers, note=self._note)
 
     def _choose(self, step: int) -> Action:
@@ -98,7 +98,7 @@ class FrontierExplorer:
         return self._turn
 
     def _look_for_nearer(self, step: int) -> None:
-        """Every few steps: plans the way anew, and goes to another frontier where that saves actions."""
+        """Plans the way anew every few steps, and changes to another frontier where that saves actions."""
         if self._seeker.goal is None or self._seeker.is_turning or step - self._planned_at < self.settings.replan_steps:
             return
         self._seeker.replan()

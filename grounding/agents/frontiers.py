@@ -1,6 +1,6 @@
 """Frontiers (Yamauchi): where known free floor meets the unknown, grouped, with the best place to look from.
 
-Ground of a `FloorMemory` -> groups of unknown cells -> `Frontier`s with what it costs to see them.
+Ground of a `FloorMemory` -> groups of unknown cells -> `Frontier`s with the cost of seeing them.
 """
 
 import math
@@ -19,49 +19,49 @@ from .plan_kernels import best_views, spread_costs
 MIN_CELLS = 5
 """Smaller groups are too narrow to lead anywhere: a quarter of a metre."""
 VIEW_RANGE = 4.0
-"""Frontiers are looked at from no farther, metres, so that what is behind them comes into the sensor's range."""
+"""Largest distance from which a frontier is looked at, metres, so that the space behind it is in the sensor's range."""
 _NEARER, _LEEWAY = 0.5, 6.0
 """Each look that shows nothing multiplies that distance by this factor; it stays this many cells above the nearest."""
 LOOK_COST = 3.0
-"""Actions that looking down and up again counts; two, and one for what is not seen meanwhile."""
+"""Cost of looking down and up again, in actions: two, and one for the view lost meanwhile."""
 _PASSABLE = 2
 """A frontier lies within this many cells of a place where the robot's centre can be; others lead nowhere."""
 _EDGE = 3.0
-"""Cells beside the nearest floor in a picture that are not counted on: away from its middle the nearest is farther."""
+"""Safety margin, in cells, beyond the nearest floor in a picture: away from its middle the nearest floor is farther."""
 _SMALL = 60.0
 """Frontiers of this many cells are chosen only at half the cost of a long one, because more lies behind long ones."""
 _HERE = 0.4
-"""Places that cost fewer actions are where the robot stands."""
+"""Places that cost fewer actions count as the robot's own place."""
 _PER_GROUP = 12
-"""Unknown cells of a group from which places are looked for."""
+"""Number of unknown cells of a group for which viewing places are searched."""
 _SOURCE_REACH = 0.25
 """The way begins at free cells this near to the robot, metres, which may stand closer to things than plans allow."""
 
 
 class Frontier(NamedTuple):
-    """One frontier and how it is best seen."""
+    """One frontier and the best way to see it."""
 
     cells_rc: NDArray[np.int64]
-    """(K, 2) its unknown cells on the ground's grid."""
+    """(K, 2) unknown cells of the frontier on the ground's grid."""
     middle_xz: tuple[float, float]
     """Middle of its cells, metres."""
     cost: float
     """Actions until it is seen, and those spent on it before; inf where no known way leads to a place to look from."""
     place_xz: tuple[float, float]
-    """Where to stand."""
+    """The place to stand."""
     target_xz: tuple[float, float]
     """The unknown cell to look at."""
 
 
 def reach_of(camera: Camera, cell: float, *, can_look: bool) -> tuple[float, float]:
-    """(nearest, nearest with a level camera) cells from which floor is seen; `can_look`: it tilts."""
+    """Least distances of visible floor, in cells: tilted as far as it may (`can_look`), and with a level camera."""
     half = math.atan(camera.height / 2 / camera.focal)
     nearest = [camera.mount_height / math.tan(half + tilt) for tilt in (TURN_STEP if can_look else 0.0, 0.0)]
     return nearest[0] / cell + _EDGE, nearest[1] / cell + _EDGE
 
 
 def costs_from(ground: Ground, xz: tuple[float, float]) -> NDArray[np.float64]:
-    """(rows, cols) actions to walk to each cell of the ground, turns not counted; inf where no known way leads."""
+    """(rows, cols) actions to walk to each cell of the ground without turns; inf where no known way leads."""
     u, v = ground.grid.uv_from_xz(np.array(xz))
     rows, cols = ground.cells.shape
     reach = math.ceil(_SOURCE_REACH / ground.grid.cell)
@@ -85,18 +85,18 @@ def find_frontiers(
     camera: Camera,
     min_cells: int = MIN_CELLS,
 ) -> list[Frontier]:
-    """All frontiers, those first that cost little for their size; those that cannot be looked at come last, cost inf.
+    """All frontiers, cheapest for their size first; those that cannot be looked at come last, with cost inf.
 
     Args:
-        ground: What is known.
+        ground: The known part of the map.
         costs: From `costs_from`.
         banned: (rows, cols) unknown cells that are left out.
-        failures: (rows, cols) how often each was looked at in vain: the next look is from nearer.
+        failures: (rows, cols) number of looks at each cell without success; the next look is from nearer.
         spent: (rows, cols) actions that were spent so far on going to see unknown cells.
-        robot: Its x, z and yaw.
-        is_tilted: Whether its camera looks down.
-        can_look: Whether it may be tilted.
-        camera: Of the robot.
+        robot: The robot's x, z and yaw.
+        is_tilted: Whether the camera looks down.
+        can_look: Whether the camera may be tilted.
+        camera: The robot's camera.
         min_cells: Smaller groups are dropped.
     """
     members = _groups(ground, costs, banned=banned, min_cells=min_cells)
@@ -136,7 +136,7 @@ def find_frontiers(
 def _groups(
     ground: Ground, costs: NDArray[np.float64], *, banned: NDArray[np.bool_], min_cells: int
 ) -> list[NDArray[np.int64]]:
-    """Unknown cells (K, 2) beside free ones that the robot can come to, by connected group."""
+    """Unknown cells (K, 2) beside free ones that the robot can reach, by connected group."""
     beside = ndimage.binary_dilation(ground.cells == FREE)  # 4-neighbours: not across a corner of a wall
     mask = beside & (ground.cells == UNKNOWN) & ~banned
     mask &= ndimage.binary_dilation(np.isfinite(costs), iterations=_PASSABLE)

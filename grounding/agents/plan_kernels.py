@@ -12,24 +12,24 @@ from sim.walk.heap import pop, push
 
 _DIAGONAL = math.sqrt(2.0)
 FREE, OCCUPIED = 1, 2
-"""As in sim.tasks.observers; compiled loops cannot import values that may change."""
+"""The values of sim.tasks.observers; compiled loops cannot import values that may change."""
 _AWAY_COST = 20.0
-"""Actions that a straight way counts more which does not lead nearer: the last resort in a tight place."""
+"""Extra cost, in actions, of a straight way that does not lead nearer: the last resort in a tight place."""
 _UNKNOWN_DEPTH = 3
 """A ray from an unknown cell must reach known free floor within this many cells."""
 
 
 @njit(cache=True, nogil=True)
 def weigh(cells, assumed, cell, clearance, cost):
-    """(rows, cols) what a way over each cell counts, times its length: more near things, inf too near, nan in things.
+    """(rows, cols) factor by which a way's length counts in each cell: more near things, inf too near, nan in things.
 
     Args:
         cells: (rows, cols) UNKNOWN, FREE or OCCUPIED.
-        assumed: (rows, cols) the same with unknown floor that is taken as free.
+        assumed: (rows, cols) the same, with some unknown floor counted as free.
         cell: Side of a cell, metres.
         clearance: Metres from a blocked cell's middle within which the robot's centre cannot be.
-        cost: (times, fades, unknown): 1 + times * exp(-d / fades) where the next thing is d metres away, and times
-            `unknown` where the cell is.
+        cost: (times, fades, unknown): 1 + times * exp(-d / fades) where the next thing is d metres away, multiplied by
+            `unknown` in an unknown cell.
     """
     rows, cols = cells.shape
     away = np.full((rows, cols), np.int32(1_000_000))  # fifths of a cell: chamfer distance 5-7-11, 2 % off at most
@@ -68,7 +68,7 @@ def spread_costs(weights, source_rc, source_cost, most=math.inf, until_rc=(-1, -
     Args:
         weights: (rows, cols) cost of crossing a cell from side to side, inf where it is blocked.
         source_rc: (S, 2) cells to begin with; a blocked one is left out.
-        source_cost: (S,) what they cost.
+        source_cost: (S,) their costs.
         most: Cells that cost more are left out.
         until_rc: Once this cell is reached (row, col), only those that cost at most `beyond` more follow.
         beyond: Actions.
@@ -124,17 +124,17 @@ def best_views(
 
     Args:
         targets: (T, 2) unknown cells beside known free ones.
-        farthest: (T,) cells from which each may be looked at.
+        farthest: (T,) largest distance in cells from which each may be looked at.
         groups: (T,) group of each.
-        num_groups: G.
+        num_groups: Number of groups, G.
         cells: (rows, cols) UNKNOWN, FREE or OCCUPIED.
         costs: (rows, cols) actions to get there, inf where the robot cannot.
         robot: Its column and row with fractions, and its yaw.
         reach: (nearest with the camera down, nearest with it level) in cells.
         turn_step: Radians of one turn.
-        look_cost: Actions of looking down and up again.
-        here: Cells that cost less count as where the robot stands.
-        is_tilted: Whether the camera looks down now; then it may go on while the robot only turns.
+        look_cost: Actions for looking down and up again.
+        here: Cells that cost less count as the robot's own place.
+        is_tilted: Whether the camera looks down now; then it may stay down while the robot only turns.
 
     Returns:
         cost (G,), inf where there is no such place; place (G, 2); target (G, 2).
@@ -177,7 +177,7 @@ def best_views(
 
 @njit(cache=True, nogil=True)
 def _turns(angle, turn_step):
-    """Turns until a robot faces an angle away, about; what is within half a turn is in the middle of the view."""
+    """About the number of turns by this angle; anything within half a turn is in the middle of the view."""
     away = abs((angle + math.pi) % (2 * math.pi) - math.pi)
     return max(0.0, away - 0.5 * turn_step) / turn_step
 
@@ -190,16 +190,16 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
         weights: (rows, cols) as for `spread_costs`; nan where nothing may be crossed even to get out of a tight place.
         to_go: (rows, cols) actions from each cell to the goal.
         u: Robot's column, with fraction.
-        v: Its row.
-        yaw: Where it looks.
-        step: Cells of one forward.
+        v: Robot's row, with fraction.
+        yaw: Robot's heading, radians.
+        step: Length of one forward in cells.
         turn_step: Radians of one turn.
         most_forwards: Longest straight way that is tried.
         closed_cost: Actions to cross a blocked cell, which a robot that stands in one may do for one forward.
-        extra: (num_turns,) actions that headings count more, by turns to the left of the present one; inf = not at all.
+        extra: (num_turns,) extra cost of headings in actions, by turns to the left of the present one; inf = forbidden.
 
     Returns:
-        Cost is inf where every heading is blocked; a way that leads away is taken where none leads nearer.
+        Cost is inf where every heading is blocked; a way that leads away is chosen where none leads nearer.
     """
     rows, cols = weights.shape
     here_r, here_c = int(v), int(u)

@@ -1,4 +1,4 @@
-"""What is being done in each scene, for whoever draws a progress bar: worker processes leave a line in a small file."""
+"""Progress of the work in each scene, for a progress bar: worker processes leave a line in a small file."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -9,10 +9,10 @@ Say = Callable[[str], None]
 
 @contextlib.contextmanager
 def scene_note(folder: Path | None, scene: str) -> Iterator[Say]:
-    """Gives what says in a few words what is being done in the scene; at the end nothing is said any more.
+    """Gives a function that notes the present work in the scene in a few words; at the end the note is removed.
 
     Args:
-        folder: Of the notes; None = nobody reads them. A note that cannot be written is left out.
+        folder: Folder of the notes; None = no notes. A note that cannot be written is left out.
         scene: Name of the scene.
     """
     if folder is None:
@@ -32,7 +32,7 @@ def scene_note(folder: Path | None, scene: str) -> Iterator[Say]:
 
 
 def read_notes(folder: Path) -> list[str]:
-    """`Scene: what is being done there`, in order of names."""
+    """Lines `scene: present work`, sorted by scene."""
     found = []
     with contextlib.suppress(OSError):
         for path in sorted(folder.iterdir()):

@@ -21,7 +21,7 @@ class RandomFrontierAgent:
     """
 
     def __init__(self, settings: SeekSettings | None = None) -> None:
-        """Takes how frontiers are pursued; None = the defaults."""
+        """Takes the settings for pursuing frontiers; None = the defaults."""
         self._settings = settings or SeekSettings()
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:

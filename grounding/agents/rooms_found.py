@@ -1,4 +1,4 @@
-"""Which rooms and doors of a planned home an exploration came to: the researcher's side, with the home's plan.
+"""The rooms and doors of a planned home that an exploration reached; on the researcher's side, with the home's plan.
 
 HomePlan + floor of a storey -> `RoomMap` -> rooms missed, doors passed.
 """
@@ -17,9 +17,9 @@ from sim.walk.storeys import nearest_storey
 from .coverage import VisibleFloor
 
 SEEN_SHARE = 0.5
-"""A room counts as seen, without being entered, when this share of its floor that can be seen was seen."""
+"""A room that was not entered counts as seen when this share of its visible floor was seen."""
 MIN_CELLS = 40
-"""Rooms with less floor that can be seen are none to be missed: 0.1 m2."""
+"""Rooms with fewer visible floor cells (0.1 m2) are never counted as missed."""
 _BESIDE = 0.05
 """A path goes through a door when it crosses the wall's middle line within its width and this much, metres."""
 
@@ -121,7 +121,7 @@ def _ends(wall: Wall, offset: float, width: float) -> tuple[NDArray[np.float64],
 
 
 def _crosses(door: Sequence[NDArray[np.float64]], a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Whether the segment from a to b (2,) crosses the door's."""
+    """Whether the segment from a to b (2,) crosses the door's segment."""
 
     def side(p: NDArray[np.float64], q: NDArray[np.float64], r: NDArray[np.float64]) -> float:
         return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))

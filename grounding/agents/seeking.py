@@ -1,4 +1,4 @@
-"""Going to see a frontier: what every exploring agent does once it has chosen one.
+"""Goes to a frontier to see it, for every exploring agent that has chosen one.
 
 `Seeker` keeps the map, the frontiers that failed, and the way; agents choose which frontier it pursues.
 """
@@ -21,62 +21,62 @@ from .frontiers import Frontier, costs_from, find_frontiers, reach_of
 from .plan_kernels import best_heading, spread_costs
 
 _ARRIVED = 0.8
-"""Actions from the place to look from that count as there: a forward would pass it."""
+"""A robot this few actions from the viewing place has arrived: a forward would pass it."""
 _STRAIGHT = 6
-"""Forwards in a row that a heading is judged by."""
+"""A heading is judged by this many forwards in a row."""
 _CLOSED_COST = 2.0
-"""Actions that a cell counts which is too near to things for plans, where the robot stands in one."""
+"""Cost, in actions, of a cell too near to things for plans; it counts where the robot stands in one."""
 _SAME_PLACE, _NEAR_PLACE, _AGAIN_COST = 0.025, 0.12, 8.0
-"""A heading that led into a wall is not tried again within the first distance, metres, and counts so many actions more
-at the same place, fewer with distance, up to the second."""
+"""A heading that led into a wall is not tried again within the first distance (metres); up to the second distance it
+costs extra actions, most at the same place."""
 _TRIED_CELL, _TRIED_COSTS = 0.1, (1.5, 5.0)
-"""Each forward since there was new floor counts so many actions more when it is taken again from the same cell of this
-side, metres, in the same direction: no going to and fro. The two take turns: each holds until no new floor comes."""
+"""A forward repeated from the same cell (of this side, metres) in the same direction costs this many extra actions
+until there is new floor: no going to and fro. The two costs take turns: each holds until no new floor comes."""
 _TRIED_MOST = 3
-"""A forward that was taken so often again frees the places of collisions: they shut the robot in."""
+"""A forward repeated this often frees the places of collisions, because they shut the robot in."""
 _BAN_RADIUS, _LOOKED_RADIUS = 0.5, 0.3
-"""What could not be reached is left alone this far around, metres, and what stayed unknown this far."""
+"""Radius (metres) that is left alone around a place that could not be reached, and around one that stayed unknown."""
 FOR_EVER = int(np.iinfo(np.int32).max)
 _NEWS = 100
-"""Cells of new floor that make another round worth while: a quarter of a square metre."""
+"""Cells of new floor that justify another round: a quarter of a square metre."""
 _BEYOND = 12.0
 """Ways may lead to places that are this many actions farther from the goal than the robot."""
 _STEPS_PER_CELL, _LONGEST = 12, 60
-"""So many steps more are spent without new floor for each cell of the longest frontier, up to so many cells."""
+"""Extra steps without new floor for each cell of the longest frontier, and the largest number of cells that count."""
 _MOST_MISSES = 5
-"""Each time that a frontier could not be reached it is left alone twice as long as before, so often at most."""
+"""Each time a frontier could not be reached it is left alone twice as long as before; doubled at most this often."""
 _PROGRESS = 0.5
-"""Actions that the way must become shorter to count as coming nearer."""
+"""The robot comes nearer when its way becomes shorter by this many actions."""
 
 
 @dataclass(frozen=True, slots=True)
 class SeekSettings:
-    """How frontiers are pursued and given up."""
+    """Rules for pursuing frontiers and giving them up."""
 
     min_cells: int = 5
-    """Smaller frontiers are dropped: too narrow."""
+    """Smaller frontiers are dropped as too narrow."""
     ban_steps: int = 150
-    """Steps for which a frontier is ignored that stayed unknown when the robot looked at it."""
+    """Steps for which a frontier is ignored after it stayed unknown when the robot looked at it."""
     tries: int = 3
-    """A frontier that stayed unknown so often is given up."""
+    """A frontier that stayed unknown after this many looks is given up."""
     detour_steps: int = 40
-    """Steps for which a frontier is ignored that could not be reached."""
+    """Steps for which a frontier is ignored after it could not be reached."""
     rounds: int = 12
-    """So often all that is left alone comes back at once, in a row without new floor, before the robot is done..."""
+    """Ignored frontiers come back together this often in a row without new floor before the robot is done..."""
     last_steps: int = 200
-    """...and at the earliest this many steps after the last new floor."""
+    """...which is at the earliest this many steps after the last new floor."""
     bump_steps: int = 300
     """Steps for which a collision blocks its place."""
     most_bumps: int = 8
     """Collisions on the way to one goal after which it counts as out of reach."""
     dull_steps: int = 150
-    """Steps without new floor after which the present goal has failed; each next goal fails after a third of them."""
+    """Steps without new floor after which the present goal has failed; each later goal fails after a third of them."""
     patience: int = 15
     """Steps without coming nearer after which a goal counts as out of reach."""
 
 
 class _Way(NamedTuple):
-    """How to get to the goal, as planned once."""
+    """A planned way to the goal."""
 
     ground: Ground
     to_go: NDArray[np.float64]
@@ -87,10 +87,10 @@ class Seeker:
     """The part of an explorer that remembers, plans and walks. Frame: start."""
 
     def __init__(self, camera: Camera, settings: SeekSettings, *, can_look: bool = True) -> None:
-        """Knows nothing yet; `can_look` says whether the camera may be tilted."""
+        """Starts without a map; `can_look` says whether the camera may be tilted."""
         self.memory = FloorMemory(bump_steps=settings.bump_steps)
         self.goal: Frontier | None = None
-        """What it goes to see."""
+        """The frontier that the robot goes to see."""
         self._camera, self._settings, self._can_look = camera, settings, can_look
         self._step = 0
         self._banned_until = np.zeros(self.memory.grid.shape, np.int32)
@@ -108,7 +108,7 @@ class Seeker:
         self._begun: list[Action] = []
 
     def see(self, observation: Observation) -> None:
-        """Adds what is sensed.
+        """Adds an observation.
 
         Raises:
             AgentError: The observation has no depth.
@@ -126,7 +126,7 @@ class Seeker:
             self._best_to_go, self._nearer_at = math.inf, self._step  # the way round may be longer
 
     def frontiers(self, *, even_banned: bool = False) -> list[Frontier]:
-        """Those that are not left alone now, or all, best first; cost inf where no known way leads."""
+        """The frontiers that are not ignored now, or all, best first; cost inf where no known way leads."""
         ground = self.memory.ground()
         failures = self._cut(self._failures, ground)
         banned = self._cut(self._banned_until, ground) > (FOR_EVER if even_banned else self._step)
@@ -145,7 +145,7 @@ class Seeker:
         )
 
     def choose(self, goal: Frontier | None) -> None:
-        """Goes to see `goal`, one of the `frontiers` of this step, from now on; what the last one cost is kept."""
+        """Goes to see `goal`, one of this step's `frontiers`, from now on; the cost of the last goal is stored."""
         if self.goal is not None:
             rows, cols = self._goal_rc.T
             self._spent[rows, cols] += self._step - self._chosen_at
@@ -160,33 +160,33 @@ class Seeker:
 
     @property
     def is_turning(self) -> bool:
-        """Whether it turns to where it has decided to walk; another goal at every turn would never get it there."""
+        """Whether it is turning to its chosen heading; with a new goal at every turn it would never arrive."""
         return bool(self._begun)
 
     @property
     def cost_left(self) -> float:
-        """Actions until the goal is seen, turns at its place included; inf without a goal or a way."""
+        """Actions until the goal is seen, with the turns at its place; inf without a goal or a way."""
         if self.goal is None:
             return math.inf
         turn = abs(wrap_angle(yaw_towards(self.goal.place_xz, self.goal.target_xz) - self.memory.yaw))
         return self._to_go() + max(0.0, turn / TURN_STEP - 0.5)
 
     def forgive(self) -> bool:
-        """Forgets collisions, and what was left alone but not given up; False where that helped too often not."""
+        """Forgets collisions and ignored (not given-up) frontiers; False where that failed to help too often."""
         known = self.memory.num_known
         is_news = known > self._known_before + _NEWS
         self._known_before, self._rounds = known, 0 if is_news else self._rounds + 1
         waiting = (self._banned_until > self._step) & (self._failures < self._settings.tries)
         self._rounds_now = self._rounds_now + 1 if self._step == self._forgiven_at else 0
         self._forgiven_at = self._step
-        is_idle = self._rounds_now >= self._settings.rounds  # all of it fails again before the robot has moved
+        is_idle = self._rounds_now >= self._settings.rounds  # everything fails again before the robot has moved
         if is_idle or (self._rounds >= self._settings.rounds and self.is_dull()):
             return False
         self._banned_until[waiting] = 0
         return bool(waiting.any()) | self.memory.forget_bumps()
 
     def is_dull(self) -> bool:
-        """Whether there was no new floor for so long that what is left is not worth while: longer where it is more."""
+        """Whether there was no new floor for too long to continue; the limit grows with the longest frontier."""
         dull = self._step - self._news_at
         if dull <= self._settings.last_steps:
             return False
@@ -194,7 +194,7 @@ class Seeker:
         return dull > self._settings.last_steps + _STEPS_PER_CELL * min(most, _LONGEST)
 
     def squeeze(self) -> bool:
-        """Plans nearer to things from now on until there is new floor, and looks for some anew; False where it does."""
+        """Plans nearer to things until there is new floor, and searches it anew; False where it does so already."""
         if not self.memory.squeeze():
             return False
         self._news_at = self._dull_at = self._step
@@ -233,7 +233,7 @@ class Seeker:
         return action
 
     def insight(self, frontiers: Sequence[Frontier], *, note: str) -> Insight:
-        """The map so far, the goal, and what the agent says of it."""
+        """The map so far, the goal, and the agent's note about it."""
         memory, goal = self.memory, self.goal
         return Insight(
             grid=memory.grid,
@@ -280,7 +280,7 @@ class Seeker:
         return self._counted(self._begun.pop())
 
     def _counted(self, action: Action) -> Action:
-        """The same action, kept in mind if it is a forward."""
+        """The same action; a forward is remembered."""
         if action is Action.FORWARD:
             key = self._tried_key(0)
             self._tried[key] += 1
@@ -289,7 +289,7 @@ class Seeker:
         return action
 
     def _is_open_ahead(self) -> bool:
-        """Whether nothing was seen where a forward leads."""
+        """Whether nothing was seen in the way of a forward."""
         ahead = forward_from_yaw(self.memory.yaw)[[0, 2]]
         places = np.array(self.memory.xz) + np.array([[0.4], [0.8], [1.0]]) * FORWARD_STEP * ahead
         return all(self.memory.cell_at((float(x), float(z))) != OCCUPIED for x, z in places)
@@ -302,7 +302,7 @@ class Seeker:
         return math.floor(x / _TRIED_CELL), math.floor(z / _TRIED_CELL), heading
 
     def _extra(self) -> NDArray[np.float64]:
-        """(12,) actions that headings, in turns to the left, count more for what happened about here before."""
+        """(12,) extra cost of headings, by turns to the left, from earlier events near here; in actions."""
         count = round(2 * math.pi / TURN_STEP)
         cost = _TRIED_COSTS[self._dull_goals % len(_TRIED_COSTS)]
         found = np.array([cost * self._tried[self._tried_key(turns)] for turns in range(count)])
@@ -319,7 +319,7 @@ class Seeker:
         return found
 
     def _to_go(self) -> float:
-        """Actions to the goal's place, turns not counted."""
+        """Actions to the goal's place, without turns."""
         assert self.goal is not None
         if self._way is None:
             ground = self.memory.ground()
@@ -333,7 +333,7 @@ class Seeker:
         return float(here.min())
 
     def _leave(self, goal: Frontier, *, for_steps: int, has_looked: bool = False) -> None:
-        """Leaves alone what the goal's group has near its target; it counts as a failure if it was looked at."""
+        """Ignores the cells of the goal's group near its target; it counts as a failure if they were looked at."""
         grid = self.memory.grid
         (row, col) = grid.rc_from_xz(np.array(goal.target_xz))
         reach = round((_LOOKED_RADIUS if has_looked else _BAN_RADIUS) / grid.cell)
