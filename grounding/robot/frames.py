@@ -1,4 +1,4 @@
-"""A folder of a real robot's posed RGB-D pictures as `PosedFrame`s, for the map builders of the simulator's views.
+"""A folder of a real robot's posed RGB-D pictures as `PosedFrame`s, for the same map builders as simulated views.
 
 `color/*.jpg|png`, `depth/*.png` (16 bit, mm), `poses/*.txt` or a trajectory file, `intrinsics.json|txt`; other names
 are in layout.py. Frames that cannot be used are skipped and counted by reason. Pictures are read when needed.
@@ -22,36 +22,36 @@ from .poses import BadPose, T_map_camera_of, pose_lines, pose_of_file, up_warnin
 
 MM_PER_METRE = 1000.0
 _NO_RETURN = 65535
-"""In 16-bit depth, besides 0 (7-Scenes)."""
+"""Value without a return in 16-bit depth, besides 0 (7-Scenes)."""
 Reason = (
     Literal["no depth picture", "picture not readable", "another size", "depth not 16 bit", "empty depth"] | BadPose
 )
 
 
 class FrameCounts:
-    """How many pictures were found, and which were not used and why; it grows while the pictures are read."""
+    """Counts found pictures, and those that were not used, by reason; it grows while the pictures are read."""
 
     def __init__(self, num_found: int) -> None:
-        """Nothing was skipped yet."""
+        """Starts without skipped pictures."""
         self.num_found = num_found
-        """Colour pictures."""
+        """Number of colour pictures."""
         self.skipped: dict[Reason, set[str]] = {}
         """File names by reason."""
         self.warning = ""
-        """What may be wrong with all poses; "" = nothing."""
+        """A likely error in all poses; "" = none."""
 
     @property
     def num_used(self) -> int:
-        """Frames that were not skipped."""
+        """Number of frames that were not skipped."""
         return self.num_found - sum(len(names) for names in self.skipped.values())
 
     def skip(self, reason: Reason, name: str) -> None:
-        """Counts a picture as not used; once, however often it is met."""
+        """Counts a picture as not used; repeated calls count once."""
         self.skipped.setdefault(reason, set()).add(name)
 
     @property
     def by_reason(self) -> Mapping[Reason, int]:
-        """How many were skipped for each reason."""
+        """Number of skipped pictures for each reason."""
         return {reason: len(names) for reason, names in sorted(self.skipped.items())}
 
 
@@ -67,14 +67,14 @@ class RobotFrames:
     def __init__(
         self, places: list[_Place], intrinsics: Intrinsics, *, depth_per_metre: float, counts: FrameCounts
     ) -> None:
-        """Made by `read_robot_frames`."""
+        """Is called by `read_robot_frames`."""
         self._places = places
         self._intrinsics = intrinsics
         self._depth_per_metre = depth_per_metre
         self._counts = counts
 
     def __len__(self) -> int:
-        """Frames with a pose and both pictures; fewer come out where a picture turns out to be damaged."""
+        """Number of frames with a pose and both pictures; iteration gives fewer where a picture is damaged."""
         return len(self._places)
 
     def __iter__(self) -> Iterator[PosedFrame]:
@@ -118,14 +118,14 @@ def read_robot_frames(
 ) -> tuple[RobotFrames, FrameCounts]:
     """The usable frames of a recording, and the counts of the others.
 
-    Colour and depth show the same view; where their sizes differ, the colours are brought to the depth's size, because
-    depth between two surfaces cannot be made up.
+    Colour and depth show the same view; where their sizes differ, the colours are resized to the depth's size, because
+    depth between two surfaces cannot be interpolated.
 
     Args:
-        folder: As this module and layout.py say.
+        folder: Folder as described in this module and layout.py.
         up: Which axis of the poses' frame points up; the map is y-up, (x, y, z) of a z-up frame becomes (x, z, -y).
-        camera_axes: Of the poses; `opencv` looks along +z with y down.
-        depth_per_metre: Depth units; default what the intrinsics file says, else millimetres.
+        camera_axes: Camera axes of the poses; `opencv` looks along +z with y down.
+        depth_per_metre: Depth units per metre; default the value in the intrinsics file, else millimetres.
 
     Raises:
         SceneError: Files are missing or damaged, or no frame can be used.

@@ -1,6 +1,6 @@
-"""Where the files of a robot's recording lie: colour, depth, poses, intrinsics; and which belong together.
+"""Finds the files of a robot's recording (colour, depth, poses, intrinsics) and matches them.
 
-Besides our own names, those of ScanNet's exporter, Replica as NICE-SLAM renders it, TUM RGB-D and 7-Scenes are known.
+It knows our own names and those of ScanNet's exporter, Replica as NICE-SLAM renders it, TUM RGB-D and 7-Scenes.
 """
 
 import json
@@ -47,12 +47,12 @@ class RobotFiles:
     """The files of one recording; keys are the numbers or time stamps in the files' names."""
 
     colour: dict[str, Path]
-    """By key, in order."""
+    """Colour pictures by key, in order."""
     depth: dict[str, Path]
     poses: dict[str, Path]
-    """Files of one matrix each; empty where there is a trajectory."""
+    """Files with one matrix each; empty where there is a trajectory."""
     trajectory: Path | None
-    """One file of all poses."""
+    """One file with all poses."""
     intrinsics: Path
 
 
@@ -75,7 +75,7 @@ def find_files(folder: Path) -> RobotFiles:
     """All files of a recording.
 
     Raises:
-        SceneError: Colour, depth, poses or intrinsics are missing, or two pictures have one number.
+        SceneError: Colour, depth, poses or intrinsics are missing, or two pictures have the same number.
     """
     colour, depth, poses = (
         _first(folder, places, suffixes)
@@ -96,7 +96,7 @@ def find_files(folder: Path) -> RobotFiles:
 
 
 def matching(key: str, files: dict[str, Path]) -> Path | None:
-    """The file of this key; of time stamps, the nearest one that is at most MAX_APART seconds away."""
+    """The file with this key; with time stamps the nearest one, at most MAX_APART seconds away."""
     if key in files or "." not in key:
         return files.get(key)
     stamps = [other for other in files if "." in other]
@@ -109,18 +109,18 @@ def matching(key: str, files: dict[str, Path]) -> Path | None:
 def read_intrinsics(
     path: Path, *, colour_size: tuple[int, int], depth_size: tuple[int, int]
 ) -> tuple[Intrinsics, float | None]:
-    """Intrinsics of pictures of the depth's size, and depth units per metre where the file says them.
+    """Intrinsics for pictures of the depth's size, and depth units per metre where the file gives them.
 
-    A file that says its width and height, or has `depth` or `color` in its name, may be of either size and is scaled.
+    A file that gives width and height, or has `depth` or `color` in its name, may be for either size and is scaled.
     Colour and depth must be registered: the same camera, or one mapped onto the other.
 
     Args:
-        path: Of `find_files`.
+        path: File from `find_files`.
         colour_size: (width, height) of colour pictures.
         depth_size: (width, height) of depth pictures.
 
     Raises:
-        SceneError: The file is damaged, or does not say of which of two sizes it is.
+        SceneError: The file is damaged, or does not say to which of two sizes it belongs.
     """
     if path.suffix == ".json":
         found = _json(path)
@@ -147,7 +147,7 @@ def read_intrinsics(
 
 
 def _first(folder: Path, places: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Path]:
-    """The files at the first of these places that has any, by key, in the order of the keys."""
+    """The files in the first of these places that has any, by key, in the order of the keys."""
     for place in places:
         head, _, start = place.rpartition("/")
         if place.startswith("*"):

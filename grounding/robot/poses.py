@@ -25,7 +25,7 @@ class PoseLines(NamedTuple):
     times: NDArray[np.float64] | None
     """(N,) seconds; None = the lines are in the order of the pictures."""
     poses: tuple[NDArray[np.float64] | BadPose, ...]
-    """(4, 4) camera to the recording's frame, or what is wrong with it."""
+    """(4, 4) camera to the recording's frame, or the pose's error."""
 
     def nearest(self, time: float) -> NDArray[np.float64] | BadPose:
         """The pose of a picture that was taken at this time."""
@@ -37,7 +37,7 @@ class PoseLines(NamedTuple):
 
 
 def pose_of_file(path: Path) -> NDArray[np.float64] | BadPose:
-    """The pose of a text file that holds a 4 x 4 (or 3 x 4) matrix, or why there is none."""
+    """The pose in a text file with a 4 x 4 (or 3 x 4) matrix, or the reason why there is none."""
     try:
         return pose_of_numbers([float(word) for word in path.read_text().replace(",", " ").split()])
     except FileNotFoundError:
@@ -47,7 +47,7 @@ def pose_of_file(path: Path) -> NDArray[np.float64] | BadPose:
 
 
 def pose_of_numbers(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
-    """A pose of 16 or 12 numbers, row by row; its rotation is made exact, as files hold few decimals."""
+    """The pose given by 16 or 12 numbers, row by row; its rotation is made exact, because files hold few decimals."""
     if len(numbers) not in (12, 16):
         return "pose not readable"
     T = np.eye(4)
@@ -67,7 +67,7 @@ def pose_lines(path: Path) -> PoseLines:
     """The poses of a file of lines `time tx ty tz qx qy qz qw` (TUM), or of 16 or 12 numbers in the pictures' order.
 
     Raises:
-        SceneError: A line is something else.
+        SceneError: A line has another form.
     """
     rows: list[list[float]] = []
     for number, cells in text_rows(path.read_text(errors="replace").splitlines()):
@@ -88,7 +88,7 @@ def pose_lines(path: Path) -> PoseLines:
 
 
 def _pose_of_tum(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
-    """Of tx ty tz qx qy qz qw."""
+    """The pose given by tx ty tz qx qy qz qw."""
     if not np.isfinite(numbers).all():
         return "pose not finite"
     quat_xyzw = np.array(numbers[3:])
@@ -102,12 +102,12 @@ def _pose_of_tum(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
 
 
 def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axes: CameraAxes) -> NDArray[np.float64]:
-    """(4, 4) of the camera (OpenCV axes) in the y-up map frame.
+    """(4, 4) pose of the camera (OpenCV axes) in the y-up map frame.
 
     Args:
-        T_recording_body: (4, 4) as the recording has it.
+        T_recording_body: (4, 4) pose in the recording's own axes.
         up: Which axis of the recording's frame points up; z-up is turned to y-up as scans are: (x, z, -y).
-        camera_axes: Of the recording's camera.
+        camera_axes: Axes of the recording's camera.
     """
     T_body_camera = np.eye(4)
     T_body_camera[:3, :3] = R_agent_axes(camera_axes).T @ R_agent_camera
@@ -116,7 +116,7 @@ def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axe
 
 
 def up_warning(Ts_map_camera: Sequence[NDArray[np.float64]]) -> str:
-    """A sentence where the pictures' own up points sideways or down on average, else ""; lying cameras are rare."""
+    """A warning if the pictures' own up points sideways or down on average, else ""; few cameras lie on their sides."""
     if not len(Ts_map_camera):
         return ""
     mean = -np.mean([T[:3, 1] for T in Ts_map_camera], axis=0)
