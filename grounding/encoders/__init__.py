@@ -1,1 +1,1 @@
-"""Texts and pictures to vectors: the protocol, the encoders known by name, one file per model."""
+"""Encoders turn texts and pictures into vectors: the protocol, the encoders known by name, one file per model."""

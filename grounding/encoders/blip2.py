@@ -6,8 +6,8 @@ is the mean cosine over the tokens up to a factor of the picture, never the larg
 states before the projection (query token 0 of pictures, the class token of texts), which the authors of PersONAL
 stored; no training has aligned them.
 
-Tiles: the Q-Former reads only the patch states of the tile, so its vector says what is there, in the light of the whole
-picture.
+Tiles: the Q-Former reads only the patch states of the tile, so its vector describes the tile; the states themselves
+depend on the whole picture.
 """
 
 from collections.abc import Sequence
@@ -69,11 +69,11 @@ class Blip2:
         return first if self._space == "hidden768" else model.text_projection(first)
 
     def _states(self, frames: Sequence[PosedFrame]) -> Any:
-        """(B, 1 + P, D) of the vision model, the class token first."""
+        """(B, 1 + P, D) states of the vision model, the class token first."""
         return self._parts.model.vision_model(self._parts.squashed(frames, self._size)).last_hidden_state
 
     def _tiles(self, frames: Sequence[PosedFrame]) -> Any:
-        """(B, h, w, E)."""
+        """(B, h, w, E) vectors of tiles."""
         states = self._states(frames)[:, 1:]
         tiles, (batch, _, width) = self._side // _TILE, states.shape
         square = states.reshape(batch, self._side, self._side, width)[:, : tiles * _TILE, : tiles * _TILE]
@@ -82,7 +82,7 @@ class Blip2:
         return answers.reshape(batch, tiles, tiles, self.dim)
 
     def _answers(self, states: Any) -> Any:
-        """(B, E) of what the Q-Former reads in states (B, S, D)."""
+        """(B, E) answers of the Q-Former to states (B, S, D)."""
         model = self._parts.model
         queries = model.query_tokens.expand(len(states), -1, -1)
         hidden = model.qformer(query_embeds=queries, encoder_hidden_states=states).last_hidden_state

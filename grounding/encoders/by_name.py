@@ -23,12 +23,12 @@ def make_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> T
     """The text encoder of this name, with a cache by text.
 
     Args:
-        name: As `EncoderName` says.
-        options: Of a real model; `hashed` and `minilm` have none.
+        name: A name as described at `EncoderName`.
+        options: Options of a real model; `hashed` and `minilm` have none.
 
     Raises:
-        AgentError: The name is not one, or the model cannot be loaded.
-        MissingDependencyError: Its extra is not installed.
+        AgentError: The name is unknown, or the model cannot be loaded.
+        MissingDependencyError: The encoder's extra is not installed.
     """
     space, source = parse_encoder_name(name)
     if name.endswith(ORACLE_SUFFIX):
@@ -50,7 +50,7 @@ def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None
     """The real model of this name, for building maps from pictures.
 
     Raises:
-        AgentError: The name is not a model's, or the model cannot be loaded.
+        AgentError: The name is not that of a model, or the model cannot be loaded.
         MissingDependencyError: Extra `models` is not installed.
     """
     space, source = parse_encoder_name(name)
@@ -66,7 +66,7 @@ def parse_encoder_name(name: EncoderName) -> tuple[str, str]:
     """The text encoder or family, and the model id or folder ("" for text encoders); loads nothing.
 
     Raises:
-        AgentError: It is none.
+        AgentError: The name is unknown.
     """
     space, colon, source = name.removesuffix(ORACLE_SUFFIX).partition(":")
     if (space in TEXT_ENCODERS and not colon) or (space in MODEL_FAMILIES and source):
@@ -78,23 +78,23 @@ def parse_encoder_name(name: EncoderName) -> tuple[str, str]:
 
 
 def is_model(name: EncoderName) -> bool:
-    """Whether the name is of a real model, which sees and which `ModelOptions` are for.
+    """Whether the name is that of a real model, which encodes pictures and takes `ModelOptions`.
 
     Raises:
-        AgentError: It is no encoder's.
+        AgentError: No encoder has this name.
     """
     return parse_encoder_name(name)[0] in MODEL_FAMILIES and not name.endswith(ORACLE_SUFFIX)
 
 
 def require_no_model_options(where: str, options: ModelOptions) -> None:
-    """Refuses options of a real model for an encoder without one, which would ignore them.
+    """Refuses model options for an encoder without a model, which would ignore them.
 
     Args:
         where: The option that names the encoder, with its value.
         options: All must be the defaults.
 
     Raises:
-        AgentError: One is not.
+        AgentError: An option is not the default.
     """
     for option, name in (("--device", "device"), ("--autocast", "autocast"), ("--batch", "batch_size")):
         value = getattr(options, name)
@@ -106,10 +106,10 @@ def require_no_model_options(where: str, options: ModelOptions) -> None:
 
 
 def encoder_slug(name: EncoderName) -> str:
-    """The name as file and run names can carry it: `clip-clip-vit-large-patch14`.
+    """The name in a form for file and run names: `clip-clip-vit-large-patch14`.
 
     Raises:
-        AgentError: It is not an encoder's name.
+        AgentError: No encoder has this name.
     """
     space, source = parse_encoder_name(name)
     suffix = ORACLE_SUFFIX.replace("+", "-") if name.endswith(ORACLE_SUFFIX) else ""
@@ -123,7 +123,7 @@ def _families() -> str:
 
 @lru_cache(maxsize=1)
 def _model(family: str, source: str, options: ModelOptions) -> DenseEncoder:
-    """Keeps the last model: queries, pictures and the next scenes of a process are encoded by the same."""
+    """The model; the last one is kept, because a process uses it for queries, pictures and its next scenes."""
     match family:  # torch, transformers
         case "clip":
             from .clip import Clip

@@ -1,7 +1,7 @@
 """CLIP: texts, pictures and patches in one space, without training; extra `models`.
 
-Patches: in the last block each place attends to itself only, so that it keeps what it holds (the value path of Zhou
-et al., "Extract Free Dense Labels from CLIP", 2022); everything behind it is the model's own.
+Patches: in the last block each place attends only to itself and so keeps its own content (the value path of Zhou et
+al., "Extract Free Dense Labels from CLIP", 2022); everything after that block is unchanged.
 """
 
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ class Clip:
         return features(self._parts.model.get_image_features(self._parts.squashed(frames, self._size)))
 
     def _patches(self, frames: Sequence[PosedFrame]) -> Any:
-        """(B, h * w, E), row by row."""
+        """(B, h * w, E) vectors of patches, row by row."""
         model = self._parts.model.vision_model
         pixels = self._parts.squashed(frames, self._size)
         before_last = model(pixels, output_hidden_states=True).hidden_states[-2][:, 1:]  # without the class token

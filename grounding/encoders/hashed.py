@@ -1,7 +1,7 @@
 """Hashed words: texts to 768-d vectors without any weights, the offline default.
 
-Words of two or more letters and pairs of neighbours, English function words left out, each added with a sign to the
-place that its MurmurHash3 names (the scheme of scikit-learn's HashingVectorizer), then unit length.
+Takes words of two or more letters and pairs of neighbours, without English function words. Each is added with a sign at
+the index given by its MurmurHash3 (the scheme of scikit-learn's HashingVectorizer); then the vector gets unit length.
 """
 
 import re
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 DIM = 768
-"""As many as the paper's map cells hold (Sec. IV: 50 x 50 x 768)."""
+"""The dimension of the paper's map cells (Sec. IV: 50 x 50 x 768)."""
 _WORD = re.compile(r"\b\w\w+\b")
 _MASK = 0xFFFFFFFF
 STOP_WORDS = frozenset(

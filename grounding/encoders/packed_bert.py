@@ -1,7 +1,7 @@
-"""The forward pass of BERT in torch alone: texts of any lengths lie behind each other in one matrix, none is padded.
+"""The forward pass of BERT in torch alone: texts of any length follow each other in one matrix, without padding.
 
-The products see all tokens at once, whatever text they are of; only attention goes text by text, those of one length
-together. `transformers` pads or takes a text at a time, and is slow to import.
+The products take the tokens of all texts at once; only attention works text by text, with texts of equal length
+together. `transformers` pads texts or takes one at a time, and is slow to import.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ class _Layer(NamedTuple):
 
 
 class _Run(NamedTuple):
-    """Texts of one length, behind each other."""
+    """Consecutive texts of equal length."""
 
     rows: slice
     texts: int
@@ -45,7 +45,7 @@ class PackedBert:
     def __init__(self, weights: Mapping[str, Tensor], *, heads: int) -> None:
         """Takes the float32 weights by their names in a checkpoint of `BertModel`, and the number of heads."""
         self._words = weights["embeddings.word_embeddings.weight"]
-        # a single sentence is of type 0 throughout
+        # all tokens of a single sentence have type 0
         token_type = weights["embeddings.token_type_embeddings.weight"][0]
         self._places = weights["embeddings.position_embeddings.weight"] + token_type
         self._norm = _affine(weights, "embeddings.LayerNorm")
@@ -54,7 +54,7 @@ class PackedBert:
         self._heads = heads
 
     def mean_vectors(self, tokens: Sequence[Sequence[int]]) -> Tensor:
-        """(N, E) means of the last hidden states of N texts' tokens; texts of equal length had best be neighbours."""
+        """(N, E) means of the last hidden states of N texts' tokens; fastest if equal lengths are neighbours."""
         runs = _runs(tokens)
         ids = torch.tensor([token for text in tokens for token in text])
         places = torch.cat([torch.arange(run.length).repeat(run.texts) for run in runs])
@@ -98,7 +98,7 @@ def _normed(states: Tensor, norm: _Affine) -> Tensor:
 
 
 def _runs(tokens: Sequence[Sequence[int]]) -> list[_Run]:
-    """Neighbours of one length, with their rows in the matrix of all tokens."""
+    """Neighbouring texts of equal length, with their rows in the matrix of all tokens."""
     found, start = [], 0
     for length, texts in groupby(map(len, tokens)):
         count = len(list(texts))

@@ -1,7 +1,7 @@
-"""Vision-language models of `transformers`: loading by id or folder, devices, batches; the adapters stand on it.
+"""Vision-language models of `transformers`: loading by id or folder, devices, batches; the adapters use it.
 
-Extra `models`. Weights that do not fit the asked architecture are refused: `transformers` would fill the gaps with
-random numbers and go on.
+Extra `models`. Weights that do not fit the requested architecture are refused: `transformers` would fill the gaps with
+random numbers and continue.
 """
 
 import hashlib
@@ -37,7 +37,7 @@ class Pretrained:
     image_processor: Any
     options: ModelOptions
     digest: str
-    """Eight hex digits of the weights: the same for the same weights, wherever they came from."""
+    """Eight hex digits of the weights; equal weights give equal digits, from any source."""
 
     def pixels(self, frames: Sequence[PosedFrame], **how: object) -> dict[str, Any]:
         """The model's picture inputs on the device; `how` overrides the processor's own settings."""
@@ -50,7 +50,7 @@ class Pretrained:
         return self.pixels(frames, size={"height": size, "width": size}, do_center_crop=False)["pixel_values"]
 
     def tokens(self, texts: Sequence[str], *, max_length: int, padding: bool | str = True) -> dict[str, Any]:
-        """Token ids and mask on the device; padded on the right whatever the tokenizer's habit, cut at `max_length`."""
+        """Token ids and mask on the device; always padded on the right, cut at `max_length`."""
         made = self.tokenizer(
             list(texts),
             padding=padding,
@@ -68,8 +68,8 @@ class Pretrained:
 
         Args:
             items: Texts or frames.
-            encode: A batch to a tensor (B, ..., E).
-            shape: (..., E) of the answer where there are no items.
+            encode: Turns a batch into a tensor (B, ..., E).
+            shape: Shape (..., E) of the answer where there are no items.
         """
         autocast, parts = self.options.autocast, [np.empty((0, *shape), np.float32)] * (not items)
         mixed = torch.autocast(self.options.device, _DTYPES.get(autocast), enabled=autocast != "off")
@@ -90,7 +90,7 @@ def load_pretrained(source: str, classes: Mapping[str, str], options: ModelOptio
 
     Raises:
         MissingDependencyError: Extra `models` is not installed.
-        AgentError: There is no such model, it is of another type, its weights are not whole, or the device is absent.
+        AgentError: There is no such model, it has another type, weights are missing, or the device is absent.
     """
     transformers = require("transformers", extra="models")
     SafetensorError = require("safetensors", extra="models").SafetensorError
@@ -110,7 +110,7 @@ def load_pretrained(source: str, classes: Mapping[str, str], options: ModelOptio
                 **only_here,
             )
             tokenizer = transformers.AutoTokenizer.from_pretrained(source, **only_here)
-            # the same pictures whether torchvision is installed or not
+            # gives the same pictures with and without torchvision
             processor = transformers.AutoImageProcessor.from_pretrained(source, backend="pil", **only_here)
         except (OSError, ValueError, RuntimeError, SafetensorError) as error:
             raise AgentError(_not_loaded(source, error, local=local, options=options)) from error
@@ -130,7 +130,7 @@ def features(output: Any) -> Any:
 
 
 def weights_digest(model: Any) -> str:
-    """Eight hex digits of the beginnings of all parameters as float32."""
+    """Eight hex digits computed from the first numbers of all parameters as float32."""
     total = hashlib.sha256()
     for name, values in sorted(model.named_parameters()):
         head = values.detach().flatten()[:_DIGEST_VALUES].to("cpu", torch.float32)
@@ -141,7 +141,7 @@ def weights_digest(model: Any) -> str:
 
 @contextmanager
 def quiet(transformers: ModuleType) -> Iterator[None]:
-    """Keeps the library's loading bars and reports off the terminal; what matters is raised as an error."""
+    """Keeps the library's loading bars and reports off the terminal; real problems are raised as errors."""
     log = transformers.utils.logging
     level, has_bars = log.get_verbosity(), log.is_progress_bar_enabled()
     log.set_verbosity_error()

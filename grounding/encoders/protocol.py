@@ -1,4 +1,4 @@
-"""What an encoder must offer, how a real model runs, and a cache by text."""
+"""The protocols of encoders, the options of real models, and a cache by text."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class TextEncoder(Protocol):
         ...
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """(N, E) unit rows, one per text whatever the others are; a zero row for a text without content."""
+        """(N, E) unit rows, one per text, independent of the other texts; a zero row for a text without content."""
         ...
 
 
@@ -40,15 +40,15 @@ class TextImageEncoder(TextEncoder, Protocol):
     """Whole pictures and texts to unit vectors of one space. `grounding.checks.check_image_encoder` tests a plug-in."""
 
     def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
-        """(N, E) unit rows, one per picture; zero for one that says nothing. Real models read `rgb` only."""
+        """(N, E) unit rows, one per picture; zero for a picture without content. Real models read `rgb` only."""
         ...
 
 
 class DenseEncoder(TextImageEncoder, Protocol):
-    """A vector for each patch of a picture too."""
+    """Also gives a vector for each patch of a picture."""
 
     def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
-        """(N, h, w, E) unit vectors of patches that tile each picture evenly; zero where a patch says nothing."""
+        """(N, h, w, E) unit vectors of patches that tile each picture evenly; zero for a patch without content."""
         ...
 
 
@@ -58,11 +58,11 @@ Autocast = Literal["off", "bfloat16", "float16"]
 
 @dataclass(frozen=True, slots=True)
 class ModelOptions:
-    """How a real model runs; the vectors depend on `autocast` a little (about 1e-2), on nothing else."""
+    """Options of a real model; of these only `autocast` changes the vectors a little (about 1e-2)."""
 
     device: Device = "cpu"
     batch_size: int = 8
-    """Texts or pictures at a time."""
+    """Number of texts or pictures per batch."""
     autocast: Autocast = "off"
     """Arithmetic of the large products; float16 on cuda only."""
     download: bool = True
@@ -70,7 +70,7 @@ class ModelOptions:
 
 
 class CachedTextEncoder:
-    """An encoder that encodes each text once; forgets everything when it holds `max_texts`."""
+    """An encoder that encodes each text once; it forgets everything when it holds `max_texts`."""
 
     def __init__(self, encoder: TextEncoder, *, max_texts: int = _MAX_CACHED_TEXTS) -> None:
         """Wraps `encoder`."""
@@ -80,12 +80,12 @@ class CachedTextEncoder:
 
     @property
     def name(self) -> str:
-        """The wrapped encoder's."""
+        """The wrapped encoder's name."""
         return self._encoder.name
 
     @property
     def dim(self) -> int:
-        """The wrapped encoder's."""
+        """The wrapped encoder's dimension."""
         return self._encoder.dim
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:

@@ -18,7 +18,7 @@ from .protocol import ModelOptions
 DEFAULT_MODEL = "google/siglip2-base-patch16-224"
 """768-d (GROUNDING.md, section 5)."""
 _CLASSES = {"siglip": "SiglipModel", "siglip2": "Siglip2Model"}
-"""The fixed-size models of SigLIP 2 call themselves `siglip`; only NaFlex is of type `siglip2`."""
+"""The fixed-size models of SigLIP 2 have type `siglip`; only NaFlex has type `siglip2`."""
 
 
 class Siglip:
@@ -82,7 +82,7 @@ class Siglip:
         return {"pixel_values": self._parts.squashed(frames, self._size)}
 
     def _patches(self, frames: Sequence[PosedFrame]) -> Any:
-        """(B, h, w, E)."""
+        """(B, h, w, E) vectors of patches."""
         model, pixels = self._parts.model.vision_model, self._pixels(frames)
         hidden = model(**pixels).last_hidden_state  # (B, P, E)
         side = self._size // self._patch

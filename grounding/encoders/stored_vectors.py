@@ -1,7 +1,7 @@
-"""Vectors of texts kept on disk between runs, because a sweep asks a model for the same 16,000 phrases again and again.
+"""Keeps vectors of texts on disk between runs, because a sweep encodes the same 16,000 phrases again and again.
 
-One SQLite file per vector space in the cache folder, shared by processes. It may be deleted at any time; where it
-cannot be used, texts are encoded as without it.
+One SQLite file per vector space in the cache folder, shared by processes. It may be deleted at any time; if it cannot
+be used, all texts are encoded.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from sim.cache import cache_dir
 from .protocol import TextEncoder
 
 _WAIT_S = 30.0
-"""How long a process waits for another one's write."""
+"""Longest wait for another process's write."""
 _PER_READ = 500
 """Texts per query; SQLite allows at least 999 values."""
 _PER_WRITE = 256
@@ -36,10 +36,10 @@ class StoredTextEncoder:
 
         Args:
             load: Makes the encoder; called once, when it is needed.
-            name: The encoder's.
-            dim: The encoder's.
-            key: All that the vectors depend on, e.g. a digest of the weights; part of the file's name.
-            folder: Where the file lies; default `vectors` in the cache folder.
+            name: The encoder's name.
+            dim: The encoder's dimension.
+            key: Everything that the vectors depend on, e.g. a digest of the weights; part of the file's name.
+            folder: Folder of the file; default `vectors` in the cache folder.
         """
         self.name, self.dim = name, dim
         self._load, self._encoder = load, None
@@ -49,7 +49,7 @@ class StoredTextEncoder:
         weakref.finalize(self, _write, self._path, self._unwritten)
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """(N, E) unit rows, from the file where it has them."""
+        """(N, E) unit rows, taken from the file where it has them."""
         different = list(dict.fromkeys(texts))
         known = self._unwritten | self._read([text for text in different if text not in self._unwritten])
         new = [text for text in different if text not in known]
@@ -77,7 +77,7 @@ class StoredTextEncoder:
 
 
 def _write(path: Path, rows: dict[str, NDArray[np.float32]]) -> None:
-    """Moves the rows into the file; where it cannot be used they are dropped."""
+    """Writes the rows to the file; if that fails they are dropped."""
     some = [(text, np.asarray(row, "<f4").tobytes()) for text, row in rows.items()]
     rows.clear()
     if not some:
