@@ -1,4 +1,4 @@
-"""Explore, map, ground: where on a map is the object that the query names.
+"""Explore a home, map it, and ground queries: find the object that a query names on the map.
 
 The public names are loaded when they are first used: `import grounding` itself loads nothing heavy.
 """
@@ -25,7 +25,7 @@ _PLACES = {
     "explore": ("grounding.agents.explore", "explore"),
     "ground": ("grounding.methods.free_text", "ground"),
 }
-"""Module of each public name, and what it is called there."""
+"""Module of each public name, and its name there."""
 __all__ = [
     "Encoder",
     "Map",

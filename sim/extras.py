@@ -1,4 +1,4 @@
-"""Optional packages: imported where they are used, with an error that names the extra that brings them."""
+"""Optional packages: imported where they are used, with an error that names the extra that installs them."""
 
 import importlib
 from types import ModuleType
@@ -11,10 +11,10 @@ def require(module: str, *, extra: str) -> ModuleType:
 
     Args:
         module: Its import name.
-        extra: The extra of this project that brings it, e.g. `models`.
+        extra: The extra of this project that installs it, e.g. `models`.
 
     Raises:
-        MissingDependencyError: It is not installed, or something that it needs is not.
+        MissingDependencyError: The module or one of its own dependencies is not installed.
     """
     try:
         return importlib.import_module(module)

@@ -1,4 +1,4 @@
-"""Grounders over episodes: maps, answers and their measures, worker processes, as `Answer` lines."""
+"""Runs grounders over episodes in worker processes and writes their scored answers as `Answer` lines."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -22,9 +22,10 @@ from .home_maps import HomeMaps, MapFolders, OracleMaps
 from .settings import GroundSettings as GroundSettings
 
 BATCH = 200
-"""A process does a whole scene of the release (at most 106) at a time: else two would explore and map the same home."""
+"""Episodes per task of a process, more than any scene of the release has (106): with fewer, two processes would explore
+and map the same home."""
 _WRITE_EVERY_S = 0.5
-"""A write waits for the disk longer than a quick answer takes; slow answers are written one by one."""
+"""Seconds between writes: a write takes longer than a quick answer. Slow answers are written one by one."""
 _SCORE_DECIMALS = 6
 
 
@@ -34,9 +35,9 @@ class GroundJob(SceneJob):
 
     settings: GroundSettings
     folders: MapFolders | None = None
-    """Where maps and explorations are; None for oracle maps, which are made from the episode files alone."""
+    """Folders of maps and explorations; None for oracle maps, which are made from the episode files alone."""
     model: ModelOptions | None = None
-    """As `SceneGrounder` takes it."""
+    """Options for `SceneGrounder`."""
 
 
 class SceneGrounder:
@@ -51,13 +52,13 @@ class SceneGrounder:
         folders: MapFolders | None = None,
         model: ModelOptions | None = None,
     ) -> None:
-        """Reads the scene's episode files; a home is explored and mapped when its first episode is asked.
+        """Reads the scene's episode files; the home is explored and mapped when the first answer is needed.
 
         Args:
-            dataset: Of the episodes.
+            dataset: Holds the episodes.
             scene: One of its scenes.
-            settings: What is asked, and on what map.
-            folders: Where maps are; needed unless they are oracle maps.
+            settings: Method, map and phrases.
+            folders: Folders of the maps; needed unless they are oracle maps.
             model: How a real encoder runs, with the autocast of the settings; None = its defaults.
 
         Raises:
@@ -89,7 +90,7 @@ class SceneGrounder:
         return self._grounder.ground(self.memory(episode), task, phrases)
 
     def answer(self, episode: Episode) -> Answer:
-        """The scored answer as run files hold it."""
+        """The scored answer, in the form of run files."""
         fallbacks = self._phrases.num_fallbacks
         candidates = self.ground(episode).candidates
         points = tuple(candidate.position for candidate in candidates)
@@ -120,14 +121,14 @@ def select_jobs(
     """One job per scene, in order of scene names.
 
     Args:
-        dataset: Where the episodes are.
-        settings: What to evaluate.
-        splits: Which splits.
-        scenes: Which scenes; None = all.
+        dataset: Holds the episodes.
+        settings: The evaluated method, map and phrases.
+        splits: Splits to evaluate.
+        scenes: Scenes to evaluate; None = all.
         limit: At most this many episodes of each split, a sample spread over the scenes; None = all.
-        sample_seed: Of that sample.
-        folders: Where maps are; None for oracle maps.
-        model: As `SceneGrounder` takes it.
+        sample_seed: Seed of that sample.
+        folders: Folders of the maps; None for oracle maps.
+        model: Options for `SceneGrounder`.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
@@ -144,16 +145,16 @@ def select_jobs(
 def evaluate(
     jobs: Sequence[GroundJob], writer: RunWriter, *, processes: int, on_episode: Callable[[], None] = lambda: None
 ) -> None:
-    """Answers every job's episodes and appends each to `writer` in order; those that it holds are skipped.
+    """Answers every job's episodes and appends each to `writer` in order; it skips those that `writer` already holds.
 
     Args:
         jobs: One per scene.
-        writer: Where answers go.
+        writer: Stores the answers.
         processes: Worker processes; 1 runs here. Answers and their order do not depend on it.
         on_episode: Called after each answer is on disk.
 
     Raises:
-        PersonalVizError: An episode could not be answered; all before it are on disk.
+        PersonalVizError: An episode could not be answered; all answers before it are on disk.
     """
     waiting: list[Answer] = []
     written_s = time.monotonic()

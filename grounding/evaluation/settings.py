@@ -1,4 +1,4 @@
-"""What a grounding run is made with: method, map, encoder, phrases, noise; options give it, run.json keeps it."""
+"""The settings of a grounding run: method, map, encoder, phrases, noise; options set them, run.json keeps them."""
 
 import math
 from dataclasses import asdict, dataclass, fields
@@ -21,32 +21,32 @@ MapName = Literal["oracle", "explore", "files"]
 MapLayout = Literal["grid", "fine", "objects"]
 """The paper's 1 m cells, 0.25 m cells, or an object map."""
 CELLS: dict[MapLayout, float] = {"grid": 1.0, "fine": 0.25}
-"""Metres."""
+"""Sides of the cells, metres."""
 _SAID_ELSEWHERE = (
     "method", "map", "encoder", "seed", "all_storeys", "phrases", "features", "llm_url", "llm_model", "llm_key_env",
 )  # fmt: skip
 _ORACLE_ONLY = ("blur", "cell_noise", "clutter_texts")
 _EXPLORED_ONLY = ("view_noise", "confusion", "background", "paraphrase", "home_clutter", "features")
 _PERCEIVED = ("view_noise", "object_noise", "confusion", "background", "paraphrase")
-"""On explored maps: of oracle perception, which stands in for an encoder that sees."""
+"""Settings of oracle perception on explored maps; it replaces an encoder of pictures."""
 
 
 @dataclass(frozen=True, slots=True)
 class GroundSettings:
-    """What is evaluated; the same settings give the same answers, whatever else is run. Flat, as run.json holds it."""
+    """Settings of an evaluation; the same settings always give the same answers. Flat, as in run.json."""
 
     method: GrounderName
     map: MapName = "oracle"
     encoder: str = "hashed"
     seed: int = 0
     all_storeys: bool = False
-    """Merge the storeys into one map instead of telling the target's storey."""
+    """Merge the storeys into one map instead of giving the target's storey."""
     phrases: PhraseSourceName = "dataset"
     llm_url: str = ""
     """With phrases `llm`: the endpoint, without secrets."""
     llm_model: str = ""
     llm_key_env: str = ""
-    """Name of the environment variable that holds the key, never the key; "" where the server wants none."""
+    """Name of the environment variable that holds the key, never the key; "" where the server needs no key."""
     layout: MapLayout = "grid"
     features: Literal["patches", "images"] = "patches"
     """A vector for each patch, or one for the whole picture in each cell that it shows (as the authors' code)."""
@@ -63,11 +63,11 @@ class GroundSettings:
     confusion: float = 0.0
     """Explored maps: share of objects that always get the caption of another object of the home."""
     background: bool = False
-    """Explored maps: walls and things without a caption say something random instead of nothing."""
+    """Explored maps: walls and things without a caption get random texts instead of nothing."""
     paraphrase: ParaphraseLevel = 0
     """Explored maps: 0 captions as they are, 1 reworded, 2 half of the attributes, 3 category only."""
     home_clutter: ClutterLevel = 0
-    """Explored maps: how much furniture without a caption stands in homes without a scan."""
+    """Explored maps: amount of furniture without a caption in homes without a scan."""
     autocast: Autocast = "off"
     """Arithmetic of a real model; its vectors depend on it a little."""
 
@@ -99,7 +99,7 @@ class GroundSettings:
             )
 
     def _require_meaning(self) -> None:
-        """Refuses what would be ignored: a run would else say that it made a difference."""
+        """Refuses options that would be ignored: the run's file would suggest that they had an effect."""
         map_text = "--map PATH, whose maps are made" if self.map == "files" else f"--map {self.map}"
         has_model = is_model(self.encoder)
         encoder_text = f"--encoder {self.encoder}"
@@ -123,16 +123,16 @@ class GroundSettings:
 
     @property
     def map_encoder(self) -> str:
-        """The name of the space of map and queries: on a walk, texts see as oracle perception, and the name says so."""
+        """Name of the space of map and queries; it says so where a text encoder uses oracle perception on a walk."""
         is_seen = self.map == "oracle" or is_model(self.encoder) or self.encoder.endswith(ORACLE_SUFFIX)
         return self.encoder if is_seen else self.encoder + ORACLE_SUFFIX
 
     @property
     def llm(self) -> "LlmOptions | None":
-        """Where the language model of the phrases is; None for other phrases.
+        """Options of the language model for phrases; None for other phrases.
 
         Raises:
-            AgentError: The address or a name is none.
+            AgentError: The address or a name is not valid.
         """
         if self.phrases != "llm":
             return None
@@ -153,12 +153,12 @@ class GroundSettings:
 
     @property
     def config(self) -> dict[str, str | int | float | bool | None]:
-        """What run.json's `config` says: every field but method and seed, which have places of their own."""
+        """The `config` of run.json: every field except method and seed, which have places of their own."""
         return {name: value for name, value in asdict(self).items() if name not in ("method", "seed")}
 
     @property
     def condition(self) -> str:
-        """How tables name the map, encoder and phrases; two runs with the same words may stand in one row."""
+        """Words for map, encoder and phrases in tables; two runs with the same words may share a row."""
         changed = [
             f"{field.name.replace('_', ' ')} {getattr(self, field.name)}"
             for field in fields(self)

@@ -1,4 +1,4 @@
-"""One question in free text to a map: no episode is needed."""
+"""Asks a map one question in free text, without an episode."""
 
 from pathlib import Path
 
@@ -24,20 +24,20 @@ def ground(
     encoder: TextEncoder | EncoderName = "hashed",
     storey_y: float | None = None,
 ) -> Grounding:
-    """Where on a map the object of the query is: candidates in world metres, best first.
+    """Places of the query's object on a map: candidates in world metres, best first.
 
     Args:
-        map: Made by `build_map`, or the `.npz` file of one.
-        description: The paragraph that says who owns what; may be empty.
-        query: What to find, such as "Lily's backpack".
+        map: A map made by `build_map`, or its `.npz` file.
+        description: The paragraph about the owners; may be empty.
+        query: The object to find, such as "Lily's backpack".
         method: Name of a grounder; None = `joint`, on maps of objects `object-dual`.
-        phrases: Reads the description; None = by rules.
+        phrases: Source that reads the description; None = by rules.
         encoder: The one that the map was built with, or its name.
         storey_y: Height of the storey that is searched, metres; None = all storeys.
 
     Raises:
         RunFileError: The file is missing, damaged or no map.
-        AgentError: The map is empty, of another encoder, or of a kind that the method does not take.
+        AgentError: The map is empty, was made with another encoder, or is of a kind that the method does not take.
     """
     home = map if isinstance(map, HomeMemory) else load_memory(Path(map))
     memory = merged_storeys(home) if storey_y is None else home.storey_near(storey_y).memory
