@@ -1,1 +1,1 @@
-"""The released files and what is in them: schema, dataset, checks, statistics, ownership."""
+"""The released episode files: schema, dataset, checks, statistics, ownership."""

@@ -16,7 +16,7 @@ from .schema import Episode, Goal, Vector3, goals_key
 from .survey import Find, Hit, Rule, Survey, splits_in_order
 
 GEODESIC_LIMITS: dict[Split, tuple[float, float]] = {"easy": (2.0, 4.0), "medium": (3.0, 7.0), "hard": (3.0, 11.0)}
-"""Metres between start and target that the generator asked for, per split (DATA_FORMAT.md, row 32)."""
+"""Limits of the generator for the distance between start and target, metres, per split (DATA_FORMAT.md, row 32)."""
 _NEAR = 1.0
 _FAR = 1.5
 _EQUAL = 1e-6
@@ -29,12 +29,12 @@ def positions_of(goal: Goal) -> NDArray[np.float64]:
 
 
 def is_extra_of(goal: Goal) -> NDArray[np.bool_]:
-    """(N,) which view points the generator added (no `iou`)."""
+    """(N,) whether the generator added each view point (no `iou`)."""
     return np.array([point.iou is None for point in goal.view_points], bool)
 
 
 def is_other_storey_of(goal: Goal) -> NDArray[np.bool_]:
-    """(N,) which view points lie on another storey than the first one."""
+    """(N,) whether each view point is on another storey than the first one."""
     heights = positions_of(goal)[:, 1]
     return np.abs(heights - heights[:1]) > STOREY_GAP
 
@@ -45,7 +45,7 @@ def planar_distances_of(goal: Goal) -> NDArray[np.float64]:
 
 
 def is_looking_away_of(goal: Goal) -> NDArray[np.bool_]:
-    """(N,) which view points have the goal's centre behind them (more than 90 degrees off)."""
+    """(N,) whether each view point has the goal's centre behind it (more than 90 degrees off)."""
     yaws = [yaw_from_quat_xyzw(point.agent_state.rotation) for point in goal.view_points]
     forwards = np.array([forward_from_yaw(yaw) for yaw in yaws]).reshape(-1, 3)
     towards = np.asarray(goal.position) - positions_of(goal)
@@ -53,12 +53,12 @@ def is_looking_away_of(goal: Goal) -> NDArray[np.bool_]:
 
 
 def planar_distance(first: Vector3, second: Vector3) -> float:
-    """Metres between two points in the floor plane."""
+    """Distance of two points in the floor plane, metres."""
     return math.hypot(first[0] - second[0], first[2] - second[2])
 
 
 def _episodes_where(is_hit: Callable[[Episode], bool]) -> Find:
-    """A finder of episodes with targets for which `is_hit` holds."""
+    """A finder of episodes with targets for which `is_hit` is true."""
     return lambda survey: (Hit((e.key.split,), str(e.key)) for e in survey.episodes if is_hit(e))
 
 
@@ -74,7 +74,7 @@ def _points_where(is_hit: Callable[[Goal], NDArray[np.bool_]]) -> Find:
 
 
 def _goals_where(is_hit: Callable[[Goal], NDArray[np.bool_]]) -> Find:
-    """A finder of goal entries with at least one such view point."""
+    """A finder of goal entries with at least one view point for which `is_hit` is true."""
     return lambda survey: (Hit((e.split,), e.name) for e in survey.goal_entries if is_hit(e.goal).any())
 
 
@@ -112,7 +112,7 @@ def _is_outside_limits(episode: Episode) -> bool:
 
 
 def _starts_beyond_limits(episode: Episode) -> bool:
-    """Whether even the straight line (3-D) from the start to any view point is longer than the split's upper limit.
+    """Whether the straight line (3-D) from the start to every view point is longer than the split's upper limit.
 
     No walk is shorter than the straight line, so no stored distance can make such a start right.
     """
@@ -139,7 +139,7 @@ def _starts_near_view_point(episode: Episode, *, num_targets: int | None) -> boo
 
 
 def _objects_on_wrong_storey(survey: Survey) -> Iterator[Hit]:
-    """Objects whose floor is nearer to the usual height of another storey label of their scene."""
+    """Objects whose floor is nearer to the usual height of a different storey label in their scene."""
     usable = {key: value for key, value in survey.objects.items() if value[0].original_view_points}
     heights: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for (scene, _), (goal, _) in usable.items():

@@ -14,7 +14,7 @@ from .survey import Find, Hit, Rule, Survey, splits_in_order
 _PLACEHOLDER = re.compile(r"<\s*person\w*\s*>|\bperson_?\d+\b", re.IGNORECASE)
 _NOTE = re.compile(r"\b(?:nota|note|n\.?b|todo)\s*:", re.IGNORECASE)
 _ROOM_TAIL = re.compile(r" in (?:the )?[^.,]+\.?$")
-# Words after which a phrase speaks of other things ("a sofa near the lamp").
+# Words after which a phrase is about other things ("a sofa near the lamp").
 _AFTER_HEAD = re.compile(r"\b(?:near|next|located|on)\b")
 _QUERIES = tuple(
     re.compile(template.replace("{}", r"(?P<asked>.+)"))
@@ -38,7 +38,7 @@ def is_annotator_note(caption: str) -> bool:
 
 
 def _episodes_where(is_hit: Callable[[Episode], bool]) -> Find:
-    """A finder of the episodes for which `is_hit` holds."""
+    """A finder of the episodes for which `is_hit` is true."""
     return lambda survey: (Hit((e.key.split,), str(e.key)) for e in survey.records if is_hit(e))
 
 
@@ -59,7 +59,7 @@ def _sentences_where(is_hit: Callable[[str], bool]) -> Find:
 
 
 def _sound_sentences(record: EpisodeRecord) -> tuple[str, ...]:
-    """The ownership sentences that can be parsed; the others are problems of the file (row 2)."""
+    """The ownership sentences that can be parsed; the others count as problems of the file (row 2)."""
     return tuple(filter(_is_sound, record.extracted_summary))
 
 
@@ -90,7 +90,7 @@ def _raw_names(record: EpisodeRecord) -> set[str]:
 
 
 def _first_slots(record: EpisodeRecord) -> list[str]:
-    """The first caption slot of each object, "" where it is empty."""
+    """The first caption slot of each object; "" where it is empty."""
     slots_per_object = (record.captions,) if isinstance(record.object_id, str) else record.captions
     return [str(slots[0]).strip() if slots else "" for slots in slots_per_object]
 
@@ -115,7 +115,7 @@ def _names_without_edge(survey: Survey) -> Iterator[Hit]:
 
 
 def _lacks_category_word(record: EpisodeRecord) -> bool:
-    """Whether no long word of the category (singular; all words if none is long) is part of what the owner owns."""
+    """Whether the owner's sentences contain no long word of the category (singular; all words if none is long)."""
     words = [word for word in record.object_category.lower().split() if len(word) > 3]
     words = words or record.object_category.lower().split()
     text = " ".join(_owner_sentences(record))
@@ -123,10 +123,10 @@ def _lacks_category_word(record: EpisodeRecord) -> bool:
 
 
 def _owner_lacks_target(record: EpisodeRecord) -> bool:
-    """Whether the text gives the target to others only.
+    """Whether the text gives the target only to other people.
 
-    Holds when the owner's sentences do not name the category and somebody else's sentence fits a caption of the
-    target better than all of the owner's (shared words over all words).
+    True when the owner's sentences do not name the category and somebody else's sentence fits a caption of the target
+    better than all of the owner's sentences do (shared words over all words).
     """
     if not _lacks_category_word(record):
         return False
@@ -143,14 +143,14 @@ def _owner_lacks_target(record: EpisodeRecord) -> bool:
 
 
 def _has_private_sentence_twice(episode: Episode) -> bool:
-    """Whether two people own the same sentence in a split without shared objects: two objects, one text."""
+    """Whether two people have the same ownership sentence in a split without shared objects: two objects, one text."""
     if episode.key.split not in _PRIVATE_SPLITS:
         return False
     return any(count > 1 for count in Counter(edge.node for edge in _edges(episode.record)).values())
 
 
 def _has_rival_sentence(record: EpisodeRecord) -> bool:
-    """Whether one target is asked for, but two of the owner's sentences are headed by the category's word."""
+    """Whether there is one target, but the category's word heads two of the owner's sentences."""
     if len(record.object_names) > 1:
         return False
     category = re.compile(rf"\b{re.escape(record.object_category.lower())}s?\b")
@@ -159,7 +159,7 @@ def _has_rival_sentence(record: EpisodeRecord) -> bool:
 
 
 def _is_query_unknown(record: EpisodeRecord) -> bool:
-    """Whether the queries are not the six known sentences over "<owner>'s <category>"."""
+    """Whether the queries differ from the six known sentences about "<owner>'s <category>"."""
     one_of = len(record.object_names) > 1
     asked = (
         f"one of {record.owner}'s {record.object_category}s" if one_of else f"{record.owner}'s {record.object_category}"
@@ -188,7 +188,7 @@ def _ids_in_several_splits(survey: Survey) -> Iterator[Hit]:
 
 
 def _sampled_twice(survey: Survey) -> Iterable[Hit]:
-    """Episodes that ask the same person of the same story for the same object as an earlier one."""
+    """Episodes with the same story, person and object as an earlier one."""
     seen: set[tuple] = set()
     for episode in survey.records:
         edges = _edges(episode.record)

@@ -1,4 +1,4 @@
-"""Open a folder of PersONAL episode files and iterate over it; everything else gets its episodes here."""
+"""Opens a folder of PersONAL episode files and iterates over it; all other code gets its episodes here."""
 
 import hashlib
 import re
@@ -24,7 +24,7 @@ MANY_OBJECTS = 15_000
 
 
 class _AtOnce(SceneFile):
-    """A content file that is refused at its first bad episode or goal: each problem costs half a kilobyte."""
+    """A content file that is refused at its first bad episode or goal, because each problem takes half a kilobyte."""
 
     goals_by_category: dict[str, Annotated[tuple[Goal, ...], FailFast()]]
     episodes: Annotated[tuple[EpisodeRecord, ...], FailFast()]
@@ -37,7 +37,7 @@ class PersonalDataset:
     """
 
     def __init__(self, root: Path | str) -> None:
-        """Lists the files; reads none.
+        """Lists the files without reading them.
 
         Raises:
             DatasetError: The folder does not exist or holds no content file.
@@ -65,7 +65,7 @@ class PersonalDataset:
         """One content file, checked against the schema.
 
         Raises:
-            DatasetError: The scene is not in this split, its name is not one, or its file is damaged or not in the
+            DatasetError: The scene is not in this split, its name is not valid, or its file is damaged or not in the
                 format.
         """
         key = (split, scene)
@@ -134,7 +134,7 @@ class PersonalDataset:
         raise DatasetError(f"{self.root}: found no episode {key}; expected an id of {key.split}/{key.scene}.")
 
     def goals(self, scene: str) -> dict[str, Goal]:
-        """Every goal object of a scene by `object_name`, from all splits; the first split that names it counts."""
+        """Every goal object of a scene by `object_name`, from all splits; the first split with the object counts."""
         self.require_scene(scene)
         found: dict[str, Goal] = {}
         for split in SPLITS:
@@ -161,8 +161,8 @@ class PersonalDataset:
 def sample_keys(keys: Sequence[EpisodeKey], *, per_split: int | None, seed: int) -> list[EpisodeKey]:
     """At most `per_split` episodes of each split, spread evenly over its scenes, in the given order; None = all.
 
-    Each episode has a place in a seeded order of its own, so that a larger sample holds every smaller one of the same
-    seed (a run can be made longer), and other splits and scenes change nothing.
+    The seeded order of a scene's episodes depends on nothing else, so a larger sample contains every smaller one with
+    the same seed (a run can be made longer), and other splits and scenes change nothing.
     """
     if per_split is None:
         return list(keys)
@@ -182,7 +182,7 @@ def sample_keys(keys: Sequence[EpisodeKey], *, per_split: int | None, seed: int)
 
 
 def _require_distinct_ids(path: Path, content: SceneFile) -> None:
-    """Raises DatasetError when two episodes of a file have one id: their runs could not be told apart."""
+    """Raises DatasetError when two episodes of a file have the same id: their runs could not be told apart."""
     first_place: dict[str, int] = {}
     for index, record in enumerate(content.episodes):
         other = first_place.setdefault(record.episode_id, index)
@@ -197,7 +197,7 @@ def read_bytes(path: Path) -> bytes:
     """The file's bytes, decompressed when its name ends in .gz.
 
     Raises:
-        DatasetError: The file cannot be read, is not valid gzip, or holds more than any real one.
+        DatasetError: The file cannot be read, is not valid gzip, or is larger than any real content file.
     """
     try:
         return bounded_json(path)

@@ -35,7 +35,7 @@ _BY_WORD: dict[str, str] = {
     }.items()
     for word in (name, *words.split())
 }  # fmt: skip
-"""One name for each of the words that say the same."""
+"""One name for each group of synonyms."""
 _COLOURS = frozenset({
     "red", "blue", "green", "yellow", "brown", "grey", "white", "golden", "purple", "black", "beige", "cream",
     "orange", "pink", "teal", "turquoise", "silver",
@@ -46,9 +46,9 @@ _RELATIONS = frozenset({
     "facing", "in", "inside", "containing", "contain", "at", "outside", "where", "which", "used", "supporting",
     "hanging", "placed", "located", "situated", "positioned",
 })  # fmt: skip
-"""Words after which a caption speaks of something else."""
+"""Words after which a caption is about something else."""
 _ATTRIBUTIVE = frozenset({"with", "has", "having", "of"})
-"""Words after which it still speaks of the object, but a colour may be that of a thing on it."""
+"""Words after which a caption is still about the object, but a colour may belong to a thing on it."""
 _UPON = frozenset({"on", "above", "over", "under", "below", "beneath", "underneath"})
 _SUBJECT = frozenset({"it", "its", "they", "their", "this", "these"})
 _STOP = frozenset({
@@ -56,7 +56,7 @@ _STOP = frozenset({
     "three",
 })  # fmt: skip
 _SAME = 0.6
-"""So much of a caption's words are in the sentence that is made of it."""
+"""Least share of a caption's words in the sentence that was made from it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,17 +64,17 @@ class Described:
     """A description's words about one object; empty where it has none."""
 
     colours: tuple[str, ...] = ()
-    """Colour words, each with "dark" or "light" before it where that is said."""
+    """Colour words, each after "dark" or "light" where the text says so."""
     materials: tuple[Material, ...] = ()
     patterns: tuple[Pattern, ...] = ()
     sizes: tuple[Size, ...] = ()
     shapes: tuple[Shape, ...] = ()
     room: str | None = None
-    """As the ownership sentence has it."""
+    """The room of the ownership sentence."""
     beside: frozenset[str] = frozenset()
-    """Words for what it stands next to, in front of, between ..."""
+    """Words for the things that it stands next to, in front of, between ..."""
     upon: frozenset[str] = frozenset()
-    """Words for what it is on, over or under."""
+    """Words for the things that it is on, over or under."""
 
 
 def described_object(record: EpisodeRecord, *, caption: str, category: str, owner: str | None) -> Described | None:
@@ -84,10 +84,10 @@ def described_object(record: EpisodeRecord, *, caption: str, category: str, owne
         record: The episode.
         caption: The object's own caption.
         category: The object's category.
-        owner: Whose it is; None = anybody's.
+        owner: The object's owner; None = any owner.
 
     Returns:
-        None where the description does not speak of the object.
+        None where the description does not mention the object.
     """
     edges = [edge for edge in _edges(record.extracted_summary) if owner in (None, edge.owner)]
     wanted = _content(caption)
@@ -124,13 +124,13 @@ def content_words(text: str) -> frozenset[str]:
 
 
 def _edges(sentences: Iterable[str]) -> list[OwnershipEdge]:
-    """The sound ownership sentences; `personal-viz validate` reports the others."""
+    """The well-formed ownership sentences; `personal-viz validate` reports the others."""
     return [parse_ownership(sentence) for sentence in sentences if re.search(r"\S owns \S", sentence)]
 
 
 def _said_words(record: EpisodeRecord, wanted: set[str], names: set[str]) -> set[str]:
-    """Words of the description's sentences about the object: the likest ones, those that name its owner, and what
-    goes on about them ("It is ...")."""
+    """Words of the description's sentences about the object: the most similar ones, those that name its owner, and the
+    sentences that continue them ("It is ...")."""
     sentences = [_words(sentence) for sentence in re.split(r"(?<=[.!?;])\s+", record.summary)]
     best = max(len(wanted.intersection(sentence)) for sentence in sentences)
     found: set[str] = set()
@@ -169,7 +169,7 @@ def _parts(text: str, category: str) -> tuple[list[str], set[str], set[str]]:
 
 
 def _furniture_words(caption: str, category: str) -> list[str]:
-    """The words from which the home's own furniture gets its finish: it knows misspellings and parts of things."""
+    """Words for finishes as the makers of furniture read them: they know misspellings and parts of things."""
     words = own_words(caption, category)
     return [*words.noun, *words.rest, *words.parts]
 

@@ -53,12 +53,12 @@ class OwnershipGraph:
 
     @property
     def num_objects_of(self) -> Counter[str]:
-        """How many objects each person owns (r_i of the paper)."""
+        """Number of objects of each person (r_i of the paper)."""
         return Counter(edge.owner for edge in self.edges)
 
     @property
     def num_owners_of(self) -> Counter[str]:
-        """How many people own each object (c_j of the paper)."""
+        """Number of owners of each object (c_j of the paper)."""
         return Counter(edge.node for edge in self.edges)
 
     @property
@@ -90,8 +90,8 @@ class OwnershipGraph:
 def parse_ownership(sentence: str) -> OwnershipEdge:
     """Owner, object phrase and room of one ownership sentence.
 
-    The owner is the text before the first " owns ", the room the text after the last " in " (periods inside are part
-    of pasted captions and split nothing). 44 of the release's 16,873 sentences name no room.
+    The owner is the text before the first " owns ", the room the text after the last " in " (periods inside belong to
+    pasted captions and do not end the sentence). 44 of the release's 16,873 sentences name no room.
 
     Raises:
         DatasetError: The sentence has no owner or no object.
@@ -112,13 +112,13 @@ def parse_ownership(sentence: str) -> OwnershipEdge:
 def normalise_phrase(text: str) -> str:
     """Lower case, without leading article, punctuation and extra spaces.
 
-    Articles inside stay: in hard/GLAQ4DNUx5U/787 two objects of one person differ by nothing else.
+    Articles inside stay: in hard/GLAQ4DNUx5U/787 two objects of one person differ only in an article.
     """
     return " ".join(_NO_WORD.sub("", _LEADING_ARTICLE.sub("", text.strip().lower())).split())
 
 
 def graph_from_sentences(sentences: Iterable[str]) -> OwnershipGraph:
-    """The graph of some ownership sentences.
+    """The graph of these ownership sentences.
 
     Raises:
         DatasetError: A sentence cannot be parsed.
@@ -130,10 +130,10 @@ def graph_from_sentences(sentences: Iterable[str]) -> OwnershipGraph:
 
 
 def ownership_graph(episode: Episode) -> OwnershipGraph:
-    """The graph of everything the episode's sentences say, also about people who are not asked for.
+    """The graph of all the episode's sentences, including those about people who are not in the query.
 
     Raises:
-        DatasetError: A sentence cannot be parsed; names the episode.
+        DatasetError: A sentence cannot be parsed; the message names the episode.
     """
     try:
         return graph_from_sentences(episode.record.extracted_summary)

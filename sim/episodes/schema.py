@@ -30,13 +30,13 @@ Place = tuple[Metres, Metres, Metres]
 
 
 def short_repr(value: object) -> str:
-    """The value as messages show it, at most 80 characters."""
+    """The value for error messages, at most 80 characters."""
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."
 
 
 def scene_name_from_id(scene_id: str) -> str:
-    """`TEEsavR23oF` from `hm3d_v0.2/val/00800-TEEsavR23oF/TEEsavR23oF.basis.glb`."""
+    """The scene's name: `TEEsavR23oF` from `hm3d_v0.2/val/00800-TEEsavR23oF/TEEsavR23oF.basis.glb`."""
     return scene_id.rsplit("/", 1)[-1].split(".", 1)[0]
 
 
@@ -136,7 +136,7 @@ class EpisodeRecord(BaseModel):
     scene_dataset_config: str
     object_category: str = Field(min_length=1)
     object_id: str | tuple[str, ...]
-    """One object name, or several of which any is right ("one of X's Ys")."""
+    """One object name, or several names of equally right objects ("one of X's Ys")."""
     captions: tuple[str, ...] | tuple[tuple[str, ...], ...] = Field(alias="description")
     """Three caption slots, or one such triple per instance; ground truth."""
     owner: str = Field(min_length=1)
@@ -212,7 +212,7 @@ def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: Sc
     """The episode with its targets.
 
     Raises:
-        KeyError: The goal list is missing or a name does not resolve exactly once; args[0] says which.
+        KeyError: The goal list is missing or a name does not resolve exactly once; args[0] says which one.
     """
     key = goals_key(scene, record.object_category)
     goals = content.goals_by_category.get(key)

@@ -83,7 +83,7 @@ class CaptionMetrics:
     """One column of the table "goat_comparison"."""
 
     source: str
-    """Whose captions."""
+    """Source of the captions."""
     words_mean: float
     words_sd: float
     """Population standard deviation of the words per caption."""
@@ -207,7 +207,7 @@ def _total_column(columns: Sequence[NetworkMetrics], episodes: Sequence[Episode]
 
 
 def _one_per_summary(episodes: Iterable[Episode]) -> list[Episode]:
-    """The first episode of each story: same split, scene and summary but for the names."""
+    """The first episode of each story; a story has one split, one scene, and one summary apart from the names."""
     first: dict[tuple[str, str, str], Episode] = {}
     for episode in episodes:
         first.setdefault((episode.key.split, episode.key.scene, anonymous_summary(episode.record)[0]), episode)
@@ -215,7 +215,7 @@ def _one_per_summary(episodes: Iterable[Episode]) -> list[Episode]:
 
 
 def _first_captions(episodes: Iterable[Episode]) -> dict[tuple[str, str], str]:
-    """The first caption of each target by (scene, object_name); the first episode that names it counts."""
+    """The first caption of each target by (scene, object_name); the first episode with the target counts."""
     captions: dict[tuple[str, str], str] = {}
     for episode in episodes:
         for name, texts in zip(episode.record.object_names, episode.record.captions_per_object, strict=True):

@@ -18,7 +18,7 @@ from .ownership import parse_ownership
 from .schema import Episode, Goal, SceneFile, resolve_episode, scene_name_from_id, short_repr
 
 Level = Literal["error", "defect", "note"]
-"""`error` = unusable, `defect` = wrong but can be worked round, `note` = normal for the format."""
+"""`error` = unusable, `defect` = wrong but has a workaround, `note` = normal for the format."""
 Unit = Literal[
     "episodes", "sentences", "goal entries", "view points", "extra view points", "original view points", "objects",
     "categories", "files", "problems", "numbers", "fields", "pairs of starts", "episode ids",
@@ -27,14 +27,14 @@ Unit = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Hit:
-    """One thing that a check found."""
+    """One finding of a check."""
 
     splits: tuple[Split, ...]
     """Splits in which it occurs."""
     name: str
     """`split/scene/id` of an episode, or the name of an object, file, category or field."""
     count: int = 1
-    """How many units it stands for (sentences of an episode, view points of a goal)."""
+    """Number of units in this finding (sentences of an episode, view points of a goal)."""
 
 
 Find = Callable[["Survey"], Iterable[Hit]]
@@ -71,7 +71,7 @@ class GoalEntry:
 
 @dataclass(frozen=True)
 class Survey:
-    """Everything of a dataset that could be read, with the problems of the rest."""
+    """Every readable part of a dataset, with the problems of the rest."""
 
     dataset: PersonalDataset
     contents: dict[tuple[Split, str], SceneFile]
@@ -110,7 +110,7 @@ class Survey:
         return found
 
     def population(self, unit: Unit) -> dict[Split, int] | None:
-        """How many of these units each split holds; None where no such count makes sense."""
+        """Number of these units in each split; None where such a count makes no sense."""
         counts: dict[Split, int] = dict.fromkeys(SPLITS, 0)
         if unit == "episodes":
             for episode in self.records:
@@ -175,7 +175,7 @@ def survey_dataset(root: Path) -> Survey:
 
 
 def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
-    """The line of the error, then one line for every further field that does not fit."""
+    """The line of the error, then one line for every further invalid field."""
     yield str(error)
     try:
         text = read_bytes(path)
@@ -191,7 +191,7 @@ def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
 
 
 def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
-    """Errors beyond the schema: an episode of another scene, a key twice, an ownership sentence without owner."""
+    """Errors beyond the schema: an episode of another scene, a repeated key, an ownership sentence without owner."""
     first_place: dict[str, int] = {}
     for index, record in enumerate(content.episodes):
         where = f"episodes.{index}"
@@ -210,7 +210,7 @@ def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
 
 
 def _problems_of_indexes(root: Path) -> Iterator[tuple[Hit, str]]:
-    """Index files that are there and damaged; nothing of ours reads them, Habitat does."""
+    """Index files that exist but are damaged; our code does not read them, Habitat does."""
     for split in SPLITS:
         path = root / split / f"{split}.json.gz"
         if not path.is_file():
@@ -228,7 +228,7 @@ def _problems_of_indexes(root: Path) -> Iterator[tuple[Hit, str]]:
 
 
 def _num_non_finite(path: Path) -> int:
-    """How many numbers of a file are NaN or infinite; 0 where the file cannot be read at all."""
+    """Number of NaN or infinite values in a file; 0 where the file cannot be read at all."""
     try:
         return _num_non_finite_in(json.loads(read_bytes(path)))
     except (DatasetError, ValueError, RecursionError):

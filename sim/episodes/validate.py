@@ -1,4 +1,4 @@
-"""Every check of DATA_FORMAT.md section 8 on a folder of episode files; `validate_dataset` is all a caller needs."""
+"""Runs every check of DATA_FORMAT.md section 8 on a folder of episode files; callers need only `validate_dataset`."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ PAPER_EPISODES: dict[Split, int] = {"easy": 600, "medium": 700, "hard": 720}
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """How often one thing was found."""
+    """Number of findings of one kind."""
 
     slug: str
     unit: Unit
@@ -26,7 +26,7 @@ class Measure:
     """In all splits; an object found in two splits counts once."""
     per_split: dict[Split, int]
     population: dict[Split, int] | None
-    """How many units each split holds, where that makes sense."""
+    """Number of units in each split, where that makes sense."""
     names: tuple[str, ...]
     """`split/scene/id` of the episodes, or names of objects, files, categories, fields."""
 
@@ -44,7 +44,7 @@ class CheckResult:
 
 @dataclass(frozen=True, slots=True)
 class ValidationReport:
-    """All that is known about a dataset's files."""
+    """The findings of all checks on a dataset's files."""
 
     root: Path
     num_episodes: dict[Split, int]
@@ -56,12 +56,12 @@ class ValidationReport:
 
     @property
     def num_errors(self) -> int:
-        """How many things make a file or an episode unusable."""
+        """Number of findings that make a file or an episode unusable."""
         return sum(check.measure.count for check in self.checks if check.level == "error")
 
 
 def validate_dataset(root: Path) -> ValidationReport:
-    """Check a dataset; damaged files are reported and everything else is still checked.
+    """Checks a dataset; damaged files are reported and everything else is still checked.
 
     Args:
         root: Folder that holds the splits.
