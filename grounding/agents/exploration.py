@@ -1,4 +1,4 @@
-"""An exploration of one storey, as a value and as a JSON file: enough to show it, and to make its pictures again."""
+"""An exploration of one storey, as a value and as a JSON file: enough to show it and to render its pictures again."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -32,17 +32,17 @@ class Exploration(BaseModel):
     scene_digest: str
     seed: int = Field(ge=0)
     camera: Annotated[Camera, AfterValidator(_with_a_picture)]
-    """With which the agent looked."""
+    """The agent's camera."""
     start: Pose
     storey_y: float
     """Typical height of the start's storey, metres."""
     steps: tuple[Step, ...]
-    """Every action and where it led; the last is STOP unless the steps ran out."""
+    """Every action and its resulting pose; the last is STOP unless the steps ran out."""
     stop_reason: StopReason
     coverage: tuple[Share, ...]
     """(len(steps) + 1,) share of the visible floor seen at the start and after each step."""
     area_m2: float = Field(ge=0)
-    """Of the floor that an ideal sensor could see."""
+    """Area of the floor that an ideal sensor could see."""
     doors_passed: int | None = None
     num_doors: int | None = None
     rooms_missed: tuple[str, ...] | None = None
@@ -52,7 +52,7 @@ class Exploration(BaseModel):
 
     @model_validator(mode="after")
     def _coverage_of_every_step(self) -> Self:
-        """There is one share for the start and one for each step."""
+        """Checks that there is one share for the start and one for each step."""
         if len(self.coverage) != len(self.steps) + 1:
             raise ValueError(f"coverage has {len(self.coverage)} values; expected {len(self.steps) + 1}")
         return self

@@ -1,4 +1,4 @@
-"""An exploration of one storey of a home: run it, keep it in a file, and make the pictures of its poses again.
+"""An exploration of one storey of a home: runs it, and renders the pictures of its poses again.
 
 Scene + start -> `FrontierExplorer` in a `PanEnv`, with depth alone -> `Exploration` -> file (exploration.py), or
 `PosedFrame`s for maps.
@@ -27,10 +27,10 @@ from .frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
 from .rooms_found import RoomMap
 
 EXPLORER_VERSION = "1"
-"""Raised by whoever changes where the explorer starts and goes, or what its file says of coverage, doors and rooms."""
+"""Raise it with every change of the explorer's starts or ways, or of coverage, doors and rooms in its files."""
 
 TASK = Task("pan", description="", queries=("explore",), max_steps=MAX_STEPS, actions=PAPER6)
-"""All that the explorer is told: nothing."""
+"""The explorer's task, which tells it nothing."""
 _STARTS_TRIED = 200
 _MAIN_PART = 0.5
 """A start is on the part of the storey that holds at least this share of its free cells."""
@@ -41,7 +41,7 @@ def start_on_storey(scene: Scene, storey_y: float, seed: int) -> Pose:
     """A seeded place and direction on the largest connected part of a storey's floor; beds and stairs are left out.
 
     Raises:
-        SceneError: The storey has no floor, or none of the places drawn is on its largest part.
+        SceneError: The storey has no floor, or none of the drawn places is on its largest part.
     """
     rng = np.random.default_rng([seed, zlib.crc32(scene.name.encode()), round(1000 * abs(storey_y))])
     for _ in range(_STARTS_TRIED):
@@ -73,13 +73,13 @@ def explore(
 
     Args:
         scene: The home.
-        start: Where to begin; `start_on_storey` draws one.
-        seed: Of the agent.
-        max_steps: The most actions.
-        camera: Of the robot; a smaller picture with the same field of view is quicker and sees a little less far off.
+        start: First pose; `start_on_storey` draws one.
+        seed: The agent's seed.
+        max_steps: The largest number of actions.
+        camera: The robot's camera; a smaller picture with the same field of view is faster and shows less far away.
         plan: The home's plan, for rooms and doors; None leaves them out.
-        settings: Of the policy; None = its defaults with `max_steps`.
-        on_step: Told of the first view (step None) and of every step; it changes nothing.
+        settings: Settings of the policy; None = its defaults with `max_steps`.
+        on_step: Gets the first view (step None) and every step; it changes nothing.
 
     Raises:
         SceneError: The start is on no floor.
@@ -121,7 +121,7 @@ def explore(
 
 
 class _RoomFigures(TypedDict, total=False):
-    """What a plan adds to an exploration; empty without one."""
+    """The figures that a plan adds to an exploration; empty without a plan."""
 
     doors_passed: int
     num_doors: int
@@ -152,8 +152,8 @@ def frames_of(
 
     Args:
         scene: The same home.
-        exploration: Whose poses are taken; one that differs from the last frame's only by STOP is left out.
-        camera: Of the pictures; need not be the one that the agent had.
+        exploration: Gives the poses; one that differs from the last frame's only by STOP is left out.
+        camera: Camera of the pictures; it may differ from the agent's.
         every: Every n-th pose is used, beginning with the first.
 
     Raises:
