@@ -2,8 +2,8 @@
 
 A home is explored, mapped and saved once, and its map read from then on.
 
-Exploration (explore.py, an agent's observations only) -> views of its way -> map builder with an encoder -> a file per
-scene. The views are rendered again with instance ids where perception is an oracle; the encoder's name says so.
+Exploration (explore.py, an agent's observations only) -> views on its way -> map builder with an encoder -> a file per
+scene. For oracle perception the views are rendered again with instance ids; the encoder's name says so.
 """
 
 from collections.abc import Sequence
@@ -36,23 +36,23 @@ if TYPE_CHECKING:
     from ..maps.grid_map import MapBuilder
 
 MAP_VERSION = 1
-"""Raised by whoever changes what is on the map of a walked home; maps of another number are made anew."""
+"""Raise it with every change of these maps; maps with another number are made again."""
 VIEWS_EVERY = 2
 """Every second view of an exploration is mapped: neighbours differ by 30 degrees of 79, or by 25 cm."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapFolders:
-    """Where files of maps are."""
+    """Folders of map files."""
 
     maps: Path
-    """Holds `<scene>.npz`; with `--map explore` they are written here."""
+    """Folder of `<scene>.npz`; with `--map explore` the maps are written here."""
     explorations: Path
-    """Holds the explorations, which maps of all encoders share."""
+    """Folder of the explorations, which maps of all encoders share."""
     scenes_dir: Path | None = None
     """Folder of scans; None = the dataset's plans, or schematic homes."""
     notes: Path | None = None
-    """Where it is said what is being done in each scene, for a progress bar; None = nobody asks."""
+    """Folder of notes on the present work in each scene, for a progress bar; None = no notes."""
 
     def map_file(self, scene: str) -> Path:
         """The map of one scene."""
@@ -63,7 +63,7 @@ class OracleMaps:
     """Gives each episode of a scene the oracle map of its target's storey; each is made once."""
 
     def __init__(self, dataset: PersonalDataset, scene: str, settings: GroundSettings, encoder: TextEncoder) -> None:
-        """Reads the scene's episode files; with clutter those of all scenes, whose texts it is drawn from.
+        """Reads the scene's episode files; with clutter those of all scenes, since clutter is drawn from their texts.
 
         Raises:
             DatasetError: The scene is unknown or a file is damaged.
@@ -109,7 +109,7 @@ def _all_homes(root: Path) -> tuple[OracleHome, ...]:
 
 
 class HomeMaps:
-    """Gives each episode of a scene the map of the storey that it starts on."""
+    """Gives each episode of a scene the map of the storey on which it starts."""
 
     def __init__(
         self,
@@ -120,7 +120,7 @@ class HomeMaps:
         *,
         model: ModelOptions,
     ) -> None:
-        """Loads nothing but the encoder of queries.
+        """Loads only the encoder of queries.
 
         Raises:
             AgentError: The encoder is unknown or cannot be loaded.
@@ -140,7 +140,7 @@ class HomeMaps:
         Raises:
             SceneError: The home cannot be opened.
             RunFileError: A map is missing or damaged, or cannot be written.
-            AgentError: The map is of another encoder or holds no storey.
+            AgentError: The map was made with another encoder or holds no storey.
         """
         if self._home is None:
             self._home = self._load_or_make()
@@ -172,15 +172,15 @@ def make_home_map(
     model: ModelOptions,
     say: Say,
 ) -> None:
-    """Explores every storey of the home that episodes start on, unless that was done before, and saves its map.
+    """Explores every storey of the home on which episodes start, unless that was done before, and saves its map.
 
     Args:
-        dataset: Of the episodes.
+        dataset: Holds the episodes.
         scene_name: One of its scenes.
-        settings: How the map is made.
-        folders: Where exploration and map go.
-        model: How a real encoder runs.
-        say: Told what is being done.
+        settings: Settings of the map.
+        folders: Folders for exploration and map.
+        model: Options of a real encoder.
+        say: Gets a line about the present work.
 
     Raises:
         SceneError: The home cannot be opened.
@@ -193,7 +193,7 @@ def make_home_map(
     from ..agents.explored_storeys import storey_explorations
 
     scene = open_scene(dataset, scene_name, scenes_dir=folders.scenes_dir, clutter=settings.home_clutter)
-    told = say if folders.notes is not None else None  # being told of steps costs the explorer some time
+    told = say if folders.notes is not None else None  # reporting steps costs the explorer some time
     explorations = storey_explorations(dataset, scene, folder=folders.explorations, seed=settings.seed, say=told)
     builder = _builder(dataset, scene, settings, model)
     total, done = sum(ceil(len(walk.steps) / VIEWS_EVERY) for walk in explorations), 0
@@ -216,14 +216,14 @@ def build_map(
     encoder: str = "hashed",
     camera: Camera = Camera(),  # noqa: B008 - frozen value
 ) -> HomeMemory:
-    """The map of what was seen on walks through a home, in cells of 1 m.
+    """A map of a home from the views on walks through it, in cells of 1 m.
 
     Args:
-        dataset: Of the home; `hashed` and `minilm` see with oracle perception, the captions of its episodes.
+        dataset: Dataset of the home; `hashed` and `minilm` use oracle perception with the captions of its episodes.
         home: The home.
-        walks: Of `explore`, in this home.
-        encoder: `EncoderName`.
-        camera: Of the pictures that are mapped.
+        walks: Results of `explore` in this home.
+        encoder: An `EncoderName`.
+        camera: Camera of the mapped pictures.
 
     Raises:
         SceneError: A walk was made in another home.
@@ -247,7 +247,7 @@ def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, m
         from ..maps.object_map import ObjectMapBuilder
         from ..perception.segments import InstanceIds
 
-        # captions as they are perceived: confusions show; a real encoder names nothing
+        # captions as perceived, with confusions; a real encoder gives no names
         captions = encoder.perceived if isinstance(encoder, OraclePerception) else None
         return ObjectMapBuilder(encoder, InstanceIds(captions), centre_xz=centre_xz, batch=model.batch_size)
     return GridMapBuilder(
