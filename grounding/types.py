@@ -16,7 +16,7 @@ from sim.types import Camera, GridSpec
 
 TIE = 1e-6
 """Cosines closer than this are equal, and the first cell in row-major order wins: float32 products of equal rows differ
-by about 1e-7, and by where a row stands in the matrix."""
+by about 1e-7, depending on a row's place in the matrix."""
 _UNIT_TOLERANCE = 1e-4
 
 
@@ -30,11 +30,11 @@ class Intrinsics:
     fy: float
     cx: float
     cy: float
-    """All four in pixels."""
+    """Like the other three, in pixels."""
 
     @classmethod
     def of(cls, camera: Camera) -> "Intrinsics":
-        """Those of a camera of the simulator."""
+        """The intrinsics of a simulated camera."""
         focal = camera.focal
         return cls(camera.width, camera.height, focal, focal, camera.width / 2, camera.height / 2)
 
@@ -51,8 +51,8 @@ class PosedFrame:
     """(4, 4) camera (OpenCV axes) in the map frame."""
     intrinsics: Intrinsics
     instance_ids: NDArray[np.int32] | None = None
-    """(H, W) object ids of the simulator, 0 = none. Ground truth: only `oracle-perception` encoders read it, which say
-    so in their name; None for frames of a real robot."""
+    """(H, W) object ids of the simulator, 0 = none. Ground truth, read only by `oracle-perception` encoders, whose
+    names say so; None for frames of a real robot."""
 
     def __post_init__(self) -> None:
         size = (self.intrinsics.height, self.intrinsics.width)
@@ -74,13 +74,13 @@ class FeatureMap:
     floor_y: float
     """Height of the storey's floor, world metres."""
     cell_y: NDArray[np.float32]
-    """(N,) height of the floor under what each cell holds; differs from `floor_y` on split levels, merged storeys."""
+    """(N,) height of the floor in each cell; differs from `floor_y` on split levels and in merged storeys."""
     encoder: str
     """Name of the encoder whose space the rows are in."""
     weights: NDArray[np.float32]
     """(N,) evidence in each cell, e.g. the number of objects."""
     centre_xz: tuple[float, float]
-    """Middle of the bounding box of what is mapped, world x and z: the home on oracle maps, else what was seen."""
+    """Middle of the bounding box of the mapped area, world x and z: the home on oracle maps, else the seen area."""
 
     def __post_init__(self) -> None:
         count = len(self.rows)
@@ -105,7 +105,7 @@ class FeatureMap:
         return self.rc[:, 0].astype(np.int64) * self.grid.shape[1] + self.rc[:, 1]
 
     def require_encoder(self, name: str, dim: int) -> None:
-        """Refuses vectors of another encoder, whose cosines with the map would mean nothing.
+        """Refuses vectors from another encoder, whose cosines with the map would mean nothing.
 
         Raises:
             AgentError: Name or dimension differ.
@@ -140,7 +140,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Layers:
-    """What a grounder computed on the way to its answer, on the cells `rc`; views draw it, nothing scores it."""
+    """A grounder's intermediate results on the cells `rc`; views draw them, nothing scores them."""
 
     rc: NDArray[np.int16]
     """(N, 2) cells of the columns below."""
@@ -149,7 +149,7 @@ class Layers:
     final: NDArray[np.float32]
     """(N,) score of each cell for the query; -inf where the grounder does not look."""
     phrases: tuple[str, ...] = ()
-    """K texts."""
+    """The K phrases."""
     similarity: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 0), np.float32))
     """(K, N) cosine of each phrase with each cell."""
     peaks: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 0), np.int64))
@@ -157,7 +157,7 @@ class Layers:
     gate: NDArray[np.bool_] | None = None
     """(N,) cells that the phrases leave open; None for grounders without a gate."""
     chosen: int = -1
-    """Index into `phrases` of the one that the query means; -1 for grounders that choose none."""
+    """Index into `phrases` of the phrase that the query means; -1 for grounders that choose none."""
 
     def on_grid(self, values: NDArray) -> NDArray[np.float32]:
         """(..., H, W) picture of values (..., N); NaN in cells that the layers do not cover."""
@@ -170,14 +170,14 @@ class Grounding:
 
     candidates: tuple[Candidate, ...]
     layers: Layers | None = None
-    """None for grounders that score no cells."""
+    """Intermediate results; None for grounders that score no cells."""
 
 
 def require_same_encoder(of_map: tuple[str, int], of_query: tuple[str, int], *, where: str = "map") -> None:
-    """Refuses a query of another encoder than the map's; both are (name, dimension).
+    """Refuses a query whose encoder differs from the map's; both are (name, dimension).
 
     Raises:
-        AgentError: They differ; the message begins with `where`.
+        AgentError: The encoders differ; the message begins with `where`.
     """
     if of_map != of_query:
         raise AgentError(
@@ -198,15 +198,15 @@ def map_from_cells(
     cell_y: NDArray[np.floating] | None = None,
     weights: NDArray[np.floating] | None = None,
 ) -> FeatureMap:
-    """A packed map of cells in any order; vectors are normalised and zero vectors left out.
+    """A packed map made from cells in any order; vectors are normalised and zero vectors left out.
 
     Args:
         vectors: (N, E), any length.
         rc: (N, 2), each cell once, inside the grid.
-        grid: Where the cells are.
+        grid: Grid of the cells.
         floor_y: The storey's floor, world metres.
         encoder: Name of the encoder of the vectors.
-        centre_xz: Middle of what is mapped; default the grid's middle.
+        centre_xz: Middle of the mapped area; default the grid's middle.
         cell_y: (N,) floor under each cell; default `floor_y`.
         weights: (N,) evidence; default 1.
     """
