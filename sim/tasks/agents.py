@@ -20,10 +20,10 @@ from .rules import reaches_goal, success_region
 TURN_COST = 0.02
 """Metres of detour that the shortest-path agent accepts to save one turn; keeps it from weaving."""
 MIN_PROGRESS = 0.03
-"""Forwards that bring the goal less than this much nearer (metres) are not worth taking."""
+"""A forward that brings the goal less than this much nearer (metres) is not taken."""
 LOOKAHEAD = 4
 """Forwards that it tries in a row before it gives up: without sliding, 12 headings catch on corners, and one step back
-or aside is what leads around them."""
+or aside leads around them."""
 NEAR = 0.1
 """Places where STOP succeeds are at most this far (metres) from the region's points, which are 5 cm apart."""
 SAME_PLACE = 0.05
@@ -33,7 +33,7 @@ _TURNS = sorted(range(-5, 7), key=abs)
 
 
 class Agent(Protocol):
-    """An agent: told the task once, then asked for one action per observation."""
+    """An agent gets the task once and then returns one action per observation."""
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Starts a new episode; `keep_memory` says that the home is the same as in the last one."""
@@ -58,7 +58,7 @@ class RandomAgent:
 
 
 class _Way(NamedTuple):
-    """Where some actions lead."""
+    """A row of actions and its result."""
 
     position: tuple[float, float, float]
     yaw: float
@@ -69,12 +69,12 @@ class ShortestPathAgent:
     """Walks down the distance to where STOP succeeds: an upper bound with ground truth, not a competitor."""
 
     def __init__(self, episode: Episode, navigation: NavigationMap, *, rule: SuccessRule = "paper") -> None:
-        """Knows the truth that other agents are not told.
+        """Takes the ground truth that other agents do not get.
 
         Args:
-            episode: With its targets and the true start, which turns the observation's start frame into the world.
+            episode: Gives the targets and the true start, which turns the observation's start frame into the world.
             navigation: The same map that the environment uses.
-            rule: Where it walks to: `paper` into the region around a target, `habitat` to a view point.
+            rule: Decides the goal: `paper` = the region around a target, `habitat` = a view point.
         """
         self._T_world_start = T_world_agent(episode.start)
         self._start_yaw = episode.start.yaw
@@ -84,18 +84,18 @@ class ShortestPathAgent:
         self._navigation = navigation
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
-        """Forgets what it was about to do."""
+        """Forgets its planned actions."""
         self._camera = camera
         self._planned: list[Action] = []
 
     def act(self, observation: Observation) -> Action:
-        """The next turn or forward towards the goal; STOP where it succeeds, or when no way found brings it nearer."""
+        """The next turn or forward towards the goal; STOP where it succeeds, or when no found way brings it nearer."""
         if not self._planned:
             self._planned = self._plan(observation)
         return self._planned.pop(0)
 
     def _plan(self, observation: Observation) -> list[Action]:
-        """The shortest row of turns and forwards with progress; among equally many forwards the best for its turns."""
+        """The shortest row of actions with progress; of rows with equally many forwards, the best for its turns."""
         T_world_camera = self._T_world_start @ observation.T_start_camera
         x, y, z = T_world_camera[:3, 3].tolist()
         position = (x, y - self._camera.mount_height, z)
@@ -141,17 +141,17 @@ class ShortestPathAgent:
 
 
 def build_plugin(name: str) -> Any:
-    """What a user's `package.module:factory` makes, from the present folder too; the factory gets no arguments.
+    """The object from a user's `package.module:factory`, also from the present folder; the factory gets no arguments.
 
     Raises:
-        AgentError: It cannot be imported or built.
+        AgentError: The module cannot be imported, or the factory failed.
     """
     module, _, factory = name.partition(":")
     if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())  # as `python -m` has it; an installed program does not
+        sys.path.insert(0, os.getcwd())  # `python -m` has it there; an installed program does not
     try:
         return getattr(importlib.import_module(module), factory)()
-    except Exception as error:  # the plug-in door: whatever the user's code raises is named
+    except Exception as error:  # the plug-in door: any error of the user's code is named
         raise AgentError(f"{name}: {type(error).__name__} while it was built: {error}. Correct the plug-in.") from error
 
 

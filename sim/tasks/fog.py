@@ -12,12 +12,12 @@ from sim.types import Camera, GridSpec
 MAX_RANGE = 5.0
 """Nothing farther than this counts as seen, metres (VLFM's fog of war)."""
 TALLEST, LOWEST = 1.6, -0.3
-"""A ray says something about the floor below it while it is between these heights above the floor, metres: what it
-meets higher up hides nothing, and lower down is a stair or another storey."""
+"""A ray shows the floor below it while it is between these heights above the floor, metres: things higher up hide
+nothing, and lower down is a stair or another storey."""
 NEAR = 0.3
-"""Without depth: recorded starts may lie off the map; what is nearer than this (metres) hides nothing."""
+"""Without depth: recorded starts may lie off the map, so nothing nearer than this (metres) hides the floor."""
 BEHIND = 0.25
-"""Without depth: the free map ends a robot's radius before a wall; this much more is seen, metres."""
+"""Without depth: the free map ends a robot's radius before a wall, so this much more (metres) counts as seen."""
 _EVERY_ROW, _EVERY_COL = 16, 8
 """Every 16th row and 8th column of a picture is used: columns are then 9 cm apart at MAX_RANGE."""
 
@@ -26,11 +26,11 @@ class SeenArea:
     """The cells of one storey's top-down grid that a robot on that storey has seen."""
 
     def __init__(self, free: NDArray[np.bool_], grid: GridSpec) -> None:
-        """Nothing is seen yet.
+        """Starts with nothing seen.
 
         Args:
-            free: (rows, cols) where the robot's centre can be; only views without depth ask it.
-            grid: Where the cells are in the world.
+            free: (rows, cols) cells where the robot's centre can be; used only by views without depth.
+            grid: Grid of the cells in the world.
         """
         self._free = free
         self._grid = grid
@@ -43,10 +43,10 @@ class SeenArea:
         return np.asarray(self._image, bool)
 
     def see(self, T_world_camera: NDArray[np.float64], camera: Camera, depth_m: NDArray[np.float32] | None) -> None:
-        """Adds what one view shows of the floor, up to MAX_RANGE: one polygon, so that no ray leaves gaps.
+        """Adds the floor that one view shows, up to MAX_RANGE: one polygon, so that there are no gaps between rays.
 
         Args:
-            T_world_camera: (4, 4) of the camera (OpenCV axes), `camera.mount_height` above the floor.
+            T_world_camera: (4, 4) pose of the camera (OpenCV axes), `camera.mount_height` above the floor.
             camera: Intrinsics of the view.
             depth_m: (H, W) planar metres, 0 = no return: the ray is free. None = rays on the free map instead.
         """
@@ -62,7 +62,7 @@ class SeenArea:
 def _reach_of_depth(
     R_world_camera: NDArray[np.float64], camera: Camera, depth_m: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """(C, 2) xz metres from the camera to the farthest place that each looked-at column shows, left to right."""
+    """(C, 2) xz metres from the camera to the farthest place that each used column shows, left to right."""
     assert depth_m.shape == (camera.height, camera.width), depth_m.shape
     right, heading = _flat_axes(R_world_camera)
     rays = _tilted_rays(camera, float(R_world_camera[1, 1]), float(R_world_camera[1, 2]))
@@ -81,7 +81,7 @@ def _reach_on_map(
     free: NDArray[np.bool_],
     grid: GridSpec,
 ) -> NDArray[np.float64]:
-    """(C, 2) xz metres from the camera to where each column's ray leaves the free map, left to right."""
+    """(C, 2) xz metres from the camera to the place where each column's ray leaves the free map, left to right."""
     u, _ = _rays(camera)
     right, heading = _flat_axes(R_world_camera)
     directions = (u[:, None] * right + heading) / np.sqrt(1 + u**2)[:, None]  # (C, 2)
@@ -95,7 +95,7 @@ def _reach_on_map(
 
 
 class _Rays(NamedTuple):
-    """The looked-at rays of a camera with one tilt, per metre of depth."""
+    """The used rays of a camera with one tilt, per metre of depth."""
 
     u: NDArray[np.float64]
     """(C,) metres to the right."""
@@ -119,7 +119,7 @@ def _tilted_rays(camera: Camera, up_y: float, up_z: float) -> _Rays:
 
 
 def _rays(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sideways (C,) and downwards (R, 1) metres per metre of depth, of the looked-at columns and rows."""
+    """Sideways (C,) and downwards (R, 1) metres per metre of depth, for the used columns and rows."""
     cols = np.arange(_EVERY_COL // 2, camera.width, _EVERY_COL)
     rows = np.arange(_EVERY_ROW // 2, camera.height, _EVERY_ROW)
     u, v = (cols + 0.5 - camera.width / 2) / camera.focal, (rows + 0.5 - camera.height / 2) / camera.focal

@@ -1,6 +1,6 @@
-"""PAN as a Gymnasium environment with Habitat's observation names; `PanEnv` moves, this translates.
+"""PAN as a Gymnasium environment with Habitat's observation names; it translates for `PanEnv`, which moves the robot.
 
-Ground truth stays inside: observations hold sensors and the task's text, `info` tells measures only when it is over.
+Ground truth stays inside: observations hold sensors and the task's text; `info` gives measures only after the end.
 
     from gymnasium.wrappers import FilterObservation
     from sim.episodes.dataset import PersonalDataset
@@ -40,7 +40,7 @@ from .runner import run_from_env
 
 RewardName = Literal["success", "distance_to_goal"]
 DEPTH_RANGE = (0.5, 5.0)
-"""Metres that habitat-lab's ObjectNav clips depth to (HABITAT_SEMANTICS.md, section 3)."""
+"""Range to which habitat-lab's ObjectNav clips depth, metres (HABITAT_SEMANTICS.md, section 3)."""
 _FAR = float(np.finfo(np.float32).max)
 """Habitat's bounds of `gps`."""
 
@@ -71,16 +71,16 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         """Reads the episodes; opens no scene.
 
         Args:
-            dataset: Where episodes come from.
+            dataset: Source of the episodes.
             scenes_dir: Folder of scans; None = invented or schematic homes (`open_scene`).
-            splits: Only episodes of these.
-            scenes: Only episodes of these; None = all.
-            clutter: How much furniture without a caption is added to homes without a scan.
-            shuffle: Scenes and their episodes in random order, anew in every round of all; False = dataset order.
-            actions: What the numbers mean, in order; `PAPER4` leaves out the looks.
+            splits: Splits whose episodes are used.
+            scenes: Scenes whose episodes are used; None = all.
+            clutter: Amount of furniture without a caption that is added to homes without a scan.
+            shuffle: Scenes and their episodes in random order, drawn again for every round; False = dataset order.
+            actions: The action of each number, in order; `PAPER4` leaves out the looks.
             camera: Intrinsics and mounting height.
-            pictures: Whether observations hold `rgb` and `depth`; without, a step takes microseconds.
-            depth_range: Metres that depth is clipped to; a pixel without return becomes the nearest.
+            pictures: Whether observations hold `rgb` and `depth`; without them a step takes microseconds.
+            depth_range: Range to which depth is clipped, metres; a pixel without return becomes the nearest.
             normalize_depth: Whether clipped depth is mapped to 0-1 (habitat-lab's default).
             max_steps: An episode is truncated after this many actions; STOP as the last one terminates it.
             reward: `success`: 1 for an end that succeeds under rule `paper`, else 0. `distance_to_goal`: habitat-lab's
@@ -114,7 +114,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
 
     @property
     def episode_key(self) -> EpisodeKey:
-        """Which episode runs."""
+        """Key of the running episode."""
         return self._running()[0].key
 
     def reset(
@@ -124,10 +124,10 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
 
         Args:
             seed: Restarts the order of episodes; the same seed gives the same order.
-            options: {"episode": an EpisodeKey or "split/scene/id"} starts that one; the order goes on after it.
+            options: {"episode": an EpisodeKey or "split/scene/id"} starts that one; the order continues after it.
 
         Raises:
-            TaskStateError: The named episode is not among this environment's.
+            TaskStateError: The named episode does not belong to this environment.
             SceneError: The episode's scene cannot be opened.
         """
         super().reset(seed=seed)
@@ -179,7 +179,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         return renderer.render(T_world_camera(env.pose, self._camera), self._camera).rgb
 
     def close(self) -> None:
-        """Lets go of the open scene; safe to call twice."""
+        """Releases the open scene; safe to call twice."""
         self._scene = self._renderer = self._episode = self._env = self._distance = None
 
     def _running(self) -> tuple[Episode, PanEnv]:
@@ -214,7 +214,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         return sorted(mixed, key=lambda key: places[key.scene])
 
     def _opened(self, name: str) -> Scene:
-        """The scene, opened if another one is open."""
+        """The scene; it is opened unless it is open already."""
         if self._scene is None or self._scene.name != name:
             from sim.homes.open_home import open_scene
 
@@ -287,7 +287,7 @@ def lab_depth(
 
     Args:
         depth_m: (H, W) planar metres, 0 = no return.
-        depth_range: Metres that it is clipped to; no return becomes the nearest.
+        depth_range: Range to which depth is clipped, metres; no return becomes the nearest.
         normalize: Whether the range is mapped to 0-1.
 
     Returns:
@@ -323,6 +323,6 @@ def _episodes_of(
 
 
 def _text_space(texts: Sequence[str]) -> spaces.Text:
-    """The space of just these texts' lengths and characters."""
+    """The space with exactly these texts' lengths and characters."""
     lengths = [len(text) for text in texts]
     return spaces.Text(max(lengths), min_length=min(lengths), charset=frozenset("".join(texts)))

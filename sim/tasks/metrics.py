@@ -1,4 +1,4 @@
-"""Stored runs to tables; only aggregates, with numpy and pydantic alone. Distances were computed when runs ended."""
+"""Turns stored runs into tables; it only aggregates, because distances were computed when the runs ended."""
 
 import math
 from collections import defaultdict
@@ -15,11 +15,11 @@ from sim.types import RULE_NOTES, SPLITS, EpisodeKey, SuccessRule, TaskKind
 from .run_files import FAR_FROM_VIEW, Answer, EpisodeRun, Measures, Run, RunInfo, read_run
 
 _Z_95 = 1.959963984540054
-"""Standard errors of a 95 % interval's half."""
+"""Half the width of a 95 % interval, in standard errors."""
 
 
 class RuleFigures(BaseModel):
-    """A row's figures under another rule than its own."""
+    """A row's figures under a different rule."""
 
     model_config = ConfigDict(frozen=True)
     n: int
@@ -33,15 +33,15 @@ class RuleFigures(BaseModel):
 
 
 class FarFromView(BaseModel):
-    """How many successes by rule `paper` have a wall, a table or a storey between robot and object."""
+    """Successes by rule `paper` with a wall, a table or a storey between robot and object."""
 
     model_config = ConfigDict(frozen=True)
     n: int
-    """Successes by `paper` at episodes with a view point that counts."""
+    """Successes by `paper` in episodes with a view point that counts."""
     k: int
-    """Among them those that end more than 1 m of walking from every view point of a valid target."""
+    """Of these, successes that end more than 1 m of walking from every view point of a valid target."""
     share: float | None
-    """Percent, of all splits together in total rows; None without any success."""
+    """Percent; in total rows over all splits together; None without any success."""
 
 
 class MetricRow(BaseModel):
@@ -53,27 +53,27 @@ class MetricRow(BaseModel):
     condition: str
     scene_kind: str
     split: str
-    """A split, or `total` = the plain mean of the splits present (how the paper's Total column is built)."""
+    """A split, or `total` = the plain mean of the splits present, as in the paper's Total column."""
     rule: SuccessRule | Literal["planar"]
     """`planar` for POG (DESIGN.md)."""
     n: int
-    """Trials counted; technical failures are left out, undefined episodes too."""
+    """Counted trials; technical failures and undefined episodes are left out."""
     k: int
-    """Successes among them."""
+    """Successes among the counted trials."""
     sr: float | None
-    """Percent."""
+    """Success rate, percent."""
     spl: float | None = None
-    """Percent; PAN only."""
+    """SPL in percent; PAN only."""
     dtg: float | None = None
     """Metres, mean over the trials whose goal could be reached from the last position; PAN only."""
     top3: float | None = None
     """Percent; POG only, None for people, who give one answer."""
     unreachable: int = 0
-    """Trials whose start or end has no path to the goal region: in SR and SPL as failures, not in DTG."""
+    """Trials whose start or end has no path to the goal region: failures in SR and SPL, left out of DTG."""
     undefined: int = 0
     """Trials whose episode has no usable point under the rule, or that a program without the rule measured."""
     made_for: tuple[SuccessRule, ...] = ()
-    """Rules that the walkers of the runs were made for, or told; () = none, or not known."""
+    """Rules for which the agents of the runs were made, or that people were told; () = none, or not known."""
     paper_strict: RuleFigures | None = None
     """The same trials under rule `paper-strict`; PAN only."""
     far_from_view: FarFromView | None = None
@@ -131,7 +131,7 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
 
 
 def rule_warnings(rows: Iterable[MetricRow]) -> list[str]:
-    """One line for each row name whose runs were made for another rule than the one that the rows count by."""
+    """One line for each row name whose runs were made for a different rule than the rows use."""
     found = {}
     for row in rows:
         others = [rule for rule in row.made_for if rule != row.rule]
@@ -148,7 +148,7 @@ def made_for_warning(who: str, made_for: Sequence[str], *, rule: str) -> str:
 
 
 def reading_notes(rows: Sequence[MetricRow]) -> list[str]:
-    """For below a table: what its rule is, and per row name what our reading of the paper is worth; () for POG."""
+    """Notes below a table: its rule, and for each row name the effect of our reading of the paper; () for POG."""
     notes = [f"Rule {RULE_NOTES[row.rule]}." for row in rows[:1] if row.rule != "planar"]
     for row in rows:
         strict, far = row.paper_strict, row.far_from_view
@@ -166,9 +166,9 @@ def reading_notes(rows: Sequence[MetricRow]) -> list[str]:
 
 
 def require_comparable(infos: Iterable[RunInfo]) -> None:
-    """Raises RunFileError when results must not stand side by side: scans and other homes, or other episode files.
+    """Raises RunFileError when results must not be compared: scans with other homes, or different episode files.
 
-    Answers on oracle maps (no home at all) may stand beside any; tables are per kind all the same.
+    Answers on oracle maps (no home at all) may be compared with any; tables are per kind all the same.
     """
     infos = list(infos)
     kinds = {info.scene_kind: info.run_id for info in infos if info.scene_kind != "oracle-map"}
@@ -185,10 +185,10 @@ def require_comparable(infos: Iterable[RunInfo]) -> None:
 
 
 def run_folders(folders: Sequence[Path]) -> list[Path]:
-    """Each folder named, or where it is no run folder those one level below it.
+    """The named folders; a folder that is no run folder is replaced by the run folders one level below it.
 
     Raises:
-        RunFileError: None is named.
+        RunFileError: No folder is named.
     """
     if not folders:
         raise RunFileError("found no run folder on the command line; expected at least one, such as runs/<run_id>.")
@@ -200,7 +200,7 @@ def run_folders(folders: Sequence[Path]) -> list[Path]:
 
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
-    """Every run folder named, or found one level below a named folder.
+    """The runs in the named folders, or one level below a named folder.
 
     Raises:
         RunFileError: A folder holds no run, or a run is damaged.

@@ -1,6 +1,6 @@
 """Observers of a run while it happens, and the reasoning that an agent may show. Watching never changes a run.
 
-Points and grids of an `Insight` are in the `start` frame (sim/frames.py): an agent is told no other.
+Points and grids of an `Insight` are in the `start` frame (sim/frames.py), the only one that an agent knows.
 """
 
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ class Detection:
     box: tuple[float, float, float, float]
     """(left, top, right, bottom) in pixels of `Observation.rgb`."""
     score: float
-    """Higher is surer."""
+    """Higher means more certain."""
     position: tuple[float, float, float] | None = None
-    """Where it is, start frame, metres; None when the agent did not place it."""
+    """The thing's place, start frame, metres; None when the agent did not place it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +36,11 @@ class Insight:
     """The knowledge and intention of an agent when it chose its last action; every field is optional."""
 
     grid: GridSpec | None = None
-    """Where the cells of `occupancy` and `similarity` are, on the start frame's (x, z); needed by both."""
+    """Grid of the cells of `occupancy` and `similarity`, on the start frame's (x, z); needed by both."""
     occupancy: NDArray[np.uint8] | None = None
     """(rows, cols) UNKNOWN, FREE or OCCUPIED."""
     similarity: NDArray[np.float32] | None = None
-    """(rows, cols) how much each cell is like the query; NaN where nothing was seen."""
+    """(rows, cols) similarity of each cell to the query; NaN where nothing was seen."""
     frontiers: NDArray[np.float64] | None = None
     """(N, 2) (x, z) of the frontiers' middles, metres."""
     detections: tuple[Detection, ...] = ()
@@ -49,9 +49,9 @@ class Insight:
     candidate_scores: tuple[float, ...] = ()
     """One per candidate, or none at all."""
     goal: tuple[float, float, float] | None = None
-    """Where it is going now, metres."""
+    """The agent's present goal, metres."""
     note: str = ""
-    """Its reason, in words."""
+    """The agent's reason, in words."""
 
 
 @runtime_checkable
@@ -67,11 +67,11 @@ class Observer(Protocol):
     """Receives each episode as it happens, on the researcher's side; it holds no part of the run."""
 
     def on_reset(self, episode: Episode, observation: Observation) -> None:
-        """An episode begins; the observation is the first one."""
+        """An episode begins; this is its first observation."""
         ...
 
     def on_step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
-        """An action was taken: where it led, what is sensed there, and why the agent took it."""
+        """An action was taken: its result, the observation after it, and the agent's reason."""
         ...
 
     def on_end(self, run: EpisodeRun) -> None:

@@ -16,7 +16,7 @@ from sim.walk.navigation_map import NavigationMap
 from .run_files import Step
 
 SIMULATOR_VERSION = 1
-"""Raised by whoever changes what a step or a measure gives; trials verified under another number are done again."""
+"""Raise it with every change of steps or measures; trials verified under another number are done again."""
 
 
 class PanEnv:
@@ -36,7 +36,7 @@ class PanEnv:
 
         Args:
             episode_start: Start pose, world frame.
-            navigation: Where the robot can walk.
+            navigation: The floor on which the robot can walk.
             renderer: Draws the camera's view; None leaves `rgb` and `depth_m` of observations None.
             camera: Intrinsics and mounting height.
             max_steps: The episode is over after this many actions; STOP as the last one counts.
@@ -62,7 +62,7 @@ class PanEnv:
         """The environment of one episode in its home, drawn by the home's renderer.
 
         Args:
-            home: Where the episode takes place (`open_home`).
+            home: The home of the episode (`open_home`).
             episode: Only its start is used.
             camera: Intrinsics and mounting height.
             pictures: Whether observations hold `rgb` and `depth_m`.
@@ -82,7 +82,7 @@ class PanEnv:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is now."""
+        """The robot's present pose."""
         return self._steps[-1].pose if self._steps else self._start
 
     @property
@@ -92,7 +92,7 @@ class PanEnv:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """Actions taken so far and where each led."""
+        """The actions so far, each with its result."""
         return tuple(self._steps)
 
     @property
@@ -108,12 +108,12 @@ class PanEnv:
         return self.end_reason is not None
 
     def reset(self) -> Observation:
-        """Back to the start."""
+        """Puts the robot back at the start."""
         self._steps = []
         return self.observe()
 
     def restore(self, steps: Sequence[Step]) -> Observation:
-        """The state after `steps`, which this environment (or its twin) took before."""
+        """Restores the state after `steps`, which an equal environment took before."""
         self._steps = list(steps)
         return self.observe()
 
@@ -121,7 +121,7 @@ class PanEnv:
         """Takes one action.
 
         Args:
-            action: What to do.
+            action: The action.
             t_s: Seconds since the episode's start, stored with the step.
 
         Raises:
@@ -131,7 +131,7 @@ class PanEnv:
         return self.observe()
 
     def move(self, action: Action, *, t_s: float = 0.0) -> None:
-        """`step` without looking: nothing is rendered until `observe`."""
+        """Takes one action without rendering a view; `observe` renders it."""
         if self.is_over:
             raise TaskStateError(
                 f"step {len(self._steps) + 1}: found action {action.value!r} after the end ({self.end_reason}); "

@@ -10,7 +10,7 @@ from sim.render.renderer import Renderer
 
 
 class PogScene:
-    """The cut storeys of one scene, each with a renderer that clicks are cast into."""
+    """The cut storeys of one scene, each with a renderer that finds the point under a click."""
 
     def __init__(self, scene: Scene, *, make_renderer: Callable[[TriangleMesh], Renderer]) -> None:
         """Cuts every storey once.
@@ -28,7 +28,7 @@ class PogScene:
     def hit(
         self, storey: int, origin: Sequence[float], direction: Sequence[float]
     ) -> tuple[float, float, float] | None:
-        """World point where a ray meets the storey first; None when it meets nothing.
+        """World point at which a ray first meets the storey; None when it meets nothing.
 
         Args:
             storey: Index into `storeys`.

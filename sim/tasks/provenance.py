@@ -1,4 +1,4 @@
-"""Where a run comes from: program versions, state of the code, time."""
+"""The origin of a run: program versions, state of the code, time."""
 
 import datetime
 import subprocess
@@ -43,7 +43,7 @@ def make_run_info(
 
 
 def package_versions() -> dict[str, str]:
-    """Versions of the packages that results may depend on, where installed."""
+    """Versions of the installed packages that may affect results."""
     found = {}
     for name in _PACKAGES:
         try:
@@ -54,7 +54,7 @@ def package_versions() -> dict[str, str]:
 
 
 def git_commit() -> str | None:
-    """Commit of this checkout, None outside one."""
+    """Commit of this checkout; None outside a checkout."""
     try:
         done = subprocess.run(
             ["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, timeout=10

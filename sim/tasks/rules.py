@@ -2,9 +2,9 @@
 
 The paper says "within 1 m" and "relaxed to 1.5 m" and no more. Rule `paper` is **our reading** of it: the distance is
 planar, to the target's centre, on its storey; it is 1.5 m for targets without a view point within 1 m; and walls do not
-count, so that a robot may stop in the next room, 1 m from the object. Two figures stand beside it in every table, so
-that a reader sees what the reading is worth: rule `paper-strict` (1.0 m for every target), and how many of `paper`'s
-successes end more than 1 m of walking from every view point (`Measures.ends_far_from_view`).
+count, so that a robot may stop in the next room, 1 m from the object. Every table shows two figures beside it, so that
+a reader can judge our reading: rule `paper-strict` (1.0 m for every target), and the number of `paper`'s successes that
+end more than 1 m of walking from every view point (`Measures.ends_far_from_view`).
 """
 
 import math
@@ -40,14 +40,14 @@ def score_run(
     collisions: int,
     scene_digest: str,
 ) -> Measures:
-    """Every rule's figures of one finished run.
+    """Every rule's figures for one finished run.
 
     Args:
-        episode: With its targets.
+        episode: The episode, with its targets.
         poses: Start and the pose after each step, world frame; at least one.
         stopped: Whether the last action was STOP.
         navigation: Geodesic distances on the scene.
-        collisions: How many forwards a wall shortened.
+        collisions: Number of forwards that a wall shortened.
         scene_digest: Digest of the scene on which the distances are computed.
     """
     positions = np.array([pose.position for pose in poses])
@@ -67,10 +67,10 @@ def score_run(
 def score_answer(
     episode: Episode, candidates: Sequence[Vector3], *, storeys: Sequence[tuple[float, float]]
 ) -> AnswerMeasures:
-    """How far ranked POG answers are from the nearest valid target on their own storey.
+    """Distances of ranked POG answers to the nearest valid target on their own storey.
 
     Args:
-        episode: With its targets.
+        episode: The episode, with its targets.
         candidates: World points, best first; empty = no answer.
         storeys: (lowest, highest) floor of each storey of the scene, from `scene_storeys`.
     """
@@ -102,7 +102,7 @@ def success_radius(target: Goal, *, rule: SuccessRule = "paper") -> float:
 
 
 def storey_view_points(target: Goal) -> tuple[ViewPoint, ...]:
-    """Original view points on the target's storey: all that `paper` and `habitat` use."""
+    """Original view points on the target's storey, the only ones that `paper` and `habitat` use."""
     return tuple(
         point for point in target.original_view_points if same_storey(point.agent_state.position[1], target.floor_y)
     )
@@ -121,9 +121,9 @@ def reaches_goal(position: Sequence[float], episode: Episode, *, distance: float
 
     Args:
         position: The robot's feet, world metres.
-        episode: With its targets.
+        episode: The episode, with its targets.
         distance: Geodesic metres from here to `success_region` of the rule.
-        rule: Any.
+        rule: Any success rule.
     """
     if rule == "habitat":
         return distance < HABITAT_DISTANCE
@@ -133,7 +133,7 @@ def reaches_goal(position: Sequence[float], episode: Episode, *, distance: float
 
 
 def success_region(episode: Episode, navigation: NavigationMap, *, rule: SuccessRule = "paper") -> NDArray[np.float64]:
-    """Places (K, 3) from which STOP succeeds; some may be out of reach, such as a bed's top. (0, 3) = there are none.
+    """Places (K, 3) from which STOP succeeds; some may be out of reach, such as a bed's top. (0, 3) = none.
 
     Under rule `habitat` they are the view points themselves, from which a robot may be up to `HABITAT_DISTANCE` away.
     """
@@ -151,7 +151,7 @@ def success_region(episode: Episode, navigation: NavigationMap, *, rule: Success
 
 
 def _view_points(episode: Episode, rule: SuccessRule) -> list[Vector3]:
-    """Where the view points that rule `habitat` or `authors` uses are."""
+    """Positions of the view points that rule `habitat` or `authors` uses."""
     if rule == "authors":
         return [point.agent_state.position for target in episode.targets for point in target.view_points]
     return [point.agent_state.position for target in episode.targets for point in storey_view_points(target)]
@@ -160,7 +160,7 @@ def _view_points(episode: Episode, rule: SuccessRule) -> list[Vector3]:
 def _all_measures(
     episode: Episode, ends: NDArray[np.float64], path_m: float, *, stopped: bool, navigation: NavigationMap
 ) -> dict[SuccessRule, RuleMeasures | None]:
-    """Every rule's figures; where no target's radius is relaxed, the two readings of the paper are one computation."""
+    """Every rule's figures; `paper` and `paper-strict` are computed once where no target's radius is relaxed."""
     found: dict[SuccessRule, RuleMeasures | None] = {}
     is_relaxed = any(success_radius(target) > SUCCESS_RADIUS for target in episode.targets)
     for rule in SUCCESS_RULES:
@@ -180,7 +180,7 @@ def _rule_measures(
     stopped: bool,
     navigation: NavigationMap,
 ) -> RuleMeasures | None:
-    """One rule's figures from the first and the last position (2, 3); None = it has no usable point."""
+    """One rule's figures from the first and the last position (2, 3); None = the rule has no usable point."""
     if rule in ("habitat", "authors") and not _view_points(episode, rule):
         return None
     distances = _distances(ends, success_region(episode, navigation, rule=rule), navigation)

@@ -26,18 +26,18 @@ SCHEMA_VERSION = 2
 FAR_FROM_VIEW = 1.0
 """Metres of walking to the nearest view point beyond which a success by `paper` is called far from view."""
 RUN_ID = r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$"
-"""Pattern of a run's name, which is also its folder's: no slash, no leading dot."""
+"""Pattern of a run's name, which is also the name of its folder: no slash, no leading dot."""
 MAX_NAME = 80
-"""Characters of a run's name and of a row's."""
+"""Most characters of a run's name and of a row's name."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
 _NO_CONTROLS = r"^[^\x00-\x1f\x7f-\x9f]*$"
-"""A name that tables print: one line, and nothing that a terminal obeys."""
+"""Pattern of a name in tables: one line without control characters."""
 
 
 class RunInfo(BaseModel):
-    """`run.json`: who ran, on which data, with which program."""
+    """`run.json`: the agent or person, the data and the program of a run."""
 
     model_config = _MODEL
     schema_version: Literal[1, 2] = SCHEMA_VERSION
@@ -48,26 +48,26 @@ class RunInfo(BaseModel):
     condition: str = Field(default="none", pattern=_NO_CONTROLS)
     """`none` or `memory` for PAN; map and encoder for POG."""
     scene_kind: SceneKind | Literal["oracle-map"]
-    """Where the results hold; tables never mix kinds."""
+    """Kind of homes for which the results hold; tables never mix kinds."""
     dataset_digest: str
     seed: int | None = None
     config: dict[str, str | int | float | bool | None] = {}
-    """Options that the command was given."""
+    """Options of the command."""
     versions: dict[str, str] = {}
     git_commit: str | None = None
     created_utc: str
-    """ISO 8601."""
+    """Time in ISO 8601."""
     made_for: SuccessRule | None = None
-    """Success rule that an agent that knows the goal was made for, or that people were told; None = none, not known."""
+    """Rule for which an agent with ground truth was made, or that people were told; None = none, or not known."""
     scene_label: str = ""
     """The label of results in homes of this kind; follows from `scene_kind`, empty for scans."""
     scene_terms: str = ""
-    """Whose terms homes of this kind may stand under; follows from `scene_kind`, empty for invented homes and scans."""
+    """Terms of use that may apply to this kind of homes; from `scene_kind`, empty for invented homes and scans."""
 
     @model_validator(mode="before")
     @classmethod
     def _read_version_1(cls, raw: Any) -> Any:
-        """Version 1 said no label, and had one agent that knows the goal; it walked to where `paper` succeeds."""
+        """Reads version 1, which had no label and one agent with ground truth, made for rule `paper`."""
         if not isinstance(raw, dict):
             return raw
         is_old = raw.get("schema_version") == 1 and raw.get("who") == "shortest-path"
@@ -77,7 +77,7 @@ class RunInfo(BaseModel):
 
 
 class Step(BaseModel):
-    """One action and where it led."""
+    """One action and its result."""
 
     model_config = _MODEL
     kind: Literal["step"] = "step"
@@ -115,7 +115,7 @@ class EpisodeStart(BaseModel):
 
 
 class RuleMeasures(BaseModel):
-    """One success rule's figures for one run (rules: DESIGN.md)."""
+    """Figures of one success rule for one run (rules: DESIGN.md)."""
 
     model_config = _MODEL
     success: bool
@@ -124,7 +124,7 @@ class RuleMeasures(BaseModel):
     dtg: Length | None
     """Geodesic metres to the rule's success region at the end, 0 inside; None when unreachable."""
     start_distance: Length | None
-    """L: the same at the start; None when unreachable."""
+    """L: the same distance at the start; None when unreachable."""
 
 
 class Measures(BaseModel):
@@ -147,7 +147,7 @@ class Measures(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _read_version_1(cls, raw: Any) -> Any:
-        """Runs and studies of version 1: what they store is too little for the distances of `paper-strict`."""
+        """Reads runs and studies of version 1, which store too little for the distances of `paper-strict`."""
         rules = raw.get("rules") if isinstance(raw, dict) else None
         if isinstance(rules, dict) and "paper-strict" not in rules:
             return {**raw, "rules": {**rules, "paper-strict": None}}
@@ -178,7 +178,7 @@ class EpisodeEnd(BaseModel):
     kind: Literal["end"] = "end"
     reason: EndReason
     measures: Measures | None = None
-    """None in files that another simulator wrote, until `personal-viz import` has read them."""
+    """Measures of the run; None in files of another simulator until `personal-viz import` has read them."""
 
 
 class EpisodeRun(BaseModel):
@@ -208,20 +208,20 @@ class EpisodeRun(BaseModel):
 
 
 class AnswerMeasures(BaseModel):
-    """How far a POG answer is from the truth (rule: DESIGN.md, planar distance on the target's storey)."""
+    """Distances of a POG answer from the target (rule: DESIGN.md, planar distance on the target's storey)."""
 
     model_config = _MODEL
     success: bool
     top3_success: bool
     planar_distance: Length | None
-    """Metres to the nearest valid target's centre on the answer's storey; None when none is on it or no answer."""
+    """Metres to the nearest valid target's centre on the answer's storey; None without such a target or answer."""
     distance_3d: Length | None
     planar_distances: tuple[Length | None, ...] | None = None
     """`planar_distance` of each of the first three candidates; None in files of versions that did not store them."""
 
 
 class ClickRay(BaseModel):
-    """How a person pointed: the ray in the world and the camera it came from."""
+    """A person's click: the ray in the world and its camera."""
 
     model_config = _MODEL
     origin: Vector3
@@ -246,14 +246,14 @@ class Answer(BaseModel):
     scores: tuple[Finite, ...] = ()
     """One per candidate, higher is better; empty for people."""
     storey_given: bool = False
-    """Whether the target's storey was told."""
+    """Whether the target's storey was given."""
     participant: str | None = None
     ray: ClickRay | None = None
     t_s: Finite | None = None
-    """Seconds from the texts being shown to the answer; a look at the home before them is not counted."""
+    """Seconds from showing the texts to the answer; an earlier look at the home is not counted."""
     reason: EndReason = "click"
     phrases_fell_back: bool = False
-    """Whether rules read the phrases, because the language model that run.json names gave none."""
+    """Whether rules read the phrases because the language model in run.json gave none."""
     measures: AnswerMeasures | None = None
 
     @property
@@ -272,9 +272,10 @@ class Run(BaseModel):
 
 
 def fitting_run_id(name: str) -> str:
-    """The name as a run's folder can have it; a name that fits stays as it is.
+    """The name in a form for a run's folder; a name that fits stays as it is.
 
-    What no folder may hold becomes `-`, and `fitting_name` shortens the rest; the digest keeps changed names apart.
+    Characters that a folder's name may not have become `-`, and `fitting_name` shortens the rest; a digest keeps
+    changed names apart.
     """
     if re.fullmatch(RUN_ID, name):
         return name
@@ -323,7 +324,7 @@ def _text_lines(path: Path) -> Iterator[tuple[int, str]]:
     """(line number from 1, text) of each line, read one after the other.
 
     Raises:
-        RunFileError: The file cannot be read, is no UTF-8, or has a line that no program of ours writes.
+        RunFileError: The file cannot be read, is no UTF-8, or has a longer line than our programs write.
     """
     try:
         for number, line in enumerate(bounded_lines(path), start=1):
@@ -336,7 +337,7 @@ def read_episode_runs(path: Path) -> Iterator[tuple[list[int], EpisodeRun]]:
     """(line numbers of start, each step and end; run) of each block; an incomplete last block is left out.
 
     Raises:
-        RunFileError: A line is not valid or stands where it cannot.
+        RunFileError: A line is not valid or is in the wrong place.
     """
     numbers: list[int] = []
     start: EpisodeStart | None = None
@@ -381,7 +382,7 @@ def read_run_info(folder: Path) -> RunInfo:
     """`run.json` of a run folder.
 
     Raises:
-        RunFileError: It is missing or damaged.
+        RunFileError: The file is missing or damaged.
     """
     path = folder / "run.json"
     if not path.is_file():

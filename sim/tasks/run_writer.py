@@ -1,4 +1,4 @@
-"""Append finished runs to a run folder, so that a kill loses at most what is under way."""
+"""Appends finished runs to a run folder, so that a kill loses only unfinished episodes."""
 
 import json
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ class RunWriter:
         """Appends one block; it is on disk when this returns.
 
         Raises:
-            RunFileError: The folder cannot be written, or its episodes of this scene were run on another version of it.
+            RunFileError: The folder cannot be written, or holds episodes on another version of this scene.
         """
         self._require_same_scene(run)
         self._append("steps.jsonl", (run.start, *run.steps, run.end))
@@ -89,7 +89,7 @@ class RunWriter:
                 )
 
     def _require_same_scene(self, run: EpisodeRun) -> None:
-        """Distances on two versions of a home never share a folder; a run without measures says nothing of its home."""
+        """Refuses distances on another version of the home; a run without measures does not tell its version."""
         if run.end.measures is None:
             return
         scene, now = run.key.scene, run.end.measures.scene_digest
@@ -102,7 +102,7 @@ class RunWriter:
 
 
 def _differing(was: dict[str, Any], now: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The entries of each that the other lacks or has otherwise."""
+    """The entries of each that are missing or different in the other."""
     return (
         {key: value for key, value in was.items() if key not in now or now[key] != value},
         {key: value for key, value in now.items() if key not in was or was[key] != value},
@@ -110,7 +110,7 @@ def _differing(was: dict[str, Any], now: dict[str, Any]) -> tuple[dict[str, Any]
 
 
 def _cut_incomplete_tail(path: Path) -> None:
-    """Drop lines after the last complete block or answer (left by a kill in the middle of a write)."""
+    """Drops lines after the last complete block or answer, which a kill in the middle of a write left."""
     if not path.is_file():
         return
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)

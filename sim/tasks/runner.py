@@ -22,28 +22,28 @@ from .run_writer import RunWriter
 from .workers import SceneJob, results, without
 
 BATCH = 8
-"""Episodes that a worker process runs before it hands them over: what a kill can lose, per process."""
+"""Episodes that a worker process runs before it hands them over; a kill can lose this many per process."""
 
 
 @dataclass(frozen=True, slots=True)
 class AgentJob(SceneJob):
-    """All that a worker process needs to run an agent on some episodes of one scene."""
+    """Everything that a worker process needs to run an agent on some episodes of one scene."""
 
     scenes_dir: Path | None
     agent: str
     """`random`, `shortest-path` or `package.module:factory`."""
     seed: int
     clutter: ClutterLevel = 0
-    """How much furniture without a caption stands in homes without a scan."""
+    """Amount of furniture without a caption in homes without a scan."""
     make_observer: Callable[[Scene], Observer] | None = None
-    """Makes what watches the scene's episodes; it is sent to processes and compared, as the whole job is."""
+    """Makes the observer of the scene's episodes; like the whole job it is sent to processes and compared."""
     rule: SuccessRule = "paper"
-    """Success rule that `shortest-path` walks for."""
+    """Success rule for `shortest-path`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """A finished episode, and what kept an observer from showing it."""
+    """A finished episode, and the error of an observer that could not show it."""
 
     run: EpisodeRun
     problem: RecordingError | None = None
@@ -51,18 +51,18 @@ class Played:
 
 @runtime_checkable
 class Closes(Protocol):
-    """An observer that can end what it shows of an episode that was broken off; observers need not."""
+    """An observer that can end its view of an episode that was broken off; observers need not."""
 
     def close(self) -> None:
-        """Ends it as it is."""
+        """Ends the view in its present state."""
         ...
 
 
 class Watch:
-    """Tells an observer of one episode; its first failure is kept and the episode goes on unwatched."""
+    """Tells an observer of one episode; after its first failure, which is kept, the episode continues unwatched."""
 
     def __init__(self, observer: Observer | None, episode: Episode) -> None:
-        """None watches nothing."""
+        """Takes the observer; None = nobody watches."""
         self._observer = observer
         self._episode = episode
         self.problem: RecordingError | None = None
@@ -76,7 +76,7 @@ class Watch:
         """The agent took a step.
 
         Raises:
-            AgentError: Its insight cannot be had or shown.
+            AgentError: The agent's insight cannot be read or shown.
         """
         if self._observer is not None:
             insight = _insight_of(agent)
@@ -87,7 +87,7 @@ class Watch:
         self._tell(lambda observer: observer.on_end(run))
 
     def break_off(self) -> None:
-        """The agent failed: an observer that can be closed shows all up to there."""
+        """The agent failed; an observer that can be closed shows everything up to here."""
         self._tell(lambda observer: observer.close() if isinstance(observer, Closes) else None)
 
     def _tell(self, call: Callable[[Observer], None]) -> None:
@@ -111,11 +111,11 @@ def play(
     """One episode played by an agent, scored under every rule.
 
     Args:
-        agent: Who acts; told the description and the query, never the goal.
-        episode: Which episode.
-        home: Where it takes place (`open_home`).
-        seed: Of the agent's random numbers.
-        camera: Of the robot.
+        agent: The agent; it gets the description and the query, never the goal.
+        episode: The episode.
+        home: The episode's home (`open_home`).
+        seed: Seed of the agent's random numbers.
+        camera: The robot's camera.
         pictures: Whether the agent's observations hold `rgb` and `depth_m`.
 
     Raises:
@@ -131,11 +131,11 @@ def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, watch: Wat
     """Steps `env` with the agent's actions until the episode is over.
 
     Args:
-        agent: Who acts.
-        env: Where; reset first.
-        task: What the agent is told.
-        seed: Of the agent's random numbers.
-        watch: What is told of each step. It changes nothing of what the agent is told or asked to do.
+        agent: The agent.
+        env: The environment; it is reset first.
+        task: The agent's task.
+        seed: Seed of the agent's random numbers.
+        watch: Gets each step. It never changes the agent's observations or actions.
 
     Raises:
         AgentError: The agent raised, or returned something that is not one of the task's actions.
@@ -226,17 +226,17 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
 def run_agent(
     jobs: Sequence[AgentJob], writer: RunWriter, *, processes: int, on_episode: Callable[[], None] = lambda: None
 ) -> None:
-    """Runs every job and appends each run to `writer` as it is finished, in order; what the writer holds is skipped.
+    """Runs every job and appends finished runs to `writer` in order; episodes that it already holds are skipped.
 
     Args:
         jobs: One per scene.
-        writer: Where finished runs go.
+        writer: Stores the finished runs.
         processes: Worker processes; 1 runs here. Runs and their order do not depend on it.
         on_episode: Called after each episode is on disk.
 
     Raises:
-        PersonalVizError: An episode could not be run; all before it are on disk. Or its observer failed; then it is on
-            disk as well.
+        PersonalVizError: An episode could not be run; all episodes before it are on disk. Or its observer failed; then
+            the episode is on disk as well.
     """
     for played in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
         writer.add_episode(played.run)
@@ -260,7 +260,7 @@ def _insight_of(agent: Agent) -> Insight | None:
     """The reasoning that the agent shows, if it shows any.
 
     Raises:
-        AgentError: It raised, or returned something else.
+        AgentError: `insight` raised, or returned something else.
     """
     if not isinstance(agent, Explains):
         return None

@@ -17,21 +17,21 @@ from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
 START_TOLERANCE = 0.01
 """A run starts at most this far (metres) from its episode's start."""
 ANGLE_TOLERANCE = math.radians(0.5)
-"""For the start's yaw and for every turn and look; Habitat's float32 rotations stay within 0.001 degrees."""
+"""Tolerance for the start's yaw and for every turn and look; Habitat's float32 rotations stay within 0.001 degrees."""
 POSITION_TOLERANCE = 1e-3
 """Metres of rounding allowed in any step; of the 3,926 forwards in the golden runs none is off by more than 3e-6."""
 MAX_RISE = 0.45
 """Most that one forward can climb or fall (metres): 0.25 on Habitat's steepest slope (45 degrees) plus a climb."""
 SNAP_SIDEWAYS = 0.25
-"""How far sideways the first forward may leave its line when the start is off the other simulator's mesh (metres).
+"""Most metres by which the first forward may leave its line sideways when the start is off the other simulator's mesh.
 
 Episode starts were drawn on a mesh for radius 0.10, Habitat 0.2.5 plays on one for 0.20: 0.1 m, rotated by up to a cell
 on each side; the golden steps from off-mesh starts reach 0.20.
 """
 SNAP_HEIGHT = 0.5
-"""... and how far up or down (metres); farther, the place counts as not navigable in Habitat."""
+"""... and up or down; farther away, Habitat counts the place as not navigable."""
 MAP_TOLERANCE = 0.25
-"""How far (metres) a position may lie outside our own free floor: both maps round walls, by a cell or two each."""
+"""Most metres by which a position may lie outside our own free floor: both maps round walls by a cell or two each."""
 
 _BODY_ADVICE = "Give the body's pose after the action (agent_state, not a sensor)."
 
@@ -49,11 +49,11 @@ class CheckedRun:
     wheres: tuple[str, ...]
     """`file:line` of start, each step and end."""
     ignored: tuple[str, ...] = ()
-    """Columns of its file that mean nothing to us."""
+    """Columns of its file that we do not use."""
 
 
 def start_problem(start: EpisodeStart, episode: Episode) -> str | None:
-    """How a run's start differs from its episode's, or None."""
+    """The difference between a run's start and its episode's, in words, or None."""
     wanted = episode.start
     apart, turned = math.dist(start.position, wanted.position), abs(wrap_angle(start.yaw - wanted.yaw))
     if apart <= START_TOLERANCE and turned <= ANGLE_TOLERANCE:
@@ -65,7 +65,7 @@ def start_problem(start: EpisodeStart, episode: Episode) -> str | None:
 
 
 def with_own_facts(run: EpisodeRun, episode: Episode) -> EpisodeRun:
-    """The run without what it claims: no measures, collisions by habitat-sim's rule, the dataset's id.
+    """The run without its own claims: no measures, collisions by habitat-sim's rule, the dataset's id.
 
     In free motion the wanted length of a move is unknown, so no collision is found.
     """
@@ -87,7 +87,7 @@ def check_steps(wheres: Sequence[str], run: EpisodeRun, *, rounding: float = POS
         rounding: Metres of rounding allowed in any step.
 
     Raises:
-        RunFileError: Says at which of `wheres` what is wrong.
+        RunFileError: A step is impossible; the message names its place from `wheres`.
     """
     poses = run.poses
     has_moved = False
@@ -118,10 +118,10 @@ def check_free_motion(
         run: The run.
         max_move: Most metres from pose to pose.
         max_turn: Most radians of turn from pose to pose.
-        max_steps: Budget that the robot was given.
+        max_steps: The robot's budget.
 
     Raises:
-        RunFileError: Says at which of `wheres` what is wrong.
+        RunFileError: A step is impossible; the message names its place from `wheres`.
     """
     for index, (before, step) in enumerate(zip(run.poses, run.steps, strict=False)):
         moved, turned = math.dist(before.position, step.position), abs(wrap_angle(step.yaw - before.yaw))
@@ -143,7 +143,7 @@ def check_places(checked: CheckedRun, navigation: NavigationMap) -> None:
     """Refuses a run that leaves the scene's floor: through a wall, into the air, off the home.
 
     Raises:
-        RunFileError: Says at which line the first such place is.
+        RunFileError: The message names the line of the first such place.
     """
     before = checked.run.start.position
     for where, step in zip(checked.wheres[1:], checked.run.steps, strict=False):
@@ -161,7 +161,7 @@ def check_places(checked: CheckedRun, navigation: NavigationMap) -> None:
 
 
 def _step_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bool, rounding: float) -> str | None:
-    """Why a step that began at `before` is impossible, or None."""
+    """The reason why a step that began at `before` is impossible, or None."""
     turn = {Action.LEFT: TURN_STEP, Action.RIGHT: -TURN_STEP}.get(step.action, 0.0)
     look = {Action.LOOK_UP: TURN_STEP, Action.LOOK_DOWN: -TURN_STEP}.get(step.action, 0.0)
     for what, found, wanted in (("yaw", step.yaw - before.yaw, turn), ("tilt", step.tilt - before.tilt, look)):
@@ -177,7 +177,7 @@ def _step_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bo
 
 
 def _forward_problem(before: Pose, step: Step, *, allow_sliding: bool, may_snap: bool, rounding: float) -> str | None:
-    """Why a forward cannot have ended here, or None.
+    """The reason why a forward cannot have ended here, or None.
 
     Without sliding Habitat stops on the line to the wanted end. With sliding it ends at the point of the mesh's border
     nearest to the wanted end; the start itself was a candidate, so the result is within one step of the wanted end.

@@ -1,4 +1,4 @@
-"""Worker processes: one result per episode, in an order that does not depend on how many processes there are."""
+"""Worker processes: one result per episode, in an order that does not depend on the number of processes."""
 
 import multiprocessing
 import os
@@ -17,7 +17,7 @@ from sim.types import EpisodeKey
 
 @dataclass(frozen=True, slots=True)
 class SceneJob:
-    """Episodes of one scene, to be done in order; verbs add what they do with them."""
+    """Episodes of one scene, to be done in order; subclasses add the settings of their work."""
 
     dataset_root: Path
     scene: str
@@ -38,13 +38,13 @@ class _Batch(Generic[Result]):
 def results(
     open_scene: Callable[[Job], Callable[[EpisodeKey], Result]], jobs: Sequence[Job], *, processes: int, batch: int
 ) -> Iterator[Result]:
-    """Yields the result of each episode of each job, in order; on an error first all that was finished before it.
+    """Yields the result of each episode of each job, in order; before an error, all results finished earlier.
 
     Args:
-        open_scene: A module's function: opens a job's scene and gives what does one of its episodes.
-        jobs: What to do; small, since each is sent to a process. A scene without episodes is not opened.
-        processes: Worker processes; 1 works here.
-        batch: Most episodes that a worker process does before it hands them over. A kill loses at most one batch per
+        open_scene: A module-level function that opens a job's scene and returns a function for one of its episodes.
+        jobs: The work; jobs are small, since each is sent to a process. A scene without episodes is not opened.
+        processes: Number of worker processes; 1 = this process does the work.
+        batch: Most episodes that a worker process does before it returns them. A kill loses at most one batch per
             process; but processes share a scene batch by batch, and each of them opens it.
 
     Raises:
@@ -84,7 +84,7 @@ def without(jobs: Sequence[Job], done: Container[EpisodeKey]) -> list[Job]:
 
 
 def end_with_parent() -> None:
-    """Lets a worker process end when the program is killed; it would else wait for work for ever."""
+    """Ends a worker process when the program is killed; otherwise it would wait for work for ever."""
     parent = multiprocessing.parent_process()
     assert parent is not None, "not in a worker process"
 
@@ -112,5 +112,5 @@ def _do_batch(
 def _open_cached(
     open_scene: Callable[[Job], Callable[[EpisodeKey], Result]], job: Job
 ) -> Callable[[EpisodeKey], Result]:
-    """Keeps the last scene of this worker process open: its next batch is often of the same one."""
+    """The opened scene; the last one of this process stays open, because its next batch often needs the same one."""
     return open_scene(job)
