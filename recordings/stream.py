@@ -1,6 +1,5 @@
 """Open an .rrd for writing: gathered in memory, strict, written beside its place, renamed when whole."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import rerun as rr
 
 from sim.errors import RecordingError
+from sim.files import write_whole
 
 from . import paths
 
@@ -41,18 +41,13 @@ def open_recording(out: Path, key: paths.RecordingKey) -> Iterator[rr.RecordingS
             data = memory.drain_as_bytes()
         finally:
             stream.disconnect()
-        _write_whole(data, out, beside=beside)
+        try:
+            write_whole(out, data)
+        except OSError as error:
+            raise _cannot_write(out, error) from None
     finally:
         rr.set_strict_mode(was_strict)
         beside.unlink(missing_ok=True)
-
-
-def _write_whole(data: bytes, out: Path, *, beside: Path) -> None:
-    try:
-        beside.write_bytes(data)
-        os.replace(beside, out)
-    except OSError as error:
-        raise _cannot_write(out, error) from None
 
 
 def _cannot_write(out: Path, error: OSError) -> RecordingError:

@@ -44,6 +44,12 @@ class MissingDependencyError(PersonalVizError, ImportError):
     """An optional package is needed; the message names it and the extra that brings it."""
 
 
+def short(value: object, *, most: int = 60) -> str:
+    """`repr` of a value, cut to fit in an error line."""
+    text = repr(value)
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
 def line_from_validation_error(where: str | Path, error: ValidationError, *, advice: str) -> str:
     """The first problem of a pydantic error as one line: where, field, what was found, what was expected, what to do.
 
@@ -58,9 +64,7 @@ def line_from_validation_error(where: str | Path, error: ValidationError, *, adv
         )
     first = error.errors()[0]
     field = ".".join(str(part) for part in first["loc"]) or "(top level)"
-    found = "nothing" if first["type"] == "missing" else repr(first["input"])
-    if len(found) > 80:
-        found = found[:77] + "..."
+    found = "nothing" if first["type"] == "missing" else short(first["input"], most=80)
     expected = first["msg"]
     if first["type"] == "json_invalid":
         found, expected = f"text that is not JSON ({first.get('ctx', {}).get('error', expected)})", "whole JSON"

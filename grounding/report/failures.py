@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.episodes.schema import Episode, Goal, Vector3
-from sim.tasks.rules import SUCCESS_RADIUS
+from sim.episodes.schema import Episode, Goal
+from sim.tasks.rules import SUCCESS_RADIUS, planar_distance
 from sim.tasks.run_files import Answer
 from sim.walk.storeys import storey_of
 
@@ -62,9 +62,11 @@ def failure_of(
     distance = math.inf if distance is None else distance
     here = [goal for goal in goals if storey_of(goal.floor_y, storeys) == storey_of(point[1], storeys)]
     # of the things within a metre one is named: those of the right category come before others that are nearer
-    near = [goal for goal in here if _planar(point, goal) <= SUCCESS_RADIUS]
+    near = [goal for goal in here if planar_distance(point, goal.position) <= SUCCESS_RADIUS]
     same = [goal for goal in near if goal.object_category == episode.record.object_category]
-    nearest = min(same or near, key=lambda goal: (_planar(point, goal), goal.object_name), default=None)
+    nearest = min(
+        same or near, key=lambda goal: (planar_distance(point, goal.position), goal.object_name), default=None
+    )
     name = nearest.object_name if nearest else ""
     if math.isinf(distance):
         return Failure("another storey", distance, name)
@@ -111,7 +113,3 @@ def _near_targets(episode: Episode, points: NDArray[np.float64]) -> NDArray[np.b
     targets = np.array([target.position for target in episode.targets], float)[:, [0, 2]]
     apart = np.linalg.norm(points[:, None, [0, 2]] - targets, axis=-1)
     return (apart <= SUCCESS_RADIUS).any(axis=1)
-
-
-def _planar(point: Vector3, goal: Goal) -> float:
-    return math.hypot(point[0] - goal.position[0], point[2] - goal.position[2])

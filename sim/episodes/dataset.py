@@ -10,11 +10,11 @@ from typing import Annotated
 
 from pydantic import FailFast, ValidationError
 
-from sim.errors import DatasetError, line_from_validation_error
+from sim.errors import DatasetError, line_from_validation_error, short
 from sim.files import bounded_json
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .schema import NAME_PATTERN, Episode, EpisodeRecord, Goal, SceneFile, resolve_episode, short_repr
+from .schema import NAME_PATTERN, Episode, EpisodeRecord, Goal, SceneFile, resolve_episode
 
 _ADVICE = '"personal-viz validate" lists every problem.'
 MOST_OBJECTS = 50_000
@@ -74,8 +74,8 @@ class PersonalDataset:
             raise DatasetError(f"{self.root}: scene {scene!r} is not in split {split!r}; expected one of: {known}.")
         if not re.fullmatch(NAME_PATTERN, scene):
             raise DatasetError(
-                f"{self.files[key]}: the scene's name is {short_repr(scene)}; expected 1-64 letters, digits, _ or -. "
-                "Name the file <SceneName>.json.gz again."
+                f"{self.files[key]}: the scene's name is {short(scene, most=80)}; expected 1-64 letters, digits, _ or "
+                "-. Name the file <SceneName>.json.gz again."
             )
         if key not in self._contents:
             self._contents[key] = read_scene_file(self.files[key])

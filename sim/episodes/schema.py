@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from sim.errors import short
 from sim.frames import yaw_from_quat_xyzw
 from sim.types import PAPER6, Action, EpisodeKey, Pose, Split, Task, TaskKind
 
@@ -27,12 +28,6 @@ Vector3 = tuple[Finite, Finite, Finite]
 """Any vector, for other modules."""
 Place = tuple[Metres, Metres, Metres]
 """A point of a home, world metres."""
-
-
-def short_repr(value: object) -> str:
-    """The value for error messages, at most 80 characters."""
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def scene_name_from_id(scene_id: str) -> str:
@@ -217,10 +212,12 @@ def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: Sc
     key = goals_key(scene, record.object_category)
     goals = content.goals_by_category.get(key)
     if goals is None:
-        raise KeyError(f"goals_by_category has no key {short_repr(key)}")
+        raise KeyError(f"goals_by_category has no key {short(key, most=80)}")
     targets = tuple(goal for name in record.object_names for goal in goals if goal.object_name == name)
     if [goal.object_name for goal in targets] != list(record.object_names):
         found = [goal.object_name for goal in targets]
-        names = short_repr(list(record.object_names))
-        raise KeyError(f"object_id {names} resolves to {short_repr(found)} in {short_repr(key)}, expected each once")
+        names = short(list(record.object_names), most=80)
+        raise KeyError(
+            f"object_id {names} resolves to {short(found, most=80)} in {short(key, most=80)}, expected each once"
+        )
     return Episode(EpisodeKey(split, scene, record.episode_id), record, targets)

@@ -10,12 +10,12 @@ from typing import Any, Literal
 
 from pydantic import ValidationError
 
-from sim.errors import DatasetError
+from sim.errors import DatasetError, short
 from sim.types import SPLITS, EpisodeKey, Split
 
 from .dataset import MANY_OBJECTS, PersonalDataset, read_bytes
 from .ownership import parse_ownership
-from .schema import Episode, Goal, SceneFile, resolve_episode, scene_name_from_id, short_repr
+from .schema import Episode, Goal, SceneFile, resolve_episode, scene_name_from_id
 
 Level = Literal["error", "defect", "note"]
 """`error` = unusable, `defect` = wrong but has a workaround, `note` = normal for the format."""
@@ -186,7 +186,7 @@ def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
     except ValidationError as invalid:
         for problem in invalid.errors()[1:]:
             field = ".".join(map(str, problem["loc"]))
-            found = "nothing" if problem["type"] == "missing" else short_repr(problem["input"])
+            found = "nothing" if problem["type"] == "missing" else short(problem["input"], most=80)
             yield f"{path}: {field} is {found}; expected: {problem['msg']}."
 
 
@@ -196,7 +196,7 @@ def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
     for index, record in enumerate(content.episodes):
         where = f"episodes.{index}"
         if scene_name_from_id(record.scene_id) != scene:
-            found = short_repr(record.scene_id)
+            found = short(record.scene_id, most=80)
             yield f"{where}.scene_id is {found}; expected: a path to scene {scene!r}, as the file is named."
         if first_place.setdefault(record.episode_id, index) != index:
             other = first_place[record.episode_id]
@@ -206,7 +206,7 @@ def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
                 parse_ownership(sentence)
             except DatasetError:
                 field = f"{where}.extracted_summary.{number}"
-                yield f"{field} is {short_repr(sentence)}; expected: '<Name> owns <object> in the <room>'."
+                yield f"{field} is {short(sentence, most=80)}; expected: '<Name> owns <object> in the <room>'."
 
 
 def _problems_of_indexes(root: Path) -> Iterator[tuple[Hit, str]]:

@@ -6,10 +6,10 @@ from typing import cast
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.errors import DatasetError, RunFileError
+from sim.errors import DatasetError, RunFileError, short
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .pose_tables import PoseTable, short
+from .pose_tables import PoseTable
 
 
 def find_episode(

@@ -14,7 +14,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import RunFileError
+from sim.errors import RunFileError, short
 from sim.files import TooLargeError, npy_array, require_small_archive
 
 from .pose_tables import (
@@ -26,7 +26,6 @@ from .pose_tables import (
     number_of,
     read_limited,
     read_text,
-    short,
     vector_columns,
     vector_name,
 )

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import RunFileError
+from sim.errors import RunFileError, short
 
 MAX_BYTES = 64 * 2**20
 """Largest file that is read; about 1,000 episodes of 500 steps as CSV. More belongs in several files."""
@@ -175,9 +175,3 @@ def read_text(path: Path) -> str:
     if "\0" in text:
         raise RunFileError(f"{path}: holds NUL characters; expected text. Save it as UTF-8.")
     return text
-
-
-def short(value: object) -> str:
-    """`repr` of a value, cut to fit in an error line."""
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

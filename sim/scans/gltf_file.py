@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from pydantic.alias_generators import to_camel
 
-from sim.errors import SceneError, line_from_validation_error
+from sim.errors import SceneError, line_from_validation_error, short
 
 from .gltf_schema import Accessor, Document
-from .scene_files import COPY_AGAIN, Bytes, mapped, refused, resource, short
+from .scene_files import COPY_AGAIN, Bytes, mapped, refused, resource
 
 MAX_ELEMENTS = 1 << 25
 """Vertices, faces or elements of one accessor at most: ten times the largest scans that we know of."""

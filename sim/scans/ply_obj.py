@@ -12,14 +12,14 @@ from PIL import Image
 from trimesh.resolvers import Resolver
 from trimesh.visual import ColorVisuals, TextureVisuals
 
-from sim.errors import SceneError
+from sim.errors import SceneError, short
 from sim.frames import world_from_glb_zup
 
 from ..mesh import FLAT, VERTEX_COLOURS, TriangleMesh
 from .glb import MAX_EXTENT
 from .gltf_file import MAX_ELEMENTS
 from .images import MAX_SIDE, MAX_TEXELS, measured
-from .scene_files import Bytes, file_beside, mapped, refused, short
+from .scene_files import Bytes, file_beside, mapped, refused
 
 _MAX_BYTES = 1 << 30
 _MAX_PARTS = 1 << 13

@@ -11,7 +11,7 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import SceneError
+from sim.errors import SceneError, short
 
 Bytes = NDArray[np.uint8]
 COPY_AGAIN = "Copy the file again from its source."
@@ -28,12 +28,6 @@ def refused(path: Path, found: str, expected: str, *, advice: str = COPY_AGAIN) 
         advice: What to do, a full sentence.
     """
     return SceneError(f"{path}: {' '.join(found.split())}; expected {expected}. {advice}")
-
-
-def short(text: object) -> str:
-    """Text out of a file, quoted, at most 60 characters."""
-    quoted = repr(text)
-    return quoted if len(quoted) <= 60 else quoted[:57] + "..."
 
 
 def mapped(path: Path, *, what: str) -> Bytes:

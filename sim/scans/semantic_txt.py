@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from sim.errors import SceneError
+from sim.errors import SceneError, short
 
-from .scene_files import mapped, short
+from .scene_files import mapped
 
 MAX_ID = 0xFFFF
 _HEADER = "HM3D Semantic Annotations"

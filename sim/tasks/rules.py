@@ -55,7 +55,7 @@ def score_run(
     ends = positions[[0, -1]]
     return Measures(
         rules=_all_measures(episode, ends, path_m, stopped=stopped, navigation=navigation),
-        centre_distance=min(_planar(positions[-1], target.position) for target in episode.targets),
+        centre_distance=min(planar_distance(positions[-1], target.position) for target in episode.targets),
         path_m=path_m,
         num_steps=len(poses) - 1,
         collisions=collisions,
@@ -96,7 +96,7 @@ def scene_storeys(goals: Iterable[Goal]) -> list[tuple[float, float]]:
 
 def success_radius(target: Goal, *, rule: SuccessRule = "paper") -> float:
     """Largest planar distance to the target's centre that rule `paper` or `paper-strict` accepts, metres."""
-    near = (_planar(point.agent_state.position, target.position) for point in storey_view_points(target))
+    near = (planar_distance(point.agent_state.position, target.position) for point in storey_view_points(target))
     is_near = rule == "paper-strict" or min(near, default=math.inf) <= SUCCESS_RADIUS
     return SUCCESS_RADIUS if is_near else RELAXED_RADIUS
 
@@ -113,7 +113,7 @@ def reaches_target(
 ) -> bool:
     """Whether a robot here is close enough for rule `paper` or `paper-strict`; the boundary counts."""
     on_storey = same_storey(position[1], target.floor_y)
-    return on_storey and _planar(position, target.position) <= success_radius(target, rule=rule)
+    return on_storey and planar_distance(position, target.position) <= success_radius(target, rule=rule)
 
 
 def reaches_goal(position: Sequence[float], episode: Episode, *, distance: float, rule: SuccessRule) -> bool:
@@ -128,7 +128,7 @@ def reaches_goal(position: Sequence[float], episode: Episode, *, distance: float
     if rule == "habitat":
         return distance < HABITAT_DISTANCE
     if rule == "authors":
-        return any(_planar(position, point) <= AUTHORS_DISTANCE for point in _view_points(episode, rule))
+        return any(planar_distance(position, point) <= AUTHORS_DISTANCE for point in _view_points(episode, rule))
     return any(reaches_target(position, target, rule=rule) for target in episode.targets)
 
 
@@ -218,13 +218,14 @@ def _measures(success: bool, distances: NDArray[np.float64], path_m: float) -> R
     )
 
 
-def _planar(a: Sequence[float] | NDArray[np.float64], b: Sequence[float]) -> float:
+def planar_distance(a: Sequence[float] | NDArray[np.float64], b: Sequence[float]) -> float:
+    """Metres between two points seen from above."""
     return math.hypot(a[0] - b[0], a[2] - b[2])
 
 
 def _planar_on_storey(point: Vector3, targets: Sequence[Goal], storeys: Sequence[tuple[float, float]]) -> float:
     storey = storey_of(point[1], storeys)
     return min(
-        (_planar(point, target.position) for target in targets if storey_of(target.floor_y, storeys) == storey),
+        (planar_distance(point, target.position) for target in targets if storey_of(target.floor_y, storeys) == storey),
         default=math.inf,
     )
