@@ -1,67 +1,165 @@
-"""How the viewer lays a comparison out: best person | home and map | best agent; below them plots, task, actions."""
+"""How the viewer lays a recording out: runs side by side, a running episode or POG trial, a map alone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import rerun.blueprint as rrb
+from rerun.blueprint.api import VisualizerLike
 from rerun.blueprint.encodings import TextLogColumn
+from rerun.encodings import EntityPathLike
 
+from grounding.maps.home_map import HomeMemory, StoreyMemory
 from sim.tasks.run_files import EpisodeRun
 
-from . import paths
-from .blueprint_layers import Overrides, hidden_layers, home_layers, map_bounds, memory_pages, phrase_pages
-from .log_divergence import DEPARTURE, DEVIATION, PARTING
-from .log_grounding import Regrounded, home_entity, map_entity
-from .log_maps import StoreyMap
-from .log_memory import NamedMemory
-from .log_memory import home_entity as home_layer
-from .log_run import Trace
-from .traces import best_two
+from . import layers, memory, paths
+from .divergence import DEPARTURE, DEVIATION, PARTING
+from .episode import CENTRE_DISTANCE, GOAL_DISTANCE, SEEN_M2, Walker
+from .insight import OCCUPANCY, SIMILARITY
+from .layers import Regrounded
+from .memory import NamedMemory
+from .scene import StoreyMap
+from .traces import Trace
 
 BACKGROUND = (24, 26, 30)
-PLOTS = (("centre_distance", "Metres to the target's centre"), (DEVIATION, "Metres off the shortest path"))
+PLOTS = ((CENTRE_DISTANCE, "Metres to the target's centre"), (DEVIATION, "Metres off the shortest path"))
 WALK_ENTITIES = ("camera", "path", "trail", DEPARTURE, PARTING)
 EYE = np.array([0.0, 1.15, 0.2])
 """Where the home is looked at from, from its middle, in units of its depth: steep, so that walls hide little."""
 ASPECT, WIDE_ASPECT = 2.4, 1.5
 """Width over height of the place for the home: above the map, and beside it."""
+PER_PAGE = 6
+"""Most phrases whose maps are shown beside each other."""
+MARKS, MARK_RAY = "marks", "mark_ray"
+"""Entities below the run of a POG trial: what a person marks before the answer."""
+_TITLE = 44
+"""Most letters of a phrase in the title of its map."""
+_IN_HOME = ("camera", "path", "trail", "collisions", "frontiers", "candidates", "chosen", "found")
+_PAST_TOO = ("trail", "collisions")
+"""Entities of a running episode that show all their rows up to the time cursor; all others show their latest one."""
+Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
+Parts = rrb.View | rrb.Container
 
 
 def comparison_blueprint(
     traces: Sequence[Trace],
     maps: Sequence[StoreyMap],
     *,
-    shown: Sequence[Trace] | None = None,
+    shown: Sequence[Trace],
     regrounded: Sequence[Regrounded] = (),
     memories: Sequence[NamedMemory] = (),
 ) -> rrb.Blueprint:
-    """The layout for any number of runs of one episode.
+    """Any number of runs of one episode: best person | home and map | best agent; below them plots, task, actions.
 
     Args:
         traces: The runs, in the recording's order.
         maps: The storeys shown; each has a view of its own in the home and on the map, since floors hide each other.
-        shown: At most two PAN runs whose cameras are shown, left and right; None = the best two.
+        shown: At most two PAN runs whose cameras are shown, left and right.
         regrounded: Grounders with layers, which the map shows.
         memories: Maps that they answered on, each with a page of its own; objects stand in the home too.
     """
-    cameras = best_two(traces) if shown is None else shown
-    middle = _middle(traces, maps, regrounded, memories, is_wide=not cameras)
-    row: list[rrb.View | rrb.Container] = [middle]
-    shares = [6]
-    if cameras:
-        row.insert(0, _camera(cameras[0]))
-        shares.insert(0, 5)
-    if len(cameras) > 1:
-        row.append(_camera(cameras[1]))
-        shares.append(5)
-    below = _below(traces, maps, regrounded, memories)
-    return rrb.Blueprint(
+    is_wide = not shown  # no camera needs the place beside the home
+    home = _together(
+        rrb.Horizontal, [_home(traces, maps, storey, regrounded, memories, is_wide=is_wide) for storey in maps]
+    )
+    plan = _together(rrb.Horizontal, [_map(traces, maps, storey, regrounded) for storey in maps])
+    middle = rrb.Horizontal(plan, home) if is_wide else rrb.Vertical(home, plan, row_shares=[1, 1])
+    row: list[tuple[Parts, int]] = [(_sees(trace.title, _entity(trace, "camera")), 5) for trace in shown]
+    row.insert(min(1, len(row)), (middle, 6))
+    return _blueprint(
+        rrb.Vertical(_row(row), _row(_below(traces, maps, regrounded, memories)), row_shares=[2, 1]),
+        rrb.TimePanel(state="collapsed", timeline=paths.STEP, fps=4.0, play_state="paused"),
+    )
+
+
+def live_blueprint(
+    walker: Walker, maps: Sequence[StoreyMap], *, explains: bool, with_depth: bool, follows: bool
+) -> rrb.Blueprint:
+    """One running episode: camera | home | map; below them a plot, actions and task.
+
+    Args:
+        walker: Who walks.
+        maps: The storeys visited so far, at least one; each has a home view and a map of its own.
+        explains: Whether the agent shows a map of its own, which then stands beside the map of what it saw.
+        with_depth: Whether depth is logged.
+        follows: Whether the time cursor stays at the newest data: in a viewer, not in a file.
+    """
+    sees: Parts = _sees(walker.title, walker.entity("camera"))
+    if with_depth:
+        depth = walker.entity("depth")
+        flat = rrb.Spatial2DView(origin=depth, contents=[depth], name="Depth", background=BACKGROUND)
+        sees = rrb.Vertical(sees, flat, row_shares=[3, 2])
+    homes = rrb.Vertical(*(_live_home(walker, storey, maps) for storey in maps))
+    kinds = (False, True) if explains else (False,)
+    seen = [rrb.Vertical(*(_live_map(walker, storey, maps, own=own) for storey in maps)) for own in kinds]
+    plotted = [CENTRE_DISTANCE, GOAL_DISTANCE] if walker.is_episode else [SEEN_M2]
+    plot = rrb.TimeSeriesView(
+        origin="/",
+        contents=[walker.entity(name) for name in plotted],
+        name="Metres to the goal" if walker.is_episode else "Free floor seen, square metres",
+    )
+    actions = _actions([walker.entity("actions"), walker.entity("note")])
+    return _blueprint(
         rrb.Vertical(
-            rrb.Horizontal(*row, column_shares=shares),
-            rrb.Horizontal(*(view for view, _ in below), column_shares=[share for _, share in below]),
+            rrb.Horizontal(sees, homes, *seen, column_shares=[5, 4, 3, 3] if explains else [5, 4, 4]),
+            rrb.Horizontal(plot, actions, _task(), column_shares=[3, 3, 4]),
             row_shares=[2, 1],
         ),
-        rrb.TimePanel(state="collapsed", timeline=paths.STEP, fps=4.0, play_state="paused"),
+        rrb.TimePanel(state="collapsed", timeline=paths.STEP, fps=4.0, play_state="following" if follows else "paused"),
+    )
+
+
+def trial_blueprint(label: str, maps: Sequence[StoreyMap], *, follows: bool) -> rrb.Blueprint:
+    """A running POG trial of a run's label: home and map of each storey that was looked at; actions and task below."""
+    shown = [paths.run_path(label, name) for name in (MARKS, MARK_RAY, "candidates", "click_ray")]
+    homes = [
+        _home_view(
+            storey,
+            [f"{paths.MESH}/{storey.part}/**", f"{paths.GOAL}/**", f"- {paths.GOAL}/map/**", *shown],
+            name=f"Home, storey {storey.index + 1}",
+            extent=_extent(storey, across=1 / 1.5),
+        )
+        for storey in maps
+    ]
+    plans = [
+        _map_view(
+            storey,
+            [*_plan(storey), f"{paths.run_path(label, 'map', storey.part)}/**"],
+            name=f"Map, storey {storey.index + 1}",
+            background=BACKGROUND,
+        )
+        for storey in maps
+    ]
+    actions = _actions("$origin/**", origin=paths.run_path(label, "actions"))
+    return _blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(rrb.Tabs(*homes), rrb.Tabs(*plans), column_shares=[6, 5]),
+            rrb.Horizontal(actions, _task(), column_shares=[3, 4]),
+            row_shares=[2, 1],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=paths.TIME_S, play_state="following" if follows else "paused"),
+    )
+
+
+def map_blueprint(name: str, whole: HomeMemory, maps: Sequence[StoreyMap]) -> rrb.Blueprint:
+    """A map alone, a page per storey: the home, and a flat view per layer; the text below."""
+    pages: list[Parts] = []
+    for shown in maps:
+        known = memory.storey_at(whole, shown)
+        assert known is not None
+        entities = [f"{memory.home_entity(name, layer, shown)}/**" for layer in memory.HOME_LAYERS]
+        home = _home_view(shown, [f"{paths.MESH}/{shown.part}/**", *entities], name="Home", extent=_extent(shown))
+        flat = rrb.Grid(*_memory_views(name, known, shown), grid_columns=2)
+        page = f"Storey {shown.index + 1}" if len(maps) > 1 else "Map"
+        pages.append(rrb.Horizontal(home, flat, name=page, column_shares=[1, 1]))
+    text = rrb.TextDocumentView(origin=paths.TASK, name="Map")
+    return _blueprint(rrb.Vertical(_together(rrb.Tabs, pages), text, row_shares=[4, 1]), rrb.TimePanel(state="hidden"))
+
+
+def _blueprint(root: Parts, time_panel: rrb.TimePanel) -> rrb.Blueprint:
+    """A layout that is all there is to see."""
+    return rrb.Blueprint(
+        root,
+        time_panel,
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,
@@ -69,18 +167,45 @@ def comparison_blueprint(
     )
 
 
-def _middle(
+def _home(
     traces: Sequence[Trace],
     maps: Sequence[StoreyMap],
+    storey: StoreyMap,
     regrounded: Sequence[Regrounded],
     memories: Sequence[NamedMemory],
     *,
     is_wide: bool,
-) -> rrb.Container:
-    """The home above the map, or beside it where no camera needs the place."""
-    home = _homes(traces, maps, regrounded, memories, aspect=WIDE_ASPECT if is_wide else ASPECT)
-    plan = _maps(traces, maps, regrounded)
-    return rrb.Horizontal(plan, home) if is_wide else rrb.Vertical(home, plan, row_shares=[1, 1])
+) -> rrb.View:
+    """One storey of the home in a comparison."""
+    shown = [f"{paths.GOAL}/{name}" for name in ("centre", "region", "places", "path")]
+    for trace in traces:
+        names = WALK_ENTITIES if isinstance(trace.run, EpisodeRun) else ("candidates", "click_ray")
+        shown += [_entity(trace, name) for name in names]
+    shown += [layers.home_entity(item.trace, name, storey) for item in regrounded for name in item.names]
+    shown += [memory.home_entity(item.name, "objects", storey) for item in memories]
+    return _home_view(
+        storey,
+        [f"{paths.MESH}/{storey.part}/**", *shown],
+        name=_named("Home", storey, maps),
+        extent=_extent(storey, across=len(maps) / (WIDE_ASPECT if is_wide else ASPECT)),
+        overrides=_trails(traces, "trail")
+        | _hidden([layers.home_entity(*layer, storey) for layer in layers.covering(regrounded)]),
+    )
+
+
+def _map(
+    traces: Sequence[Trace], maps: Sequence[StoreyMap], storey: StoreyMap, regrounded: Sequence[Regrounded]
+) -> rrb.View:
+    """One storey from above in a comparison."""
+    return _map_view(
+        storey,
+        [*_plan(storey), *(f"{_entity(trace, 'map', storey.part)}/**" for trace in traces)],
+        name=_named("Map", storey, maps),
+        background=BACKGROUND,
+        is_cropped=True,
+        overrides=_trails(traces, "map", storey.part, "trail")
+        | _hidden([layers.map_entity(*layer, storey) for layer in layers.covering(regrounded)]),
+    )
 
 
 def _below(
@@ -88,115 +213,188 @@ def _below(
     maps: Sequence[StoreyMap],
     regrounded: Sequence[Regrounded],
     memories: Sequence[NamedMemory],
-) -> list[tuple[rrb.View | rrb.Container, int]]:
+) -> list[tuple[Parts, int]]:
     """Plots or phrases, the document, the actions; each with its share of the width."""
-    parts: list[tuple[rrb.View | rrb.Container, int]] = []
+    parts: list[tuple[Parts, int]] = []
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun)]
     for number, (entity, name) in enumerate(PLOTS if walks else ()):
-        contents = [paths.run_path(trace.label, entity) for trace in walks]
+        contents = [_entity(trace, entity) for trace in walks]
         legend = rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=number > 0)  # one is enough, runs seldom stray at first
         parts.append((rrb.TimeSeriesView(origin="/", contents=contents, name=name, plot_legend=legend), 3))
-    pages = [page for item in regrounded for page in phrase_pages(item, maps)]
-    pages += [page for item in memories for page in memory_pages(item, maps)]
+    pages = [page for item in regrounded for page in _phrase_pages(item, maps)]
+    pages += [page for item in memories for page in _memory_pages(item, maps)]
     if pages:
-        parts.append((pages[0] if len(pages) == 1 else rrb.Tabs(*pages), 6))
-    log = rrb.TextLogView(
-        origin="/",
-        contents=[paths.run_path(trace.label, "actions") for trace in traces],
-        name="Actions",
-        columns=rrb.TextLogColumns(text_log_columns=[TextLogColumn("Body")]),
-    )
-    return [*parts, (rrb.TextDocumentView(origin=paths.TASK, name="Task and results"), 5), (log, 2)]
+        parts.append((_together(rrb.Tabs, pages), 6))
+    return [*parts, (_task(), 5), (_actions([_entity(trace, "actions") for trace in traces]), 2)]
 
 
-def _camera(trace: Trace) -> rrb.View:
-    entity = paths.run_path(trace.label, "camera")
-    return rrb.Spatial2DView(
-        origin=entity, contents=[f"{entity}/**"], name=f"{trace.title} sees", background=BACKGROUND
+def _live_home(walker: Walker, storey: StoreyMap, maps: Sequence[StoreyMap]) -> rrb.View:
+    shown = [walker.entity(name) for name in _IN_HOME]
+    return _home_view(
+        storey,
+        [f"{paths.MESH}/{storey.part}/**", f"{paths.GOAL}/**", f"- {paths.GOAL}/map/**", *shown],
+        name=_named("Home", storey, maps),
+        extent=_extent(storey) * (1.0 if len(maps) == 1 else 1.3),  # several share the height
+        overrides=_until_now([walker.entity(name) for name in _PAST_TOO]),
     )
 
 
-def _homes(
-    traces: Sequence[Trace],
-    maps: Sequence[StoreyMap],
-    regrounded: Sequence[Regrounded],
-    memories: Sequence[NamedMemory],
-    *,
-    aspect: float,
-) -> rrb.View | rrb.Container:
-    shared = [f"{paths.GOAL}/{name}" for name in ("centre", "region", "places", "path")]
-    for trace in traces:
-        names = WALK_ENTITIES if isinstance(trace.run, EpisodeRun) else ("candidates", "click_ray")
-        shared += [paths.run_path(trace.label, name) for name in names]
-    views: list[rrb.View] = []
+def _live_map(walker: Walker, storey: StoreyMap, maps: Sequence[StoreyMap], *, own: bool) -> rrb.View:
+    """The map of what was seen, or the agent's own map of the same storey."""
+    below = walker.entity("map", storey.part)
+    hidden = ["seen"] if own else [OCCUPANCY, SIMILARITY]
+    plan = _plan(storey)[1:] if own else _plan(storey)
+    return _map_view(
+        storey,
+        [*plan, f"{below}/**", *(f"- {below}/{name}" for name in hidden)],
+        name=_named("What it thinks" if own else "Seen so far", storey, maps),
+        background=BACKGROUND,
+        overrides=_until_now([f"{below}/{name}" for name in _PAST_TOO]),
+    )
+
+
+def _phrase_pages(item: Regrounded, maps: Sequence[StoreyMap]) -> list[rrb.Container]:
+    """Pages with a small map per phrase of one grounder, with the phrase's similarity, peaks and the answers."""
+    if item.layers is None or item.memory is None:
+        return []
+    heights = layers.places_of(item.memory, item.layers)[:, 1]
+    storey = min(maps, key=lambda storey: float(abs(heights - storey.floor_y).mean()))
+    views = [_phrase_view(item, number, phrase, storey) for number, phrase in enumerate(item.layers.phrases)]
+    pages: list[rrb.Container] = []
+    for first in range(0, len(views), PER_PAGE):
+        page = views[first : first + PER_PAGE]
+        name = f"{item.trace.title}: phrases {first + 1}-{first + len(page)}"
+        pages.append(rrb.Grid(*page, grid_columns=min(3, len(page)), name=name))
+    return pages
+
+
+def _phrase_view(item: Regrounded, number: int, phrase: str, storey: StoreyMap) -> rrb.View:
+    names = (layers.SIMILARITY, layers.PEAKS)
+    shown = [layers.map_entity(item.trace, f"{name}_{number}", storey) for name in names]
+    short = phrase if len(phrase) <= _TITLE else phrase[: _TITLE - 3] + "..."
+    contents = [storey.entity, *shown, f"{paths.GOAL}/map/{storey.part}/region"]
+    return _map_view(storey, contents, name=f"{number + 1}. {short}", is_cropped=True)
+
+
+def _memory_pages(item: NamedMemory, maps: Sequence[StoreyMap]) -> list[rrb.Container]:
+    """A page per storey with the layers of a map that grounders answered on, beside each other."""
+    pages: list[rrb.Container] = []
     for storey in maps:
-        rows, cols = storey.grid.shape
-        eye = home_eye(storey, extent=max(rows, cols * len(maps) / aspect) * storey.grid.cell)
-        views.append(
-            rrb.Spatial3DView(
-                origin="/",
-                contents=[
-                    f"{paths.MESH}/{storey.part}/**",
-                    *shared,
-                    *home_layers(regrounded, storey),
-                    *(home_layer(item.name, "objects", storey) for item in memories),
-                ],
-                name=_storey_name("Home", storey, maps),
-                background=BACKGROUND,
-                line_grid=False,
-                eye_controls=eye,
-                overrides=_trails(traces, "trail") | hidden_layers(regrounded, storey, entity=home_entity),
-            )
+        known = memory.storey_at(item.memory, storey)
+        if known is not None:
+            views = _memory_views(item.name, known, storey)
+            name = _named(f"Map {item.name[:_TITLE]}", storey, maps)
+            pages.append(rrb.Grid(*views, grid_columns=len(views), name=name))
+    return pages
+
+
+def _memory_views(name: str, known: StoreyMemory, storey: StoreyMap) -> list[rrb.View]:
+    """A flat view per layer of a map's storey."""
+    return [
+        _map_view(
+            storey,
+            [f"{storey.entity}/**", memory.map_entity(name, layer, storey)],
+            name=memory.LAYER_NAMES[layer],
+            is_cropped=True,
         )
-    return views[0] if len(views) == 1 else rrb.Horizontal(*views)
+        for layer in memory.layers_of(known)
+    ]
 
 
-def _maps(
-    traces: Sequence[Trace], maps: Sequence[StoreyMap], regrounded: Sequence[Regrounded]
-) -> rrb.View | rrb.Container:
-    views: list[rrb.View] = []
-    for storey in maps:
-        contents = [f"{storey.entity}/**", f"{paths.GOAL}/map/{storey.part}/**"]
-        contents += [f"{paths.run_path(trace.label, 'map', storey.part)}/**" for trace in traces]
-        views.append(
-            rrb.Spatial2DView(
-                origin=storey.entity,
-                contents=contents,
-                name=_storey_name("Map", storey, maps),
-                background=BACKGROUND,
-                visual_bounds=map_bounds(storey),
-                overrides=_trails(traces, "map", storey.part, "trail")
-                | hidden_layers(regrounded, storey, entity=map_entity),
-            )
-        )
-    return views[0] if len(views) == 1 else rrb.Horizontal(*views)
+def _hidden(entities: Sequence[str]) -> Overrides:
+    """A view holds these without showing them at first; the eye beside their names shows them."""
+    return dict.fromkeys(entities, rrb.EntityBehavior(visible=False))
 
 
-def _storey_name(view: str, storey: StoreyMap, maps: Sequence[StoreyMap]) -> str:
-    return view if len(maps) == 1 else f"{view}, storey {storey.index + 1}"
+def _sees(title: str, camera: str) -> rrb.View:
+    return rrb.Spatial2DView(origin=camera, contents=[f"{camera}/**"], name=f"{title} sees", background=BACKGROUND)
 
 
-def until_now(entities: Sequence[str]) -> Overrides:
-    """These show all their rows up to the time cursor, on every timeline; all else shows its latest row."""
-    ranges = rrb.VisibleTimeRanges(
-        [
-            rrb.VisibleTimeRange(
-                timeline, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
-            )
-            for timeline in paths.TIMELINES
-        ]
-    )
-    return dict.fromkeys(entities, ranges)
+def _task() -> rrb.View:
+    return rrb.TextDocumentView(origin=paths.TASK, name="Task and results")
 
 
-def home_eye(storey: StoreyMap, *, extent: float) -> rrb.EyeControls3D:
-    """Looks at a storey's middle from above, so far that `extent` metres fit."""
+def _actions(contents: str | list[str], *, origin: str = "/") -> rrb.View:
+    columns = rrb.TextLogColumns(text_log_columns=[TextLogColumn("Body")])
+    return rrb.TextLogView(origin=origin, contents=contents, name="Actions", columns=columns)
+
+
+def _home_view(
+    storey: StoreyMap, contents: list[str], *, name: str, extent: float, overrides: Overrides | None = None
+) -> rrb.View:
+    """A storey's home from above, from so far that `extent` metres fit."""
     rows, cols = storey.grid.shape
     middle_xz = np.asarray(storey.grid.origin_xz) + np.array([cols, rows]) * storey.grid.cell / 2
     middle = np.array([middle_xz[0], storey.floor_y, middle_xz[1]])
-    return rrb.EyeControls3D(position=middle + extent * EYE, look_target=middle, eye_up=(0.0, 1.0, 0.0))
+    eye = rrb.EyeControls3D(position=middle + extent * EYE, look_target=middle, eye_up=(0.0, 1.0, 0.0))
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=contents,
+        name=name,
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=eye,
+        overrides=overrides,
+    )
+
+
+def _plan(storey: StoreyMap) -> list[str]:
+    """A storey's map, and the goal on it."""
+    return [f"{storey.entity}/**", f"{paths.GOAL}/map/{storey.part}/**"]
+
+
+def _extent(storey: StoreyMap, *, across: float = 1.0) -> float:
+    """Metres of a storey's depth, or of its width times `across` where that is more."""
+    rows, cols = storey.grid.shape
+    return max(rows, cols * across) * storey.grid.cell
+
+
+def _map_view(
+    storey: StoreyMap,
+    contents: list[str],
+    *,
+    name: str,
+    background: tuple[int, int, int] | None = None,
+    is_cropped: bool = False,
+    overrides: Overrides | None = None,
+) -> rrb.View:
+    """A storey's map; a cropped one shows at first the map's picture alone, whatever lies beyond."""
+    rows, cols = storey.grid.shape
+    bounds = rrb.VisualBounds2D(x_range=(0.0, float(cols)), y_range=(0.0, float(rows))) if is_cropped else None
+    return rrb.Spatial2DView(
+        origin=storey.entity,
+        contents=contents,
+        name=name,
+        background=background,
+        visual_bounds=bounds,
+        overrides=overrides,
+    )
 
 
 def _trails(traces: Sequence[Trace], *parts: str) -> Overrides:
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun) and trace.run.steps]
-    return until_now([paths.run_path(trace.label, *parts) for trace in walks])
+    return _until_now([_entity(trace, *parts) for trace in walks])
+
+
+def _until_now(entities: Sequence[str]) -> Overrides:
+    """These show all their rows up to the time cursor, on every timeline; all else shows its latest row."""
+    start, end = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
+    ranges = [rrb.VisibleTimeRange(timeline, start=start, end=end) for timeline in paths.TIMELINES]
+    return dict.fromkeys(entities, rrb.VisibleTimeRanges(ranges))
+
+
+def _entity(trace: Trace, *parts: str) -> str:
+    return paths.run_path(trace.label, *parts)
+
+
+def _named(view: str, storey: StoreyMap, maps: Sequence[StoreyMap]) -> str:
+    return view if len(maps) == 1 else f"{view}, storey {storey.index + 1}"
+
+
+def _together(container: Callable[..., rrb.Container], parts: Sequence[Parts]) -> Parts:
+    return parts[0] if len(parts) == 1 else container(*parts)
+
+
+def _row(parts: Sequence[tuple[Parts, int]]) -> rrb.Container:
+    """Views beside each other, each with its share of the width."""
+    return rrb.Horizontal(*(part for part, _ in parts), column_shares=[share for _, share in parts])

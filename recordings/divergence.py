@@ -1,4 +1,4 @@
-"""Where a run leaves the shortest path, how far it strays, and where two runs part. Pure: arrays in, figures out.
+"""Where a run leaves the shortest path, how far it strays, and where two runs part; as figures, plots and marks.
 
 A run strays by the planar distance from its feet to the nearest place of the path on the same storey. It leaves the
 path at its first pose that is more than LIMIT away. Two runs go together as long as both can be walked forwards, each
@@ -11,14 +11,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import rerun as rr
 from numpy.typing import NDArray
 
 from sim.walk.storeys import same_storey
+
+from .episode import Walk, log_figures, log_plot_style, set_moment
+from .scene import LIFT, StoreyMap
+from .traces import Trace
 
 LIMIT = 1.0
 """Metres within which a run follows a path: the success radius."""
 _PIECE = 0.25
 """Longest piece into which a path is cut, metres: a long one can climb from one storey to the next."""
+DEVIATION, DEPARTURE, PARTING = "path_deviation", "departure", "parting"
+"""Entities below a run (on maps: below its storey's)."""
+_SIZE = 0.22
+"""Half the width of a mark, metres."""
+_RADIUS = -1.8
+"""Of a mark's strokes; negative = points of the screen."""
+_CROSS = np.array([[[-1, -1], [1, 1]], [[-1, 1], [1, -1]]], float) * _SIZE
+"""(strokes, points, xz) where a run leaves the shortest path."""
+_DIAMOND = np.array([[[-1, 0], [0, -1], [1, 0], [0, 1], [-1, 0]]], float) * 1.5 * _SIZE
+"""The same where two runs part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,3 +153,61 @@ def _pieces(path: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.
         points.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
     cut = np.concatenate(points)
     return (cut[:-1], cut[1:]) if len(cut) > 1 else (cut, cut)
+
+
+def log_divergence(
+    stream: rr.RecordingStream,
+    traces: Sequence[Trace],
+    walks: Sequence[Walk],
+    divergence: Divergence,
+    maps: Sequence[StoreyMap],
+) -> None:
+    """Logs each walking run's distance from the shortest path, and marks that appear when what they mark happens.
+
+    Args:
+        stream: The recording.
+        traces: The runs.
+        walks: Those of them that walk.
+        divergence: Of `traces`, in the same order.
+        maps: The storeys shown.
+    """
+    walk_of = {walk.trace.label: walk for walk in walks}
+    for trace, stray in zip(traces, divergence.strays, strict=True):
+        if stray is None:
+            continue
+        walk = walk_of[trace.label]
+        log_plot_style(stream, walk.walker, DEVIATION, words=trace.title, rgb=trace.rgb)
+        log_figures(stream, walk.walker, walk.rows, DEVIATION, stray.deviation)
+        if stray.departure is not None:
+            label = f"{trace.title} leaves the shortest path"
+            _log_mark(stream, walk, stray.departure, DEPARTURE, _CROSS, label, maps)
+    if divergence.pair is None or divergence.parted is None:
+        return
+    for index, other, place in zip(divergence.pair, divergence.pair[::-1], divergence.parted, strict=True):
+        label = f"{traces[index].title} parts from {traces[other].title}"
+        _log_mark(stream, walk_of[traces[index].label], place, PARTING, _DIAMOND, label, maps)
+
+
+def _log_mark(
+    stream: rr.RecordingStream,
+    walk: Walk,
+    place: Departure,
+    name: str,
+    shape: NDArray[np.float64],
+    label: str,
+    maps: Sequence[StoreyMap],
+) -> None:
+    """Logs a mark where the run stands at its place, on all timelines when it gets there.
+
+    The label is shown when somebody points at the mark: always shown, the words would hide the ways.
+    """
+    walker, row = walk.walker, walk.rows[place.row]
+    strokes = np.insert(shape, 1, LIFT, axis=-1) + np.array(row.pose.position)  # (strokes, points, xyz)
+    style = {"colors": [walker.rgb], "radii": _RADIUS, "labels": [label] * len(strokes), "show_labels": False}
+    set_moment(stream, walker, row)
+    stream.log(walker.entity(name), rr.LineStrips3D(list(strokes), **style))
+    for storey in maps:
+        if storey.index == row.storey:
+            flat = rr.LineStrips2D(list(storey.pixels(strokes)), draw_order=50.0, **style)
+            stream.log(walker.entity("map", storey.part, name), flat)
+    stream.reset_time()

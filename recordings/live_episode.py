@@ -1,6 +1,5 @@
 """One running episode or exploration in its recording: rows are gathered, then sent together; Rerun costs per call."""
 
-import math
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,26 +19,29 @@ from sim.tasks.run_files import Step
 from sim.types import Observation, Pose
 from sim.walk.storeys import same_storey
 
-from .live import LiveRecording
-from .live_blueprint import live_blueprint
-from .log_goal import GoalRegion, log_goal
-from .log_insight import Place, log_insight, log_insight_maps, log_insight_styles, require_fits
-from .log_maps import StoreyMap, log_map_picture, storey_map, storeys_of
-from .log_scene import log_scene
-from .log_steps import (
+from . import paths
+from .blueprints import live_blueprint
+from .episode import (
+    CENTRE_DISTANCE,
     DEPTH_FACTOR,
     DEPTH_PER_METRE,
+    GOAL_DISTANCE,
     SEEN_M2,
     Row,
     Walker,
     log_figures,
     log_map_styles,
+    log_plot_style,
     log_rows,
     log_styles,
     log_whole_way,
+    next_row,
     set_moment,
 )
-from .map_pictures import Resampler, seen_png
+from .insight import Place, log_insight, log_insight_maps, log_insight_styles, require_fits
+from .maps import Resampler, seen_png
+from .scene import GoalRegion, StoreyMap, log_goal, log_map_picture, log_scene, storey_map, storeys_of
+from .sinks import LiveSink
 
 SEND_S = 0.1
 """Longest time for which steps are gathered; people and most agents take longer for each, and theirs go at once."""
@@ -59,38 +61,42 @@ class _Storey:
 
 
 class LiveEpisode:
-    """Logs one episode or exploration step by step; the recording's owner opens and closes it."""
+    """Logs one episode or exploration step by step into a recording of its own."""
 
     def __init__(
         self,
         start: Pose,
         scene: Scene,
-        recording: LiveRecording,
+        sink: LiveSink,
+        key: paths.RecordingKey,
         walker: Walker,
         *,
         goal: GoalRegion | None,
         may_show: bool,
-        follows: bool,
     ) -> None:
-        """Nothing is logged before `start`.
+        """Opens the recording; nothing is logged before `start`.
 
         Args:
             start: Where the robot starts.
             scene: The home.
-            recording: Where to.
+            sink: Where the recording goes.
+            key: Names it.
             walker: Who walks.
             goal: The truth of the episode: distances to it are shown from the start, it itself at the end. None where
                 nothing is looked for.
             may_show: Whether geometry, maps and pictures of this home may be shown.
-            follows: Whether the viewer's cursor stays at the newest data.
+
+        Raises:
+            RecordingError: The file cannot be written.
         """
         self._start = start
         self._scene = scene
-        self._recording = recording
-        self._stream = recording.stream
+        self._recording = sink.open(key)
+        self.stream = self._recording.stream
+        """For what else belongs into the recording."""
         self._walker = walker
         self._may_show = may_show
-        self._follows = follows
+        self._follows = sink.kind == "address"
         self._goal = goal
         self._T_world_start = T_world_agent(start)
         self._storeys: dict[int, _Storey] = {}
@@ -98,7 +104,7 @@ class LiveEpisode:
         self._explains = False
         self._shown: frozenset[str] = frozenset()
         self._unsent: list[Row] = []
-        self._poses: list[Pose] = []
+        self._way: list[tuple[tuple[float, float, float], int]] = []  # feet and storeys
         self._sent_at = 0.0
         self._encoder = ThreadPoolExecutor(own_cores(), thread_name_prefix="jpeg")
 
@@ -109,7 +115,12 @@ class LiveEpisode:
             RecordingError: It cannot be written.
         """
         self._has_depth = self._may_show and observation.depth_m is not None
-        log_styles(self._stream, self._walker, with_depth=self._has_depth)
+        log_styles(self.stream, self._walker, with_depth=self._has_depth)
+        rgb = self._walker.rgb
+        lighter = (255 - (255 - rgb[0]) // 2, 255 - (255 - rgb[1]) // 2, 255 - (255 - rgb[2]) // 2)
+        plotted = [(CENTRE_DISTANCE, "to its centre", rgb), (GOAL_DISTANCE, "to walk", lighter)]
+        for name, words, color in plotted if self._walker.is_episode else [(SEEN_M2, "free floor seen", rgb)]:
+            log_plot_style(self.stream, self._walker, name, words=words, rgb=color)
         self._add(self._start, None, observation)
         self._send()
 
@@ -140,12 +151,12 @@ class LiveEpisode:
                 self._show_storey(index)
         self._send()
         maps = self._maps
-        floors = storeys_of(np.array([pose.position[1] for pose in self._poses]), self._scene.navigation)
-        log_whole_way(self._stream, self._walker, self._poses, floors, maps)
+        positions, floors = (np.array(column) for column in zip(*self._way, strict=True))
+        log_whole_way(self.stream, self._walker, positions, floors, maps)
         if self._goal is not None:
-            set_moment(self._stream, self._walker, self._last)
-            log_goal(self._stream, self._goal, maps)
-            self._stream.reset_time()
+            set_moment(self.stream, self._walker, self._last)
+            log_goal(self.stream, self._goal, maps)
+            self.stream.reset_time()
 
     @property
     def _maps(self) -> list[StoreyMap]:
@@ -157,44 +168,30 @@ class LiveEpisode:
         (index,) = storeys_of(np.array([pose.position[1]]), self._scene.navigation).tolist()
         storey = self._show_storey(index)
         before = None if step is None else self._last
-        walked = 0.0 if before is None else math.dist(pose.position, before.pose.position)
-        camera = self._walker.camera
+        jpeg = depth_mm = None
         if before is not None and before.pose == pose:  # a blocked step, STOP: the robot sees what it saw
-            T, jpeg, depth_mm = before.T_world_camera, before.jpeg, before.depth_mm
-        else:
-            T = T_world_camera(pose, camera)
-            jpeg = depth_mm = None
-            if self._may_show:
-                if observation.rgb is not None:
-                    jpeg = self._encoder.submit(jpeg_bytes, observation.rgb)
-                if self._has_depth and observation.depth_m is not None:
-                    depth_mm = self._encoder.submit(_quarter, observation.depth_m)
-                storey.seen.see(T, camera, observation.depth_m)
-        self._last = Row(
-            number=0 if before is None else before.number + 1,
-            pose=pose,
-            T_world_camera=T,
-            storey=index,
-            path_m=walked if before is None else before.path_m + walked,
-            step=step,
-            before=None if before is None else before.pose,
-            storey_before=None if before is None else before.storey,
-            jpeg=jpeg,
-            depth_mm=depth_mm,
-        )
+            jpeg, depth_mm = before.jpeg, before.depth_mm
+        elif self._may_show:
+            if observation.rgb is not None:
+                jpeg = self._encoder.submit(jpeg_bytes, observation.rgb)
+            if self._has_depth and observation.depth_m is not None:
+                depth_mm = self._encoder.submit(_quarter, observation.depth_m)
+            storey.seen.see(T_world_camera(pose, self._walker.camera), self._walker.camera, observation.depth_m)
+        self._last = next_row(before, pose, index, step, jpeg=jpeg, depth_mm=depth_mm)
         self._unsent.append(self._last)
-        self._poses.append(pose)
+        self._way.append((pose.position, index))
         if self._last.number % MAP_EVERY == 0:
             self._log_seen(storey)
 
     def close(self) -> None:
-        """Logs what is left, also of an episode that was broken off.
+        """Logs what is left, also of an episode that was broken off, and ends the recording.
 
         Raises:
             RecordingError: It cannot be written.
         """
         self._send()
         self._encoder.shutdown()
+        self._recording.close()
 
     def _send(self, *, waits: bool = True) -> None:
         """Logs what was gathered and flushes.
@@ -208,22 +205,26 @@ class LiveEpisode:
             count = len(list(encoded)) or count
         rows, self._unsent = self._unsent[:count], self._unsent[count:]
         if rows:
-            log_rows(self._stream, self._walker, rows, self._maps)
+            log_rows(self.stream, self._walker, rows, self._maps)
             if self._goal is not None:
                 positions = np.array([row.pose.position for row in rows])
-                apart, left = _apart(self._goal, positions), self._left(self._goal, positions)
-                log_figures(self._stream, self._walker, rows, "centre_distance", apart.min(axis=1))
-                log_figures(self._stream, self._walker, rows, "goal_distance", left)
+                apart = self._goal.apart(positions)
+                log_figures(self.stream, self._walker, rows, CENTRE_DISTANCE, apart.min(axis=1))
+                log_figures(self.stream, self._walker, rows, GOAL_DISTANCE, self._left(self._goal, positions, apart))
         self._recording.flush()
         self._sent_at = time.monotonic()
 
-    def _left(self, goal: GoalRegion, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N,) metres to walk to where STOP succeeds, 0 there (DTG of rule `paper`); inf where there is no way."""
+    def _left(
+        self, goal: GoalRegion, positions: NDArray[np.float64], apart: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N,) metres to walk to where STOP succeeds, 0 there (DTG of rule `paper`); inf where there is no way.
+
+        `apart` is `goal.apart(positions)`.
+        """
         if not len(goal.places):
             return np.full(len(positions), np.inf)
         left = self._scene.navigation.distances(positions, goal.places)
-        on_storey = same_storey(positions[:, None, 1], goal.floors_y)  # (N, M)
-        there = on_storey & (_apart(goal, positions) <= goal.radii)
+        there = same_storey(positions[:, None, 1], goal.floors_y) & (apart <= goal.radii)  # (N, M)
         return np.where(there.any(axis=1), 0.0, left)
 
     def _show_storey(self, index: int) -> _Storey:
@@ -233,11 +234,11 @@ class LiveEpisode:
             resampler = Resampler(self._T_world_start, shown.grid)
             self._storeys[index] = _Storey(shown, SeenArea(shown.free, shown.grid), resampler)
             if self._may_show:
-                log_scene(self._stream, self._scene, storeys=[index])
-                log_map_picture(self._stream, shown)
-            log_map_styles(self._stream, self._walker, shown)
+                log_scene(self.stream, self._scene, storeys=[index])
+                log_map_picture(self.stream, shown)
+            log_map_styles(self.stream, self._walker, shown)
             if self._explains:
-                log_insight_styles(self._stream, self._walker.label, shown)
+                log_insight_styles(self.stream, self._walker.label, shown)
             self._lay_out()
         return self._storeys[index]
 
@@ -259,12 +260,12 @@ class LiveEpisode:
         if (count := int(np.count_nonzero(seen))) == storey.num_seen:
             return
         storey.num_seen = count
-        set_moment(self._stream, self._walker, self._last)
+        set_moment(self.stream, self._walker, self._last)
         picture = rr.EncodedImage(contents=seen_png(storey.map.free, seen), media_type="image/png", draw_order=0.0)
-        self._stream.log(self._walker.entity("map", storey.map.part, "seen"), picture)
+        self.stream.log(self._walker.entity("map", storey.map.part, "seen"), picture)
         if not self._walker.is_episode:
-            self._stream.log(self._walker.entity(SEEN_M2), rr.Scalars(self._seen_m2()))
-        self._stream.reset_time()
+            self.stream.log(self._walker.entity(SEEN_M2), rr.Scalars(self._seen_m2()))
+        self.stream.reset_time()
 
     def _seen_m2(self) -> float:
         """Square metres of free floor that were seen."""
@@ -275,20 +276,15 @@ class LiveEpisode:
         if not self._explains:
             self._explains = True
             for shown in self._maps:
-                log_insight_styles(self._stream, self._walker.label, shown)
+                log_insight_styles(self.stream, self._walker.label, shown)
             self._lay_out()
         storey = self._storeys[self._last.storey]
         place = Place(self._T_world_start, self._last.pose.position[1], storey.map, storey.resampler)
-        set_moment(self._stream, self._walker, self._last)
-        self._shown = log_insight(self._stream, self._walker, insight, place, shown=self._shown)
+        set_moment(self.stream, self._walker, self._last)
+        self._shown = log_insight(self.stream, self._walker, insight, place, shown=self._shown)
         if with_maps and self._may_show:
-            log_insight_maps(self._stream, self._walker.label, insight, place)
-        self._stream.reset_time()
-
-
-def _apart(goal: GoalRegion, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, M) planar metres to each target's centre."""
-    return np.linalg.norm(positions[:, None, [0, 2]] - goal.centres[:, [0, 2]], axis=-1)
+            log_insight_maps(self.stream, self._walker.label, insight, place)
+        self.stream.reset_time()
 
 
 def _quarter(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:

@@ -1,23 +1,41 @@
-"""The observer of agents and of people: each episode of one home into a recording of its own, while it happens."""
+"""Observers of agents and of people: each episode of one home goes into a recording of its own, while it happens."""
 
 from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
 
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.tasks.observers import Insight
-from sim.tasks.run_files import EpisodeRun, EpisodeStart, RunInfo, Step
+from sim.tasks.run_files import Answer, ClickRay, EpisodeRun, EpisodeStart, RunInfo, Step, Vector3
 from sim.types import Camera, Observation
 
-from .live import LiveRecording, LiveSink
+from . import paths
+from .blueprints import MARK_RAY, MARKS, trial_blueprint
+from .episode import ANSWER_STEP, Walker, log_answer
 from .live_episode import LiveEpisode
-from .log_goal import goal_region
-from .log_record import log_record_end, log_record_start
-from .log_run import Trace
-from .log_scene import log_identity
-from .log_steps import Walker
-from .log_text import log_task
-from .palette import RUN_COLORS
-from .traces import short_name
+from .read import log_record_answer, log_record_end, log_record_start
+from .scene import (
+    POINT,
+    StoreyMap,
+    goal_region,
+    log_goal,
+    log_identity,
+    log_map_picture,
+    log_scene,
+    may_be_shown,
+    storey_map,
+    storeys_of,
+)
+from .sinks import LiveRecording, LiveSink
+from .texts import log_task
+from .traces import RUN_COLORS, Rgb, Trace, rgba_u32, short_name
+
+MARK_RGB: Rgb = (240, 228, 66)
+"""Of marks before the answer."""
+MARK = 0.08
+"""Radius of a mark in the home, metres."""
 
 
 class RerunObserver:
@@ -46,8 +64,7 @@ class RerunObserver:
         self._scene = scene
         self._sink = sink
         self._info = info
-        self._has_scan_pixels = scene.kind == "scan" and with_pixels
-        self._may_show = scene.kind != "scan" or with_pixels
+        self._may_show = may_be_shown(scene, with_pixels=with_pixels)
         self._participant = participant
         code = f"-{participant}" if participant else ""
         self._walker = Walker(
@@ -57,7 +74,7 @@ class RerunObserver:
             camera=camera,
             is_timed=info.who_kind == "human",
         )
-        self._running: tuple[Episode, LiveRecording, LiveEpisode] | None = None
+        self._running: tuple[Episode, LiveEpisode] | None = None
 
     def on_reset(self, episode: Episode, observation: Observation) -> None:
         """Opens the episode's recording and shows its start; an episode that was broken off ends as it is.
@@ -66,21 +83,14 @@ class RerunObserver:
             RecordingError: The recording cannot be written, or the viewer is gone.
         """
         self.close()
-        recording = self._sink.open(episode.key)
-        stream, scene = recording.stream, self._scene
+        scene, goal = self._scene, goal_region(episode, self._scene.navigation)
         live = LiveEpisode(
-            episode.start,
-            scene,
-            recording,
-            self._walker,
-            goal=goal_region(episode, scene.navigation),
-            may_show=self._may_show,
-            follows=self._sink.kind == "address",
+            episode.start, scene, self._sink, episode.key, self._walker, goal=goal, may_show=self._may_show
         )
-        self._running = (episode, recording, live)
-        log_identity(stream, episode, scene)
-        log_record_start(stream, self._walker.label, self._info, self._start_of(episode))
-        log_task(stream, episode, scene, [], has_scan_pixels=self._has_scan_pixels)
+        self._running = (episode, live)
+        log_identity(live.stream, episode, scene)
+        log_record_start(live.stream, self._walker.label, self._info, self._start_of(episode))
+        log_task(live.stream, episode, scene, [], may_show=self._may_show)
         live.start(observation)
 
     def on_step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
@@ -91,7 +101,7 @@ class RerunObserver:
             RecordingError: The recording cannot be written, or the viewer is gone.
         """
         assert self._running is not None, "on_reset comes first"
-        self._running[2].step(step, observation, insight)
+        self._running[1].step(step, observation, insight)
 
     def on_end(self, run: EpisodeRun) -> None:
         """Shows the goal and the measures, and completes the recording.
@@ -100,14 +110,14 @@ class RerunObserver:
             RecordingError: The recording cannot be written, or the viewer is gone.
         """
         assert self._running is not None, "on_reset comes first"
-        episode, recording, live = self._running
-        label = self._walker.label
+        episode, live = self._running
+        walker = self._walker
         live.end()
         if run.start != self._start_of(episode):
-            log_record_start(recording.stream, label, self._info, run.start)
-        log_record_end(recording.stream, label, run.end)
-        trace = Trace(label, self._walker.title, self._walker.rgb, self._info, run)
-        log_task(recording.stream, episode, self._scene, [trace], has_scan_pixels=self._has_scan_pixels)
+            log_record_start(live.stream, walker.label, self._info, run.start)
+        log_record_end(live.stream, walker.label, run.end)
+        trace = Trace(walker.label, walker.title, walker.rgb, self._info, run)
+        log_task(live.stream, episode, self._scene, [trace], may_show=self._may_show)
         self.close()
 
     def close(self) -> None:
@@ -117,10 +127,9 @@ class RerunObserver:
             RecordingError: The recording cannot be written, or the viewer is gone.
         """
         if self._running is not None:
-            _, recording, live = self._running
+            _, live = self._running
             self._running = None
             live.close()
-            recording.close()
 
     def _start_of(self, episode: Episode) -> EpisodeStart:
         start, key = episode.start, episode.key
@@ -147,3 +156,122 @@ class ObserveRuns:
         """An observer of this scene."""
         info = RunInfo.model_validate_json(self.info_json)
         return RerunObserver(scene, self.sink, info, with_pixels=self.with_pixels)
+
+
+class AnswerObserver:
+    """Shows POG trials: the storey that a person looks at, each mark, the answer, then the goal.
+
+    Time is seconds since the trial's start: marks have no steps. The answer is also at the step of replays' answers.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        sink: LiveSink,
+        info: RunInfo,
+        *,
+        with_pixels: bool = False,
+        participant: str | None = None,
+    ) -> None:
+        """Nothing is written before a trial begins.
+
+        Args:
+            scene: The home that is shown.
+            sink: Where recordings go.
+            info: Who answers; `run_id` names the run's entities, as in replays.
+            with_pixels: Whether geometry and maps of a licensed scan are shown; other homes need no leave.
+            participant: Public code of the person.
+        """
+        code = f"-{participant}" if participant else ""
+        self._scene, self._sink, self._info = scene, sink, info
+        self._label, self._title, self._rgb = f"{info.run_id}{code}", f"{info.who}{code}", RUN_COLORS[0]
+        self._may_show = may_be_shown(scene, with_pixels=with_pixels)
+        self._running: tuple[Episode, LiveRecording] | None = None
+        self._maps: dict[int, StoreyMap] = {}
+
+    def on_reset(self, episode: Episode) -> None:
+        """Opens the trial's recording and shows the lowest storey, as people are shown first.
+
+        Raises:
+            RecordingError: The recording cannot be written, or the viewer is gone.
+        """
+        self._running = None  # a broken-off one ends here
+        recording = self._sink.open(episode.key)
+        self._running, self._maps = (episode, recording), {}
+        log_identity(recording.stream, episode, self._scene)
+        log_task(recording.stream, episode, self._scene, [], may_show=self._may_show)
+        self._show_storey(0)
+        recording.flush()
+
+    def on_storey(self, floor_y: float, t_s: float) -> None:
+        """Shows which storey is looked at. Raises as `on_reset`."""
+        index = self._storey_of(floor_y)
+        self._show_storey(index)
+        self._say(t_s, f"looks at storey {index + 1}")
+        self._recording.flush()
+
+    def on_click(self, ray: ClickRay, hit: Vector3 | None, t_s: float) -> None:
+        """Shows the new mark and how the person pointed at it. Raises as `on_reset`."""
+        self._say(t_s, "clicks beside the home" if hit is None else "marks ({:.2f}, {:.2f}, {:.2f})".format(*hit))
+        if hit is not None:
+            index = self._storey_of(ray.storey_y)
+            self._show_storey(index)
+            self._log_mark(ray, hit, self._maps[index])
+        self._recording.stream.reset_time()
+        self._recording.flush()
+
+    def on_end(self, answer: Answer) -> None:
+        """Shows the answer, the goal and the measures, and ends the recording. Raises as `on_reset`."""
+        assert self._running is not None, "on_reset comes first"
+        episode, recording = self._running
+        stream, navigation = recording.stream, self._scene.navigation
+        trace = Trace(self._label, self._title, self._rgb, self._info, answer)
+        goal = goal_region(episode, navigation)
+        for index in sorted({*goal.storeys.tolist(), *storeys_of(trace.positions[:, 1], navigation).tolist()}):
+            self._show_storey(index)
+        maps = [self._maps[index] for index in sorted(self._maps)]
+        log_answer(stream, trace, maps, navigation)
+        log_task(stream, episode, self._scene, [trace], may_show=self._may_show)
+        stream.set_time(paths.STEP, sequence=ANSWER_STEP + 1)
+        if answer.t_s is not None:
+            stream.set_time(paths.TIME_S, duration=answer.t_s)
+        log_goal(stream, goal, maps)
+        stream.reset_time()
+        log_record_answer(stream, self._label, self._info, answer)
+        self._running = None
+        recording.close()
+
+    @property
+    def _recording(self) -> LiveRecording:
+        assert self._running is not None, "on_reset comes first"
+        return self._running[1]
+
+    def _storey_of(self, floor_y: float) -> int:
+        return int(storeys_of(np.array([floor_y]), self._scene.navigation)[0])
+
+    def _show_storey(self, index: int) -> None:
+        """Logs a storey's home and map once, and lays it out beside those before."""
+        if index in self._maps:
+            return
+        storey = self._maps[index] = storey_map(self._scene.navigation, index)
+        if self._may_show:
+            log_scene(self._recording.stream, self._scene, storeys=[index])
+            log_map_picture(self._recording.stream, storey)
+        maps = [self._maps[number] for number in sorted(self._maps)]
+        self._recording.lay_out(trial_blueprint(self._label, maps, follows=self._sink.kind == "address"))
+
+    def _say(self, t_s: float, text: str) -> None:
+        """Sets the time to `t_s` and writes a line of the log."""
+        stream = self._recording.stream
+        stream.reset_time()
+        stream.set_time(paths.TIME_S, duration=t_s)
+        line = rr.TextLog(f"{self._title}: {text}", color=rgba_u32(self._rgb))
+        stream.log(paths.run_path(self._label, "actions"), line)
+
+    def _log_mark(self, ray: ClickRay, hit: Vector3, storey: StoreyMap) -> None:
+        stream = self._recording.stream
+        stream.log(paths.run_path(self._label, MARKS), rr.Points3D([hit], colors=[MARK_RGB], radii=MARK))
+        line = rr.LineStrips3D([[ray.camera_position, hit]], colors=[MARK_RGB], radii=MARK / 8)
+        stream.log(paths.run_path(self._label, MARK_RAY), line)
+        spot = rr.Points2D(storey.pixels(np.array([hit])), colors=[MARK_RGB], radii=POINT, draw_order=44.0)
+        stream.log(paths.run_path(self._label, "map", storey.part, MARKS), spot)

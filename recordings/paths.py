@@ -13,12 +13,12 @@ TOPDOWN = "/scene/topdown"
 GOAL = "/goal"
 TASK = "/task"
 MEMORY = "/memory"
-"""Below it, by name: what explorations left behind (log_memory.py)."""
+"""Below it, by name: what explorations left behind (memory.py)."""
 RUNS = "/runs"
 LAYERS = "layers"
 """Below a run: `layers/<layer>/<storey>`; below its map of a storey: `layers/<layer>`."""
 RECORD = "record"
-"""Below a run: the lines of its run file (log_record.py)."""
+"""Below a run: the lines of its run file (read.py)."""
 STEP = "step"
 """Timeline: number of actions taken, 0 at the start."""
 PATH_M = "path_m"
@@ -74,16 +74,6 @@ def escape_part(name: str) -> str:
 def run_path(label: str, *parts: str) -> str:
     """Entity of a run: `/runs/<label>/<parts>`; the label is escaped, the parts are ours."""
     return "/".join((RUNS, escape_part(label), *parts))
-
-
-def layer_on_map(label: str, layer: str, storey: str) -> str:
-    """Entity of a grounder's layer on a storey's map."""
-    return run_path(label, "map", storey, LAYERS, layer)
-
-
-def layer_in_home(label: str, layer: str, storey: str) -> str:
-    """Entity of a grounder's layer in the home."""
-    return run_path(label, LAYERS, layer, storey)
 
 
 def memory_path(name: str, *parts: str) -> str:

@@ -1,4 +1,4 @@
-"""Our recordings back into runs: the run files' own lines that log_record.py put beside the pictures.
+"""The run files' own lines in our recordings: logged beside the pictures, and read back into runs.
 
 A file that a crash cut short is read as far as it goes: what stands behind the last whole message is left out, and so
 are runs without their end.
@@ -7,7 +7,7 @@ are runs without their end.
 import re
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,7 @@ from struct import Struct
 from typing import BinaryIO, NamedTuple, TypeVar
 
 import pyarrow as pa
+import rerun as rr
 from pydantic import BaseModel, ValidationError
 from rerun.chunk import Chunk, RrdReader
 
@@ -23,8 +24,9 @@ from sim.files import TooLargeError
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo, Step
 
 from . import paths
-from .log_record import END, INFO, LINE, START
 
+LINE, INFO, START, END = "line", "info", "start", "end"
+"""Component names below a run's `record`: JSON texts as in the run folder."""
 _Line = TypeVar("_Line", bound=BaseModel)
 _HEAD = b"RRF2"
 _HEAD_BYTES = 12
@@ -43,6 +45,38 @@ _LAST_KIND = 0
 """Of the message that ends a recording; behind it stands only where it begins."""
 _ENTITY = re.compile(rf"({paths.RUNS}/(?:\\.|[^/\\])+)/{paths.RECORD}(?:/(?:{LINE}|{END}))?")
 _ADVICE = "Write the recording again from its run folders."
+
+
+def log_record_start(stream: rr.RecordingStream, label: str, info: RunInfo, start: EpisodeStart) -> None:
+    """Logs who runs and where the episode starts."""
+    texts = {INFO: info.model_dump_json(), START: start.model_dump_json()}
+    stream.log(paths.run_path(label, paths.RECORD), rr.AnyValues(True, **texts), static=True)
+
+
+def log_record_step(stream: rr.RecordingStream, label: str, step: Step) -> None:
+    """Logs one step at the stream's present time."""
+    stream.log(paths.run_path(label, paths.RECORD, LINE), rr.AnyValues(True, **{LINE: step.model_dump_json()}))
+
+
+def log_record_steps(
+    stream: rr.RecordingStream, label: str, steps: Sequence[Step], *, times: Sequence[rr.TimeColumn]
+) -> None:
+    """Logs T steps at once; each of `times` has T rows."""
+    lines = [step.model_dump_json() for step in steps]
+    columns = rr.AnyValues.columns(True, **{LINE: lines})
+    stream.send_columns(paths.run_path(label, paths.RECORD, LINE), times, columns)
+
+
+def log_record_end(stream: rr.RecordingStream, label: str, end: EpisodeEnd) -> None:
+    """Logs how the episode ended; a recording without it holds a run that was cut off."""
+    entity = paths.run_path(label, paths.RECORD, END)
+    stream.log(entity, rr.AnyValues(True, **{END: end.model_dump_json()}), static=True)
+
+
+def log_record_answer(stream: rr.RecordingStream, label: str, info: RunInfo, answer: Answer) -> None:
+    """Logs a whole POG answer."""
+    texts = {INFO: info.model_dump_json(), LINE: answer.model_dump_json()}
+    stream.log(paths.run_path(label, paths.RECORD), rr.AnyValues(True, **texts), static=True)
 
 
 class Recorded(NamedTuple):

@@ -1,4 +1,4 @@
-"""Any number of runs of one episode, people and agents, side by side in one .rrd file."""
+"""What is finished in one .rrd file: any number of runs of one episode side by side, or a map of a home."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
+from grounding.maps.home_map import HomeMemory
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
@@ -15,22 +16,41 @@ from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import Camera
 
 from . import paths
-from .blueprints import comparison_blueprint
-from .divergence import Divergence, divergence_of
-from .log_divergence import log_divergence
-from .log_goal import GoalRegion, goal_region, log_goal
-from .log_grounding import Regrounded, log_layers, reground, reground_markdown
-from .log_maps import StoreyMap, log_answer_on_map, log_map_picture, log_run_on_map, storey_map, storeys_of
-from .log_memory import log_memory, memory_markdown, named_memories
-from .log_record import log_record_answer, log_record_end, log_record_start, log_record_steps
-from .log_run import ANSWER_STEP, Trace, indexes, log_answer, log_no_clock, log_pictures, log_run, path_lengths, times
-from .log_scene import log_identity, log_scene
-from .log_text import log_task
-from .palette import RUN_COLORS as RUN_COLORS
+from .blueprints import comparison_blueprint, map_blueprint
+from .divergence import Divergence, divergence_of, log_divergence
+from .episode import (
+    ANSWER_STEP,
+    CENTRE_DISTANCE,
+    Walk,
+    finished_walk,
+    log_answer,
+    log_figures,
+    log_picture_note,
+    log_pictures,
+    log_plot_style,
+    log_walk,
+    set_moment,
+)
+from .layers import Regrounded, log_layers, reground, reground_markdown
+from .memory import log_memory, memory_markdown, named_memories, storey_at, storeys_of_memory
 from .pictures import picture_cameras, rendered_jpegs
-from .stream import open_recording
-from .traces import best_two, require_same_home, select_traces
-from .traces import common_episode as common_episode
+from .read import log_record_answer, log_record_end, log_record_start
+from .scene import (
+    GoalRegion,
+    StoreyMap,
+    goal_region,
+    log_goal,
+    log_identity,
+    log_map_picture,
+    log_scene,
+    log_up,
+    may_be_shown,
+    storey_map,
+    storeys_of,
+)
+from .sinks import open_recording
+from .texts import home_paragraphs, log_paragraphs, log_task
+from .traces import Trace, best_two, require_same_home, select_traces
 
 
 def log_comparison(
@@ -70,13 +90,50 @@ def log_comparison(
     traces = select_traces(runs, episode.key)
     require_same_home(traces, scene)
     regrounded = [] if dataset is None else reground(traces, episode, dataset, beside=beside)
-    may_show = scene.kind != "scan" or with_pixels
+    may_show = may_be_shown(scene, with_pixels=with_pixels)
     if not may_show:  # maps of a scan come from its pictures
         regrounded = [item for item in regrounded if item.map_file is None]
     shown_by = renderer if may_show else None
     _write(
         traces, regrounded, episode=episode, scene=scene, out=out, renderer=shown_by, may_show=may_show, camera=camera
     )
+    return out
+
+
+def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | None, with_pixels: bool) -> Path:
+    """Writes a map into a recording.
+
+    Args:
+        memory: The map.
+        name: What it is called.
+        out: The .rrd file; replaced when it exists.
+        scene: The home in which it was made; None = the map alone, as for a robot's recording.
+        with_pixels: Whether a licensed scan's geometry and maps may be written; other homes need no leave.
+
+    Returns:
+        `out`.
+
+    Raises:
+        RecordingError: `out` cannot be written, the map is empty, is in another frame than the home, or is of a scan
+            that may not be shown.
+    """
+    _require_shown(memory, name, scene, with_pixels=with_pixels)
+    if scene is None:
+        maps = storeys_of_memory(memory)
+    else:
+        every = [storey_map(scene.navigation, index) for index in range(len(scene.navigation.storey_heights))]
+        maps = [shown for shown in every if storey_at(memory, shown) is not None]
+    with open_recording(out, paths.MapKey(name)) as stream:
+        stream.send_blueprint(map_blueprint(name, memory, maps))
+        stream.send_recording_name(f"map {name}" + (f" in {scene.label}" if scene else ""))
+        log_up(stream)
+        about_home = [] if scene is None else home_paragraphs(scene, may_show=True)
+        log_paragraphs(stream, [memory_markdown(name, memory), *about_home])
+        if scene is not None:
+            log_scene(stream, scene, storeys=[shown.index for shown in maps])
+        for shown in maps:
+            log_map_picture(stream, shown)
+        log_memory(stream, name, memory, maps)
     return out
 
 
@@ -97,6 +154,7 @@ def _write(
     best = best_two(traces)
     divergence = _divergence(traces, goal, best)
     memories = named_memories([item.map_file for item in regrounded if item.map_file]) if may_show else []
+    walks = _walks(traces, best, camera, scene)
     with open_recording(out, episode.key) as stream:
         # viewers show what they have while they read on; without a blueprint they arrange it by themselves, and play it
         stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded, memories=memories))
@@ -107,25 +165,35 @@ def _write(
             episode,
             scene,
             traces,
-            has_scan_pixels=scene.kind == "scan" and may_show,
+            may_show=may_show,
             divergence=divergence,
             more=[*reground_markdown(regrounded), *(memory_markdown(item.name, item.memory) for item in memories)],
         )
         if may_show:
-            _log_home(stream, scene, maps)
+            log_scene(stream, scene, storeys=[storey.index for storey in maps])
+            for storey in maps:
+                log_map_picture(stream, storey)
         for item in memories:
             log_memory(stream, item.name, item.memory, maps)
         stream.flush()
-        later = _log_walks(stream, traces, episode, renderer, camera, best)
-        _log_answers(stream, traces)
-        _log_on_maps(stream, traces, maps, scene)
-        log_divergence(stream, traces, divergence, maps=maps, navigation=scene.navigation)
+        pictures = _pictures(walks, renderer)
+        for walk, jpegs in zip(walks, pictures, strict=True):
+            if jpegs:
+                log_pictures(stream, walk.walker, walk.rows[:1], jpegs[:1])
+        for walk in walks:
+            _log_walk(stream, walk, maps, goal, has_clocks=any(other.walker.is_timed for other in walks))
+        for trace in traces:
+            if isinstance(trace.run, Answer):
+                log_answer(stream, trace, maps, scene.navigation)
+                log_record_answer(stream, trace.label, trace.info, trace.run)
+        log_divergence(stream, traces, walks, divergence, maps)
         log_layers(stream, regrounded, maps, scene.navigation)
-        _set_end(stream, traces)
+        _set_end(stream, traces, walks)
         log_goal(stream, goal, maps)
         stream.flush()
-        for trace, jpegs in later:
-            log_pictures(stream, trace, jpegs, first=1)
+        for walk, jpegs in zip(walks, pictures, strict=True):
+            if jpegs[1:]:
+                log_pictures(stream, walk.walker, walk.rows[1:], jpegs[1:])
 
 
 def _require_rrd(out: Path) -> None:
@@ -147,65 +215,73 @@ def _divergence(traces: Sequence[Trace], goal: GoalRegion, best: Sequence[Trace]
     return divergence_of(ways, goal.path, pair=pair)
 
 
-def _log_home(stream: rr.RecordingStream, scene: Scene, maps: Sequence[StoreyMap]) -> None:
-    log_scene(stream, scene, storeys=[storey.index for storey in maps])
-    for storey in maps:
-        log_map_picture(stream, storey)
+def _walks(traces: Sequence[Trace], best: Sequence[Trace], camera: Camera, scene: Scene) -> list[Walk]:
+    """The PAN runs, each with the camera of its pictures: larger for those that are shown at first."""
+    walking = [(trace, trace.run.poses) for trace in traces if isinstance(trace.run, EpisodeRun)]
+    shown = [trace in best for trace, _ in walking]
+    cameras = picture_cameras([way for _, way in walking], camera, is_shown=shown)
+    return [finished_walk(trace, view, scene.navigation) for (trace, _), view in zip(walking, cameras, strict=True)]
 
 
-def _log_walks(
-    stream: rr.RecordingStream,
-    traces: Sequence[Trace],
-    episode: Episode,
-    renderer: Renderer | None,
-    camera: Camera,
-    best: Sequence[Trace],
-) -> list[tuple[Trace, list[bytes]]]:
-    """All PAN runs, first pictures before all else, the shown ones' larger; returns the other pictures, for later."""
-    walks = [(trace, trace.run) for trace in traces if isinstance(trace.run, EpisodeRun)]
-    ways = [run.poses for _, run in walks]
-    cameras = picture_cameras(ways, camera, is_shown=[trace in best for trace, _ in walks])
-    pictures = [[]] * len(walks) if renderer is None else rendered_jpegs(renderer, ways, cameras)
-    for (trace, _), jpegs in zip(walks, pictures, strict=True):
-        if jpegs:
-            log_pictures(stream, trace, jpegs[:1])
-    is_timed = any(times(run) is not None for _, run in walks)
-    for (trace, run), view in zip(walks, cameras, strict=True):
-        log_run(stream, trace, targets=episode.targets, camera=view)
-        if is_timed and times(run) is None:
-            log_no_clock(stream, trace, view)
-        log_record_start(stream, trace.label, trace.info, run.start)
-        if run.steps:
-            log_record_steps(stream, trace.label, run.steps, times=indexes(run, first=1))
-        log_record_end(stream, trace.label, run.end)
-    return [(trace, jpegs[1:]) for (trace, _), jpegs in zip(walks, pictures, strict=True) if jpegs[1:]]
+def _pictures(walks: Sequence[Walk], renderer: Renderer | None) -> list[list[bytes]]:
+    """What each robot saw at each row; none without a renderer."""
+    if renderer is None:
+        return [[] for _ in walks]
+    ways = [[row.pose for row in walk.rows] for walk in walks]
+    return rendered_jpegs(renderer, ways, [walk.walker.camera for walk in walks])
 
 
-def _log_answers(stream: rr.RecordingStream, traces: Sequence[Trace]) -> None:
-    for trace in traces:
-        if isinstance(trace.run, Answer):
-            log_answer(stream, trace)
-            log_record_answer(stream, trace.label, trace.info, trace.run)
-
-
-def _log_on_maps(stream: rr.RecordingStream, traces: Sequence[Trace], maps: Sequence[StoreyMap], scene: Scene) -> None:
-    for trace in traces:
-        floors = storeys_of(trace.positions[:, 1], scene.navigation)
-        log = log_answer_on_map if isinstance(trace.run, Answer) else log_run_on_map
-        for storey in maps:
-            log(stream, trace, storey, on_storey=floors == storey.index)
-
-
-def _set_end(stream: rr.RecordingStream, traces: Sequence[Trace]) -> None:
-    """The very end of every timeline: what a viewer sees before it, the runners could see too."""
-    walks = [trace.run for trace in traces if isinstance(trace.run, EpisodeRun)]
-    answers = [trace.run for trace in traces if isinstance(trace.run, Answer)]
-    after_answers = [ANSWER_STEP + 1] if answers else []
-    ends = [float(seconds[-1]) for run in walks if (seconds := times(run)) is not None]
-    ends += [answer.t_s for answer in answers if answer.t_s is not None]
+def _log_walk(
+    stream: rr.RecordingStream, walk: Walk, maps: Sequence[StoreyMap], goal: GoalRegion, *, has_clocks: bool
+) -> None:
+    """A PAN run without its pictures; `has_clocks` says whether any run measures seconds."""
+    trace, walker, rows = walk.trace, walk.walker, walk.rows
+    assert isinstance(trace.run, EpisodeRun)
+    log_record_start(stream, trace.label, trace.info, trace.run.start)
+    log_walk(stream, walk, maps)
+    log_plot_style(stream, walker, CENTRE_DISTANCE, words=trace.title, rgb=trace.rgb)
+    log_figures(stream, walker, rows, CENTRE_DISTANCE, goal.apart(trace.positions).min(axis=1))
+    # the last picture stays, and other runs may go on much longer
+    set_moment(stream, walker, rows[-1])
+    log_picture_note(stream, walker, "ended", _ending(trace.run))
+    if has_clocks and not walker.is_timed:
+        stream.reset_time()
+        stream.set_time(paths.TIME_S, duration=0.0)
+        log_picture_note(stream, walker, "no_clock", "measured no time: choose the timeline step or path_m")
     stream.reset_time()
-    stream.set_time(paths.STEP, sequence=max([*(len(run.steps) for run in walks), *after_answers]))
+    log_record_end(stream, trace.label, trace.run.end)
+
+
+def _ending(run: EpisodeRun) -> str:
+    how = {"stop": "stopped", "steps": "out of steps", "giveup": "gave up"}.get(run.end.reason, run.end.reason)
+    paper = run.end.measures.rules["paper"] if run.end.measures else None
+    outcome = "" if paper is None else ": success" if paper.success else ": no success"
+    return f"{how} after {len(run.steps)} steps{outcome}"
+
+
+def _set_end(stream: rr.RecordingStream, traces: Sequence[Trace], walks: Sequence[Walk]) -> None:
+    """The very end of every timeline: what a viewer sees before it, the runners could see too."""
+    last = [walk.rows[-1] for walk in walks]
+    answers = [trace.run for trace in traces if isinstance(trace.run, Answer)]
+    seconds = [row.step.t_s for walk, row in zip(walks, last, strict=True) if walk.walker.is_timed and row.step]
+    seconds += [answer.t_s for answer in answers if answer.t_s is not None]
+    stream.reset_time()
+    stream.set_time(paths.STEP, sequence=max([row.number for row in last] + [ANSWER_STEP + 1] * len(answers)))
     if walks:
-        stream.set_time(paths.PATH_M, duration=max(float(path_lengths(run)[-1]) for run in walks))
-    if ends:
-        stream.set_time(paths.TIME_S, duration=max(ends))
+        stream.set_time(paths.PATH_M, duration=max(row.path_m for row in last))
+    if seconds:
+        stream.set_time(paths.TIME_S, duration=max(seconds))
+
+
+def _require_shown(memory: HomeMemory, name: str, scene: Scene | None, *, with_pixels: bool) -> None:
+    if not memory.storeys:
+        raise RecordingError(f"{name}: found a map without storeys; expected at least one. Explore the home again.")
+    if scene is not None and memory.frame != "world":
+        raise RecordingError(
+            f"{name}: is in frame {memory.frame!r}; expected 'world' to be shown in a home. Leave the home out."
+        )
+    if scene is not None and not may_be_shown(scene, with_pixels=with_pixels):
+        raise RecordingError(
+            f"{name}: is a map of a licensed scan; expected leave to write it. Give --with-pixels if you may "
+            "keep such a file."
+        )

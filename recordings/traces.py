@@ -3,14 +3,47 @@
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sim.errors import RecordingError
 from sim.mesh import Scene
-from sim.tasks.run_files import Answer, EpisodeRun, Run
+from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
 from sim.types import EpisodeKey
 
-from .log_run import Trace
-from .palette import RUN_COLORS
+Rgb = tuple[int, int, int]
+RUN_COLORS: tuple[Rgb, ...] = (
+    (86, 180, 233),
+    (230, 159, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (240, 228, 66),
+    (213, 94, 0),
+    (0, 114, 178),
+    (150, 90, 220),
+)
+"""Okabe and Ito's palette, which colour-blind people can tell apart, and a violet; more runs begin it again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """One run of one person or agent as the recording shows it."""
+
+    label: str
+    """Unique in the recording; names the run's entities."""
+    title: str
+    """What views and tables call it."""
+    rgb: Rgb
+    info: RunInfo
+    run: EpisodeRun | Answer
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """World points: (T + 1, 3) feet of a PAN run, (K, 3) candidates of a POG answer."""
+        points = [pose.position for pose in self.run.poses] if isinstance(self.run, EpisodeRun) else self.run.candidates
+        return np.array(points, float).reshape(-1, 3)
 
 
 def select_traces(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
@@ -121,3 +154,25 @@ def _distinct(names: Sequence[str]) -> list[str]:
             candidate = f"{name}-{number}"
         taken.append(candidate)
     return taken
+
+
+def path_lengths(run: EpisodeRun) -> NDArray[np.float64]:
+    """Metres walked at the start and after each step; (T + 1,)."""
+    positions = np.array([pose.position for pose in run.poses])
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
+
+
+def times(run: EpisodeRun) -> NDArray[np.float64] | None:
+    """Seconds at the start and after each step, (T + 1,); None when the run measured no time."""
+    seconds = np.array([0.0, *(step.t_s for step in run.steps)])
+    return seconds if seconds.any() else None
+
+
+def dimmed(rgb: Rgb) -> Rgb:
+    """The colour of a run's whole way, darker than that of the part walked so far."""
+    return (rgb[0] // 2, rgb[1] // 2, rgb[2] // 2)
+
+
+def rgba_u32(rgb: Rgb) -> int:
+    """Rerun's packed opaque colour."""
+    return (rgb[0] << 24) | (rgb[1] << 16) | (rgb[2] << 8) | 255

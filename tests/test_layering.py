@@ -29,6 +29,10 @@ ROOMS = {
         encoders.protocol encoders phrases perception.segments perception.paraphrase maps perception encoders.by_name
         methods agents robot evaluation report checks
     """,
+    "recordings": """
+        paths traces read scene maps pictures episode insight divergence texts layers memory blueprints
+        viewer sinks live_episode observer explorations replay habitat_writer habitat_golden
+    """,
     "human_study": "private_files tickets design trial store.stages journey store texts export report",
     "personal_viz": """
         printed browser
@@ -40,7 +44,6 @@ ROOMS = {
 
 A module belongs to the longest name that fits, and imports nothing that stands after it."""
 LARGE_ROOMS = {
-    "recordings": 38,
     "sim/homes/building": 24,
     "sim/homes/furniture": 26,
 }

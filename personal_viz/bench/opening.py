@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import viser
 
 from personal_viz.study_app.home.scene_view import SceneView, StoreyCopies
-from recordings.web_viewer import serve_file
+from recordings.viewer.web import serve_file
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext

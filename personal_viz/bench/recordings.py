@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel, ConfigDict
 
-from recordings.live import LiveSink
 from recordings.observer import RerunObserver
 from recordings.replay import log_comparison
+from recordings.sinks import LiveSink
 from sim.errors import MissingDependencyError
 from sim.homes.labels import renderer_of
 from sim.mesh import Scene

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from recordings.palette import RUN_COLORS, Rgb
+from recordings.traces import RUN_COLORS, Rgb
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey, SceneKind
 

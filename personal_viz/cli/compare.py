@@ -56,7 +56,7 @@ class Compare:
             f"{written.page}: {written.num_episodes} episodes of {written.num_runs} runs, {kept} made before{left_out}"
         )
         if self.open:
-            from recordings.viewer import open_folder
+            from recordings.viewer.window import open_folder
 
             open_folder(self.out)
         return 0

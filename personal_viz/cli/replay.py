@@ -31,8 +31,9 @@ class Replay:
     open: OpenIt = False
 
     def work(self) -> int:
-        from recordings.replay import common_episode, log_comparison
-        from recordings.viewer import open_file
+        from recordings.replay import log_comparison
+        from recordings.traces import common_episode
+        from recordings.viewer.window import open_file
         from sim.episodes.dataset import PersonalDataset
         from sim.homes.labels import renderer_of
         from sim.homes.open_home import open_scene

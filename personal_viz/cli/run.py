@@ -186,8 +186,8 @@ def _observing(
             print("No episode is left to run, so nothing is recorded. Give another --run-id to run them again.")
         yield None
         return
-    from recordings.live import live_sink
     from recordings.observer import ObserveRuns
+    from recordings.sinks import live_sink
 
     if info.scene_kind == "scan" and not with_pixels:
         print("The homes are licensed scans: geometry and pictures are left out. --with-pixels stores them.")

@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from recordings.log_run import Trace
 from recordings.replay import log_comparison
-from recordings.traces import select_traces
+from recordings.traces import Trace, select_traces
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 from sim.files import write_whole

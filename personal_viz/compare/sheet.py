@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from recordings.log_goal import GoalRegion, goal_region
-from recordings.log_run import Trace, path_lengths, times
-from recordings.log_text import NOTICE
+from recordings.scene import GoalRegion, goal_region
+from recordings.texts import NOTICE
+from recordings.traces import Trace, path_lengths, times
 from sim.episodes.schema import Episode
 from sim.frames import T_world_camera
 from sim.homes.kind import scene_label

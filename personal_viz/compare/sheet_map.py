@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon, Rectangle
 from numpy.typing import NDArray
 
-from recordings.log_goal import GoalRegion
-from recordings.log_maps import StoreyMap, storey_map, storeys_of
-from recordings.log_run import Trace
+from recordings.scene import GoalRegion, StoreyMap, storey_map, storeys_of
+from recordings.traces import Trace
 from sim.frames import forward_from_yaw
 from sim.mesh import Scene
 from sim.tasks.rules import SUCCESS_RADIUS

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from recordings.log_text import NOTICE
+from recordings.texts import NOTICE
 from sim.tasks.metrics import MetricRow
 from sim.types import SPLITS
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from recordings.web_viewer import serve_file
+from recordings.viewer.web import serve_file
 from sim.errors import RecordingError
 
 from ..browser import open_chromium

@@ -8,10 +8,9 @@ from human_study.design.plan import StudyScene
 from human_study.design.study import StudyConfig
 from human_study.export.runs import trial_run_info
 from human_study.store.store import Trial
-from recordings.live import LiveSink
-from recordings.observer import RerunObserver
-from recordings.observer_pog import AnswerObserver
+from recordings.observer import AnswerObserver, RerunObserver
 from recordings.paths import APPLICATION_ID
+from recordings.sinks import LiveSink
 from sim.mesh import Scene
 from sim.tasks.run_files import RunInfo
 

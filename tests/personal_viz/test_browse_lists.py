@@ -4,7 +4,7 @@ from personal_viz.browse.catalogue import PAGE, Catalogue, ListPage, Wanted, lis
 from personal_viz.browse.episode_texts import facts_html, head_html, list_html, runs_html, story_html
 from personal_viz.browse.messages import MessageQueue, Said, Slid, Stepped
 from personal_viz.browse.shown_runs import RunIndex
-from recordings.palette import RUN_COLORS
+from recordings.traces import RUN_COLORS
 from sim.episodes.ownership import ownership_graph
 
 from .browse_worlds import episode, run_of

@@ -235,7 +235,7 @@ def test_on_a_phone_the_page_is_no_wider_than_the_screen(page: Page) -> None:
 
 @pytest.mark.browser
 def test_served_rows_open_their_recording_in_the_viewer(out: Path, made: Compared, browser: BrowserContext) -> None:
-    from recordings.web_viewer import serve_folder
+    from recordings.viewer.web import serve_folder
 
     with serve_folder(out) as site:
         page = browser.new_page()

@@ -15,10 +15,10 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 from recordings import live_episode
-from recordings.live import LiveSink
-from recordings.log_maps import storey_map
-from recordings.map_pictures import HEAT_PALETTE, SEEN_PALETTE
+from recordings.maps import HEAT_PALETTE, SEEN_PALETTE
 from recordings.observer import ObserveRuns, RerunObserver
+from recordings.scene import storey_map
+from recordings.sinks import LiveSink
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.mesh import Scene

@@ -9,8 +9,8 @@ import pyarrow as pa
 import pytest
 from rerun.chunk import RrdReader
 
-from recordings.live import LiveSink
-from recordings.observer_pog import AnswerObserver
+from recordings.observer import AnswerObserver
+from recordings.sinks import LiveSink
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.tasks.rules import score_answer

@@ -9,10 +9,9 @@ import rerun as rr
 import rerun_cli
 
 from recordings import paths
-from recordings.log_record import log_record_end, log_record_start, log_record_step
-from recordings.read import read_recorded, read_rrd
+from recordings.read import log_record_end, log_record_start, log_record_step, read_recorded, read_rrd
 from recordings.replay import log_comparison
-from recordings.stream import open_recording
+from recordings.sinks import open_recording
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
 from sim.mesh import Scene
@@ -67,7 +66,7 @@ import os, sys
 from pathlib import Path
 import rerun as rr
 from recordings import paths
-from recordings.log_record import log_record_end, log_record_start, log_record_step
+from recordings.read import log_record_end, log_record_start, log_record_step
 from sim.tasks.run_files import read_run
 
 run = read_run(Path(sys.argv[1]))

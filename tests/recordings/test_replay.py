@@ -342,7 +342,7 @@ import resource, sys
 from pathlib import Path
 import numpy as np
 import rerun as rr
-from recordings.stream import open_recording
+from recordings.sinks import open_recording
 from sim.errors import PersonalVizError, RecordingError
 from sim.types import EpisodeKey
 

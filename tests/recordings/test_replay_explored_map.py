@@ -13,7 +13,7 @@ from grounding.maps.files import MapSource, save_memory
 from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.maps.oracle_map import objects_map, oracle_home
 from grounding.methods.by_name import GrounderName
-from recordings.log_grounding import reground
+from recordings.layers import reground
 from recordings.traces import select_traces
 from sim.episodes.dataset import PersonalDataset
 from sim.mesh import Scene

@@ -8,8 +8,8 @@ from PIL import Image
 
 from personal_viz.browser import find_chromium
 from personal_viz.screenshots.rerun_page import screenshot_rrd
-from recordings.log_run import Rgb
-from recordings.replay import RUN_COLORS, log_comparison
+from recordings.replay import log_comparison
+from recordings.traces import RUN_COLORS, Rgb
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
 from sim.mesh import Scene

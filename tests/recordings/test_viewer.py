@@ -14,21 +14,21 @@ import pytest
 import rerun as rr
 
 from personal_viz.study_app.operator.served import hear_ctrl_c
-from recordings import viewer
-from recordings.rerun_process import RerunProcess, program, quiet_environment, running_rerun
-from recordings.viewer import live_viewer, open_file, open_folder
+from recordings.viewer import window
+from recordings.viewer.process import RerunProcess, program, quiet_environment, running_rerun
+from recordings.viewer.window import live_viewer, open_file, open_folder
 from sim.cache import VARIABLE
 from sim.errors import RecordingError
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 SERVES = """
-from recordings.rerun_process import running_rerun
+from recordings.viewer.process import running_rerun
 with running_rerun("--serve-grpc") as server:
     print(server.process.pid, flush=True)
     input()
 """
 SHOWS_LIVE = """
-from recordings.viewer import live_viewer
+from recordings.viewer.window import live_viewer
 with live_viewer() as address:
     print(address, flush=True)
 """
@@ -204,17 +204,17 @@ def test_a_live_server_is_given_no_file_because_it_would_never_rest(monkeypatch:
         with running_rerun(*arguments) as server:
             yield server
 
-    monkeypatch.setattr(viewer, "running_rerun", noted)
+    monkeypatch.setattr(window, "running_rerun", noted)
     with pytest.raises(KeyboardInterrupt), live_viewer():
         raise KeyboardInterrupt
-    assert started == [("--serve-grpc", "--server-memory-limit", viewer.STREAM_MEMORY)]
+    assert started == [("--serve-grpc", "--server-memory-limit", window.STREAM_MEMORY)]
 
 
 def test_a_window_that_cannot_open_is_told_and_a_page_shows_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.setenv("DISPLAY", ":no-such-display")
-    monkeypatch.setattr(viewer, "_until_ctrl_c", until_ended_or_ctrl_c)
+    monkeypatch.setattr(window, "_until_ctrl_c", until_ended_or_ctrl_c)
     (tmp_path / "x.rrd").touch()
     open_file(tmp_path / "x.rrd")
     told = capsys.readouterr().out.splitlines()

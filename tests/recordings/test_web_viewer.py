@@ -13,10 +13,10 @@ import rerun.blueprint as rrb
 from PIL import Image
 
 from personal_viz.browser import find_chromium, open_chromium
-from recordings import web_viewer
-from recordings.rerun_process import running_rerun
-from recordings.stream import open_recording
-from recordings.web_viewer import WebViewer, live_url, serve_file, serve_folder, serve_live, viewer_file, viewer_policy
+from recordings.sinks import open_recording
+from recordings.viewer import web
+from recordings.viewer.process import running_rerun
+from recordings.viewer.web import WebViewer, live_url, serve_file, serve_folder, serve_live, viewer_file, viewer_policy
 from sim.errors import RecordingError
 
 from .conftest import KEY
@@ -160,9 +160,9 @@ def test_the_viewers_files_are_taken_from_rerun_once(monkeypatch: pytest.MonkeyP
     def never(*arguments: str, **options: object) -> None:
         raise AssertionError("rerun was started again")
 
-    monkeypatch.setattr(web_viewer, "running_rerun", never)
+    monkeypatch.setattr(web, "running_rerun", never)
     viewer_file.cache_clear()
-    web_viewer._taken_files.cache_clear()
+    web._taken_files.cache_clear()
     assert viewer_file("re_viewer.js") == content
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from personal_viz.cli.run import Run
-from recordings.live import LiveSink
 from recordings.observer import ObserveRuns
+from recordings.sinks import LiveSink
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, RecordingError

@@ -163,9 +163,9 @@ def watching(rerun: str | None, jobs: list[ExploreJob], *, with_pixels: bool) ->
     if rerun is None:
         yield jobs
         return
-    from recordings.live import live_sink
+    from recordings.explorations import ObserveExplorations
     from recordings.paths import ExplorationKey
-    from recordings.replay_exploration import ObserveExplorations
+    from recordings.sinks import live_sink
 
     per_home = 2 if jobs[0].storeys == "all" else 1  # how many storeys a home has is not known yet
     keys = [ExplorationKey(job.scene, storey, job.seed) for job in jobs for storey in range(per_home)]

@@ -26,10 +26,9 @@ class ShowExploration:
 
     def work(self) -> int:
         from grounding.agents.exploration import load_exploration
-        from recordings.live import LiveSink
-        from recordings.observer_explore import ExplorationObserver
-        from recordings.replay_exploration import EXPLORER, explorer_of, replay_exploration
-        from recordings.viewer import open_file
+        from recordings.explorations import EXPLORER, ExplorationObserver, explorer_of, replay_exploration
+        from recordings.sinks import LiveSink
+        from recordings.viewer.window import open_file
         from sim.episodes.dataset import PersonalDataset
         from sim.homes.labels import renderer_of
 

@@ -24,8 +24,8 @@ class ShowMap:
 
     def work(self) -> int:
         from grounding.maps.files import load_memory, read_map_header
-        from recordings.memory_recording import record_memory
-        from recordings.viewer import open_file
+        from recordings.replay import record_memory
+        from recordings.viewer.window import open_file
         from sim.episodes.dataset import PersonalDataset
 
         from .same_home import open_same_home

@@ -180,7 +180,7 @@ def shown_live(rerun: str | None, plan: StudyPlan) -> Iterator[str | None]:
         yield None
         return
     trials = [trial for participant in plan.participants for trial in participant.trials]
-    from recordings.live import live_sink  # Rerun takes a second to import
+    from recordings.sinks import live_sink  # Rerun takes a second to import
 
     keys = [EpisodeKey(trial.split, trial.scene, trial.episode_id) for trial in trials]
     with live_sink(rerun, keys) as sink:

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from sim.errors import RecordingError
 
-from .rerun_process import RerunProcess, running_rerun
-from .web_viewer import live_url, serve_file, serve_folder, serve_live
+from .process import RerunProcess, running_rerun
+from .web import live_url, serve_file, serve_folder, serve_live
 
 STREAM_MEMORY = "25%"
 """Most memory that a stream without a window keeps for viewers that open later; the oldest data goes first."""

@@ -1,16 +1,18 @@
-"""Grids seen from above as small PNGs on a storey's map: what was seen, what an agent thinks is free, what is alike."""
+"""Grids seen from above: as small PNGs on a storey's map, and as coloured squares above its floor."""
 
 import io
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
+import rerun as rr
 from numpy.typing import NDArray
 from PIL import Image
 
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import GridSpec
 
-from .log_maps import FREE_RGB, WALL_RGB
+from .scene import FREE_RGB, LIFT, WALL_RGB, StoreyMap
 
 SEEN_PALETTE = np.array([(38, 40, 44), (74, 76, 80), WALL_RGB, FREE_RGB], np.uint8)
 """Colours of cells: not seen and not free, not seen but free, seen and not free, seen and free."""
@@ -26,6 +28,10 @@ HEAT_PALETTE = np.zeros((_HEAT_LEVELS + 1, 4), np.uint8)
 _AT = np.linspace(0, len(_HEAT) - 1, _HEAT_LEVELS)
 HEAT_PALETTE[1:, :3] = np.stack([np.interp(_AT, range(len(_HEAT)), channel) for channel in _HEAT.T], axis=1)
 HEAT_PALETTE[1:, 3] = _ALPHA
+Value = TypeVar("Value", bound=np.generic)
+_TAIL = 2.0
+"""Percent of cells at either end of a channel that get its limit: a few odd cells would grey out all others."""
+GREY = 128
 
 
 def seen_png(free: NDArray[np.bool_], seen: NDArray[np.bool_]) -> bytes:
@@ -67,9 +73,6 @@ def palette_png(levels: NDArray[np.uint8], palette: NDArray[np.uint8]) -> bytes:
     return buffer.getvalue()
 
 
-Value = TypeVar("Value", bound=np.generic)
-
-
 class Resampler:
     """Carries grids of the start frame onto a storey's map in the world; remembers where each cell comes from."""
 
@@ -90,3 +93,57 @@ class Resampler:
             self._grid = grid
         padded = np.append(values.ravel(), np.array([outside], values.dtype))
         return padded[self._source]
+
+
+def vector_rgb(blocks: Sequence[NDArray[np.float32]]) -> list[NDArray[np.uint8]]:
+    """(N_i, 3) colours of vectors (N_i, E), one colour scale for all blocks; like colours stand for like vectors.
+
+    Principal components of all vectors together; the sign of each is fixed, so that the same map gets the same colours.
+    Directions in which nothing differs are grey.
+    """
+    rows = np.concatenate([np.asarray(block, np.float64) for block in blocks]) if blocks else np.empty((0, 3))
+    if not len(rows):
+        return [np.empty((0, 3), np.uint8) for _ in blocks]
+    centred = rows - rows.mean(axis=0)
+    # eigenvectors of the smaller of the two products: maps have hundreds of cells, vectors hundreds of numbers
+    _, spread, directions = np.linalg.svd(centred, full_matrices=False)
+    directions = directions[:3] * np.sign(directions[:3, np.abs(directions[:3]).argmax(axis=1)].diagonal())[:, None]
+    parts = np.zeros((len(rows), 3))
+    known = spread[:3] > 1e-9 * max(float(spread[0]), 1.0)
+    parts[:, : len(known)] = (centred @ directions.T) * known
+    low, high = np.percentile(parts, [_TAIL, 100 - _TAIL], axis=0)
+    share = np.divide(parts - low, high - low, out=np.full_like(parts, GREY / 255), where=high > low)
+    colours = np.round(np.clip(share, 0, 1) * 255).astype(np.uint8)
+    return list(np.split(colours, np.cumsum([len(block) for block in blocks])[:-1]))
+
+
+def on_map(values: NDArray[np.float32], grid: GridSpec, storey: StoreyMap) -> NDArray[np.float32]:
+    """Values (R, C) of a grid at the pixels of a storey's map; NaN outside the grid."""
+    rc = np.stack(np.meshgrid(*map(np.arange, storey.grid.shape), indexing="ij"), axis=-1)
+    cells = grid.rc_from_xz(storey.grid.xz_from_rc(rc))
+    inside = grid.contains(cells)
+    rows, cols = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
+    return np.where(inside, values[rows, cols], np.float32(np.nan))
+
+
+def heat_rgb(values: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """(R, C, 3) the colours that `similarity_png` gives values (R, C)."""
+    return np.array(Image.open(io.BytesIO(similarity_png(values))).convert("RGBA"))[..., :3]
+
+
+def carpet(rgb: NDArray[np.uint8], shown: NDArray[np.bool_], grid: GridSpec, storey: StoreyMap) -> rr.Mesh3D:
+    """The cells that are shown as squares above the floor; a picture there would hide the home below it.
+
+    Args:
+        rgb: (R, C, 3) colour of each cell.
+        shown: (R, C).
+        grid: Where the cells are.
+        storey: On whose floor.
+    """
+    cells = np.argwhere(shown)  # (C, 2)
+    corners = cells[:, None] + np.array([[0, 0], [0, 1], [1, 1], [1, 0]])  # (C, 4, 2)
+    xz = np.asarray(grid.origin_xz) + corners[..., ::-1] * grid.cell
+    points = np.insert(xz, 1, storey.floor_y + LIFT / 2, axis=-1).reshape(-1, 3)
+    squares = 4 * np.arange(len(cells))[:, None, None] + np.array([[0, 2, 1], [0, 3, 2]])
+    colors = np.repeat(rgb[cells[:, 0], cells[:, 1]], 4, axis=0)
+    return rr.Mesh3D(vertex_positions=points, triangle_indices=squares.reshape(-1, 3), vertex_colors=colors)

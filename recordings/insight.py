@@ -13,10 +13,10 @@ from sim.errors import AgentError
 from sim.tasks.observers import UNKNOWN, Detection, Insight
 
 from . import paths
-from .log_maps import POINT, StoreyMap
-from .log_run import LIFT, Rgb
-from .log_steps import Walker
-from .map_pictures import Resampler, occupancy_png, similarity_png
+from .episode import Walker
+from .maps import Resampler, occupancy_png, similarity_png
+from .scene import LIFT, POINT, StoreyMap
+from .traces import Rgb
 
 FRONTIER_RGB: Rgb = (90, 200, 255)
 CANDIDATE_RGB: Rgb = (255, 190, 60)

@@ -11,17 +11,17 @@ from grounding.agents import exploration_jobs as jobs
 from grounding.agents.exploration_jobs import ExploreJob, run_job
 from grounding.agents.explore import Exploration, explore
 from personal_viz.cli.grounding.explore import watching
-from recordings.live import LiveSink, live_sink
-from recordings.observer_explore import ExplorationObserver
-from recordings.paths import ExplorationKey
-from recordings.read import read_rrd
-from recordings.replay_exploration import (
+from recordings.explorations import (
+    ExplorationObserver,
     ObserveExplorations,
     WatchedExploration,
     exploration_figures,
     explorer_of,
     replay_exploration,
 )
+from recordings.paths import ExplorationKey
+from recordings.read import read_rrd
+from recordings.sinks import LiveSink, live_sink
 from sim.errors import RecordingError
 from sim.mesh import Scene
 from sim.render.raycast import Raycaster

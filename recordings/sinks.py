@@ -1,6 +1,7 @@
-"""Where a running episode is streamed to: an .rrd file, a folder of them, or a viewer that listens.
+"""Where recordings go: an .rrd file that appears when it is whole; or, as an episode runs, a file, a folder, a viewer.
 
-A file is written while the episode runs, so that a crash leaves what was flushed; a viewer sees it at once.
+The file of a running episode is written as it goes on, so that a crash leaves what was flushed; a viewer sees it at
+once.
 """
 
 import contextlib
@@ -11,6 +12,7 @@ import select
 import threading
 import weakref
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -20,9 +22,9 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk, OptimizationProfile, RrdReader
 
 from sim.errors import RecordingError
+from sim.files import write_whole
 
 from . import paths
-from .stream import open_recording
 
 CONNECT_S = 3.0
 """A viewer on this machine or in its network answers sooner."""
@@ -31,9 +33,50 @@ FLUSH_S = 10.0
 MAX_PARTS = 64
 """A file that was flushed more often is written anew at its end; that takes half a second."""
 SPAWN = "spawn"
+_OTHER_OUT = "Give another --out."
+_OTHER_PLACE = "Give another place; finished episodes are kept."
 _ADDRESS = re.compile(
     r"(?:rerun\+http|grpc)://(?P<host>\[[0-9a-fA-F:.]+\]|[^\s/:\[\]]+):(?P<port>\d{1,5})(?:/proxy)?/?"
 )
+_HOW_TO_CHOOSE = {"episode": " with --episode SPLIT/SCENE/ID", "exploration": ""}
+
+
+@contextmanager
+def open_recording(out: Path, key: paths.RecordingKey) -> Iterator[rr.RecordingStream]:
+    """The recording of one episode or exploration; the file appears at `out` only when the block ends without an error.
+
+    Rerun's strict mode is on inside: it would else warn and drop what it cannot use. Times of logging are left out, so
+    that two recordings of the same runs have the same content. Rerun's own file writer is not used: on a full disk it
+    waits for ever or raises without saying why.
+
+    Raises:
+        RecordingError: The file cannot be written.
+    """
+    beside = out.with_name(out.name + ".part")
+    was_strict = rr.strict_mode()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        beside.open("wb").close()
+    except OSError as error:
+        raise _cannot_write(f"{out}", error, _OTHER_OUT) from None
+    rr.set_strict_mode(True)
+    try:
+        stream = rr.RecordingStream(paths.APPLICATION_ID, recording_id=paths.recording_id(key), send_properties=False)
+        stream.set_log_time_enabled(False)
+        memory = stream.memory_recording()
+        try:
+            yield stream
+            stream.flush()
+            data = memory.drain_as_bytes()
+        finally:
+            stream.disconnect()
+        try:
+            write_whole(out, data)
+        except OSError as error:
+            raise _cannot_write(f"{out}", error, _OTHER_OUT) from None
+    finally:
+        rr.set_strict_mode(was_strict)
+        beside.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +124,7 @@ def live_sink(option: str, keys: Sequence[paths.RecordingKey]) -> Iterator[LiveS
             viewer can be started.
     """
     if option == SPAWN:
-        from .viewer import live_viewer
+        from .viewer.window import live_viewer
 
         with live_viewer() as address:
             yield LiveSink("address", address)
@@ -185,7 +228,7 @@ class _PipedFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("wb", buffering=0)
         except OSError as error:
-            raise _cannot_write(path, error) from None
+            raise _cannot_write(f"--rerun {path}", error, _OTHER_PLACE) from None
         self._outlet, inlet = os.pipe()
         os.set_blocking(self._outlet, False)
         self._thread = threading.Thread(target=self._copy_all, name=f"recording {path.name}", daemon=True)
@@ -199,7 +242,7 @@ class _PipedFile:
         """Returns when what Rerun has flushed is in the file; raises RecordingError when it cannot be."""
         self._copy()
         if self._problem is not None:
-            raise _cannot_write(self.path, self._problem) from None
+            raise _cannot_write(f"--rerun {self.path}", self._problem, _OTHER_PLACE) from None
 
     def wait(self) -> None:
         """Returns when Rerun has closed its end and all is in the file."""
@@ -245,9 +288,6 @@ def _end(stream: rr.RecordingStream, file: _PipedFile | None) -> None:
         file.wait()
 
 
-_HOW_TO_CHOOSE = {"episode": " with --episode SPLIT/SCENE/ID", "exploration": ""}
-
-
 def _what(key: paths.RecordingKey) -> str:
     return "exploration" if isinstance(key, paths.ExplorationKey) else "episode"
 
@@ -281,8 +321,7 @@ def _answering(option: str) -> str:
     return f"rerun+http://{match['host']}:{port}/proxy"
 
 
-def _cannot_write(path: Path, error: OSError) -> RecordingError:
+def _cannot_write(where: str, error: OSError, advice: str) -> RecordingError:
     return RecordingError(
-        f"--rerun {path}: cannot be written ({error}); expected a folder with space that you can write. Give another "
-        "place; finished episodes are kept."
+        f"{where}: cannot be written ({error}); expected a folder with space that you can write. {advice}"
     )

@@ -17,8 +17,8 @@ import rerun.blueprint as rrb
 import rerun_cli
 from rerun.chunk import RrdReader
 
-from recordings.live import MAX_PARTS, LiveSink, live_sink
-from recordings.rerun_process import running_rerun
+from recordings.sinks import MAX_PARTS, LiveSink, live_sink
+from recordings.viewer.process import running_rerun
 from sim.errors import RecordingError
 from sim.types import EpisodeKey
 
@@ -122,7 +122,7 @@ def test_an_address_where_nobody_listens_is_one_clear_line(form: str, dead_port:
 
 
 def test_a_listener_that_never_answers_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recordings.live.CONNECT_S", 0.2)
+    monkeypatch.setattr("recordings.sinks.CONNECT_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute, pytest.raises(RecordingError, match="no viewer answers there"):
         live_sink(f"grpc://127.0.0.1:{mute.getsockname()[1]}", KEYS).__enter__()
 
@@ -144,7 +144,7 @@ def test_spawn_streams_to_a_viewer_of_our_own(monkeypatch: pytest.MonkeyPatch) -
         yield "rerun+http://127.0.0.1:1/proxy"
         lived.append("ended")
 
-    monkeypatch.setattr("recordings.viewer.live_viewer", viewer)
+    monkeypatch.setattr("recordings.viewer.window.live_viewer", viewer)
     with live_sink("spawn", KEYS) as sink:
         assert sink == LiveSink("address", "rerun+http://127.0.0.1:1/proxy")
         assert lived == ["opened"]
@@ -169,7 +169,7 @@ def in_child(body: str, *args: str) -> subprocess.CompletedProcess[str]:
     opening = """
         import os, signal, sys
         import rerun as rr
-        from recordings.live import LiveSink
+        from recordings.sinks import LiveSink
         from sim.types import EpisodeKey
         recording = LiveSink("file", sys.argv[1]).open(EpisodeKey("easy", "Box", "1"))
         def log(numbers):

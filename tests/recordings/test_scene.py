@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.log_goal import goal_region
+from recordings.scene import goal_region
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.tasks.run_files import Run

@@ -19,10 +19,9 @@ from sim.tasks.observers import FREE, UNKNOWN
 from sim.walk.storeys import same_storey
 
 from . import paths
-from .carpets import carpet, on_map
-from .log_maps import StoreyMap, cropped_map
-from .map_colours import vector_rgb
-from .map_pictures import occupancy_png, rgb_png, seen_png, similarity_png
+from .maps import carpet, occupancy_png, on_map, rgb_png, seen_png, similarity_png, vector_rgb
+from .scene import StoreyMap, cropped_map
+from .texts import table
 
 MapLayer = Literal["occupancy", "coverage", "features", "evidence", "objects"]
 FLAT_LAYERS: tuple[MapLayer, ...] = ("coverage", "occupancy", "features", "evidence", "objects")
@@ -171,14 +170,9 @@ class _Sheet:
             points = np.concatenate([item.points for item in objects])
             cloud = rr.Points3D(points, colors=np.repeat(self.colours, counts, axis=0), radii=_POINT)
             self.stream.log(f"{home}/points", cloud, static=True)
-        corners = np.stack([self.shown.pixels(low), self.shown.pixels(high)], axis=1)  # (N, 2, 2)
+        mins, sizes = self.shown.flat_boxes(low, high)
         flat = rr.Boxes2D(
-            mins=corners.min(axis=1),
-            sizes=np.ptp(corners, axis=1),
-            colors=self.colours,
-            labels=labels,
-            show_labels=False,
-            draw_order=20.0,
+            mins=mins, sizes=sizes, colors=self.colours, labels=labels, show_labels=False, draw_order=20.0
         )
         self.stream.log(map_entity(self.name, "objects", self.shown), flat, static=True)
 
@@ -195,7 +189,7 @@ def short_caption(item: ObjectInstance) -> str:
 
 def memory_markdown(name: str, memory: HomeMemory) -> str:
     """A table of what the memory holds, storey by storey."""
-    rows = ["| storey at | free, m² | occupied, m² | holds | encoder |", "|---|---|---|---|---|"]
+    rows = []
     for storey in memory.storeys:
         area = storey.occupancy.grid.cell**2
         cells, held = storey.occupancy.cells, storey.memory
@@ -205,8 +199,9 @@ def memory_markdown(name: str, memory: HomeMemory) -> str:
             if isinstance(held, FeatureMap)
             else f"{len(held.objects)} objects"
         )
-        rows.append(f"| {storey.floor_y:.2f} m | {free:.1f} | {occupied:.1f} | {holds} | {held.encoder} |")
-    return "\n".join([f"**Map {name}** of {memory.num_frames} views, frame {memory.frame}.", "", *rows])
+        rows.append((f"{storey.floor_y:.2f} m", f"{free:.1f}", f"{occupied:.1f}", holds, held.encoder))
+    names = ("storey at", "free, m²", "occupied, m²", "holds", "encoder")
+    return f"**Map {name}** of {memory.num_frames} views, frame {memory.frame}.\n\n{table(names, rows)}"
 
 
 def _vectors(storey: StoreyMemory) -> NDArray[np.float32]:

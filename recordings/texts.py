@@ -12,13 +12,12 @@ from sim.tasks.run_files import Answer, EpisodeRun
 
 from . import paths
 from .divergence import LIMIT, Departure, Divergence
-from .log_run import Trace
+from .traces import Trace
 
 NOTICE = (
     "This recording holds pictures of a scan under HM3D's terms of use: keep it to yourself and to people who have "
     "accepted the same terms."
 )
-
 MARKS = f"On floor and map a cross marks where a run first is more than {LIMIT:.0f} m off the shortest path, a diamond \
 where the ways of the two shown runs part."
 
@@ -29,31 +28,18 @@ def log_task(
     scene: Scene,
     traces: Sequence[Trace],
     *,
-    has_scan_pixels: bool,
+    may_show: bool,
     divergence: Divergence | None = None,
     more: Sequence[str] = (),
 ) -> None:
-    """Logs description, query and the tables of measures; arguments are those of `task_markdown`."""
-    text = task_markdown(episode, scene, traces, has_scan_pixels=has_scan_pixels, divergence=divergence, more=more)
-    stream.log(paths.TASK, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
-
-
-def task_markdown(
-    episode: Episode,
-    scene: Scene,
-    traces: Sequence[Trace],
-    *,
-    has_scan_pixels: bool,
-    divergence: Divergence | None = None,
-    more: Sequence[str] = (),
-) -> str:
-    """What the researcher reads beside the views.
+    """Logs what the researcher reads beside the views of an episode.
 
     Args:
+        stream: The recording.
         episode: Its query and description.
         scene: The home.
-        traces: The runs of the tables.
-        has_scan_pixels: Whether the notice about a scan's terms of use is needed.
+        traces: The runs of the tables of measures.
+        may_show: Whether pictures are shown; those of a scan need a notice about its terms of use.
         divergence: How the runs, in the order of `traces`, keep to the shortest path; None leaves it out.
         more: Paragraphs of Markdown to add after the tables.
     """
@@ -66,16 +52,35 @@ def task_markdown(
         _answer_table(answers) if answers else "",
         *more,
         plain_text(episode.record.summary),
-        f"{plain_text(scene.label)}, episode {episode.key}, scene digest {scene.digest[:12]}",
-        f"**{label}.**" if (label := scene_label(scene.kind)) else "",
-        f"_{NOTICE}_" if has_scan_pixels else "",
     ]
-    return "\n\n".join(part for part in parts if part)
+    log_paragraphs(stream, [*parts, *home_paragraphs(scene, may_show=may_show, what=f"episode {episode.key}, ")])
+
+
+def log_paragraphs(stream: rr.RecordingStream, parts: Sequence[str]) -> None:
+    """Logs paragraphs of Markdown as the recording's text; empty ones are left out."""
+    text = "\n\n".join(part for part in parts if part)
+    stream.log(paths.TASK, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+def home_paragraphs(scene: Scene, *, may_show: bool, what: str = "") -> list[str]:
+    """Which home it is, of which kind, and the notice that pictures of a scan need; `what` is named beside the home."""
+    label = scene_label(scene.kind)
+    return [
+        f"{plain_text(scene.label)}, {what}scene digest {scene.digest[:12]}",
+        f"**{label}.**" if label else "",
+        f"_{NOTICE}_" if scene.kind == "scan" and may_show else "",
+    ]
+
+
+def table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of cells that are Markdown already; every row has a cell per name."""
+    lines = ["| " + " | ".join(cells) + " |" for cells in (names, *rows)]
+    return "\n".join([lines[0], "|---" * len(names) + "|", *lines[1:]])
 
 
 def _walk_table(traces: Sequence[Trace]) -> str:
     names = ("run", "success", "SPL", "soft SPL", "to goal", "end", "steps", "path", "blocked")
-    rows = [_table_row(names), "|---" * len(names) + "|"]
+    rows = []
     for trace in traces:
         run = trace.run
         assert isinstance(run, EpisodeRun)
@@ -92,21 +97,21 @@ def _walk_table(traces: Sequence[Trace]) -> str:
             "-" if measures is None else f"{measures.path_m:.1f} m",
             "-" if measures is None else str(measures.collisions),
         )
-        rows.append(_table_row(cells))
-    return "\n".join(rows)
+        rows.append(cells)
+    return table(names, rows)
 
 
 def _stray_table(traces: Sequence[Trace], divergence: Divergence) -> str:
     names = ("run", "leaves the shortest path", "strays at most")
-    rows = [_table_row(names), "|---" * len(names) + "|"]
+    rows = []
     for trace, stray in zip(traces, divergence.strays, strict=True):
         if stray is None:
             continue
         furthest = float(stray.deviation.max())
         left = "never" if stray.departure is None else _place_text(stray.departure)
         cells = (plain_text(trace.title), left, f"{furthest:.1f} m" if math.isfinite(furthest) else "to another storey")
-        rows.append(_table_row(cells))
-    return "\n".join(rows) + f"\n\n{MARKS}" if len(rows) > 2 else ""
+        rows.append(cells)
+    return f"{table(names, rows)}\n\n{MARKS}" if rows else ""
 
 
 def _parting_text(traces: Sequence[Trace], divergence: Divergence) -> str:
@@ -123,13 +128,9 @@ def _place_text(place: Departure) -> str:
     return f"after {place.path_m:.1f} m (step {place.row})"
 
 
-def _table_row(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
-
-
 def _answer_table(traces: Sequence[Trace]) -> str:
     names = ("answer", "success", "top 3", "planar distance", "time")
-    rows = [_table_row(names), "|---" * len(names) + "|"]
+    rows = []
     for trace in traces:
         answer = trace.run
         assert isinstance(answer, Answer)
@@ -142,8 +143,8 @@ def _answer_table(traces: Sequence[Trace]) -> str:
             "-" if planar is None else f"{planar:.2f} m",
             "-" if answer.t_s is None else f"{answer.t_s:.1f} s",
         )
-        rows.append(_table_row(cells))
-    return "\n".join(rows)
+        rows.append(cells)
+    return table(names, rows)
 
 
 def plain_text(text: str) -> str:

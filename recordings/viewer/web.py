@@ -24,7 +24,7 @@ from urllib.parse import quote, unquote, urlsplit
 from sim.cache import cached_bytes
 from sim.errors import RecordingError
 
-from .rerun_process import LOOPBACK, WEB_PORT, running_rerun
+from .process import LOOPBACK, WEB_PORT, running_rerun
 
 VIEWER_FILES = ("index.html", "re_viewer.js", "re_viewer_bg.wasm", "favicon.ico")
 """What the page of rerun 0.41 is made of."""

@@ -1,12 +1,16 @@
 """Explorations in recordings: watched while `explore` runs, or done again from their file.
 
-`explore` sees depth alone; who watches sees colours too, from a robot of their own that takes the same steps. Files
-hold poses and actions: done again, the explorer is asked on the same views and must choose the same actions; from where
-it does not, its frontiers and its own map are left out and the way is shown alone.
+An exploration has no episode: nothing of a goal is in its recording. `explore` sees depth alone; who watches sees
+colours too, from a robot of their own that takes the same steps. Files hold poses and actions: done again, the explorer
+is asked on the same views and must choose the same actions; from where it does not, its frontiers and its own map are
+left out and the way is shown alone.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
 
 from grounding.agents.explore import TASK, Exploration
 from grounding.agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
@@ -18,13 +22,111 @@ from sim.tasks.agents import Agent
 from sim.tasks.observers import Explains, Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Step
-from sim.types import Camera, Pose
+from sim.types import Camera, Observation, Pose
 
-from .live import LiveSink
-from .observer_explore import ExplorationObserver
+from . import paths
+from .episode import Walker
+from .live_episode import LiveEpisode
+from .scene import log_up, may_be_shown, storeys_of
+from .sinks import LiveSink
+from .texts import home_paragraphs, log_paragraphs, plain_text, table
+from .traces import RUN_COLORS
 
 EXPLORER = "frontier"
 """Names the explorer's entities."""
+
+
+class ExplorationObserver:
+    """Shows one exploration at a time in a recording of its own, on the researcher's side."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        sink: LiveSink,
+        *,
+        who: str,
+        seed: int,
+        with_pixels: bool = False,
+        camera: Camera = Camera(),  # noqa: B008 - frozen value
+    ) -> None:
+        """Nothing is written before the exploration begins.
+
+        Args:
+            scene: The home that is explored.
+            sink: Where the recording goes.
+            who: Name of the explorer; names the run's entities.
+            seed: Of the exploration.
+            with_pixels: Whether geometry, maps and pictures of a licensed scan are shown; other homes need no leave.
+            camera: The robot's camera.
+        """
+        self._scene, self._sink, self._seed = scene, sink, seed
+        self._may_show = may_be_shown(scene, with_pixels=with_pixels)
+        self._walker = Walker(label=who, title=who, rgb=RUN_COLORS[0], camera=camera, is_timed=False, is_episode=False)
+        self._live: LiveEpisode | None = None
+
+    def on_reset(self, start: Pose, observation: Observation) -> None:
+        """Opens the recording and shows the start; an exploration that was broken off ends as it is.
+
+        Raises:
+            RecordingError: The recording cannot be written, or the viewer is gone.
+        """
+        self.close()
+        (storey,) = storeys_of(np.array([start.position[1]]), self._scene.navigation).tolist()
+        key = paths.ExplorationKey(self._scene.name, storey, self._seed)
+        scene = self._scene
+        live = self._live = LiveEpisode(start, scene, self._sink, key, self._walker, goal=None, may_show=self._may_show)
+        stream = live.stream
+        stream.send_recording_name(f"{key} in {scene.label}")
+        facts = {"scene": scene.name, "scene_kind": scene.kind, "scene_digest": scene.digest, "seed": self._seed}
+        stream.send_property("exploration", rr.AnyValues(explorer=self._walker.title, **facts))
+        log_up(stream)
+        self._log_text([])
+        live.start(observation)
+
+    def on_step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
+        """Shows one step.
+
+        Raises:
+            AgentError: Parts of the insight do not fit together.
+            RecordingError: The recording cannot be written, or the viewer is gone.
+        """
+        assert self._live is not None, "on_reset comes first"
+        self._live.step(step, observation, insight)
+
+    def on_end(self, figures: Sequence[tuple[str, str]]) -> None:
+        """Shows the whole way and what came of it, and completes the recording.
+
+        Args:
+            figures: (what, how much) in words, such as why it stopped and how much of the home it saw.
+
+        Raises:
+            RecordingError: The recording cannot be written, or the viewer is gone.
+        """
+        assert self._live is not None, "on_reset comes first"
+        self._live.end()
+        self._log_text(figures)
+        self.close()
+
+    def close(self) -> None:
+        """Ends the recording as it is, if there is one.
+
+        Raises:
+            RecordingError: The recording cannot be written, or the viewer is gone.
+        """
+        if self._live is not None:
+            live, self._live = self._live, None
+            live.close()
+
+    def _log_text(self, figures: Sequence[tuple[str, str]]) -> None:
+        assert self._live is not None
+        rows = [(plain_text(name), plain_text(value)) for name, value in figures]
+        parts = [
+            f"**Exploration** by {plain_text(self._walker.title)}, seed {self._seed}. Nothing is looked for.",
+            table(("figure", "value"), rows) if rows else "",
+            "Bright on the map: floor that was seen (researcher's side). The other map is what the robot thinks: green "
+            "free, brown occupied; points are frontiers, the large one is where it goes.",
+        ]
+        log_paragraphs(self._live.stream, [*parts, *home_paragraphs(self._scene, may_show=self._may_show)])
 
 
 class WatchedExploration:
@@ -100,7 +202,7 @@ class ObserveExplorations:
         )
 
     def _renderer(self, scene: Scene) -> Renderer | None:
-        return renderer_of(scene) if scene.kind != "scan" or self.with_pixels else None
+        return renderer_of(scene) if may_be_shown(scene, with_pixels=self.with_pixels) else None
 
 
 def explorer_of(exploration: Exploration) -> FrontierExplorer:

@@ -10,9 +10,9 @@ from PIL import Image
 
 from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.types import map_from_cells
-from recordings.log_memory import memory_markdown, storeys_of_memory
-from recordings.map_colours import GREY, vector_rgb
-from recordings.memory_recording import record_memory
+from recordings.maps import GREY, vector_rgb
+from recordings.memory import memory_markdown, storeys_of_memory
+from recordings.replay import record_memory
 from sim.errors import RecordingError
 from sim.mesh import Scene
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN

@@ -10,9 +10,9 @@ from PIL import Image
 
 from grounding.evaluation.evaluate import GroundSettings, SceneGrounder
 from grounding.report.asked_again import settings_of
-from recordings.carpets import on_map
-from recordings.log_grounding import outline, reground
-from recordings.log_maps import StoreyMap
+from recordings.layers import outline, reground
+from recordings.maps import on_map
+from recordings.scene import StoreyMap
 from recordings.traces import select_traces
 from sim.episodes.dataset import PersonalDataset
 from sim.mesh import Scene

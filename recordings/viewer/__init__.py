@@ -1,0 +1,1 @@
+"""Shows recordings to people: Rerun's own program, its windows, and its web viewer served on loopback."""
