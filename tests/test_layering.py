@@ -22,7 +22,7 @@ ROOMS = {
         words render walk episodes scans
         homes.cells homes.plan_versions homes.plan homes.kind homes.furniture homes.building homes.house homes.portrait
         homes.invented homes.clutter homes.recovered homes
-        copies authoring tasks exchange checks
+        copies authoring plan_view tasks exchange checks
     """,
     "grounding": """
         types

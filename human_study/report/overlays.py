@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.homes.kind import scene_labels
+from sim.plan_view.svg import free_floor
+from sim.plan_view.view import PlanView
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import EpisodeKey, GridSpec, TaskKind
 
@@ -72,7 +74,7 @@ def overlay_svg(
     shown = [(group, trials) for group, trials in shown if group.task == task and trials]
     lines = {id(trial): _points(trial) for _, trials in shown for trial in trials}
     points = np.concatenate([*lines.values(), np.zeros((0, 2))])
-    view = _View.around(points, floor)
+    view = _view_around(points, floor)
     drawn, rows = [], []
     for number, (group, trials) in reversed(list(enumerate(shown))):  # people above agents
         for trial in trials:
@@ -91,33 +93,16 @@ def overlay_svg(
     return _framed(f"{task.upper()} {key}", picture, below, size=(view.width, view.height))
 
 
-@dataclass(frozen=True, slots=True)
-class _View:
-    """From metres on the floor plan to pixels."""
-
-    low: tuple[float, float]
-    scale: float
-    """Pixels per metre."""
-    width: int
-    height: int
-
-    @classmethod
-    def around(cls, points: NDArray[np.float64], floor: FloorPlan | None) -> "_View":
-        corners = [points]
-        if floor is not None and floor.free.any():
-            rows, cols = np.nonzero(floor.free)
-            at = np.array([[rows.min(), cols.min()], [rows.max(), cols.max()]])
-            corners.append(floor.grid.xz_from_rc(at))
-            corners += [np.array(floor.targets).reshape(-1, 2) + shift for shift in (-0.5, 0.5)]  # and their rings
-        found = np.concatenate(corners)
-        found = found if len(found) else np.zeros((1, 2))
-        low, high = found.min(axis=0) - _MARGIN, found.max(axis=0) + _MARGIN
-        scale = _PIXELS / float(max(high - low))
-        return cls((float(low[0]), float(low[1])), scale, *(round(side * scale) for side in high - low))
-
-    def pixels(self, xz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 2) drawing coordinates of (N, 2) metres."""
-        return (xz - np.array(self.low)) * self.scale
+def _view_around(points: NDArray[np.float64], floor: FloorPlan | None) -> PlanView:
+    """The view of all that is drawn."""
+    corners = [points]
+    if floor is not None and floor.free.any():
+        rows, cols = np.nonzero(floor.free)
+        at = np.array([[rows.min(), cols.min()], [rows.max(), cols.max()]])
+        corners.append(floor.grid.xz_from_rc(at))
+        corners += [np.array(floor.targets).reshape(-1, 2) + shift for shift in (-0.5, 0.5)]  # and their rings
+    found = np.concatenate(corners)
+    return PlanView.around(found if len(found) else np.zeros((1, 2)), margin=_MARGIN, longest=_PIXELS)
 
 
 class _Trial(Protocol):
@@ -154,7 +139,7 @@ def _trial(points: NDArray[np.float64], trial: _Trial, number: int, *, is_dashed
     return _line(path, number, is_dashed=is_dashed) + end
 
 
-def _start(view: _View, shown: Sequence[tuple[TrialGroup, list[_Trial]]]) -> str:
+def _start(view: PlanView, shown: Sequence[tuple[TrialGroup, list[_Trial]]]) -> str:
     first = next((trial.item for _, trials in shown for trial in trials if isinstance(trial.item, EpisodeRun)), None)
     if first is None:
         return ""
@@ -162,27 +147,19 @@ def _start(view: _View, shown: Sequence[tuple[TrialGroup, list[_Trial]]]) -> str
     return _cross(*place)
 
 
-def _targets(view: _View, floor: FloorPlan | None) -> str:
+def _targets(view: PlanView, floor: FloorPlan | None) -> str:
     """A ring of one metre, within which an answer is right, around each target."""
     if floor is None or not floor.targets:
         return ""
     return "".join(_ring(x, y, view.scale) for x, y in view.pixels(np.array(floor.targets)))
 
 
-def _floor(view: _View, floor: FloorPlan | None) -> str:
-    """Free cells as one path, a rectangle per run of cells in a row, on what nobody can stand on."""
+def _floor(view: PlanView, floor: FloorPlan | None) -> str:
+    """The free floor, on what nobody can stand on."""
     if floor is None:
         return ""
-    edges = np.diff(np.pad(floor.free.astype(np.int8), ((0, 0), (1, 1))), axis=1)
-    firsts, lasts = np.argwhere(edges == 1), np.argwhere(edges == -1)
-    corner = view.pixels(floor.grid.xz_from_rc(firsts) - floor.grid.cell / 2)
-    side = floor.grid.cell * view.scale
-    runs = [
-        f"M{x:.1f} {y:.1f}h{(last - first) * side:.1f}v{side + 0.3:.1f}h{-(last - first) * side:.1f}z"
-        for (x, y), (_, first), (_, last) in zip(corner, firsts, lasts, strict=True)
-    ]
     ground = f'<rect width="{view.width}" height="{view.height}" fill="#dcdcd8"/>'
-    return f'{ground}<path d="{"".join(runs)}" fill="#ffffff"/>'
+    return ground + free_floor(view, floor.free, floor.grid)
 
 
 def overlay_name(key: EpisodeKey, task: TaskKind) -> str:

@@ -12,6 +12,7 @@ from sim.copies.cut import storey_mesh
 from sim.homes.cells import cells_from_runs
 from sim.homes.plan import HomePlan, Room
 from sim.mesh import Scene
+from sim.plan_view.view import PlanView
 from sim.render.raycast import SKY_RGB, Raycaster
 from sim.types import STOREY_GAP, Camera
 
@@ -67,11 +68,9 @@ def storey_picture(scene: Scene, plan: HomePlan | None, floor_y: float, *, size:
     )
     rooms = [] if plan is None else _room_names(plan, floor_y)
     words = [_Name(item.category, (item.centre[0], item.centre[2])) for item in shown]
-
-    def at(xz: tuple[float, float]) -> tuple[float, float]:
-        return (xz[0] - middle[0]) * scale + width / 2, (xz[1] - middle[2]) * scale + height / 2
-
-    _write(picture, [(name.text, at(name.xz)) for name in rooms], [(word.text, at(word.xz)) for word in words])
+    corner = (float(middle[0] - width / 2 / scale), float(middle[2] - height / 2 / scale))
+    view = PlanView(corner, scale, width, height)
+    _write(picture, view, rooms, words)
     return picture
 
 
@@ -111,17 +110,15 @@ def _cells_of(room: Room, plan: HomePlan) -> NDArray[np.int64]:
     return cells.rc[np.abs(cells.y - plan.storeys[room.storey].floor_y) < STOREY_GAP / 2]
 
 
-def _write(
-    picture: Image.Image,
-    rooms: Sequence[tuple[str, tuple[float, float]]],
-    words: Sequence[tuple[str, tuple[float, float]]],
-) -> None:
+def _write(picture: Image.Image, view: PlanView, rooms: Sequence[_Name], words: Sequence[_Name]) -> None:
     """Rooms in large letters, then objects in small ones wherever nothing is written yet."""
     draw = ImageDraw.Draw(picture)
     taken: list[tuple[float, float, float, float]] = []
     for names, size, fill in ((rooms, _NAME_SIZE, _INK), (words, _WORD_SIZE, _PAPER)):
         font = ImageFont.load_default(size=size)
-        for text, at in names:
+        for text, xz in names:
+            right, down = view.pixels(xz).tolist()
+            at = (right, down)
             box = draw.textbbox(at, text, font=font, anchor="mm")
             box = (box[0] - 3, box[1] - 2, box[2] + 3, box[3] + 2)
             if size == _WORD_SIZE and any(_overlap(box, other) for other in taken):

@@ -1,7 +1,6 @@
 """One failure from above as SVG: the map's scores, the answers, the right object and what else the home holds."""
 
 import html
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,14 +10,16 @@ from numpy.typing import NDArray
 from grounding.maps.files import load_memory
 from grounding.maps.home_map import HomeMemory, ObjectMap
 from grounding.types import FeatureMap, Layers
+from sim.plan_view.svg import free_floor
+from sim.plan_view.view import PlanView
 from sim.tasks.observers import FREE
 from sim.tasks.rules import SUCCESS_RADIUS
 from sim.types import STOREY_GAP, GridSpec
 
 from .gallery import DrawnFailure
 
-_PIXELS = 420
-"""Longer side of the drawing."""
+_PIXELS, _LEAST_PIXELS = 420, 160
+"""Longer side of the drawing, and least length of a side."""
 _MARGIN = 1.5
 """Metres around everything that is drawn."""
 _GROUND, _CLOSED, _KNOWN = "#f4f4f1", "#d7d7d2", "#e4e9f2"
@@ -28,20 +29,6 @@ _HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (25
 _GOAL, _ANSWER, _OTHER = "#d02020", "#ffffff", "#55555a"
 _NEAR = 2.5
 """Other objects are named up to so many metres from the answer or the goal; the mouse shows the others' names."""
-
-
-@dataclass(frozen=True, slots=True)
-class _View:
-    """From metres to pixels."""
-
-    low: NDArray[np.float64]
-    scale: float
-    width: int
-    height: int
-
-    def at(self, x: float, z: float) -> tuple[float, float]:
-        """(right, down) pixels."""
-        return float((x - self.low[0]) * self.scale), float((z - self.low[1]) * self.scale)
 
 
 def failure_svg(item: DrawnFailure) -> str:
@@ -66,6 +53,12 @@ def failure_svg(item: DrawnFailure) -> str:
     )
 
 
+def _at(view: PlanView, x: float, z: float) -> tuple[float, float]:
+    """(right, down) pixels."""
+    right, down = view.pixels((x, z)).tolist()
+    return right, down
+
+
 def _floor_y(item: DrawnFailure) -> float:
     return item.episode.targets[0].floor_y
 
@@ -80,35 +73,22 @@ def _on_storey(item: DrawnFailure) -> list[tuple[str, str, float, float, bool]]:
     ]
 
 
-def _view(item: DrawnFailure) -> _View:
+def _view(item: DrawnFailure) -> PlanView:
     points = [(x, z) for _, _, x, z, _ in _on_storey(item)] + [(p[0], p[2]) for p in item.answer.candidates]
     memory = item.again.memory
     if isinstance(memory, FeatureMap) and len(memory.rc):
         points += [tuple(xz) for xz in memory.grid.xz_from_rc(memory.rc).tolist()]
     elif isinstance(memory, ObjectMap):
         points += [(thing.centre[0], thing.centre[2]) for thing in memory.objects]
-    found = np.array(points, float)
-    low, high = found.min(axis=0) - _MARGIN, found.max(axis=0) + _MARGIN
-    scale = _PIXELS / float(max(high - low))
-    width, height = (max(160, round(side * scale)) for side in (high - low).tolist())
-    return _View(low, scale, width, height)
+    return PlanView.around(np.array(points, float), margin=_MARGIN, longest=_PIXELS, least=_LEAST_PIXELS)
 
 
-def _floor(view: _View, item: DrawnFailure) -> list[str]:
+def _floor(view: PlanView, item: DrawnFailure) -> list[str]:
     """What the robot that made the map knew to be free, a rectangle per run of cells in a row; none on oracle maps."""
     if item.again.map_file is None:
         return []
     occupancy = _memory_of(item.again.map_file).storey_near(_floor_y(item)).occupancy
-    edges = np.diff(np.pad((occupancy.cells == FREE).astype(np.int8), ((0, 0), (1, 1))), axis=1)
-    firsts, lasts = np.argwhere(edges == 1), np.argwhere(edges == -1)
-    cell, side = occupancy.grid.cell, occupancy.grid.cell * view.scale
-    corners = occupancy.grid.xz_from_rc(firsts) - cell / 2
-    runs = []
-    for (x, z), (_, first), (_, last) in zip(corners.tolist(), firsts.tolist(), lasts.tolist(), strict=True):
-        left, top = view.at(x, z)
-        width = (last - first) * side
-        runs.append(f"M{left:.1f} {top:.1f}h{width:.1f}v{side + 0.3:.1f}h{-width:.1f}z")
-    return [f'<path d="{"".join(runs)}" fill="#ffffff"/>']
+    return [free_floor(view, occupancy.cells == FREE, occupancy.grid)]
 
 
 @lru_cache(maxsize=4)
@@ -116,7 +96,7 @@ def _memory_of(path: Path) -> HomeMemory:
     return load_memory(path)
 
 
-def _cells(view: _View, memory: FeatureMap, layers: Layers | None) -> list[str]:
+def _cells(view: PlanView, memory: FeatureMap, layers: Layers | None) -> list[str]:
     """Every known cell with its final score; grey where the phrases' gate is closed."""
     known = [_square(view, memory.grid, rc, _KNOWN if layers is None else _CLOSED) for rc in memory.rc.tolist()]
     if layers is None:
@@ -130,22 +110,22 @@ def _cells(view: _View, memory: FeatureMap, layers: Layers | None) -> list[str]:
     return known + cells
 
 
-def _square(view: _View, grid: GridSpec, rc: list[int], colour: str, *, title: str = "") -> str:
+def _square(view: PlanView, grid: GridSpec, rc: list[int], colour: str, *, title: str = "") -> str:
     x, z = grid.origin_xz[0] + rc[1] * grid.cell, grid.origin_xz[1] + rc[0] * grid.cell
-    left, top = view.at(x, z)
+    left, top = _at(view, x, z)
     side = grid.cell * view.scale
     shape = f'<rect x="{left:.1f}" y="{top:.1f}" width="{side:.1f}" height="{side:.1f}" fill="{colour}" '
     shape += f'fill-opacity="{_OPAQUE}"'
     return f"{shape}><title>{title}</title></rect>" if title else f"{shape}/>"
 
 
-def _boxes(view: _View, memory: ObjectMap, layers: Layers | None) -> list[str]:
+def _boxes(view: PlanView, memory: ObjectMap, layers: Layers | None) -> list[str]:
     scores = layers.final if layers is not None and len(layers.final) == len(memory.objects) else None
     colours = [_KNOWN] * len(memory.objects) if scores is None else _heat(scores)
     parts = []
     for thing, colour in zip(memory.objects, colours, strict=True):
         (x0, _, z0), (x1, _, z1) = thing.box
-        left, top = view.at(x0, z0)
+        left, top = _at(view, x0, z0)
         width, height = (max(2.0, length * view.scale) for length in (x1 - x0, z1 - z0))
         name = html.escape(thing.caption or "no caption")
         parts.append(
@@ -165,7 +145,7 @@ def _heat(scores: NDArray[np.float32]) -> list[str]:
     return [name if known else _CLOSED for name, known in zip(names, is_known.tolist(), strict=True)]
 
 
-def _others(view: _View, item: DrawnFailure) -> list[str]:
+def _others(view: PlanView, item: DrawnFailure) -> list[str]:
     """A dot for every other object; its category beside it where it matters."""
     marked = [(target.position[0], target.position[2]) for target in item.episode.targets]
     marked += [(point[0], point[2]) for point in item.answer.candidates[:1]]
@@ -173,7 +153,7 @@ def _others(view: _View, item: DrawnFailure) -> list[str]:
     for name, category, x, z, is_right in _on_storey(item):
         if is_right:
             continue
-        left, top = view.at(x, z)
+        left, top = _at(view, x, z)
         same = category == item.episode.record.object_category
         dot = f'<circle cx="{left:.1f}" cy="{top:.1f}" r="{3.2 if same else 1.8}" '
         dot += f'fill="{_GOAL if same else _OTHER}" stroke="white" stroke-width=".7">'
@@ -184,10 +164,10 @@ def _others(view: _View, item: DrawnFailure) -> list[str]:
     return parts
 
 
-def _targets(view: _View, item: DrawnFailure) -> list[str]:
+def _targets(view: PlanView, item: DrawnFailure) -> list[str]:
     parts = []
     for target in item.episode.targets:
-        x, y = view.at(target.position[0], target.position[2])
+        x, y = _at(view, target.position[0], target.position[2])
         ring = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{SUCCESS_RADIUS * view.scale:.1f}" fill="none" stroke="{_GOAL}"'
         cross = f"M{x - 5:.1f} {y - 5:.1f}l10 10m-10 0l10 -10"
         parts.append(
@@ -198,11 +178,11 @@ def _targets(view: _View, item: DrawnFailure) -> list[str]:
     return parts
 
 
-def _answers(view: _View, item: DrawnFailure) -> list[str]:
+def _answers(view: PlanView, item: DrawnFailure) -> list[str]:
     """The candidates as numbered discs, the first one black."""
     parts = []
     for rank, point in reversed(list(enumerate(item.answer.candidates, start=1))):
-        x, y = view.at(point[0], point[2])
+        x, y = _at(view, point[0], point[2])
         fill, ink = ("#111", _ANSWER) if rank == 1 else (_ANSWER, "#111")
         parts.append(
             f'<circle cx="{x:.1f}" cy="{y:.1f}" r="7.5" fill="{fill}" stroke="#111" stroke-width="1.2"/>'
@@ -211,7 +191,7 @@ def _answers(view: _View, item: DrawnFailure) -> list[str]:
     return parts
 
 
-def _bar(view: _View) -> str:
+def _bar(view: PlanView) -> str:
     y = view.height - 8
     return (
         f'<path d="M8 {y} h{view.scale:.1f}" stroke="#111" stroke-width="2"/>'
@@ -219,7 +199,7 @@ def _bar(view: _View) -> str:
     )
 
 
-def _text(view: _View, x: float, y: float, text: str, colour: str) -> str:
+def _text(view: PlanView, x: float, y: float, text: str, colour: str) -> str:
     """Beside a place, towards the middle of the picture, so that its edge cuts nothing off."""
     is_right = x > 0.6 * view.width
     anchor = ' text-anchor="end"' if is_right else ""

@@ -1,0 +1,24 @@
+"""Floor plans from above: corners and sizes by hand, and the free floor as one path."""
+
+import numpy as np
+import pytest
+
+from sim.plan_view.svg import free_floor
+from sim.plan_view.view import PlanView
+from sim.types import GridSpec
+
+
+def test_a_view_holds_all_places_and_its_margin() -> None:
+    view = PlanView.around(np.array([[0.0, 0.0], [3.0, 1.0]]), margin=0.5, longest=400)
+    assert (view.low, view.scale, view.width, view.height) == ((-0.5, -0.5), 100.0, 400, 200)
+    assert view.pixels((-0.5, -0.5)).tolist() == [0, 0]
+    assert view.pixels([(3.5, 1.5), (0.0, 0.0)]).tolist() == [[400, 200], [50, 50]]
+    assert PlanView.around(np.zeros((1, 2)), margin=1.0, longest=10, least=16).width == 16
+
+
+def test_each_run_of_free_cells_is_one_rectangle() -> None:
+    view = PlanView((0.0, 0.0), 10.0, 40, 20)
+    free = np.array([[True, True, False, True], [False, False, False, False]])
+    drawn = free_floor(view, free, GridSpec((0.0, 0.0), 1.0, (2, 4)))
+    assert drawn == '<path d="M0.0 0.0h20.0v10.3h-20.0zM30.0 0.0h10.0v10.3h-10.0z" fill="#ffffff"/>'
+    assert view.pixels((2.0, 1.0)) == pytest.approx([20, 10])
