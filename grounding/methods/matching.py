@@ -18,7 +18,7 @@ from ..encoders.protocol import TextEncoder
 from ..maps.home_map import Memory, MemoryKind, require_grid
 from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
 from ..types import Candidate, FeatureMap, Grounding, Layers
-from .baselines import NUM_CANDIDATES, QueryScoring, candidates_at, rank_cells
+from .baselines import CANDIDATE_NMS, NUM_CANDIDATES, QueryScoring, candidates_at, rank_cells
 
 DUAL_TEMPERATURE = 10.0
 """Scale of cosines in both softmaxes (GROUNDING.md, section 3: 10-20); 10 beat 15 and 20 on noisy invented homes."""
@@ -148,10 +148,10 @@ def candidates_near(
     return tuple(found)
 
 
-def peaks_of(scores: NDArray[np.floating], rc: NDArray[np.integer]) -> NDArray[np.int64]:
+def peaks_of(scores: NDArray[np.floating], rc: NDArray[np.integer], *, nms_r: int = CANDIDATE_NMS) -> NDArray[np.int64]:
     """Each phrase's best cells (K, 3), best first; -1 = no more."""
     peaks = np.full((len(scores), NUM_CANDIDATES), -1, np.int64)
-    for row, best in zip(peaks, (rank_cells(values, rc) for values in scores), strict=True):
+    for row, best in zip(peaks, (rank_cells(values, rc, nms_r=nms_r) for values in scores), strict=True):
         row[: len(best)] = best
     return peaks
 

@@ -16,9 +16,9 @@ from sim.types import GridSpec, Task
 from ..encoders.protocol import TextEncoder
 from ..maps.home_map import Memory, MemoryKind, ObjectMap, require_objects
 from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
-from ..types import TIE, Candidate, Grounding, Layers
-from .baselines import NUM_CANDIDATES
-from .matching import DUAL_TEMPERATURE, dual_scores
+from ..types import Candidate, Grounding, Layers
+from .baselines import rank_cells
+from .matching import DUAL_TEMPERATURE, dual_scores, peaks_of
 
 _CELL = 1.0
 _MARGIN = 1
@@ -60,7 +60,8 @@ class ObjectMatcher:
         similarity = self._encoder.encode_texts(texts) @ features.T
         scores = dual_scores(similarity, temperature=self._temperature) if self._temperature else similarity
         grid = objects_grid(memory)
-        best = _ranked(scores[chosen])
+        each = np.arange(len(memory.objects))[:, None]  # several may stand in one cell
+        best = rank_cells(scores[chosen], each, nms_r=0)
         rc = grid.rc_from_xz(_middles_xz(memory))
         found = []
         for index in best:
@@ -74,7 +75,7 @@ class ObjectMatcher:
             final=scores[chosen].astype(np.float32),
             phrases=texts if wanted is not None else (),
             similarity=similarity if wanted is not None else similarity[:0],
-            peaks=_peaks(scores) if wanted is not None else np.empty((0, NUM_CANDIDATES), np.int64),
+            peaks=peaks_of(scores if wanted is not None else scores[:0], each, nms_r=0),
             chosen=chosen if wanted is not None else -1,
         )
         return Grounding(tuple(found), layers)
@@ -96,22 +97,3 @@ def objects_grid(memory: ObjectMap) -> GridSpec:
 def _middles_xz(memory: ObjectMap) -> NDArray[np.float64]:
     """(N, 2) world x and z of the middles of the things' boxes."""
     return np.array([item.centre for item in memory.objects], np.float64).reshape(-1, 3)[:, [0, 2]]
-
-
-def _ranked(scores: NDArray[np.floating]) -> list[int]:
-    """Indices of the best things, best first; scores closer than TIE are equal, and the first comes first."""
-    left = np.array(scores, np.float64)
-    best: list[int] = []
-    while len(best) < min(NUM_CANDIDATES, len(left)):
-        best.append(int(np.argmax(left >= left.max() - TIE)))
-        left[best[-1]] = -np.inf
-    return best
-
-
-def _peaks(scores: NDArray[np.floating]) -> NDArray[np.int64]:
-    """Each phrase's best things (K, 3), best first; -1 = no more."""
-    peaks = np.full((len(scores), NUM_CANDIDATES), -1, np.int64)
-    for row, values in zip(peaks, scores, strict=True):
-        best = _ranked(values)
-        row[: len(best)] = best
-    return peaks
