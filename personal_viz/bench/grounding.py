@@ -5,14 +5,10 @@ Also what a user feels: all episodes in a fresh process, and one query to its an
 
 import importlib.util
 import json
-import os
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -22,28 +18,28 @@ from grounding.encoders.by_name import make_encoder
 from grounding.methods.rpg import RegionGated, one_thread, rpg_dense, rpg_packed
 from grounding.phrases.rules import RulePhrases
 from sim.authoring.generation import invent_dataset
-from sim.cache import VARIABLE
 
-from .grounding_inputs import RELEASE, InputKind, MapBatch, SceneInputs, random_map, scene_inputs, solve_batch
+from .grounding_inputs import RELEASE, MapBatch, SceneInputs, random_map, scene_inputs, solve_batch
+from .harness import Plan, Progress, Report, Target, empty_cache, interleaved, machine, report_of
 from .literal_rpg import literal_rpg
-from .sim.measure import interleaved
 
-MOST = {
-    "b1.packed_ms": 1.0,
-    "b64.packed_ms": 10.0,
-    "all_episodes.packed_ms": 50.0,
-    "cold_s.hashed": 60.0,
-    "cold_s.minilm": 60.0,
-    "cold_phrase_s.hashed": 60.0,
-    "cold_phrase_s.minilm": 60.0,
-    "query_ms.hashed": 100.0,
-    "query_ms.minilm": 100.0,
-}
-LEAST = {
-    "b1.literal_over_packed": 7.0,
-    "b64.literal_over_packed": 100.0,
-    "all_episodes.literal_over_packed": 500.0,
-}
+PLAN = Plan(
+    targets={
+        "b1.packed_ms": Target(1.0),
+        "b64.packed_ms": Target(10.0),
+        "all_episodes.packed_ms": Target(50.0),
+        "b1.literal_over_packed": Target(7.0, at_least=True),
+        "b64.literal_over_packed": Target(100.0, at_least=True),
+        "all_episodes.literal_over_packed": Target(500.0, at_least=True),
+        "cold_s.hashed": Target(60.0),
+        "cold_s.minilm": Target(60.0),
+        "cold_phrase_s.hashed": Target(60.0),
+        "cold_phrase_s.minilm": Target(60.0),
+        "query_ms.hashed": Target(100.0),
+        "query_ms.minilm": Target(100.0),
+    },
+    references={"packed_ms": "packed_bound_ms", "batch_ms": "bound_ms", "literal_ms": "bound_ms"},
+)
 """GROUNDING.md, section 7.1."""
 
 
@@ -71,58 +67,25 @@ FULL = GroundingSettings()
 QUICK = GroundingSettings(batch=16, calls=5, repeats=2, scenes=3, encoders=("hashed",))
 
 
-class CaseFigures(BaseModel):
-    """One number of episodes; medians of elapsed milliseconds on one thread, texts encoded before."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    episodes: int
-    maps: int
-    cells: float
-    """Mean filled cells of a map."""
-    phrases: float
-    """Mean phrases of an episode."""
-    literal_ms: float
-    """Algorithm 1 as printed: normalises and copies the full grid for each episode."""
-    batch_ms: float
-    """`rpg_dense`: the full grid, no copy of it."""
-    packed_ms: float
-    """`rpg_packed`: filled cells only, each different phrase once per map."""
-    packed_with_names_ms: float | None = None
-    """The same with phrases that keep the owners' names, of which five times as many differ."""
-    bound_ms: float
-    """The product of texts and full grids alone."""
-    packed_bound_ms: float
-    """The product of the texts and the filled cells alone."""
-    literal_over_packed: float
-
-
-class GroundingFigures(BaseModel):
-    """What `bench grounding --json` prints."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    settings: GroundingSettings
-    inputs: InputKind
-    """Of `all_episodes` and the figures after it; `b1` and `b64` are random maps."""
-    b1: CaseFigures
-    b64: CaseFigures
-    all_episodes: CaseFigures
-    cold_s: dict[str, float]
-    """By encoder: seconds of a fresh process `ground --method rpg` on oracle maps over `cold_episodes` episodes; the
-    compiled loops are on disk. Empty = not measured."""
-    cold_phrase_s: dict[str, float]
-    """The same with `--method phrase`, which asks for a fifth of the texts: it reads phrases without their owners."""
-    cold_episodes: int
-    query_ms: dict[str, float]
-    """By encoder: description read by rules, texts encoded, answered by `rpg` on a map; median."""
-
-
-def measure_grounding(settings: GroundingSettings, *, progress: Callable[[str], None]) -> GroundingFigures:
+def measure_grounding(settings: GroundingSettings, *, quick: bool, progress: Progress) -> Report:
     """Measures everything in one run.
 
     Args:
         settings: How much.
+        quick: Written into the report.
         progress: Told what is done now.
+
+    Returns:
+        Values: `b1` and `b64` on random maps and `all_episodes`, medians of elapsed milliseconds on one thread, texts
+        encoded before: `literal_ms` of Algorithm 1 as printed, which normalises and copies the full grid for each
+        episode; `batch_ms` of `rpg_dense`, the full grid, no copy of it; `packed_ms` of `rpg_packed`, filled cells
+        only, each different phrase once per map; `packed_with_names_ms`, the same with phrases that keep the owners'
+        names, of which five times as many differ; `bound_ms` and `packed_bound_ms` of the product of texts and full
+        grids, or filled cells, alone. By encoder: `cold_s`, seconds of a fresh process `ground --method rpg` on oracle
+        maps over `cold_episodes` episodes, the compiled loops on disk; `cold_phrase_s` with `--method phrase`, which
+        asks for a fifth of the texts; `query_ms`, description read by rules, texts encoded, answered by `rpg` on a map.
     """
+    here, began_s = machine(), time.perf_counter()
     with one_thread():
         progress("one episode")
         one = random_case(settings, batch=1)
@@ -144,20 +107,30 @@ def measure_grounding(settings: GroundingSettings, *, progress: Callable[[str], 
         cold_phrase_s[name], _ = cold_start(name, method="phrase")
     progress("single queries")
     query_ms = {name: _query_ms(scenes, name) for name in names}
-    return GroundingFigures(
-        settings=settings,
-        inputs=kind,
-        b1=one,
-        b64=many,
-        all_episodes=every,
-        cold_s=cold_s,
-        cold_phrase_s=cold_phrase_s,
-        cold_episodes=cold_episodes,
-        query_ms=query_ms,
+    values = {
+        "inputs": kind,
+        "b1": one,
+        "b64": many,
+        "all_episodes": every,
+        "cold_s": cold_s,
+        "cold_phrase_s": cold_phrase_s,
+        "query_ms": query_ms,
+        "cold_episodes": cold_episodes,
+    }
+    note = (
+        f"Algorithm 1 on the CPU, one thread, texts encoded before; elapsed medians. b1 and b64: random maps of "
+        f"{settings.size} x {settings.size} x {settings.dim}, {settings.cells} cells filled, {settings.phrases} "
+        f"phrases (b64 has {settings.batch} episodes on as many maps). all_episodes: {every['episodes']} {kind} "
+        f"episodes on {every['maps']} maps with {every['cells']:.0f} filled cells and {every['phrases']:.1f} "
+        "phrases each, owners' names left out. Bound: the product of texts and full grids alone. cold_s: a fresh "
+        f"process over {cold_episodes} episodes with rpg, cold_phrase_s: with phrase. query_ms: one description and "
+        "query to an answer."
     )
+    seconds = time.perf_counter() - began_s
+    return report_of("grounding", values, PLAN, quick=quick, machine=here, seconds=seconds, notes=(note,))
 
 
-def random_case(settings: GroundingSettings, *, batch: int) -> CaseFigures:
+def random_case(settings: GroundingSettings, *, batch: int) -> dict[str, float | None]:
     """`batch` episodes on as many different random maps; the case of one goes through `calls` of them."""
     calls = settings.calls if batch == 1 else 1
     rng = np.random.default_rng(batch)
@@ -185,17 +158,20 @@ def random_case(settings: GroundingSettings, *, batch: int) -> CaseFigures:
     }
     found = interleaved(work, calls=calls, rounds=settings.repeats)
     ms = {f"{name}_ms": 1e3 * timing.wall_s for name, timing in found.items()}
-    return CaseFigures(
-        episodes=batch,
-        maps=batch,
-        cells=settings.cells,
-        phrases=settings.phrases,
-        literal_over_packed=ms["literal_ms"] / ms["packed_ms"],
+    return {
+        "episodes": batch,
+        "maps": batch,
+        "cells": settings.cells,
+        "phrases": settings.phrases,
+        "literal_over_packed": ms["literal_ms"] / ms["packed_ms"],
+        "packed_with_names_ms": None,
         **ms,
-    )
+    }
 
 
-def scenes_case(batches: Sequence[MapBatch], with_names: Sequence[MapBatch], *, repeats: int) -> CaseFigures:
+def scenes_case(
+    batches: Sequence[MapBatch], with_names: Sequence[MapBatch], *, repeats: int
+) -> dict[str, float | None]:
     """All episodes of some maps; the literal and the dense form take them one after another, once."""
     full = [torch.from_numpy(batch.memory.dense()) for batch in batches]
     texts = [torch.cat([batch.phrases, batch.queries]) for batch in batches]
@@ -213,14 +189,14 @@ def scenes_case(batches: Sequence[MapBatch], with_names: Sequence[MapBatch], *, 
                 phrases = batch.phrases[batch.uses[episode]]
                 method(grid[None], phrases[None], batch.queries[episode : episode + 1])
         ms[name] = 1e3 * (time.perf_counter() - started)
-    return CaseFigures(
-        episodes=sum(len(batch.queries) for batch in batches),
-        maps=len(batches),
-        cells=float(np.mean([len(batch.rows) for batch in batches])),
-        phrases=float(np.mean([count for batch in batches for count in batch.uses.sum(dim=1).tolist()])),
-        literal_over_packed=ms["literal_ms"] / ms["packed_ms"],
+    return {
+        "episodes": sum(len(batch.queries) for batch in batches),
+        "maps": len(batches),
+        "cells": float(np.mean([len(batch.rows) for batch in batches])),
+        "phrases": float(np.mean([count for batch in batches for count in batch.uses.sum(dim=1).tolist()])),
+        "literal_over_packed": ms["literal_ms"] / ms["packed_ms"],
         **ms,
-    )
+    }
 
 
 def cold_start(encoder: str, *, method: str) -> tuple[float, int]:
@@ -231,7 +207,7 @@ def cold_start(encoder: str, *, method: str) -> tuple[float, int]:
     Raises:
         subprocess.CalledProcessError: The command failed; what it said went to stderr.
     """
-    with _empty_cache() as folder:
+    with empty_cache() as folder:
         dataset = RELEASE
         if not dataset.is_dir():
             dataset = folder / "invented"
@@ -246,7 +222,7 @@ def cold_start(encoder: str, *, method: str) -> tuple[float, int]:
 def _query_ms(scenes: Sequence[SceneInputs], encoder_name: str) -> float:
     """Median over the last episode of each scene, all on one map; no text was encoded before."""
     seconds = []
-    with _empty_cache():
+    with empty_cache():
         encoder = make_encoder(encoder_name)
         memory = random_map(np.random.default_rng(0), dim=encoder.dim, encoder=encoder.name)
         grounder, source = RegionGated(encoder), RulePhrases()
@@ -256,20 +232,6 @@ def _query_ms(scenes: Sequence[SceneInputs], encoder_name: str) -> float:
             grounder.ground(memory, task, source.phrases(task))
             seconds.append(time.perf_counter() - started)
     return 1e3 * float(np.median(seconds))
-
-
-@contextmanager
-def _empty_cache() -> Iterator[Path]:
-    """An empty folder for cached vectors and anything else, in this process and those that it starts."""
-    before = os.environ.get(VARIABLE)
-    with tempfile.TemporaryDirectory() as name:
-        os.environ[VARIABLE] = f"{name}/cache"
-        try:
-            yield Path(name)
-        finally:
-            os.environ.pop(VARIABLE)
-            if before is not None:
-                os.environ[VARIABLE] = before
 
 
 def _has_minilm() -> bool:

@@ -3,7 +3,6 @@
 import io
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,19 +23,22 @@ from sim.tasks.run_files import Run
 from sim.types import Observation
 
 from ..browser import open_chromium
+from .harness import Plan, Progress, Report, Target, Timing, interleaved, machine, report_of
 from .opening import recording_opening_s
-from .sim.measure import Timing, interleaved
 from .walkers import RecordedHome, recorded_home, walked
 
-LIMITS = {
-    "cost_over_encoding": 1.3,
-    "cost_over_fast_encoding": 1.3,
-    "mb_with_pixels": 35.0,
-    "mb_without": 2.0,
-    "compare_build_s": 10.0,
-    "compare_open_s": 10.0,
-}
-"""Most that the figures may be."""
+PLAN = Plan(
+    targets={
+        "cost_over_encoding": Target(1.3),
+        "cost_over_fast_encoding": Target(1.3),
+        "mb_with_pixels": Target(35.0),
+        "mb_without": Target(2.0),
+        "compare_build_s": Target(10.0),
+        "compare_open_s": Target(10.0),
+    },
+    references={"steps_per_s": "encode_only_steps_per_s"},
+    units=dict.fromkeys(("mb_with_pixels", "mb_without", "compare_mb"), "MB"),
+)
 
 
 class RecordingSettings(BaseModel):
@@ -54,37 +56,6 @@ FULL = RecordingSettings()
 QUICK = RecordingSettings(num_people=2, num_agents=1, repeats=2)
 
 
-class RecordingFigures(BaseModel):
-    """What `bench recordings --json` prints."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    settings: RecordingSettings
-    steps_per_s: float
-    """Steps of an episode per elapsed second of the live observer writing a file: picture, map, texts, distances."""
-    encode_only_steps_per_s: float
-    """The same for a loop that encodes the same JPEGs with Pillow and does nothing else."""
-    encode_only_fast_steps_per_s: float
-    """The same with the encoder that the observer uses; its bytes are equal."""
-    cost_over_encoding: float
-    """Elapsed seconds of the observer over those of the loop with Pillow; medians."""
-    cost_over_fast_encoding: float
-    """The same over the loop with the observer's own encoder."""
-    cpu_cost_over_encoding: float
-    """CPU seconds of all threads over those of the loop with Pillow."""
-    mb_with_pixels: float
-    """Size of the episode's file as of a scan with pictures: geometry, pictures, map; 10^6 bytes."""
-    mb_without: float
-    """Size of the episode's file as of a scan without `--with-pixels`: poses and figures."""
-    compare_build_s: float
-    """Elapsed seconds to write one recording of all people and agents; pictures are rendered again from the poses."""
-    compare_open_s: float | None
-    """Seconds after which Rerun's web viewer shows that recording with all its pictures, in a headless Chromium that
-    draws with the CPU; median; None = there is no Chromium or no Playwright."""
-    compare_mb: float
-    compare_pictures: int
-    """Poses in it, each with its picture."""
-
-
 @dataclass(frozen=True, slots=True)
 class Played:
     """One walker's run and what it saw."""
@@ -94,13 +65,25 @@ class Played:
     """At the start and after each step."""
 
 
-def measure_recordings(settings: RecordingSettings, *, progress: Callable[[str], None]) -> RecordingFigures:
+def measure_recordings(settings: RecordingSettings, *, quick: bool, progress: Progress) -> Report:
     """Measures everything on one invented home.
 
     Args:
         settings: How much is recorded.
+        quick: Written into the report.
         progress: Told what is done now.
+
+    Returns:
+        Values: `steps_per_s`, steps of an episode per elapsed second of the live observer writing a file (picture, map,
+        texts, distances); `encode_only_steps_per_s` of a loop that encodes the same JPEGs with Pillow and does nothing
+        else, `encode_only_fast_steps_per_s` with the observer's own encoder, whose bytes are equal;
+        `cost_over_encoding`, `cost_over_fast_encoding` and `cpu_cost_over_encoding`, seconds over those of the loops;
+        `mb_with_pixels` and `mb_without`, the episode's file as of a scan with pictures, and with poses and figures
+        alone; `compare_build_s` to write one recording of all people and agents, whose pictures are rendered again,
+        `compare_open_s` until Rerun's web viewer shows it with all pictures in a headless Chromium that draws with the
+        CPU (None without Chromium or Playwright), `compare_mb`, and `compare_pictures`, poses with a picture.
     """
+    here, began_s = machine(), time.perf_counter()
     progress("inventing a home")
     home = recorded_home()
     renderer = renderer_of(home.scene)
@@ -119,46 +102,30 @@ def measure_recordings(settings: RecordingSettings, *, progress: Callable[[str],
         compared = (folder / "compare.rrd").stat().st_size
         open_s = _open_s(folder / "compare.rrd", repeats=settings.repeats)
     log, encode, fast = timings["log"], timings["encode"], timings["encode fast"]
-    return RecordingFigures(
-        settings=settings,
-        steps_per_s=settings.agent_steps / log.wall_s,
-        encode_only_steps_per_s=settings.agent_steps / encode.wall_s,
-        encode_only_fast_steps_per_s=settings.agent_steps / fast.wall_s,
-        cost_over_encoding=log.wall_s / encode.wall_s,
-        cost_over_fast_encoding=log.wall_s / fast.wall_s,
-        cpu_cost_over_encoding=log.core_s / encode.core_s,
-        mb_with_pixels=with_pixels / 1e6,
-        mb_without=without / 1e6,
-        compare_build_s=build_s,
-        compare_open_s=open_s,
-        compare_mb=compared / 1e6,
-        compare_pictures=sum(len(run.episodes[0].poses) for run in runs),
+    pictures = sum(len(run.episodes[0].poses) for run in runs)
+    values = {
+        "steps_per_s": settings.agent_steps / log.wall_s,
+        "encode_only_steps_per_s": settings.agent_steps / encode.wall_s,
+        "encode_only_fast_steps_per_s": settings.agent_steps / fast.wall_s,
+        "cost_over_encoding": log.wall_s / encode.wall_s,
+        "cost_over_fast_encoding": log.wall_s / fast.wall_s,
+        "cpu_cost_over_encoding": log.core_s / encode.core_s,
+        "mb_with_pixels": with_pixels / 1e6,
+        "mb_without": without / 1e6,
+        "compare_build_s": build_s,
+        "compare_open_s": open_s,
+        "compare_mb": compared / 1e6,
+        "compare_pictures": pictures,
+    }
+    note = (
+        f"One episode of {settings.agent_steps} steps in an invented home, logged by the observer of `run --rerun` "
+        "into a file, beside loops that encode the same JPEGs, with Pillow and (fast) with our own encoder: medians of "
+        f"{settings.repeats} episodes each, in turn. Then {settings.num_people} walkers of {settings.person_steps} "
+        f"steps and {settings.num_agents} of {settings.agent_steps} in one recording: {pictures} poses, each with its "
+        "picture, rendered again."
     )
-
-
-def figure_rows(figures: RecordingFigures) -> list[tuple[str, ...]]:
-    """Heads, then each figure with its target, where it has one."""
-    found = [(name, value) for name, value in figures if isinstance(value, float)]
-    rows = []
-    for name, value in found:
-        limit = LIMITS.get(name)
-        verdict = "" if limit is None else "yes" if value <= limit else "no"
-        rows.append((name, f"{value:.2f}", "" if limit is None else f"<= {limit:g}", verdict))
-    return [("figure", "found", "target", "met"), *rows]
-
-
-def markdown(figures: RecordingFigures) -> str:
-    """The table, and what was measured."""
-    heads, *rows = ("| " + " | ".join(row) + " |" for row in figure_rows(figures))
-    used = figures.settings
-    text = (
-        f"One episode of {used.agent_steps} steps in an invented home, logged by the observer of `run --rerun` into a "
-        f"file, beside loops that encode the same JPEGs, with Pillow and (fast) with our own encoder: medians of "
-        f"{used.repeats} episodes each, in turn. Then "
-        f"{used.num_people} walkers of {used.person_steps} steps and {used.num_agents} of {used.agent_steps} in one "
-        f"recording: {figures.compare_pictures} poses, each with its picture, rendered again."
-    )
-    return "\n".join(["# Recordings", "", text, "", heads, "|---|---|---|---|", *rows, ""])
+    seconds = time.perf_counter() - began_s
+    return report_of("recordings", values, PLAN, quick=quick, machine=here, seconds=seconds, notes=(note,))
 
 
 def _play(home: RecordedHome, renderer: Renderer, *, num_steps: int) -> Played:

@@ -1,6 +1,10 @@
-"""The homes of a study as bots on our own machine know them: from its plan and dataset, with the ground truth."""
+"""What bots on our own machine know of a study's homes, with the ground truth: where to go, and where to point."""
 
 import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
 
 from human_study.design.plan import PRACTICE_FOLDER, load_plan
 from human_study.design.study import load_study
@@ -9,9 +13,32 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.homes.open_home import open_scene
 from sim.mesh import Scene
-from sim.types import EpisodeKey
+from sim.tasks.agents import ShortestPathAgent
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import Vector3
+from sim.types import Action, EpisodeKey
 
 from .site import Site
+
+_BESIDE = 0.3
+"""How far beside a place (metres)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """A place to point at."""
+
+    storey: int
+    """Index of the storey on which it is, as the page counts them, from 0."""
+    point: Vector3
+    """World metres, on the storey's floor."""
+
+
+def beside(aim: Aim) -> list[Aim]:
+    """Four places round a place: where a click at the place itself meets nothing, one of these does."""
+    x, y, z = aim.point
+    sides = ((_BESIDE, 0.0), (0.0, _BESIDE), (-_BESIDE, 0.0), (0.0, -_BESIDE))
+    return [Aim(aim.storey, (x + dx, y, z + dz)) for dx, dz in sides]
 
 
 class BotHomes:
@@ -28,7 +55,8 @@ class BotHomes:
         self._plan = load_plan(site.folder, self.config)
         self._practice = {scene.name for scene in self._plan.practice_scenes}
         self._scenes: dict[str, Scene] = {}
-        self._lock = threading.Lock()
+        self._ways: dict[EpisodeKey, tuple[Action, ...]] = {}
+        self._lock = threading.RLock()
 
     def due(self, code: str) -> EpisodeKey | None:
         """Episode of the participant's present trial; None when there is none."""
@@ -47,6 +75,51 @@ class BotHomes:
                 clutter = self._plan.scene(name).clutter
                 self._scenes[name] = open_scene(self._dataset(name), name, scenes_dir=folder, clutter=clutter)
             return self._scenes[name]
+
+    def way(self, code: str) -> Sequence[Action]:
+        """The shortest way to the target of the participant's present trial, STOP last; () when there is no trial."""
+        key = self.due(code)
+        if key is None:
+            return ()
+        with self._lock:
+            if key not in self._ways:
+                self._ways[key] = self._walk(key)
+            return self._ways[key]
+
+    def goal(self, code: str) -> Aim | None:
+        """The first target of the participant's present trial; None when there is none."""
+        key = self.due(code)
+        if key is None:
+            return None
+        (target, *_) = self.episode(key).targets
+        heights = self.scene(key.scene).navigation.storey_heights
+        storey = int(np.argmin([abs(height - target.floor_y) for height in heights]))
+        x, _, z = target.position
+        return Aim(storey, (x, heights[storey], z))
+
+    def anywhere(self, code: str, rng: np.random.Generator) -> Aim | None:
+        """A place to stand on any storey of the home of the participant's present trial; None when there is none."""
+        key = self.due(code)
+        if key is None:
+            return None
+        navigation = self.scene(key.scene).navigation
+        storey = int(rng.integers(len(navigation.storey_heights)))
+        floor_y = navigation.storey_heights[storey]
+        free = navigation.top_down(floor_y)
+        cells = np.argwhere(free.free)
+        x, z = free.grid.xz_from_rc(cells[int(rng.integers(len(cells)))]).tolist()
+        return Aim(storey, (x, floor_y, z))
+
+    def _walk(self, key: EpisodeKey) -> tuple[Action, ...]:
+        episode, navigation = self.episode(key), self.scene(key.scene).navigation
+        env = PanEnv(episode.start, navigation, renderer=None, max_steps=self.config.steps)
+        agent = ShortestPathAgent(episode, navigation)
+        agent.reset(self.config.task_for(episode, "pan"), env.camera, seed=0)
+        observation, actions = env.reset(), []
+        while not env.is_over:
+            actions.append(agent.act(observation))
+            observation = env.step(actions[-1])
+        return tuple(actions)
 
     def _dataset(self, scene: str) -> PersonalDataset:
         return PersonalDataset(self._site.folder / PRACTICE_FOLDER if scene in self._practice else self._site.dataset)

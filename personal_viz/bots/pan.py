@@ -2,13 +2,15 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from sim.types import Action
 
-from .log import Press
+from ..study_app.operator.served import Person
+from .homes import BotHomes
 from .page import BotPage
-from .walker import ANSWER_S, BURST, BURST_GAP_S, PRESS_GAP_S, Bot, BotKind
+from .records import BotKind, Press
+from .walker import ANSWER_S, BURST, BURST_GAP_S, PRESS_GAP_S, Bot
 
 HOTKEYS = {
     Action.FORWARD: "W",
@@ -24,8 +26,6 @@ CODES = {"W": "KeyW", "A": "KeyA", "D": "KeyD", "R": "KeyR", "F": "KeyF", "enter
 _RANDOM_MOVES = (Action.FORWARD, Action.FORWARD, Action.FORWARD, Action.LEFT, Action.RIGHT)
 _STEPS_OF_RANDOM = 80
 """After so many steps a bot that does not know the way stops."""
-Way = Callable[[str], Sequence[Action]]
-"""All actions of a participant's present trial, STOP last, from its start; () when there is none."""
 
 
 class PanBot(Bot):
@@ -33,25 +33,9 @@ class PanBot(Bot):
 
     task = "pan"
 
-    def __init__(
-        self,
-        code: str,
-        link: str,
-        kind: BotKind,
-        *,
-        rate: float,
-        seed: int,
-        answers: frozenset[str] = frozenset(),
-        way: Way | None = None,
-    ) -> None:
-        """Does nothing yet; arguments as Bot's.
-
-        Args:
-            way: Where a `shortest` bot gets its actions.
-        """
-        assert (way is not None) == (kind == "shortest"), kind
-        super().__init__(code, link, kind, rate=rate, seed=seed, answers=answers)
-        self._way = way
+    def __init__(self, person: Person, kind: BotKind, homes: BotHomes | None, *, rate: float, seed: int) -> None:
+        """Does nothing yet; arguments as Bot's. A `shortest` bot asks `homes` for the way."""
+        super().__init__(person, kind, homes, rate=rate, seed=seed)
         self._planned: Sequence[Action] | None = None
         self._press: tuple[Press, int] | None = None
         """The key whose answer is awaited, and the step that it leads to."""
@@ -124,9 +108,9 @@ class PanBot(Bot):
 
     async def _next_action(self) -> Action:
         step = self._page.step_shown or 0
-        if self._way is not None:
+        if self._kind == "shortest":
             if self._planned is None:
-                self._planned = await asyncio.to_thread(self._way, self.log.code)
+                self._planned = await asyncio.to_thread(self._known.way, self.log.code)
             return self._planned[step] if step < len(self._planned) else Action.STOP
         if step >= _STEPS_OF_RANDOM:
             return Action.STOP

@@ -6,22 +6,15 @@ A click is stored when its mark is there, so that is its answer; a confirmed mar
 import asyncio
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from .goal import Aim, beside
-from .log import Confirmed, Pointed
-from .mouse import click, look_down, ray_to
+from ..study_app.operator.served import Person
+from .homes import Aim, BotHomes, beside
 from .page import BotPage
-from .walker import ANSWER_S, BURST, BURST_GAP_S, Bot, BotKind
-from .wire import BotConnection
+from .records import BotKind, Confirmed, Pointed
+from .walker import ANSWER_S, BURST, BURST_GAP_S, Bot
+from .wire import BotConnection, ray_to
 
-FindGoal = Callable[[str], Aim | None]
-"""Where a participant's present target is; None when there is no trial."""
-FindPlace = Callable[[str, np.random.Generator], Aim | None]
-"""A place to click at random; None when there is no trial."""
 _LOOKS = 2
 """Places from which the home is looked at before the texts are asked for."""
 _CLICKS = 3
@@ -44,27 +37,9 @@ class PogBot(Bot):
 
     task = "pog"
 
-    def __init__(
-        self,
-        code: str,
-        link: str,
-        kind: BotKind,
-        *,
-        rate: float,
-        seed: int,
-        answers: frozenset[str] = frozenset(),
-        goal: FindGoal | None = None,
-        anywhere: FindPlace,
-    ) -> None:
-        """Does nothing yet; arguments as Bot's.
-
-        Args:
-            goal: Where a `shortest` bot points.
-            anywhere: Where all others do.
-        """
-        assert (goal is not None) == (kind == "shortest"), kind
-        super().__init__(code, link, kind, rate=rate, seed=seed, answers=answers)
-        self._goal, self._anywhere = goal, anywhere
+    def __init__(self, person: Person, kind: BotKind, homes: BotHomes | None, *, rate: float, seed: int) -> None:
+        """Does nothing yet; arguments as Bot's. It asks `homes` for places; a `shortest` bot for the target."""
+        super().__init__(person, kind, homes, rate=rate, seed=seed)
         self._plan: _Plan | None = None
         self._num_looks = 0
         self._storey: int | None = 0
@@ -113,7 +88,7 @@ class PogBot(Bot):
             self._cut_off()
 
     async def _act_in_the_dark(self) -> None:
-        aim = await asyncio.to_thread(self._anywhere, self.log.code, self._rng)
+        aim = await asyncio.to_thread(self._known.anywhere, self.log.code, self._rng)
         if aim is not None and self._page.is_pointing:
             await self._click(aim, awaited=False)
 
@@ -141,11 +116,11 @@ class PogBot(Bot):
 
     async def _planned(self) -> _Plan:
         """What to do in the present trial."""
-        if self._goal is not None:
-            aim = await asyncio.to_thread(self._goal, self.log.code)
+        if self._kind == "shortest":
+            aim = await asyncio.to_thread(self._known.goal, self.log.code)
             return _Plan([] if aim is None else [aim, *beside(aim)])
         num_clicks = 1 + int(self._rng.integers(_CLICKS))
-        found = [await asyncio.to_thread(self._anywhere, self.log.code, self._rng) for _ in range(num_clicks)]
+        found = [await asyncio.to_thread(self._known.anywhere, self.log.code, self._rng) for _ in range(num_clicks)]
         return _Plan([aim for aim in found if aim is not None], int(self._rng.integers(2)))
 
     async def _look(self, next_s: float) -> None:
@@ -154,7 +129,7 @@ class PogBot(Bot):
             self._num_looks += 1
             angle = float(self._rng.uniform(0, 2 * math.pi))
             eye = (6 * math.cos(angle), 6.0, 6 * math.sin(angle))
-            await look_down(self._open, eye)
+            await self._open.look_down(eye)
             return
         button = self._page.button(r"^show what to find")
         if button is None or ("can go on in" in self._page.text and self._kind != "impatient"):
@@ -183,7 +158,7 @@ class PogBot(Bot):
             await asyncio.sleep(BURST_GAP_S)
             await self._click(aim, awaited=False)
         await self._until_shown(pointed, next_s)
-        if self._goal is not None and pointed.shown_s is not None and self._plan is not None:
+        if self._kind == "shortest" and pointed.shown_s is not None and self._plan is not None:
             self._plan.aims = []
 
     async def _until_shown(self, pointed: Pointed, next_s: float) -> None:
@@ -193,11 +168,11 @@ class PogBot(Bot):
     async def _click(self, aim: Aim, *, awaited: bool) -> Pointed:
         """Goes over the place and clicks at it."""
         ray = ray_to(aim.point, self._rng)
-        await look_down(self._open, ray[0])
+        await self._open.look_down(ray[0])
         pointed = Pointed(time.perf_counter(), (aim.point[0], aim.point[2]), ray, is_awaited=awaited)
         self.log.points.append(pointed)
         self._on_way.append(pointed)
-        await click(self._open, ray)
+        await self._open.click(ray)
         return pointed
 
     async def _move_mark(self, next_s: float) -> None:

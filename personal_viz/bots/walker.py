@@ -14,12 +14,11 @@ import numpy as np
 from sim.errors import StudyError
 from sim.types import TaskKind
 
-from .flow import answer_page, is_the_end, is_the_pause
-from .log import KINDS as KINDS
-from .log import BotKind as BotKind
-from .log import BotLog as BotLog
-from .log import Press as Press
+from ..study_app.operator.served import Person
+from .flow import answer_page, is_the_end, is_the_pause, right_answers
+from .homes import BotHomes
 from .page import BotPage
+from .records import BotKind, BotLog
 from .wire import BotConnection, enter
 
 PRESS_GAP_S = 0.06
@@ -44,28 +43,19 @@ class Bot(ABC):
 
     task: ClassVar[TaskKind]
 
-    def __init__(
-        self,
-        code: str,
-        link: str,
-        kind: BotKind,
-        *,
-        rate: float,
-        seed: int,
-        answers: frozenset[str] = frozenset(),
-    ) -> None:
+    def __init__(self, person: Person, kind: BotKind, homes: BotHomes | None, *, rate: float, seed: int) -> None:
         """Does nothing yet.
 
         Args:
-            code: The participant.
-            link: Personal link.
+            person: Whom it stands for.
             kind: How it behaves.
+            homes: Where it knows the right answers to the quiz from, and, as its kind wants, more; None = from nowhere.
             rate: Actions per second.
             seed: Of its choices.
-            answers: The right answers to the quiz (`bots_flow.right_answers`).
         """
-        self.log = BotLog(code, kind, self.task)
-        self._link, self._kind, self._answers = link, kind, answers
+        self.log = BotLog(person.code, kind, self.task)
+        self._link, self._kind, self._homes = person.link, kind, homes
+        self._answers = frozenset() if homes is None else right_answers(homes.config, self.task)
         self._rate = rate / SLOWER if kind == "slow" else rate
         self._rng = np.random.default_rng(seed)
         self._connection: BotConnection | None = None
@@ -211,9 +201,15 @@ class Bot(ABC):
             elif time.perf_counter() > deadline_s:
                 raise StudyError(
                     f"{self.log.code}: the page says {page.text[:200]!r}; expected one that a bot can answer. "
-                    "Teach bots_flow.py the page."
+                    "Teach personal_viz/bots/flow.py the page."
                 )
             await self._until(lambda page=page, before=before: set(page.elements) != before, within_s=1.0)
+
+    @property
+    def _known(self) -> BotHomes:
+        """What only a bot on the study's own machine knows."""
+        assert self._homes is not None
+        return self._homes
 
     @property
     def _sure(self) -> int:

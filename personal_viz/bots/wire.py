@@ -1,25 +1,41 @@
-"""How a bot comes in: the personal link's token for a session, as the entry page does it, then viser's websocket."""
+"""A bot's browser: it comes in with a personal link, then sends over viser's websocket what viser's client would send.
+
+Its camera goes over a place and looks straight down; a click sends the ray from there through the place.
+"""
 
 import asyncio
 import http.client
 import http.cookies
 import json
+import math
 import urllib.request
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
+import numpy as np
 import viser
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.typing import Subprotocol
 
 from sim.errors import StudyError
+from sim.tasks.run_files import Vector3
 
 from ..study_app.first_camera import CAMERA
 from .page import BotPage
 
 ENTER_S = 60.0
 """Longest wait for the gateway's answers."""
+
+
+ABOVE = 8.0
+"""Height of the camera over the place (metres)."""
+ASIDE = 0.05
+"""The place is so far from the picture's middle at most, so that no two clicks have the same ray (metres)."""
+_WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+"""A camera (OpenCV axes) that looks straight down: right = +x, down = +z."""
+Ray = tuple[Vector3, Vector3]
+"""Origin in world metres, direction of length 1."""
 
 
 class BotConnection:
@@ -58,6 +74,26 @@ class BotConnection:
         await self.set_value(box.uuid, json.dumps({"seat": seat, "said": [said]}))
         return True
 
+    async def look_down(self, eye: Vector3) -> None:
+        """Moves the camera there."""
+        x, y, z = eye
+        looks = {"position": eye, "look_at": (x, y - 1, z), "wxyz": _WXYZ_DOWN, "up_direction": (0.0, 0.0, -1.0)}
+        await self.send(CAMERA | looks)
+
+    async def click(self, ray: Ray) -> None:
+        """Clicks into the scene."""
+        origin, direction = ray
+        await self.send(
+            {
+                "type": "ScenePointerMessage",
+                "event_type": "click",
+                "ray_origin": origin,
+                "ray_direction": direction,
+                "screen_pos": [screen_pos(direction)],
+                "modifier": None,
+            }
+        )
+
     async def send(self, message: dict[str, object]) -> None:
         """As a browser sends it; nothing when the connection has ended."""
         try:
@@ -74,6 +110,22 @@ class BotConnection:
         """Hangs up as a lost network does: no closing words."""
         self.is_open = False
         self._socket.transport.abort()
+
+
+def ray_to(point: Vector3, rng: np.random.Generator) -> Ray:
+    """The ray of a click at a place, seen from above."""
+    x, y, z = point
+    dx, dz = (float(value) for value in rng.uniform(-ASIDE, ASIDE, 2))
+    length = math.hypot(dx, ABOVE, dz)
+    return (x + dx, y + ABOVE, z + dz), (-dx / length, -ABOVE / length, -dz / length)
+
+
+def screen_pos(direction: Vector3) -> tuple[float, float]:
+    """Where on the screen the ray of a camera that looks straight down goes through: right and down, from 0 to 1."""
+    half = math.tan(CAMERA["fov"] / 2)
+    aspect = CAMERA["image_width"] / CAMERA["image_height"]
+    x, y, z = direction
+    return 0.5 - x / y / (2 * half * aspect), 0.5 - z / y / (2 * half)
 
 
 async def enter(link: str) -> BotConnection:

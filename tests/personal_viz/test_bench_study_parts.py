@@ -28,54 +28,53 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_after_kills_everything_acknowledged_is_there_and_people_are_where_they_were(
     tmp_path: Path, dataset: Path
 ) -> None:
-    settings = KillSettings(kills=3, bots=3, most_keys=5, seed=12)
+    settings = KillSettings(kills=2, bots=3, most_keys=5, seed=18, workers=1)
     found = measure_kills(settings, folder=tmp_path, dataset=dataset, progress=print)
-    assert found.problems == ()
-    assert 0 < found.gateway_kills < found.kills == 3  # both kinds
-    assert (found.lost_after_kill, found.duplicated_after_kill, found.unknown_after_kill) == (0, 0, 0)
-    assert (found.chain_failures, found.resumed_elsewhere) == (0, 0)
-    assert found.resumes >= 3
-    assert found.acked_keys >= 6
-    assert found.steps_done_again >= found.acked_keys / 2
+    assert found["problems"] == ()
+    assert 0 < found["gateway_kills"] < found["kills"] == 2  # both kinds
+    assert (found["lost_after_kill"], found["duplicated_after_kill"], found["unknown_after_kill"]) == (0, 0, 0)
+    assert (found["chain_failures"], found["resumed_elsewhere"]) == (0, 0)
+    assert found["resumes"] >= 3
+    assert found["acked_keys"] >= 6
+    assert found["steps_done_again"] >= found["acked_keys"] / 2
 
 
 @pytest.mark.release
 def test_people_come_back_after_a_restart(tmp_path: Path, dataset: Path) -> None:
     settings = RestartSettings(restarts=1, bots=3, acted_keys=5, with_browser=False)
     found = measure_restarts(settings, folder=tmp_path, dataset=dataset, progress=print)
-    assert found.problems == ()
-    assert (found.lost, found.duplicated, found.resumed_elsewhere, found.processes_left) == (0, 0, 0, 0)
-    assert found.resumes == found.participants == 3
-    assert found.browser_returns is None
+    assert found["problems"] == ()
+    assert (found["lost"], found["duplicated"], found["resumed_elsewhere"], found["processes_left"]) == (0, 0, 0, 0)
+    assert found["resumes"] == found["participants"] == 3
+    assert found["browser_returns"] is None
 
 
 @pytest.mark.release
 def test_nothing_is_left_of_people_who_left(tmp_path: Path, dataset: Path) -> None:
     settings = SoakSettings(seconds=5.0, bots=4)
     found = measure_soak(settings, folder=tmp_path, dataset=dataset, progress=print)
-    assert found.problems == ()
-    assert (found.lost, found.duplicated, found.leases_left) == (0, 0, 0)
-    assert found.actions > 10
-    if found.at_start is not None:
-        assert (found.at_start.clients, found.clients_growth, found.clients_left) == (4, 0, 0)
+    assert found["problems"] == ()
+    assert (found["lost"], found["duplicated"], found["leases_left"]) == (0, 0, 0)
+    assert found["actions"] > 10
+    assert (found["at_start"]["clients"], found["clients_growth"], found["clients_left"]) == (4, 0, 0)
 
 
 @pytest.mark.bench
 def test_a_crowds_keys_are_looked_for_in_the_records(tmp_path: Path, dataset: Path) -> None:
     settings = PeopleSettings(bots=6, seconds=3.0)
     found = measure_people(settings, folder=tmp_path, dataset=dataset, progress=print)
-    assert found.problems == ()
-    assert (found.participants, found.lost, found.duplicated) == (6, 0, 0)
-    assert found.actions >= 12
-    assert found.ack_p50_ms is not None
+    assert found["problems"] == ()
+    assert (found["participants"], found["lost"], found["duplicated"]) == (6, 0, 0)
+    assert found["actions"] >= 12
+    assert found["ack_p50_ms"] is not None
 
 
 @pytest.mark.bench
 def test_somebody_opens_a_large_home_while_others_walk(tmp_path: Path, dataset: Path) -> None:
     settings = BigHomeSettings(faces=30_000, bots=2, before_s=2.0)
     found = measure_big_home(settings, folder=tmp_path, dataset=dataset, progress=print)
-    assert found.problems == ()
-    assert found.faces >= 30_000
-    assert found.browser_mb > 0.1
-    assert found.while_ack_p99_ms is not None
-    assert (found.lost, found.duplicated) == (0, 0)
+    assert found["problems"] == ()
+    assert found["faces"] >= 30_000
+    assert found["browser_mb"] > 0.1
+    assert found["while_ack_p99_ms"] is not None
+    assert (found["lost"], found["duplicated"]) == (0, 0)

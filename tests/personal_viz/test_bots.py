@@ -1,4 +1,4 @@
-"""Simulated participants: what they see of a page, what they answer, and what is counted of what they did."""
+"""Simulated participants: what they know, and what is counted of what they did."""
 
 from pathlib import Path
 
@@ -9,77 +9,20 @@ from human_study.design.study import load_study
 from human_study.store.store import open_store
 from human_study.tickets import token_hash
 from human_study.trial.events import Act, Dropped, Key, Open
-from personal_viz.bots.count import count_keys
-from personal_viz.bots.flow import is_the_end, right_answers
-from personal_viz.bots.page import BotPage
-from personal_viz.bots.run import quantile
+from personal_viz.bots.flow import right_answers
+from personal_viz.bots.records import BotLog, Press, count_bots
 from personal_viz.bots.site import copy_plan, cpu_seconds, make_bot_study
-from personal_viz.bots.walker import BotLog, Press
 from personal_viz.cli.study.bots import StudyBots
 from sim.errors import StudyError
 from sim.types import PAPER4, Action
 from tests.human_study.small_world import SCENE_DIGEST, plan, study
-from tests.personal_viz.bot_pages import button, html, wire
-
-
-def picture(step: int) -> str:
-    return f'<img alt="x" data-step="{step}" src="data:image/jpeg;base64,AAAA">'
-
-
-def walking_page() -> BotPage:
-    page = BotPage()
-    command = {"type": "RegisterCommandMessage", "uuid": "w", "props": {"label": "forward", "hotkey": "W"}}
-    page.apply(wire(html("status", "<b>Step 3 of 500</b>"), html("image", picture(3)), command))
-    return page
-
-
-def test_a_bot_reads_steps_from_counter_and_picture() -> None:
-    page = walking_page()
-    assert (page.step_counted, page.step_shown, page.is_walking, page.num_frames) == (3, 3, True, 1)
-    page.apply(wire({"type": "GuiUpdateMessage", "uuid": "status", "updates": {"content": "<b>Step 4 of 500</b>"}}))
-    assert (page.step_counted, page.step_shown) == (4, 3)
-    page.apply(wire({"type": "GuiUpdateMessage", "uuid": "image", "updates": {"content": picture(4)}}))
-    assert (page.step_shown, page.num_frames) == (4, 2)
-    page.apply(wire({"type": "GuiRemoveMessage", "uuid": "image"}))
-    assert not page.is_walking
-
-
-def test_a_bot_finds_buttons_that_a_person_could_press() -> None:
-    page = BotPage()
-    page.apply(wire(button("1", "Next trial", visible=False), button("2", "Next trial"), button("3", "Give up")))
-    found = page.button("^next")
-    assert found is not None
-    assert found.uuid == "2"
-    assert page.button("^start") is None
-
-
-def test_a_bot_finds_the_letter_box_of_the_pages_script() -> None:
-    page = BotPage()
-    call = "window.personalPage.begin(&quot;aB-9_&quot;,{},[])"
-    box = {"type": "GuiTextMessage", "uuid": "box", "value": "", "props": {"label": "messages of this page"}}
-    page.apply(wire(html("script", f'<img onerror="{call}">'), box))
-    assert page.seat == "aB-9_"
-    assert page.letter_box is not None
-    assert page.letter_box.uuid == "box"
-
-
-def test_the_last_page_is_the_one_without_buttons() -> None:
-    page = BotPage()
-    page.apply(wire(html("text", "<h1>Thank you!</h1>"), button("1", "Next trial")))
-    assert not is_the_end(page)
-    page.apply(wire({"type": "GuiRemoveMessage", "uuid": "1"}))
-    assert is_the_end(page)
+from tests.human_study.stores import opened
 
 
 def test_bots_know_one_right_answer_to_each_question() -> None:
     answers = right_answers(study(task=("pan",)))
     assert "Within 1 metre of the middle of the object" in answers
     assert "Anywhere in the same room" not in answers
-
-
-def test_quantiles_of_nothing_are_not_numbers() -> None:
-    assert quantile([], 0.5) is None
-    assert quantile([1.0, 3.0], 0.5) == 2.0
 
 
 def test_every_key_is_looked_for_by_itself(tmp_path: Path) -> None:
@@ -107,13 +50,23 @@ def test_every_key_is_looked_for_by_itself(tmp_path: Path) -> None:
         store.append_many(trial.trial_id, trial.epoch, (busy, Dropped(t_s=10.0, reason="busy")))
     log = BotLog("p02", "random", presses=[Press(mark, 0.0) for mark in (1.5, 2.5, 3.5, 4.5, 10.0)])
     log.presses[3].was_cut_off = True
-    found = count_keys(tmp_path, [log])
-    assert (found.lost, found.cut_off) == (2, 0), "a later key of the same connection is stored"
+    found = count_bots(tmp_path, [log])
+    assert (len(found.lost), found.cut_off) == (2, 0), "a later key of the same connection is stored"
     log.ends = [4]
-    found = count_keys(tmp_path, [log])
-    assert (found.sent, found.stored, found.lost, found.cut_off) == (5, 3, 1, 1)
+    found = count_bots(tmp_path, [log])
+    assert (found.sent, found.stored, found.lost, found.cut_off) == (5, 3, ("p02 (random): key 3 of 5",), 1)
     assert (found.duplicated, found.unknown, found.dropped) == (1, 1, {"busy": 1})
-    assert found.events == 1 + 2 * 4 + 2
+
+
+def test_a_key_that_is_stored_without_the_pages_time_is_not_lost(tmp_path: Path) -> None:
+    store, trial = opened(tmp_path)
+    with store:
+        for mark in (1.0, None, 3.0):
+            key = Key(t_s=1.0, t_cli_ms=mark, code="KeyW", action=Action.FORWARD)
+            act = Act(t_s=1.0, action=Action.FORWARD, position=(0.0, 0.0, 0.0), yaw=0.0)
+            store.append_many(trial.trial_id, trial.epoch, (key, act))
+    found = count_bots(tmp_path, [BotLog("p02", "random", presses=[Press(mark, 0.0) for mark in (1.0, 2.0, 3.0)])])
+    assert (found.stored, found.lost, found.untimed, found.unknown) == (3, (), 1, 0)
 
 
 def test_a_bot_study_gives_everybody_every_episode(tmp_path: Path, demo_root: Path) -> None:

@@ -1,40 +1,30 @@
 """Simulated POG participants: what they see of a home, where they click, and what is counted of what they did."""
 
-import asyncio
 import json
-import math
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
-from human_study.journey import Journey
 from human_study.store.records import read_study
 from human_study.store.store import open_store
 from human_study.tickets import token_hash
 from human_study.trial.commands import Click, Confirm, Start
 from human_study.trial.events import ShownStorey
 from human_study.trial.pog_session import PogSession
-from personal_viz.bots.count import KeyCount, count_keys
-from personal_viz.bots.flow import is_the_end, is_the_pause, right_answers
-from personal_viz.bots.log import KINDS, BotLog, Confirmed, Pointed
-from personal_viz.bots.mouse import ABOVE, Ray, click, look_down, ray_to, screen_pos
-from personal_viz.bots.page import BotPage
+from personal_viz.bots.flow import right_answers
+from personal_viz.bots.records import KINDS, BotCount, BotLog, Confirmed, Pointed, count_bots
 from personal_viz.bots.run import run_bots
 from personal_viz.bots.site import Person, Site, make_bot_study, served
+from personal_viz.bots.wire import Ray
 from personal_viz.cli.study.bots import StudyBots
 from personal_viz.cli.study.verify import StudyVerify
-from personal_viz.study_app.gateway.filter import ScenePointerMessage, browser_message
-from personal_viz.study_app.screens.cards import end_card
-from personal_viz.study_app.screens.panels import card_html
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay
 from sim.types import EpisodeKey, TaskKind
 from tests.human_study.small_world import SCENE_DIGEST, episode, study
-from tests.personal_viz.bot_pages import button, html, wire
 
 from .invented import invented_dataset
 
@@ -52,55 +42,7 @@ RESULT = {
 }
 """What the issue and its readers ask for."""
 CONDITIONS = ("map_2d", "map_open", "map_first")
-CLICKS_HEARD = {"type": "ScenePointerEnableMessage", "event_type": "click", "modifiers": [None], "owner": "c"}
-HOME = {"type": "GlbMessage", "name": "/home", "props": {}}
 _DOWN = (0.0, -1.0, 0.0)
-
-
-def node_at(name: str, *position: float) -> dict:
-    return {"type": "SetPositionMessage", "name": name, "position": position}
-
-
-def removed(name: str) -> dict:
-    return {"type": "RemoveSceneNodeMessage", "name": name}
-
-
-def test_a_bot_clicks_only_where_a_home_is_shown_and_clicks_are_heard() -> None:
-    page = BotPage()
-    page.apply(wire(button("look", "Show what to find"), HOME))
-    assert (page.is_looking, page.is_pointing) == (True, False)
-    page.apply(wire({"type": "GuiRemoveMessage", "uuid": "look"}, button("confirm", "Confirm the mark"), CLICKS_HEARD))
-    assert (page.is_looking, page.is_pointing) == (False, False)  # the home is still that of the last screen
-    page.apply(wire(HOME))
-    assert page.is_pointing
-    assert page.num_surfaces == 2
-    page.apply(wire({**CLICKS_HEARD, "modifiers": []}))
-    assert not page.is_pointing
-
-
-@pytest.mark.parametrize("name", ["/mark", "/mark/dot"])
-def test_a_bot_sees_its_mark_in_the_home_and_on_the_map(name: str) -> None:
-    page = BotPage()
-    page.apply(wire(node_at("/labels/3", 1.0, 1.0, 1.0), node_at(name, 1.5, 0.25, -2.0)))
-    assert (page.mark, page.num_marks) == ((1.5, 0.25, -2.0), 1)
-    page.apply(wire(removed(name)))
-    assert page.mark is None
-
-
-def test_a_bot_reads_its_completion_code_on_the_last_page() -> None:
-    page = BotPage()
-    last = end_card(study(), Journey("finished", num_done=3, num_all=3), code="12345678")
-    page.apply(wire(html("last", card_html(last))))
-    assert is_the_end(page)
-    assert page.completion_code == "12345678"
-
-
-def test_a_bot_knows_a_rest_that_is_longer_than_it_waits() -> None:
-    page = BotPage()
-    page.apply(wire(button("1", "Go on")))
-    assert not is_the_pause(page)
-    page.apply(wire(button("2", "Look whether I can go on")))
-    assert is_the_pause(page)
 
 
 def test_bots_know_the_right_answers_of_their_own_task() -> None:
@@ -108,42 +50,6 @@ def test_bots_know_the_right_answers_of_their_own_task() -> None:
     assert "Click again: the mark moves" in right_answers(config, "pog")
     assert "Click again: the mark moves" not in right_answers(config, "pan")
     assert "Press STOP (or Enter) twice" not in right_answers(config, "pog")
-
-
-def test_rays_go_down_through_the_place_and_no_two_are_the_same() -> None:
-    rng = np.random.default_rng(1)
-    point = (2.0, 0.5, -1.0)
-    rays = [ray_to(point, rng) for _ in range(100)]
-    assert len(set(rays)) == 100
-    for origin, direction in rays:
-        assert math.hypot(*direction) == pytest.approx(1)
-        t = (point[1] - origin[1]) / direction[1]
-        assert [origin[axis] + t * direction[axis] for axis in range(3)] == pytest.approx(point)
-        assert origin[1] == point[1] + ABOVE
-
-
-def test_a_click_lies_where_the_camera_shows_the_place() -> None:
-    assert screen_pos(_DOWN) == (0.5, 0.5)
-    u, v = screen_pos((0.1, -1.0, 0.2))
-    assert (u > 0.5, v > 0.5) == (True, True)  # right = +x, down = +z
-    half = math.tan(1.3 / 2)  # the camera of first_camera.py: 880 x 800 pixels, 1.3 rad high
-    assert (u, v) == pytest.approx((0.5 + 0.1 / (2 * half * 1.1), 0.5 + 0.2 / (2 * half)))
-
-
-def test_the_gateway_passes_what_a_bot_clicks() -> None:
-    sent: list[bytes] = []
-
-    class Connection:
-        async def send(self, message: dict) -> None:
-            sent.append(msgspec.msgpack.encode(message))
-
-    ray = ray_to((1.0, 0.0, 2.0), np.random.default_rng(0))
-    asyncio.run(look_down(Connection(), ray[0]))  # type: ignore[arg-type]
-    asyncio.run(click(Connection(), ray))  # type: ignore[arg-type]
-    camera, clicked = (browser_message(data) for data in sent)
-    assert camera is not None
-    assert isinstance(clicked, ScenePointerMessage)
-    assert (clicked.ray_origin, clicked.ray_direction) == ray
 
 
 def pog_click(ray: Ray, *, is_move: bool = False) -> Click:
@@ -156,7 +62,7 @@ def pog_click(ray: Ray, *, is_move: bool = False) -> Click:
     return Click(pointed, (origin[0], 0.0, origin[2]))
 
 
-def counted(folder: Path, commands: list[tuple[float, Click | Confirm]], log: BotLog, *, twice: int = 0) -> KeyCount:
+def counted(folder: Path, commands: list[tuple[float, Click | Confirm]], log: BotLog, *, twice: int = 0) -> BotCount:
     """What is counted after a trial of these commands (at these seconds); the last `twice` events stored twice."""
     config = study(task=("pog",), pog={"conditions": ("map_open",)})
     people = make_plan(config, [StudyScene(name="room", kind="invented")], [EpisodeKey("easy", "room", "0")])
@@ -175,7 +81,7 @@ def counted(folder: Path, commands: list[tuple[float, Click | Confirm]], log: Bo
             store.add_participant(person, token_hash(person.code))
         trial = store.open_trial(log.code, 1)
         store.append_many(trial.trial_id, trial.epoch, tuple(events))
-    return count_keys(folder, [log])
+    return count_bots(folder, [log])
 
 
 def ray_at(x: float) -> Ray:
@@ -191,26 +97,26 @@ def test_every_click_is_looked_for_by_itself(tmp_path: Path) -> None:
     log.points[3].was_cut_off = True
     commands = [(1.0, pog_click(ray_at(1))), (2.0, pog_click(ray_at(2))), (3.0, pog_click(ray_at(9))), (4.0, Confirm())]
     found = counted(tmp_path, commands, log)
-    assert (found.sent, found.clicks, found.stored) == (4, 4, 2)
-    assert found.lost_keys == ("p01 (random): click 3 of 4",)
-    assert (found.lost, found.cut_off, found.duplicated, found.unknown) == (1, 1, 0, 1)
+    assert (found.sent, found.stored) == (4, 2)
+    assert found.lost == ("p01 (random): click 3 of 4",)
+    assert (found.cut_off, found.duplicated, found.unknown) == (1, 0, 1)
     assert found.answers == 1
 
 
 def test_a_click_that_came_too_soon_is_stored_as_dropped_and_not_lost(tmp_path: Path) -> None:
     log = BotLog("p01", "impatient", task="pog", points=clicked_at(1, 2))
     found = counted(tmp_path, [(1.0, pog_click(ray_at(1))), (1.01, pog_click(ray_at(2)))], log)
-    assert (found.stored, found.lost, found.dropped) == (1, 0, {"rate": 1})
+    assert (found.stored, found.lost, found.dropped) == (1, (), {"rate": 1})
 
 
 def test_an_answer_without_its_confirmation_is_lost_and_a_second_one_is_a_duplicate(tmp_path: Path) -> None:
     log = BotLog("p01", "random", task="pog", points=clicked_at(1), answers=[Confirmed(0.0)])
     found = counted(tmp_path / "lost", [(1.0, pog_click(ray_at(1)))], log)
-    assert found.lost_keys == ("p01 (random): an answer of 1",)
+    assert found.lost == ("p01 (random): an answer of 1",)
     assert found.answers == 0
     commands = [(1.0, pog_click(ray_at(1))), (2.0, Confirm())]
     found = counted(tmp_path / "twice", commands, log, twice=2)
-    assert (found.lost, found.duplicated, found.answers) == (0, 2, 1)  # the click and its confirmation
+    assert (found.lost, found.duplicated, found.answers) == ((), 2, 1)  # the click and its confirmation
 
 
 def test_moves_of_the_mark_are_counted_by_their_number(tmp_path: Path) -> None:
@@ -218,10 +124,10 @@ def test_moves_of_the_mark_are_counted_by_their_number(tmp_path: Path) -> None:
     points = [*clicked_at(1), Pointed(0.0, (1.0, 0.0)), Pointed(0.0, (1.1, 0.0))]
     log = BotLog("p01", "random", task="pog", points=points)
     found = counted(tmp_path / "lost", [(1.0, pog_click(ray_at(1))), (2.0, moved)], log)
-    assert (found.stored, found.lost_keys) == (2, ("p01 (random): a move of the mark",))
+    assert (found.stored, found.lost) == (2, ("p01 (random): a move of the mark",))
     points[2].was_cut_off = True
     found = counted(tmp_path / "cut off", [(1.0, pog_click(ray_at(1))), (2.0, moved)], log)
-    assert (found.stored, found.lost, found.cut_off, found.unknown) == (2, 0, 1, 0)
+    assert (found.stored, found.lost, found.cut_off, found.unknown) == (2, (), 1, 0)
 
 
 def test_a_bot_knows_which_mark_answers_a_click_and_which_a_move() -> None:
@@ -294,12 +200,13 @@ def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path:
 
 @pytest.mark.slow
 def test_every_kind_takes_part_in_both_tasks_and_nothing_is_lost(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    small_home_root: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "personal_viz.bots.walker.DROP_CHANCE", 0.2
-    )  # the disconnecting ones, many times in a few seconds
-    assert StudyBots(participants=10, seconds=8.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True).work() == 0
+    monkeypatch.setattr("personal_viz.bots.walker.DROP_CHANCE", 0.2)  # many times in a few seconds
+    chosen = StudyBots(
+        dataset=small_home_root, participants=10, seconds=6.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True
+    )
+    assert chosen.work() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["tasks"] == {"pan": 5, "pog": 5}
     assert (found["lost"], found["duplicated"], found["unknown"], found["problems"]) == (0, 0, 0, [])

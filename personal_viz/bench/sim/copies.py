@@ -1,17 +1,10 @@
 """The benchmark's figures of browser copies: how long one takes, how large it is, how far clicks on it are off."""
 
-import contextlib
-import os
-import tempfile
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
-from sim.cache import VARIABLE
 from sim.copies.browser_glb import browser_glb
 from sim.copies.cut import storey_mesh
 from sim.mesh import Scene
@@ -19,26 +12,11 @@ from sim.render.raycast import Raycaster
 from sim.scans.glb import load_glb
 from sim.walk.floor_grid import floor_grid_from_mesh
 
+from ..harness import empty_cache
 from .scenes import bench_mesh
 
 
-class BrowserFigures(BaseModel):
-    """The copy of one storey, and clicks on it against the full resolution."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    build_s: float
-    """CPU seconds to make the copy; nothing was cached."""
-    faces: int
-    megabytes: float
-    click_median_mm: float
-    click_p99_mm: float
-    """Between where a ray meets the copy, which the person sees, and the cut storey, which the server asks."""
-    click_lost: float
-    """Share of rays, of those that meet either, that meet only one of the two."""
-
-
-def browser_figures(scene: Scene, floor_y: float, *, num_clicks: int, seed: int) -> BrowserFigures:
+def browser_figures(scene: Scene, floor_y: float, *, num_clicks: int, seed: int) -> dict[str, float]:
     """Makes the copy of one storey in an empty cache and clicks on it from above.
 
     Args:
@@ -46,13 +24,18 @@ def browser_figures(scene: Scene, floor_y: float, *, num_clicks: int, seed: int)
         floor_y: One of its storey heights, metres.
         num_clicks: Rays from random eyes 3 to 12 m above the storey to random places on its floor.
         seed: Of the rays.
+
+    Returns:
+        `build_s`, CPU seconds to make the copy, nothing cached; its `faces` and `megabytes`; `click_median_mm` and
+        `click_p99_mm` between where a ray meets the copy, which the person sees, and the cut storey, which the server
+        asks; `click_lost`, the share of rays, of those that meet either, that meet only one of the two.
     """
-    with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as folder, _cache_in(Path(folder)):
+    with empty_cache() as folder:
         browser_glb(_small_scene(), 0.0)  # fetches compiled code from numba's cache
         before = time.process_time()
         content = browser_glb(scene, floor_y)
         build_s = time.process_time() - before
-        path = Path(folder) / "copy.glb"
+        path = folder / "copy.glb"
         path.write_bytes(content)
         copy = load_glb(path, up="y")
     origins, directions = _clicks(copy.vertices, floor_y, num_clicks, np.random.default_rng(seed))
@@ -61,14 +44,14 @@ def browser_figures(scene: Scene, floor_y: float, *, num_clicks: int, seed: int)
     both = (seen.face_ids >= 0) & (asked.face_ids >= 0)
     either = (seen.face_ids >= 0) | (asked.face_ids >= 0)
     error_mm = np.linalg.norm(seen.positions[both] - asked.positions[both], axis=1) * 1e3
-    return BrowserFigures(
-        build_s=build_s,
-        faces=len(copy.faces),
-        megabytes=len(content) / 1e6,
-        click_median_mm=float(np.median(error_mm)),
-        click_p99_mm=float(np.quantile(error_mm, 0.99)),
-        click_lost=float(1 - both.sum() / either.sum()),
-    )
+    return {
+        "build_s": build_s,
+        "faces": len(copy.faces),
+        "megabytes": len(content) / 1e6,
+        "click_median_mm": float(np.median(error_mm)),
+        "click_p99_mm": float(np.quantile(error_mm, 0.99)),
+        "click_lost": float(1 - both.sum() / either.sum()),
+    }
 
 
 def _small_scene() -> Scene:
@@ -85,17 +68,3 @@ def _clicks(
     aims[:, 1] = floor_y
     eyes[:, 1] = floor_y + rng.uniform(3, 12, num)
     return eyes, aims - eyes
-
-
-@contextlib.contextmanager
-def _cache_in(folder: Path) -> Iterator[None]:
-    """Lets the cache be an empty folder meanwhile."""
-    known = os.environ.get(VARIABLE)
-    os.environ[VARIABLE] = str(folder / "cache")
-    try:
-        yield
-    finally:
-        if known is None:
-            del os.environ[VARIABLE]
-        else:
-            os.environ[VARIABLE] = known

@@ -5,7 +5,7 @@ import io
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .report import SimReport, SizeFigures
+from ..harness import Report, Values
 
 _LINES = (
     ("open3d_rays_ms", "Open3D, rays only", "#b5472f", "s", True),
@@ -17,12 +17,12 @@ _LINES = (
 _TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
-def frame_time_png(report: SimReport) -> bytes:
+def frame_time_png(report: Report) -> bytes:
     """A PNG picture of core-ms per frame over triangles, both axes logarithmic; plain scenes left, cluttered right."""
     figure = Figure(figsize=(10.5, 5.6), dpi=120, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, cluttered in zip(panels, (False, True), strict=True):
-        chosen = sorted((f for f in report.sizes.values() if f.cluttered == cluttered), key=lambda f: f.faces)
+        chosen = [figures for figures in report.values["sizes"].values() if figures["cluttered"] == cluttered]
         for name, label, colour, marker, above in _LINES:
             _draw(axes, chosen, name, label=label, look=(colour, marker), above=above)
         axes.set_title("cluttered house" if cluttered else "furnished house", fontsize=10)
@@ -33,20 +33,17 @@ def frame_time_png(report: SimReport) -> bytes:
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     machine, kind = report.machine, "quick run" if report.quick else "full run"
-    figure.suptitle(
-        f"{machine.cpu}, one thread, {machine.backend} packets of {machine.packet_width}, "
-        f"{report.created_utc[:10]}, {kind}",
-        fontsize=11,
-    )
+    renderer = machine.versions["renderer"]
+    figure.suptitle(f"{machine.cpu}, one thread, {renderer}, {report.created_utc[:10]}, {kind}", fontsize=11)
     file = io.BytesIO()
     figure.savefig(file, format="png")
     return file.getvalue()
 
 
-def _scale(axes: Axes, report: SimReport) -> None:
+def _scale(axes: Axes, report: Report) -> None:
     """Logarithmic axes with round numbers, shared by both panels."""
-    faces = sorted({float(f"{f.faces:.2g}") for f in report.sizes.values()})
-    values = [value for f in report.sizes.values() for line in _LINES if (value := getattr(f, line[0])) is not None]
+    faces = sorted({float(f"{f['faces']:.2g}") for f in report.values["sizes"].values()})
+    values = [value for f in report.values["sizes"].values() for line in _LINES if (value := f[line[0]]) is not None]
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlim(faces[0] / 1.5, faces[-1] * 1.5)
@@ -57,9 +54,9 @@ def _scale(axes: Axes, report: SimReport) -> None:
     axes.set_ylim(min(values) / 1.4, max(values) * 1.4)  # after the ticks, which widen it
 
 
-def _draw(axes: Axes, chosen: list[SizeFigures], name: str, *, label: str, look: tuple[str, str], above: bool) -> None:
+def _draw(axes: Axes, chosen: list[Values], name: str, *, label: str, look: tuple[str, str], above: bool) -> None:
     """One line with the value at each point; nothing where the figure was not measured."""
-    points = [(figures.faces, value) for figures in chosen if (value := getattr(figures, name)) is not None]
+    points = [(figures["faces"], value) for figures in chosen if (value := figures[name]) is not None]
     if not points:
         return
     colour, marker = look

@@ -1,10 +1,8 @@
 """The simulator benchmark: scenes of several sizes, each measured in rendering, loading, walking and browser copies."""
 
-import datetime
-import platform
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,23 +13,54 @@ import numpy as np
 from sim.frames import T_world_camera
 from sim.mesh import TriangleMesh
 from sim.render.raycast import Raycaster, own_cores
-from sim.tasks.provenance import git_commit, package_versions
 from sim.types import Camera
 from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 
-from .budget import Budget, since_process_start_s
-from .copies import BrowserFigures
-from .loading import LoadFigures, measured_loads
-from .parts import browser_part, compiling, navmesh_path_us
+from ..harness import Budget, Plan, Progress, Report, Target, Values, machine, report_of, since_process_start_s
+from .children import compiling, in_child, measured_loads
 from .rendering import render_figures
-from .report import Machine, SimReport, SizeFigures, growth, size_name, targets
 from .scenes import bench_mesh, write_bench_glb
 from .walking import camera_starts, env_steps_per_s, navigation_figures
 
-Progress = Callable[[str], None]
 _MORE_PACKAGES = ("embreex", "llvmlite", "imagecodecs")
 _GOLDEN_NAVMESH = Path(__file__).resolve().parents[4] / "shared" / "habitat-golden" / "dev_a.navmesh"
 """A .navmesh of Habitat beside a developer's checkout; without it the figure is left out."""
+GROWING = ("raw_ms", "depth_ms", "rgbd_ms", "open3d_rays_ms", "tree_s", "build_s", "field_ms", "path_us", "load_s")
+"""Figures whose growth with the number of triangles is fitted."""
+PLAN = Plan(
+    targets={
+        "sizes.1M.open3d_over_rgbd": Target(2.8, at_least=True),
+        "sizes.1M.rgbd_over_raw": Target(1.7, goal="1.5"),
+        "sizes.1M cluttered.rgbd_over_raw": Target(3.5),
+        "sizes.1M.depth_over_raw": Target(1.15, goal="1.1"),
+        "sizes.1M.load_over_trimesh": Target(1.0),
+        "sizes.1M.rss_mb": Target(800.0),
+        "sizes.1M.build_s": Target(0.5),
+        "sizes.1M.path_us": Target(50.0),
+        "sizes.1M.field_ms": Target(30.0),
+        "browser.1M.faces": Target(300_000.0),
+        "browser.1M.megabytes": Target(15.0),
+        "browser.1M.click_p99_mm": Target(20.0),
+    },
+    references={
+        "rgbd_ms": "open3d_rays_ms",
+        "depth_ms": "raw_ms",
+        "open3d_rays_ms": "raw_ms",
+        "rgbd_256_ms": "raw_256_ms",
+        "wall_rgbd_1_ms": "wall_open3d_rays_1_ms",
+        "wall_rgbd_ms": "wall_open3d_rays_ms",
+        "load_s": "trimesh_s",
+        "load_wall_s": "trimesh_wall_s",
+        "rss_mb": "trimesh_rss_mb",
+    },
+    units={
+        **dict.fromkeys(("raw_ms", "depth_ms", "rgbd_ms", "nearest_ms", "mipmap_ms", "open3d_rays_ms"), "core-ms"),
+        **dict.fromkeys(("raw_256_ms", "rgbd_256_ms", "field_ms"), "core-ms"),
+        **dict.fromkeys(("tree_s", "build_s", "load_s", "load_parse_s", "trimesh_s", "trimesh_parse_s"), "core-s"),
+        **dict.fromkeys(("path_us", "distance_us", "navmesh_path_us"), "core-us"),
+    },
+)
+"""SIM.md section 5; most of it is for a million triangles."""
 NOTES = (
     "Milliseconds of rendering: CPU time of all threads per 640 x 480 frame, one thread at work, medians over the same "
     "poses in rooms, the contestants measured in turn; two frames of each before are not counted. Nothing is cached "
@@ -46,6 +75,11 @@ NOTES = (
     "Navigation: CPU time, the map built warm; path = `shortest_path` through Python with the goal's field at hand, "
     "field = the first question to a goal. Steps per second are elapsed time, one thread.",
 )
+_LOAD_FIGURES = (
+    *("load_s", "load_wall_s", "load_parse_s", "rss_mb", "peak_mb", "load_processes"),
+    *("trimesh_s", "trimesh_wall_s", "trimesh_parse_s", "trimesh_rss_mb", "trimesh_peak_mb"),
+)
+"""What `measured_loads` gives; None where loading is left out."""
 
 
 class BenchSize(NamedTuple):
@@ -65,7 +99,8 @@ class BenchSize(NamedTuple):
     @property
     def name(self) -> str:
         """`100k`, `1M cluttered`."""
-        return size_name(self.faces, self.cluttered)
+        number = f"{self.faces / 1e6:g}M" if self.faces >= 1_000_000 else f"{self.faces / 1e3:g}k"
+        return f"{number} cluttered" if self.cluttered else number
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +153,6 @@ _BROWSER_NEED_S, _NAVMESH_NEED_S = 9.0, 3.0
 """Elapsed seconds on the machine of SIM.md, compiled code at hand; where it is not, the part is ended in time."""
 
 
-class _Made(NamedTuple):
-    """The scene of one size."""
-
-    mesh: TriangleMesh
-    navigation: FloorGrid
-
-
 class _Run:
     """What is left of a run's time, and what was left out for want of it."""
 
@@ -133,138 +161,131 @@ class _Run:
         self.left_out = list(settings.left_out)
         self.pace = 1.0
         """How much slower this machine is than that of SIM.md, or how busy."""
-        self._progress = progress
+        self.progress = progress
 
     def begins(self, what: str, need_s: float) -> bool:
         """Whether a part fits into the time left; otherwise it is named as left out."""
         if self.budget.has(need_s * self.pace):
-            self._progress(what)
+            self.progress(what)
             return True
         self.leave_out(what)
         return False
 
     def leave_out(self, what: str) -> None:
         """Names a part as left out."""
-        self._progress(f"{what}: left out, no time left")
+        self.progress(f"{what}: left out, no time left")
         self.left_out.append(f"{what} (no time left)")
 
 
-def run_benchmark(settings: BenchSettings, *, quick: bool, progress: Progress) -> SimReport:
+def run_benchmark(settings: BenchSettings, *, quick: bool, progress: Progress) -> Report:
     """Measures the first size, the browser copies, the other sizes and a navmesh, the most important first.
 
     Args:
         settings: What to measure.
         quick: Written into the report.
-        progress: Told what is being measured, one line at a time.
+        progress: Told what is being measured.
+
+    Returns:
+        Values: `sizes` by name (`1M cluttered`), `browser` copies by the size's name, `navmesh_path_us` of one
+        `shortest_path` on a Habitat .navmesh, and `growth`, the exponent e of figure ~ triangles^e over plain sizes.
 
     Raises:
         SceneError: A process that measures a part failed.
     """
     started, run = time.perf_counter(), _Run(settings, progress)
-    sizes, copies = _sizes_and_copies(settings, run, progress)
-    sizes = dict(sorted(sizes.items(), key=lambda item: (item[1].cluttered, item[1].faces)))
-    path_us = _navmesh_path_us(settings.seed, run)
-    return SimReport(
+    backend = Raycaster(bench_mesh(1, cluttered=False, texture_size=4, num_textures=1)).backend
+    here = machine(renderer=f"{backend.name}, packets of {backend.packet_width}", **_more_versions())
+    sizes, copies = _sizes_and_copies(settings, run)
+    sizes = dict(sorted(sizes.items(), key=lambda item: (item[1]["cluttered"], item[1]["faces"])))
+    navmesh_path_us = _navmesh_path_us(settings.seed, run)
+    values = {"sizes": sizes, "browser": copies, "navmesh_path_us": navmesh_path_us, "growth": growth(sizes)}
+    return report_of(
+        "sim",
+        values,
+        PLAN,
         quick=quick,
-        sizes=sizes,
-        left_out=tuple(run.left_out),
-        browser=copies,
-        navmesh_path_us=path_us,
-        growth=growth(tuple(sizes.values())),
-        targets=targets(sizes, copies),
-        machine=machine(),
-        notes=NOTES,
-        created_utc=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        git_commit=git_commit(),
+        machine=here,
         seconds=time.perf_counter() - started if settings.budget_s is None else since_process_start_s(),
+        notes=(*NOTES, f"Renderer: {backend.reason}"),
+        left_out=run.left_out,
     )
 
 
-def _sizes_and_copies(
-    settings: BenchSettings, run: _Run, progress: Progress
-) -> tuple[dict[str, SizeFigures], dict[str, BrowserFigures]]:
+def growth(sizes: Mapping[str, Values]) -> dict[str, float | None]:
+    """Exponent of each figure of GROWING over the plain scenes' triangles; None with fewer than two."""
+    plain = [figures for figures in sizes.values() if not figures["cluttered"]]
+    found: dict[str, float | None] = {}
+    for name in GROWING:
+        points = [(f["faces"], value) for f in plain if (value := f.get(name)) is not None]
+        found[name] = None
+        if len({faces for faces, _ in points}) >= 2:
+            x, y = np.log(np.array(points, float)).T
+            found[name] = float(np.polyfit(x, y, 1)[0])
+    return found
+
+
+def _sizes_and_copies(settings: BenchSettings, run: _Run) -> tuple[dict[str, Values], dict[str, Values]]:
     """The first size, then what has a copy, then the others, as far as there is time."""
     first, *others = settings.sizes
-    sizes: dict[str, SizeFigures] = {}
-    copies: dict[str, BrowserFigures] = {}
+    sizes: dict[str, Values] = {}
+    copies: dict[str, Values] = {}
     if run.begins(first.name, 0.0):  # an empty budget alone leaves it out
-        progress(f"{first.name}: making the scene")
         with compiling():
             made = _made(first, settings)
-        sizes[first.name] = _size_figures(first, made, settings, run, progress)
+        sizes[first.name] = _size_figures(first, made, settings, run)
         del made
     for size in [size for size in settings.sizes if size.with_browser]:
         name = f"browser copy of {size.name}"
         if run.begins(name, _BROWSER_NEED_S):
-            copy = _browser_copy(size, settings, run.budget.left_s)
+            house = (size.faces, settings.clicks, settings.seed, settings.num_textures, settings.texture_size)
+            copy = in_child("browser", *house, timeout_s=run.budget.left_s)
             if copy is None:
                 run.leave_out(name)
             else:
                 copies[size.name] = copy
     for size in others:
         if run.begins(size.name, size.need_s):
-            progress(f"{size.name}: making the scene")
-            sizes[size.name] = _size_figures(size, _made(size, settings), settings, run, progress)
+            sizes[size.name] = _size_figures(size, _made(size, settings), settings, run)
     return sizes, copies
 
 
-def machine() -> Machine:
-    """This processor, what the renderer chose on it, and the packages."""
-    backend = Raycaster(bench_mesh(1, cluttered=False, texture_size=4, num_textures=1)).backend
-    versions = package_versions()
-    for name in _MORE_PACKAGES:
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return Machine(
-        cpu=_cpu_model(),
-        cores=own_cores(),
-        backend=backend.name,
-        packet_width=backend.packet_width,
-        backend_reason=backend.reason,
-        python=platform.python_version(),
-        versions=versions,
-    )
-
-
-def _size_figures(size: BenchSize, made: _Made, settings: BenchSettings, run: _Run, progress: Progress) -> SizeFigures:
+def _size_figures(size: BenchSize, made: tuple[TriangleMesh, FloorGrid], settings: BenchSettings, run: _Run) -> Values:
     mesh, navigation = made
     camera, seed, began = Camera(), settings.seed, time.perf_counter()
-    progress(f"{size.name}: rendering")
+    run.progress(f"{size.name}: rendering")
     poses = camera_starts(navigation, settings.poses, seed=seed)
     Ts_world_camera = np.stack([T_world_camera(pose, camera) for pose in poses])
     drawn = render_figures(
         mesh, Ts_world_camera, threads=own_cores(), rounds=settings.rounds, with_variants=size.with_variants
     )
-    progress(f"{size.name}: navigation and environment")
+    run.progress(f"{size.name}: navigation and environment")
     walked = navigation_figures(mesh, navigation, seed=seed)
     raycaster, steps = Raycaster(mesh, threads=1), settings.env_steps
     steps_per_s = env_steps_per_s(navigation, raycaster, camera=camera, num_steps=steps, seed=seed)
     steps_only_per_s = env_steps_per_s(navigation, None, camera=camera, num_steps=10 * steps, seed=seed)
     if size.need_s:
         run.pace = max(1.0, (time.perf_counter() - began) / size.need_s)
-    ours, trimesh = _loads(size, mesh, settings, run, progress) if size.with_load else (None, None)
-    return SizeFigures(
-        faces=len(mesh.faces),
-        cluttered=size.cluttered,
-        rgbd_over_raw=drawn.raw_ms and drawn.rgbd_ms / drawn.raw_ms,
-        depth_over_raw=drawn.raw_ms and drawn.depth_ms / drawn.raw_ms,
-        open3d_over_rgbd=drawn.open3d_rays_ms / drawn.rgbd_ms,
-        load_over_trimesh=ours and trimesh and ours.core_s / trimesh.core_s,
-        load_over_trimesh_undecoded=ours and trimesh and ours.core_s / trimesh.parse_core_s,
-        load_wall_over_trimesh=ours and trimesh and ours.wall_s / trimesh.wall_s,
-        rss_mb=ours and ours.rss_mb,
-        env_steps_per_s=steps_per_s,
-        env_steps_per_s_without_rendering=steps_only_per_s,
-        load=ours,
-        trimesh=trimesh,
-        **drawn.model_dump(),
-        **walked.model_dump(),
-    )
+    loaded: dict[str, float | None] = dict.fromkeys(_LOAD_FIGURES)
+    if size.with_load:
+        loaded |= _loads(size, mesh, settings, run)
+    return {
+        "faces": len(mesh.faces),
+        "cluttered": size.cluttered,
+        **drawn,
+        "rgbd_over_raw": _ratio(drawn["rgbd_ms"], drawn["raw_ms"]),
+        "depth_over_raw": _ratio(drawn["depth_ms"], drawn["raw_ms"]),
+        "open3d_over_rgbd": _ratio(drawn["open3d_rays_ms"], drawn["rgbd_ms"]),
+        **loaded,
+        "load_over_trimesh": _ratio(loaded["load_s"], loaded["trimesh_s"]),
+        "load_over_trimesh_undecoded": _ratio(loaded["load_s"], loaded["trimesh_parse_s"]),
+        "load_wall_over_trimesh": _ratio(loaded["load_wall_s"], loaded["trimesh_wall_s"]),
+        **walked,
+        "env_steps_per_s": steps_per_s,
+        "env_steps_per_s_without_rendering": steps_only_per_s,
+    }
 
 
-def _made(size: BenchSize, settings: BenchSettings) -> _Made:
+def _made(size: BenchSize, settings: BenchSettings) -> tuple[TriangleMesh, FloorGrid]:
     mesh = bench_mesh(
         size.faces,
         cluttered=size.cluttered,
@@ -272,14 +293,12 @@ def _made(size: BenchSize, settings: BenchSettings) -> _Made:
         texture_size=settings.texture_size,
         num_textures=settings.num_textures,
     )
-    return _Made(mesh, floor_grid_from_mesh(mesh))
+    return mesh, floor_grid_from_mesh(mesh)
 
 
-def _loads(
-    size: BenchSize, mesh: TriangleMesh, settings: BenchSettings, run: _Run, progress: Progress
-) -> tuple[LoadFigures, LoadFigures]:
-    """Loading of the mesh as a GLB file: ours and trimesh's; repeated while that leaves time for a browser copy."""
-    progress(f"{size.name}: loading in fresh processes")
+def _loads(size: BenchSize, mesh: TriangleMesh, settings: BenchSettings, run: _Run) -> dict[str, float]:
+    """`measured_loads` of the mesh as a GLB file, repeated while that leaves time for a browser copy."""
+    run.progress(f"{size.name}: loading in fresh processes")
     reserve_s = _BROWSER_NEED_S * run.pace if size.with_browser else 0.0
     with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as folder:
         path = Path(folder) / "house.glb"
@@ -289,31 +308,27 @@ def _loads(
         )
 
 
-def _browser_copy(size: BenchSize, settings: BenchSettings, timeout_s: float) -> BrowserFigures | None:
-    return browser_part(
-        faces=size.faces,
-        clicks=settings.clicks,
-        seed=settings.seed,
-        textures=(settings.num_textures, settings.texture_size),
-        timeout_s=timeout_s,
-    )
-
-
 def _navmesh_path_us(seed: int, run: _Run) -> float | None:
     """`path_us` on a navmesh of Habitat, None where there is none, or no time left."""
     name = "path on a .navmesh"
     if not _GOLDEN_NAVMESH.is_file() or not run.begins(name, _NAVMESH_NEED_S):
         return None
-    path_us = navmesh_path_us(_GOLDEN_NAVMESH, seed=seed, timeout_s=run.budget.left_s)
-    if path_us is None:
+    found = in_child("navmesh", _GOLDEN_NAVMESH, seed, timeout_s=run.budget.left_s)
+    if found is None:
         run.leave_out(name)
-    return path_us
+        return None
+    return found["path_us"]
 
 
-def _cpu_model() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor() or platform.machine()
+def _ratio(value: float | None, reference: float | None) -> float | None:
+    return None if value is None or reference is None else value / reference
+
+
+def _more_versions() -> dict[str, str]:
+    found = {}
+    for name in _MORE_PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

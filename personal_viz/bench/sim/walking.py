@@ -4,7 +4,6 @@ import time
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
 from sim.mesh import TriangleMesh
 from sim.render.renderer import Renderer
@@ -13,37 +12,17 @@ from sim.types import Action, Camera, Pose
 from sim.walk.floor_grid import floor_grid_from_mesh
 from sim.walk.navigation_map import NavigationMap
 
-from .measure import interleaved
+from ..harness import interleaved
 
 _WALK = 20
 """Steps from one start point before the next."""
 _MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT, Action.LOOK_UP, Action.LOOK_DOWN)
 
 
-class QueryFigures(BaseModel):
-    """How fast a navigation map is asked, medians over reachable random pairs of places."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    path_us: float
-    """CPU microseconds of one `shortest_path` whose goal's field is at hand."""
-    distance_us: float
-    """CPU microseconds of one `distances` of one start whose goal's field is at hand."""
-    field_ms: float
-    """CPU milliseconds of one `distances` to a goal never asked for before."""
-
-
-class NavigationFigures(QueryFigures):
-    """How fast a robot's map of one mesh is made and asked."""
-
-    build_s: float
-    """CPU seconds of `floor_grid_from_mesh`."""
-
-
 def navigation_figures(
     mesh: TriangleMesh, navigation: NavigationMap, *, seed: int, builds: int = 3, goals: int = 8
-) -> NavigationFigures:
-    """Medians over builds of the map and over random pairs of places.
+) -> dict[str, float]:
+    """How fast a robot's map of one mesh is made and asked: `query_figures` and `build_s`, CPU seconds.
 
     Args:
         mesh: World frame.
@@ -53,12 +32,16 @@ def navigation_figures(
         goals: Different goals; each is asked from twenty starts.
     """
     build = interleaved({"build": lambda _: floor_grid_from_mesh(mesh)}, calls=builds, warm_ups=0)["build"]
-    queries = query_figures(navigation, seed=seed, goals=goals)
-    return NavigationFigures(build_s=build.core_s, **queries.model_dump())
+    return {"build_s": build.core_s, **query_figures(navigation, seed=seed, goals=goals)}
 
 
-def query_figures(navigation: NavigationMap, *, seed: int, goals: int) -> QueryFigures:
-    """Times the questions for `goals` different random goals, each asked from twenty starts."""
+def query_figures(navigation: NavigationMap, *, seed: int, goals: int) -> dict[str, float]:
+    """CPU times of questions for `goals` different random goals, each asked from twenty starts; medians.
+
+    Returns:
+        `field_ms` of one `distances` to a goal never asked for before; `path_us` of one `shortest_path` and
+        `distance_us` of one `distances` of one start whose goal's field is at hand, where the goal can be reached.
+    """
     rng = np.random.default_rng(seed)
     points = [navigation.random_point(rng)[None] for _ in range(goals + 1)]
     starts = np.stack([navigation.random_point(rng) for _ in range(20)])
@@ -78,7 +61,7 @@ def query_figures(navigation: NavigationMap, *, seed: int, goals: int) -> QueryF
             path_s.append(time.process_time() - between)
             distance_s.append(between - before)
     path, distance, field = (float(np.median(times)) for times in (path_s, distance_s, field_s))
-    return QueryFigures(path_us=path * 1e6, distance_us=distance * 1e6, field_ms=field * 1e3)
+    return {"path_us": path * 1e6, "distance_us": distance * 1e6, "field_ms": field * 1e3}
 
 
 def camera_starts(navigation: NavigationMap, num: int, *, seed: int) -> list[Pose]:

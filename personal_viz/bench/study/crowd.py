@@ -1,28 +1,29 @@
 """Bots on a thread of their own that come back by themselves while the caller ends and starts the study."""
 
 import asyncio
-import threading
 import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
-from human_study.design.study import load_study
 from sim.errors import StudyError
 
-from ...bots.flow import right_answers
+from ...bots.homes import BotHomes
 from ...bots.page import BotPage
 from ...bots.pan import PanBot
-from ...bots.site import Site
-from ...bots.walker import BotKind, BotLog
+from ...bots.records import BotKind, BotLog
+from ...bots.site import Person, Site, make_bot_study
+from ..harness import background_loop
+from .server import Server
 
 PATIENCE_S = 120.0
 """How long a bot tries to come back."""
 AGAIN_S = 0.2
 """Between two tries."""
 _TURN_S = 3.0
-"""So long a bot acts before it looks whether it shall stop."""
+"""How long a bot acts before it looks whether it shall stop."""
 _ARRIVE_TOGETHER = 10
 _POLL_S = 0.005
 T = TypeVar("T")
@@ -31,15 +32,13 @@ T = TypeVar("T")
 class StayingBot(PanBot):
     """Comes back when the study is served again, and notes where it finds itself then."""
 
-    def __init__(self, code: str, link: str, kind: BotKind, *, rate: float, seed: int, answers: frozenset[str]) -> None:
-        """Arguments as PanBot's; it knows no shortest way."""
-        super().__init__(code, link, kind, rate=rate, seed=seed, answers=answers)
+    def __init__(self, person: Person, kind: BotKind, homes: BotHomes | None, *, rate: float, seed: int) -> None:
+        """Arguments as PanBot's."""
+        super().__init__(person, kind, homes, rate=rate, seed=seed)
         self.num_acked = 0
         """Keys of which the bot heard that they are on disk."""
         self.resumed: list[tuple[int, int]] = []
         """After each way back: (step of the first picture, place in `log.presses` of the next key)."""
-        self.starts: list[int] = []
-        """Of each connection: place in `log.presses` of its first key."""
         self.step_counted = 0
         """What the page's counter said last."""
         self.is_here = False
@@ -69,7 +68,6 @@ class StayingBot(PanBot):
             self._tried_s = time.perf_counter()
             try:
                 await super()._connect()
-                self.starts.append(len(self.log.presses))
                 return
             except StudyError:
                 if time.perf_counter() > deadline_s:
@@ -107,6 +105,7 @@ class Crowd:
         self.bots = tuple(bots)
         self._loop = loop
         self._is_over = True
+        self._have_left = False
         self._acting: Future[Any] | None = None
 
     @property
@@ -146,12 +145,14 @@ class Crowd:
             self._acting.result()
 
     def leave(self) -> None:
-        """All close their pages."""
+        """All close their pages, if they have not."""
         self.halt()
-        self._wait(_all(bot.go() for bot in self.bots))
+        if not self._have_left:
+            self._wait(_all(bot.go() for bot in self.bots))
+        self._have_left = True
 
     def await_acks(self, count: int, *, within_s: float = PATIENCE_S) -> None:
-        """Returns when so many more keys are acknowledged.
+        """Returns when this many more keys are acknowledged.
 
         Raises:
             StudyError: They are not in time, or no bot can go on.
@@ -209,31 +210,45 @@ def crowd(site: Site, codes: Sequence[str], *, kinds: Sequence[BotKind], rate: f
         rate: Keys per second and bot.
         seed: Of their choices.
     """
-    answers = right_answers(load_study(site.folder))
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever, daemon=True, name="crowd")
-    thread.start()
-    bots = [
-        StayingBot(code, site.links[code], kinds[number % len(kinds)], rate=rate, seed=seed + number, answers=answers)
-        for number, code in enumerate(codes)
-    ]
-    found = Crowd(bots, loop)
-    try:
+    homes, people = BotHomes(site), {person.code: person for person in site.everybody}
+    with background_loop("crowd") as loop:
+        found = Crowd(
+            [
+                StayingBot(people[code], kinds[number % len(kinds)], homes, rate=rate, seed=seed + number)
+                for number, code in enumerate(codes)
+            ],
+            loop,
+        )
         yield found
         found.leave()
-    finally:
-        asyncio.run_coroutine_threadsafe(_end_all(), loop).result()
-        loop.call_soon_threadsafe(loop.stop)
-        thread.join()
-        loop.close()
 
 
-async def _end_all() -> None:
-    """Ends what still runs when the caller gave up."""
-    others = asyncio.all_tasks() - {asyncio.current_task()}
-    for task in others:
-        task.cancel()
-    await asyncio.gather(*others, return_exceptions=True)
+@contextmanager
+def staffed(
+    folder: Path,
+    dataset: Path,
+    *,
+    bots: int,
+    kinds: Sequence[BotKind],
+    rate: float,
+    seed: int,
+    spare: int = 0,
+    workers: int | None = None,
+) -> Iterator[tuple[Server, Site, Crowd]]:
+    """A served study on its own plan with this many bots, who have not come yet; at the block's end all leave.
+
+    Args:
+        folder: An empty one.
+        dataset: Of one invented home.
+        bots: How many; further arguments as `crowd`'s.
+        spare: Participants for whom no bot stands, the last ones.
+        workers: Of the server; None = as many as usual.
+    """
+    make_bot_study(folder, participants=bots + spare, seed=seed, dataset=dataset)
+    with Server(folder / "study", dataset, workers=workers) as server:
+        site = server.start()
+        with crowd(site, list(site.links)[:bots], kinds=kinds, rate=rate, seed=seed) as found:
+            yield server, site, found
 
 
 async def _all(works: Iterator[Coroutine[Any, Any, None]]) -> None:

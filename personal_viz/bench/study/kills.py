@@ -1,7 +1,6 @@
-"""kill -9 of the serving process or of a worker, again and again at random instants, while bots walk (test 1)."""
+"""kill -9 of the serving process or of a worker, again and again at random instants, while bots walk."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +8,16 @@ from pydantic import BaseModel, ConfigDict
 
 from sim.errors import StudyError
 
-from ...bots.site import make_bot_study
-from ...bots.walker import BotKind
+from ...bots.records import BotKind, count_bots
+from ...bots.run import quantile
 from ...study_app.gateway.workers import MOST_FAILURES
-from .crowd import Crowd, crowd
-from .records import key_tally, missing_steps, poses_elsewhere, resumed_elsewhere
+from ..harness import Progress, Values
+from .crowd import Crowd, staffed
+from .records import missing_steps, poses_elsewhere, resumed_elsewhere
 from .server import Server
 
 _WITHIN_S = 0.3
-"""A kill comes so soon after the key that was waited for."""
+"""Longest time from the key that was waited for to a kill."""
 
 
 class KillSettings(BaseModel):
@@ -32,41 +32,11 @@ class KillSettings(BaseModel):
     most_keys: int = 15
     """Acknowledged keys between two kills are drawn from 1 to this."""
     seed: int = 11
+    workers: int | None = None
+    """Of the server; None = as many as usual."""
 
 
-class KillFigures(BaseModel):
-    """What was left after the kills."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    kills: int
-    gateway_kills: int
-    """Of the serving process; it is started again. All others hit one of its workers."""
-    seconds: float
-    restart_p50_s: float | None
-    """From starting the serving process again until it serves."""
-    acked_keys: int
-    """Keys of which a bot heard that they are on disk."""
-    lost_after_kill: int
-    """Keys and steps that were acknowledged and were not on disk after the kill."""
-    duplicated_after_kill: int
-    unknown_after_kill: int
-    """Stored keys that no bot pressed."""
-    cut_off: int
-    """Keys that were on their way at a kill, and of which no bot heard."""
-    chain_failures: int
-    """Kills after which the database was damaged, as `study check-db` finds it."""
-    resumes: int
-    """Ways back into a trial that could be compared with the records."""
-    resumed_elsewhere: int
-    """Those that showed another step than the records; and trials that, done again, lead to another pose."""
-    steps_done_again: int
-    """All steps of all trials, compared with their stored poses."""
-    problems: tuple[str, ...]
-
-
-def measure_kills(
-    settings: KillSettings, *, folder: Path, dataset: Path, progress: Callable[[str], None]
-) -> KillFigures:
+def measure_kills(settings: KillSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
     """Kills, serves again on the same folder, looks at the records; and so on.
 
     Args:
@@ -75,47 +45,54 @@ def measure_kills(
         dataset: Of one invented home.
         progress: Told what is done now.
 
+    Returns:
+        `gateway_kills`, those of the serving process, which is started again (all others hit a worker), and
+        `restart_p50_s` until it serves; `acked_keys` of which a bot heard that they are on disk; `lost_after_kill`,
+        keys and steps that were acknowledged and are not; `duplicated_after_kill`, `unknown_after_kill` (stored, sent
+        by no bot); `cut_off`, keys that were on their way at a kill; `chain_failures`, kills after which the database
+        was damaged, as `study check-db` finds it; `resumes`, ways back into a trial that could be compared with the
+        records, and `resumed_elsewhere`, those that showed another step, and trials that, done again, lead to another
+        pose; `steps_done_again` of all trials.
+
     Raises:
         StudyError: The study is not served again, or bots do not find back.
     """
-    make_bot_study(folder, participants=settings.bots, seed=settings.seed, dataset=dataset)
     rng = np.random.default_rng(settings.seed)
     began_s = time.perf_counter()
-    with Server(folder / "study", dataset) as server:
-        site = server.start()
+    crew = {"kinds": settings.kinds, "rate": settings.rate, "seed": settings.seed, "workers": settings.workers}
+    with staffed(folder, dataset, bots=settings.bots, **crew) as (server, site, bots):
         tally = _Tally(server, site.folder)
-        kinds, codes = settings.kinds, list(site.links)[: settings.bots]
-        with crowd(site, codes, kinds=kinds, rate=settings.rate, seed=settings.seed) as bots:
-            bots.arrive()
-            bots.begin()
-            for number in range(settings.kills):
-                progress(f"kill {number + 1} of {settings.kills}")
-                bots.await_acks(int(rng.integers(1, settings.most_keys + 1)))
-                time.sleep(float(rng.uniform(0, _WITHIN_S)))  # a random instant, not a wait
-                tally.kill(bots, rng)
-            bots.await_acks(settings.bots)
-            bots.halt()
-            tally.look(bots)
+        bots.arrive()
+        bots.begin()
+        for number in range(settings.kills):
+            progress(f"kill {number + 1} of {settings.kills}")
+            bots.await_acks(int(rng.integers(1, settings.most_keys + 1)))
+            time.sleep(float(rng.uniform(0, _WITHIN_S)))  # a random instant, not a wait
+            tally.kill(bots, rng)
+        bots.await_acks(settings.bots)
+        bots.halt()
+        tally.look(bots)
+        bots.leave()
         progress("comparing with the records")
-        keys = key_tally(site.folder, bots.bots)
+        keys = count_bots(site.folder, bots.logs)
         resumes, other_steps = resumed_elsewhere(site.folder, bots.bots)
         steps, other_poses = poses_elsewhere(site.folder, dataset)
-    return KillFigures(
-        kills=settings.kills,
-        gateway_kills=len(tally.restarts_s),
-        seconds=time.perf_counter() - began_s,
-        restart_p50_s=float(np.median(tally.restarts_s)) if tally.restarts_s else None,
-        acked_keys=bots.num_acked,
-        lost_after_kill=keys.lost + len(tally.lost),
-        duplicated_after_kill=keys.duplicated,
-        unknown_after_kill=keys.unknown,
-        cut_off=keys.cut_off,
-        chain_failures=len(tally.damage),
-        resumes=resumes,
-        resumed_elsewhere=len(other_steps) + len(other_poses),
-        steps_done_again=steps,
-        problems=(*bots.problems, *sorted(tally.lost), *tally.damage, *other_steps, *other_poses),
-    )
+    return {
+        "kills": settings.kills,
+        "gateway_kills": len(tally.restarts_s),
+        "seconds": time.perf_counter() - began_s,
+        "restart_p50_s": quantile(tally.restarts_s, 0.5),
+        "acked_keys": bots.num_acked,
+        "lost_after_kill": len(keys.lost) + len(tally.lost),
+        "duplicated_after_kill": keys.duplicated,
+        "unknown_after_kill": keys.unknown,
+        "cut_off": keys.cut_off,
+        "chain_failures": len(tally.damage),
+        "resumes": resumes,
+        "resumed_elsewhere": len(other_steps) + len(other_poses),
+        "steps_done_again": steps,
+        "problems": (*bots.problems, *keys.lost, *sorted(tally.lost), *tally.damage, *other_steps, *other_poses),
+    }
 
 
 class _Tally:

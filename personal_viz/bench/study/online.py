@@ -1,7 +1,7 @@
 """A study in peace: bots who walk for minutes, and a real browser alone, beside bots, and far away."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,9 +11,10 @@ from pydantic import BaseModel, ConfigDict
 from human_study.design.study import load_study
 from sim.errors import MissingDependencyError
 
-from ...bots.run import BotFigures, quantile, run_bots
+from ...bots.records import BotKind
+from ...bots.run import quantile, run_bots
 from ...bots.site import Site, make_bot_study
-from ...bots.walker import BotKind
+from ..harness import Progress, Values
 from .browser import PACE_S, key_to_image_ms, walking
 from .delay import delayed
 from .server import Server
@@ -46,24 +47,8 @@ class BrowserSettings(BaseModel):
     seed: int = 6
 
 
-class BrowserFigures(BaseModel):
-    """Real Chromium: from keydown until the new picture is drawn. None = not one key had its picture in time."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    alone_p50_ms: float | None
-    """Nobody else is in the study."""
-    alone_p95_ms: float | None
-    key_to_image_p50_ms: float | None
-    """`together` participants act at once."""
-    key_to_image_p95_ms: float | None
-    delayed_p50_ms: float | None
-    """Alone, over a line with `round_trip_ms`."""
-    delayed_p95_ms: float | None
-    delayed_p50_over_round_trip_ms: float | None
-
-
-def measure_load(settings: LoadSettings, *, folder: Path, dataset: Path, progress: Callable[[str], None]) -> BotFigures:
-    """Bots who walk.
+def measure_load(settings: LoadSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
+    """Bots who walk: `BotFigures`.
 
     Args:
         settings: How many.
@@ -76,7 +61,7 @@ def measure_load(settings: LoadSettings, *, folder: Path, dataset: Path, progres
     """
     make_bot_study(folder, participants=settings.bots, seed=settings.seed, dataset=dataset)
     with Server(folder / "study", dataset) as server:
-        return run_bots(
+        figures = run_bots(
             server.start(),
             participants=settings.bots,
             seconds=settings.seconds,
@@ -85,12 +70,18 @@ def measure_load(settings: LoadSettings, *, folder: Path, dataset: Path, progres
             seed=settings.seed,
             progress=progress,
         )
+    return figures.model_dump()
 
 
-def measure_browser(
-    settings: BrowserSettings, *, folder: Path, dataset: Path, progress: Callable[[str], None]
-) -> BrowserFigures | None:
-    """Each case has a participant of its own; None where there is no browser. Arguments as `measure_load`'s.
+def measure_browser(settings: BrowserSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
+    """Real Chromium: from keydown until the new picture is drawn; each case has a participant of its own.
+
+    Arguments as `measure_load`'s.
+
+    Returns:
+        `alone_..._ms`, nobody else is in the study; `key_to_image_..._ms`, `together` participants act at once;
+        `delayed_..._ms`, alone, over a line with `round_trip_ms`. None = not one key had its picture in time. Empty
+        where there is no browser.
 
     Raises:
         StudyError: The study cannot be served, or a bot is not let in.
@@ -100,7 +91,7 @@ def measure_browser(
         return _measured(server.start(), settings, progress)
 
 
-def _measured(site: Site, settings: BrowserSettings, progress: Callable[[str], None]) -> BrowserFigures | None:
+def _measured(site: Site, settings: BrowserSettings, progress: Progress) -> Values:
     config, codes = load_study(site.folder), list(site.links)
     others = Site(site.folder, site.dataset, None, tuple(one for one in site.everybody if one.code in codes[3:]), None)
     try:
@@ -118,17 +109,17 @@ def _measured(site: Site, settings: BrowserSettings, progress: Callable[[str], N
             together = key_to_image_ms(page, num_keys=settings.keys)
     except MissingDependencyError as error:
         progress(f"No figures of a browser: {error}")
-        return None
+        return {}
     late_p50 = quantile(late, 0.5)
-    return BrowserFigures(
-        alone_p50_ms=quantile(alone, 0.5),
-        alone_p95_ms=quantile(alone, 0.95),
-        key_to_image_p50_ms=quantile(together, 0.5),
-        key_to_image_p95_ms=quantile(together, 0.95),
-        delayed_p50_ms=late_p50,
-        delayed_p95_ms=quantile(late, 0.95),
-        delayed_p50_over_round_trip_ms=None if late_p50 is None else late_p50 - settings.round_trip_ms,
-    )
+    return {
+        "alone_p50_ms": quantile(alone, 0.5),
+        "alone_p95_ms": quantile(alone, 0.95),
+        "key_to_image_p50_ms": quantile(together, 0.5),
+        "key_to_image_p95_ms": quantile(together, 0.95),
+        "delayed_p50_ms": late_p50,
+        "delayed_p95_ms": quantile(late, 0.95),
+        "delayed_p50_over_round_trip_ms": None if late_p50 is None else late_p50 - settings.round_trip_ms,
+    }
 
 
 @contextmanager

@@ -1,39 +1,111 @@
 """What a study costs its participants, and what it stands: a key's time, and kills, crowds, restarts, big homes."""
 
-import os
 import tempfile
-from collections.abc import Callable
-from datetime import UTC, datetime
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
+import psutil
+from pydantic import BaseModel, ConfigDict
 
 from sim.authoring.generation import invent_dataset
-from sim.render.raycast import own_cores
+from sim.errors import StudyError
 
-from ...bots.run import BotFigures
 from ...bots.site import HOME
-from .big_home import measure_big_home
-from .figures import FULL as FULL
-from .figures import LIMITS as LIMITS
-from .figures import PARTS as PARTS
-from .figures import QUICK as QUICK
-from .figures import BrowserFigures, Part, StoreFigures, StoreSettings, StudyFigures
-from .figures import StudySettings as StudySettings
-from .figures import figure_rows as figure_rows
-from .figures import markdown as markdown
-from .figures import missed as missed
-from .kills import measure_kills
-from .online import measure_browser, measure_load
-from .people import measure_people
-from .restart import measure_restarts
-from .soak import measure_soak
+from ..harness import Plan, Progress, Report, Target, Values, machine, report_of
+from .big_home import BigHomeSettings, measure_big_home
+from .kills import KillSettings, measure_kills
+from .online import BrowserSettings, LoadSettings, measure_browser, measure_load
+from .people import PeopleSettings, measure_people
+from .restart import RestartSettings, measure_restarts
+from .soak import SoakSettings, measure_soak
 from .store import store_acks_ms
 
+TARGETS = {
+    "store.ack_p95_ms": Target(50.0),
+    "load.ack_p95_ms": Target(50.0),
+    "load.key_to_frame_p95_ms": Target(250.0),
+    "load.lost": Target(0.0),
+    "load.duplicated": Target(0.0),
+    "browser.alone_p50_ms": Target(60.0),
+    "browser.key_to_image_p50_ms": Target(100.0),
+    "browser.key_to_image_p95_ms": Target(200.0),
+    "browser.delayed_p50_over_round_trip_ms": Target(60.0),
+    "kills.lost_after_kill": Target(0.0),
+    "kills.duplicated_after_kill": Target(0.0),
+    "kills.unknown_after_kill": Target(0.0),
+    "kills.chain_failures": Target(0.0),
+    "kills.resumed_elsewhere": Target(0.0),
+    "people.lost": Target(0.0),
+    "people.duplicated": Target(0.0),
+    "big_home.while_ack_p99_ms": Target(150.0),
+    "big_home.lost": Target(0.0),
+    "big_home.duplicated": Target(0.0),
+    "restart.drain_s": Target(10.0),
+    "restart.processes_left": Target(0.0),
+    "restart.lost": Target(0.0),
+    "restart.duplicated": Target(0.0),
+    "restart.resumed_elsewhere": Target(0.0),
+    "soak.lost": Target(0.0),
+    "soak.duplicated": Target(0.0),
+    "soak.fds_growth": Target(16.0),
+    "soak.threads_growth": Target(16.0),
+    "soak.clients_growth": Target(0.0),
+    "soak.clients_left": Target(0.0),
+    "soak.leases_left": Target(0.0),
+}
+"""HUMAN_STUDY.md, section 10. Pools of serving process and workers may still add 16 threads and file descriptors after
+the first look of the soak."""
 _SEED = 5
-_MEASURES: dict[Part, Callable[..., BaseModel | None]] = {
+
+
+class StoreSettings(BaseModel):
+    """The store alone."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    participants: int = 50
+    rate: float = 2.0
+    """Keys per second of each."""
+    seconds: float = 10.0
+
+
+class StudySettings(BaseModel):
+    """How much is measured."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    store: StoreSettings = StoreSettings()
+    load: LoadSettings = LoadSettings()
+    browser: BrowserSettings = BrowserSettings()
+    kills: KillSettings = KillSettings()
+    people: PeopleSettings = PeopleSettings()
+    big_home: BigHomeSettings = BigHomeSettings()
+    restart: RestartSettings = RestartSettings()
+    soak: SoakSettings = SoakSettings()
+
+
+FULL = StudySettings()
+QUICK = StudySettings(
+    store=StoreSettings(seconds=3.0),
+    load=LoadSettings(seconds=20.0),
+    browser=BrowserSettings(keys=15),
+    kills=KillSettings(kills=6, bots=3),
+    people=PeopleSettings(bots=60, seconds=10.0),
+    big_home=BigHomeSettings(faces=100_000, bots=5, before_s=8.0),
+    restart=RestartSettings(restarts=2, bots=5, acted_keys=10),
+    soak=SoakSettings(seconds=30.0, bots=8),
+)
+
+
+def measure_store(settings: StoreSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
+    """The store alone: from handing over a key and its step until they are on disk. It serves no study."""
+    acks = store_acks_ms(participants=settings.participants, rate=settings.rate, seconds=settings.seconds)
+    return {"ack_p50_ms": float(np.quantile(acks, 0.5)), "ack_p95_ms": float(np.quantile(acks, 0.95))}
+
+
+PARTS: dict[str, Callable[..., Values]] = {
+    "store": measure_store,
     "load": measure_load,
     "browser": measure_browser,
     "kills": measure_kills,
@@ -42,55 +114,96 @@ _MEASURES: dict[Part, Callable[..., BaseModel | None]] = {
     "restart": measure_restarts,
     "soak": measure_soak,
 }
-"""Of parts that serve a study."""
+"""In the order in which they are measured."""
 
 
-def measure_study(settings: StudySettings, *, progress: Callable[[str], None]) -> StudyFigures:
-    """Measures the parts that were asked for, each in a study of its own, one after the other.
+def measure_study(settings: StudySettings, parts: Sequence[str], *, quick: bool, progress: Progress) -> Report:
+    """Measures some parts, each in a study of its own, one after the other.
 
     Args:
         settings: How much.
+        parts: Names of PARTS; they are measured in its order.
+        quick: Written into the report.
         progress: Told what is done now.
 
+    Returns:
+        Values: those of each part by its name, `load_of`, the machine's load average before each, which what ran before
+        may have raised; and at the top, of the load case and of the browser's, the figures that are asked for most.
+
     Raises:
-        StudyError: A study cannot be served, or bots do not find back into it.
+        StudyError: A part is unknown, a study cannot be served, or bots do not find back into it.
     """
-    load_before = os.getloadavg()[0]
-    found: dict[str, Any] = {}
-    loads: dict[Part, float] = {}
+    unknown = sorted(set(parts) - set(PARTS))
+    if unknown:
+        raise StudyError(f"--parts {' '.join(unknown)}: is none of the parts; expected some of {', '.join(PARTS)}.")
+    here, began_s = machine(), time.perf_counter()
+    chosen = [part for part in PARTS if part in parts]
+    found: dict[str, Values] = {}
+    load_of: dict[str, float] = {}
     with tempfile.TemporaryDirectory(prefix="personal-bench-study-") as name:
         dataset = Path(name) / "dataset"
-        for part in settings.parts:
+        for part in chosen:
             progress(f"part {part}")
-            loads[part] = os.getloadavg()[0]
-            if part == "store":
-                found[part] = _store(settings.store)
-                continue
-            if not dataset.exists():
+            load_of[part] = psutil.getloadavg()[0]
+            if part != "store" and not dataset.exists():
                 invent_dataset(dataset, name=HOME, seed=_SEED)
             folder = Path(name) / part
             folder.mkdir()
-            own = getattr(settings, part.replace("-", "_"))
-            found[part.replace("-", "_")] = _MEASURES[part](own, folder=folder, dataset=dataset, progress=progress)
-    load: BotFigures | None = found.get("load")
-    browser: BrowserFigures | None = found.get("browser")
-    return StudyFigures(
-        settings=settings,
-        participants=load.participants if load else None,
-        ack_p50_ms=load.ack_p50_ms if load else None,
-        ack_p95_ms=load.ack_p95_ms if load else None,
-        key_to_image_p50_ms=browser.key_to_image_p50_ms if browser else None,
-        key_to_image_p95_ms=browser.key_to_image_p95_ms if browser else None,
-        lost=load.lost if load else None,
-        duplicated=load.duplicated if load else None,
-        **found,
-        cores=own_cores(),
-        load_before=load_before,
-        load_of=loads,
-        created_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+            key = part.replace("-", "_")
+            own = getattr(settings, key)
+            found[key] = PARTS[part](own, folder=folder, dataset=dataset, progress=progress)
+    notes = ["Studies on an invented home, served by their own gateway and workers; all share the cores."]
+    notes += [f"{part}: {_words(settings, part)} Load average before it: {load_of[part]:.2f}." for part in chosen]
+    return report_of(
+        "study",
+        {**_asked_for(found), **found, "load_of": load_of},
+        Plan(targets={name: target for name, target in TARGETS.items() if name.partition(".")[0] in found}),
+        quick=quick,
+        machine=here,
+        seconds=time.perf_counter() - began_s,
+        notes=notes,
+        left_out=[part for part in PARTS if part not in parts],
+        problems=[f"{part}: {line}" for part, values in found.items() for line in values.get("problems", ())],
     )
 
 
-def _store(settings: StoreSettings) -> StoreFigures:
-    acks = store_acks_ms(participants=settings.participants, rate=settings.rate, seconds=settings.seconds)
-    return StoreFigures(ack_p50_ms=float(np.quantile(acks, 0.5)), ack_p95_ms=float(np.quantile(acks, 0.95)))
+def _asked_for(found: dict[str, Values]) -> dict[str, Any]:
+    load, browser = found.get("load", {}), found.get("browser", {})
+    names = ("participants", "ack_p50_ms", "ack_p95_ms", "lost", "duplicated")
+    values = {name: load.get(name) for name in names}
+    return values | {name: browser.get(name) for name in ("key_to_image_p50_ms", "key_to_image_p95_ms")}
+
+
+def _words(used: StudySettings, part: str) -> str:
+    """What a part does."""
+    load, browser, soak = used.load, used.browser, used.soak
+    match part:
+        case "store":
+            return f"the store alone, {used.store.participants} people for {used.store.seconds:g} s."
+        case "load":
+            return (
+                f"{load.bots} bots ({', '.join(load.kinds)}), {load.rate:g} keys a second each, for {load.seconds:g} "
+                "s; random ones press on when a picture is late (these keys have no effect), the others wait."
+            )
+        case "browser":
+            return (
+                f"{browser.keys} keys in Chromium, at most one each half second, from keydown until the new picture "
+                f"is drawn: alone, with {browser.together - 1} bots acting beside it, and over a line with a round "
+                f"trip of {browser.round_trip_ms:g} ms."
+            )
+        case "kills":
+            return (
+                f"kill -9 at {used.kills.kills} random instants, of the serving process or of a worker, while "
+                f"{used.kills.bots} bots walk."
+            )
+        case "people":
+            return (
+                f"{used.people.bots} bots, {used.people.rate:g} keys a second asked of each, for "
+                f"{used.people.seconds:g} s: more than two cores can show pictures to."
+            )
+        case "big-home":
+            return f"keys of {used.big_home.bots} bots while somebody opens a home of {used.big_home.faces} triangles."
+        case "restart":
+            return f"{used.restart.restarts} times, by SIGTERM and SIGINT in turns, {used.restart.bots} bots online."
+        case _:
+            return f"{soak.bots} bots that come and go ({', '.join(soak.kinds)}) for {soak.seconds:g} s."

@@ -1,15 +1,11 @@
-"""What a study's records must say of bots after kills and crowds: all that was acknowledged, nothing twice, no gaps.
+"""What a study's records must say of bots after kills and crowds: each acknowledged step, and all are where they were.
 
-A page's counter says "Step 7" when seven steps are on disk; keys of one connection are stored in the order in which
-they were pressed. So a key is lost if a later one of its connection is stored and it is not, and a step is lost if the
-counter has shown it and it is not stored. What was on its way when a connection ended was acknowledged by nobody.
+A page's counter says "Step 7" when seven steps are on disk: a step is lost if the counter has shown it and it is not
+stored. Keys are looked for by `bots.records`.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-
-from pydantic import BaseModel, ConfigDict
 
 from human_study.store.records import StudyReader, read_study
 from human_study.trial.events import Act, Event, Key, Open
@@ -17,42 +13,9 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.pan import PanEnv
 
+from ...bots.records import events_of
 from ...study_app.home.trial_homes import open_trial_home
 from .crowd import StayingBot
-
-
-class KeyTally(BaseModel):
-    """Where the keys of bots are."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    sent: int = 0
-    stored: int = 0
-    """Different ones."""
-    lost: int = 0
-    """Not stored, though a later one of the same connection is."""
-    cut_off: int = 0
-    """Not stored; they were the last ones of their connection."""
-    untimed: int = 0
-    """Stored without the page's own time: its message came too long before the key."""
-    duplicated: int = 0
-    unknown: int = 0
-    """Stored, but pressed by no bot."""
-
-    def __add__(self, other: "KeyTally") -> "KeyTally":
-        """Of both."""
-        return KeyTally(**{name: value + getattr(other, name) for name, value in self})
-
-
-def key_tally(folder: Path, bots: Sequence[StayingBot]) -> KeyTally:
-    """Looks for each key of each bot; all chains are checked.
-
-    Raises:
-        StudyError: The database is damaged.
-    """
-    with read_study(folder) as reader:
-        reader.check()
-        tallies = [_tally(bot, _stored_keys(reader, bot.log.code)) for bot in bots]
-    return sum(tallies, KeyTally())
 
 
 def missing_steps(folder: Path, bots: Sequence[StayingBot]) -> tuple[str, ...]:
@@ -133,33 +96,6 @@ def first_other_step(events: Sequence[Event], env: PanEnv) -> int | None:
     return None
 
 
-def _tally(bot: StayingBot, stored: Sequence[float | None]) -> KeyTally:
-    """Of one bot, from the times of its keys as they are stored, in order."""
-    marks = [press.t_cli_ms for press in bot.log.presses]
-    found = Counter(mark for mark in stored if mark is not None)
-    untimed = sum(mark is None for mark in stored)
-    gaps = tails = 0
-    for begin, end in zip(bot.starts, [*bot.starts[1:], len(marks)], strict=True):
-        is_there = [mark in found for mark in marks[begin:end]]
-        last = max((place for place, there in enumerate(is_there) if there), default=-1)
-        gaps += is_there[: last + 1].count(False)
-        tails += len(is_there) - last - 1
-    lost = max(0, gaps - untimed)
-    return KeyTally(
-        sent=len(marks),
-        stored=len(found.keys() & set(marks)) + untimed,
-        lost=lost,
-        cut_off=tails - max(0, untimed - gaps),
-        untimed=untimed,
-        duplicated=sum(found[mark] - 1 for mark in marks if mark in found),
-        unknown=sum(count for mark, count in found.items() if mark not in set(marks)),
-    )
-
-
-def _stored_keys(reader: StudyReader, code: str) -> list[float | None]:
-    return [event.t_cli_ms for event in _events(reader, code) if isinstance(event, Key)]
-
-
 def _last_steps(reader: StudyReader, code: str) -> list[list[Act]]:
     """Steps of the last two trials that were opened."""
     opened = [status.trial_id for status in reader.trials(code) if status.trial_id is not None]
@@ -170,14 +106,8 @@ def _steps_before_keys(reader: StudyReader, code: str) -> dict[float | None, int
     """Steps of its trial before each key, by the key's own time."""
     found: dict[float | None, int] = {}
     steps = 0
-    for event in _events(reader, code):
+    for event in events_of(reader, code):
         steps = 0 if isinstance(event, Open) else steps + isinstance(event, Act)
         if isinstance(event, Key) and event.t_cli_ms is not None:
             found.setdefault(event.t_cli_ms, steps)
     return found
-
-
-def _events(reader: StudyReader, code: str) -> list[Event]:
-    """All that a participant did, in order."""
-    trials = [status.trial_id for status in reader.trials(code) if status.trial_id is not None]
-    return [line.event for trial in trials for line in reader.events(trial)]

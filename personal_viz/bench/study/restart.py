@@ -1,13 +1,12 @@
-"""The study is ended and started again while people are online: they come back, to where they were (test 16)."""
+"""The study is ended and started again while people are online: they come back, to where they were."""
 
 import contextlib
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import psutil
 from pydantic import BaseModel, ConfigDict
 
@@ -16,11 +15,13 @@ from human_study.store.records import read_study
 from human_study.trial.events import Act, Reconnect
 from sim.errors import MissingDependencyError
 
-from ...bots.site import Site, make_bot_study
-from ...bots.walker import BotKind
+from ...bots.records import BotKind, count_bots
+from ...bots.run import quantile
+from ...bots.site import Site
+from ..harness import Progress, Values
 from .browser import key_to_image_ms, walking
-from .crowd import Crowd, crowd
-from .records import key_tally, missing_steps, resumed_elsewhere
+from .crowd import Crowd, staffed
+from .records import missing_steps, resumed_elsewhere
 from .server import Server
 
 if TYPE_CHECKING:
@@ -48,35 +49,7 @@ class RestartSettings(BaseModel):
     seed: int = 19
 
 
-class RestartFigures(BaseModel):
-    """How the restarts went."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    participants: int
-    restarts: int
-    drain_s: float
-    """The longest of all: from the signal until the serving process has ended."""
-    processes_left: int
-    """Processes that were still there then."""
-    start_s: float
-    """The median: from starting the program again until it serves."""
-    reconnect_s: float
-    """The longest of all: from serving again until all bots, and the browser, stand in their trials."""
-    lost: int
-    """Keys and steps that were acknowledged and are not on disk."""
-    duplicated: int
-    resumes: int
-    """Ways back of bots that could be compared with the records."""
-    resumed_elsewhere: int
-    """Those that showed another step than the records, the browser's among them."""
-    browser_returns: int | None
-    """How often the browser's page came back by itself; None = there is no browser."""
-    problems: tuple[str, ...]
-
-
-def measure_restarts(
-    settings: RestartSettings, *, folder: Path, dataset: Path, progress: Callable[[str], None]
-) -> RestartFigures:
+def measure_restarts(settings: RestartSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
     """Ends the program as a host does, starts it again on the same folder and port, and waits for everybody.
 
     Args:
@@ -85,17 +58,21 @@ def measure_restarts(
         dataset: Of one invented home.
         progress: Told what is done now.
 
+    Returns:
+        `drain_s`, the longest from the signal until the serving process has ended, and `processes_left` that were still
+        there then; `start_s`, the median from starting the program again until it serves; `reconnect_s`, the longest
+        from then until all bots, and the browser, stand in their trials; `lost`, keys and steps that were acknowledged
+        and are not on disk; `resumes`, ways back of bots that could be compared with the records, and
+        `resumed_elsewhere`, those that showed another step, the browser's among them; `browser_returns`, how often the
+        browser's page came back by itself (None = there is no browser).
+
     Raises:
         StudyError: The study is not served again, or bots do not find back.
     """
-    make_bot_study(folder, participants=settings.bots + 1, seed=settings.seed, dataset=dataset)
-    with Server(folder / "study", dataset) as server:
-        site = server.start()
-        tally, codes = _Tally(server), list(site.links)
-        with (
-            _browser(site, codes[-1], wanted=settings.with_browser, progress=progress) as person,
-            crowd(site, codes[: settings.bots], kinds=settings.kinds, rate=settings.rate, seed=settings.seed) as bots,
-        ):
+    crew = {"kinds": settings.kinds, "rate": settings.rate, "seed": settings.seed}
+    with staffed(folder, dataset, bots=settings.bots, spare=1, **crew) as (server, site, bots):
+        tally, code = _Tally(server), list(site.links)[-1]
+        with _browser(site, code, wanted=settings.with_browser, progress=progress) as person:
             bots.arrive()
             bots.begin()
             for number in range(settings.restarts):
@@ -105,23 +82,23 @@ def measure_restarts(
                 person.walk()
                 tally.restart(end, bots, person)
             bots.await_acks(settings.bots)
-            bots.halt()
-        keys, lost = key_tally(site.folder, bots.bots), missing_steps(site.folder, bots.bots)
+            bots.leave()
+        keys, missing = count_bots(site.folder, bots.logs), missing_steps(site.folder, bots.bots)
         resumes, elsewhere = resumed_elsewhere(site.folder, bots.bots)
-    return RestartFigures(
-        participants=settings.bots + (person.page is not None),
-        restarts=settings.restarts,
-        drain_s=max(tally.drains_s),
-        processes_left=tally.num_left,
-        start_s=float(np.median(tally.starts_s)),
-        reconnect_s=max(tally.returns_s),
-        lost=keys.lost + len(lost),
-        duplicated=keys.duplicated,
-        resumes=resumes,
-        resumed_elsewhere=len(elsewhere) + len(person.problems),
-        browser_returns=person.num_returns if person.page is not None else None,
-        problems=(*bots.problems, *lost, *elsewhere, *person.problems),
-    )
+    return {
+        "participants": settings.bots + (person.page is not None),
+        "restarts": settings.restarts,
+        "drain_s": max(tally.drains_s),
+        "processes_left": tally.num_left,
+        "start_s": quantile(tally.starts_s, 0.5),
+        "reconnect_s": max(tally.returns_s),
+        "lost": len(keys.lost) + len(missing),
+        "duplicated": keys.duplicated,
+        "resumes": resumes,
+        "resumed_elsewhere": len(elsewhere) + len(person.problems),
+        "browser_returns": person.num_returns if person.page is not None else None,
+        "problems": (*bots.problems, *keys.lost, *missing, *elsewhere, *person.problems),
+    }
 
 
 class _Tally:
@@ -198,7 +175,7 @@ class _Person:
 
 
 @contextlib.contextmanager
-def _browser(site: Site, code: str, *, wanted: bool, progress: Callable[[str], None]) -> Iterator[_Person]:
+def _browser(site: Site, code: str, *, wanted: bool, progress: Progress) -> Iterator[_Person]:
     with contextlib.ExitStack() as stack:
         page = None
         if wanted:

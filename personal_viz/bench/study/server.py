@@ -22,7 +22,13 @@ class Server:
     """A context manager: a study that may be ended and served again as often as one likes."""
 
     def __init__(
-        self, folder: Path, dataset: Path, *, scenes_dir: Path | None = None, cache: Path | None = None
+        self,
+        folder: Path,
+        dataset: Path,
+        *,
+        scenes_dir: Path | None = None,
+        cache: Path | None = None,
+        workers: int | None = None,
     ) -> None:
         """Starts nothing yet.
 
@@ -31,10 +37,11 @@ class Server:
             dataset: Of the study.
             scenes_dir: Of scans.
             cache: Cache folder of the program; None = the user's own.
+            workers: None = as many as usual.
         """
         self.log = folder.parent / "serve.log"
         self._folder, self._dataset, self._scenes_dir = folder, dataset, scenes_dir
-        self._command = serve_command(folder, dataset, port=free_port(), scenes_dir=scenes_dir)
+        self._command = serve_command(folder, dataset, port=free_port(), workers=workers, scenes_dir=scenes_dir)
         self._environment = {VARIABLE: str(cache)} if cache else {}
         self._study: ServedStudy | None = None
 
