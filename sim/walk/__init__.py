@@ -1,1 +1,1 @@
-"""Where a robot can stand, how far it is, and what it sees from there: floor grids and Habitat's navigation meshes."""
+"""Places where a robot can stand, their distances and their views: floor grids and Habitat's navigation meshes."""

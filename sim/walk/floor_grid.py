@@ -1,4 +1,4 @@
-"""A layered floor grid: where the robot's centre can be, at 5 cm; the navigation map of every home without a navmesh.
+"""A layered floor grid of 5 cm cells for the robot's centre; the navigation map of every home without a navmesh.
 
 Made from a mesh (`floor_grid_from_mesh`, Recast's filters) or from known free cells (`FloorGrid.from_cells`).
 """
@@ -30,13 +30,13 @@ SNAP_REACH = 2.0
 SNAP_HEIGHT = 4.0
 """Largest height difference of a snap, metres."""
 SNAP_CLIMB = 0.2
-"""Over a cell, this much height difference counts as none; the nearest storey wins (Detour, walkableClimb)."""
+"""Over a cell, a height difference up to this counts as none; the nearest storey wins (Detour, walkableClimb)."""
 MAX_CLIMB = 0.2
 """Highest step between neighbouring cells, metres (Habitat's agentMaxClimb)."""
 SLOPE_REACH = 0.3
 """Distance over which a slope is measured, metres (Recast's detailSampleDist, 6 cells)."""
 _KEPT_FIELDS = 8
-"""How many distance fields are remembered: an episode asks again and again for the same goals."""
+"""Number of stored distance fields: an episode needs the same goals again and again."""
 
 
 class _Ends(NamedTuple):
@@ -47,7 +47,7 @@ class _Ends(NamedTuple):
     h: NDArray[np.float64]
     """Height from which a path's length counts."""
     nodes: NDArray[np.int32]
-    """-1 where no cell is near."""
+    """Node of each point; -1 where no cell is near."""
 
 
 class FloorGrid:
@@ -67,8 +67,8 @@ class FloorGrid:
 
         Args:
             cells: Nodes and links.
-            grid: Where the cells are in the world.
-            covered: (N,) whether something is above each node; None = unknown. Tells roofs from storeys.
+            grid: Grid of the cells in the world.
+            covered: (N,) whether something is above each node; None = unknown. It tells roofs from storeys.
             digest: sha256 of nodes and grid.
         """
         self.cells = cells
@@ -77,7 +77,7 @@ class FloorGrid:
         self.node_y = cells.h * grid.cell
         """(N,) floor height of each node, metres."""
         self.islands = _connected_parts(cells.links)
-        """(N,) number of the connected part each node is on."""
+        """(N,) number of each node's connected part."""
         self.storey_heights: tuple[float, ...] = storey_levels(self.node_y, self.islands, covered)
         self._fields: tuple[tuple[bytes, Field], ...] = ()
 
@@ -94,10 +94,10 @@ class FloorGrid:
             rc: (N, 2) cells where the robot's CENTRE may be; a cell may appear once per layer.
             y: (N,) floor heights, world metres.
             grid: Cell size and place; all `rc` lie inside its shape.
-            max_climb: Metres.
+            max_climb: Largest height difference of joined neighbours, metres.
 
         Raises:
-            SceneError: No cells, cells outside the grid, heights that are not finite, or one place given twice.
+            SceneError: There are no cells, cells outside the grid, heights that are not finite, or repeated places.
         """
         rc, y = np.asarray(rc, np.int64).reshape(-1, 2), np.asarray(y, float).reshape(-1)
         _check_cells(rc, y, grid, max_climb)
@@ -118,7 +118,7 @@ class FloorGrid:
 
     @property
     def surface_area(self) -> float:
-        """Free area in square metres along the floor, all layers: what habitat-sim calls `navigable_area`.
+        """Free area in square metres along the floor, all layers: the `navigable_area` of habitat-sim.
 
         Stairs count as ramps: slopes are taken over SLOPE_REACH, as Habitat's detail mesh samples them.
         """
@@ -174,9 +174,8 @@ class FloorGrid:
 
         The length of `shortest_path`: an any-angle path over the grid, so a little longer than the exact one (mean
         below 1 %). Its straight pieces are 3-D chords, also over stairs, as in Detour. A point over free floor keeps
-        its height, as in Detour: what lies more than SNAP_CLIMB above the floor adds to the path's first or last
-        piece, and nothing if start and goal lie over the same point. inf where unreachable, or where a point has no
-        place near.
+        its height, as in Detour: height beyond SNAP_CLIMB above the floor adds to the path's first or last piece, but
+        not if start and goal are over the same point. inf where unreachable, or where no place is near a point.
         """
         field = self._field(goals)
         ends = self._ends(np.asarray(starts, float).reshape(-1, 3))
@@ -293,20 +292,20 @@ class FloorGrid:
 def floor_grid_from_mesh(
     mesh: "TriangleMesh", *, radius: float = AGENT_RADIUS, height: float = AGENT_HEIGHT, both_sides: bool = False
 ) -> FloorGrid:
-    """Where a robot fits on a mesh, by Recast's rules with Habitat's settings (HABITAT_SEMANTICS.md 2.5).
+    """The places where a robot fits on a mesh, by Recast's rules with Habitat's settings (HABITAT_SEMANTICS.md 2.5).
 
     Heights are those of the real floor (Habitat's navmesh lies 0-0.2 m above it). Islands under 1 m2 are dropped, as in
     Habitat; roofs and large table tops stay islands of their own.
 
     Args:
         mesh: World frame; faces are wound counter-clockwise seen from their outside (floors from above).
-        radius: Of the robot, rounded up to whole cells (0.18 -> 0.20).
+        radius: Radius of the robot, rounded up to whole cells (0.18 -> 0.20).
         height: Clearance the robot needs, rounded up to whole 0.2 m (0.88 -> 1.0).
         both_sides: Whether faces wound downwards are floors too. False is Recast's rule; True is for houses whose
             winding is mixed, and then the upper sides of ceilings and of table tops without thickness are floors.
 
     Raises:
-        SceneError: Nowhere on the mesh can the robot stand, or it is larger than any home.
+        SceneError: The robot can stand nowhere on the mesh, or the mesh is larger than any home.
     """
     find = partial(standing_places, mesh.vertices, mesh.faces, radius=radius, height=height)
     places = find(both_sides=both_sides)
@@ -364,7 +363,7 @@ def _check_cells(rc: NDArray[np.int64], y: NDArray[np.float64], grid: GridSpec, 
 
 
 def _rise_per_cell(cells: Cells, side: int, count: int) -> NDArray[np.float64]:
-    """(N,) mean slope from up to `count` linked cells behind a node to as many before it, along `side` (0 u, 1 v)."""
+    """(N,) mean slope over up to `count` linked cells before and after a node along `side` (0 u, 1 v)."""
     ends, taken = [], np.zeros(len(cells.h))
     for towards in (side, side + 2):
         node = np.arange(len(cells.h))

@@ -18,13 +18,13 @@ class Field(NamedTuple):
     distance: NDArray[np.float64]
     """(N,) grid units from each node's centre to its nearest goal, inf where unreachable."""
     parent: NDArray[np.int32]
-    """(N,) anchor towards the goal that is in straight reach, -1 where unreachable."""
+    """(N,) anchor towards the goal, reachable in a straight line; -1 where the goal is unreachable."""
     goal_u: NDArray[np.float64]
     goal_v: NDArray[np.float64]
     goal_h: NDArray[np.float64]
-    """(G,) height that counts for the goal, which may be above its floor."""
+    """(G,) height of the goal for path lengths, which may be above its floor."""
     goal_node: NDArray[np.int32]
-    """(G,) goals, sorted by node."""
+    """(G,) node of each goal, ascending."""
 
 
 @njit(cache=True, nogil=True)
@@ -39,7 +39,7 @@ def _anchor(cells, field, anchor):
 
 @njit(cache=True, nogil=True)
 def spread(cells, field):
-    """Fill an empty field (distance inf, parent -1): Dijkstra in which a node may take its parent's parent in sight."""
+    """Fills an empty field (distance inf, parent -1) by Dijkstra; a node takes its parent's parent when it sees it."""
     count = len(cells.row)
     distance, parent = field.distance, field.parent
     keys = np.empty(8 * count + len(field.goal_node) + 1)
@@ -80,7 +80,7 @@ def spread(cells, field):
 
 @njit(cache=True, nogil=True)
 def _first_anchor(cells, field, u, v, h, node):
-    """The anchor to walk to first from a point, -1 if no goal can be reached."""
+    """The first anchor on the way from a point, -1 if no goal can be reached."""
     count = len(cells.row)
     best, found = math.inf, -1
     for side in range(-1, 8):
@@ -105,7 +105,7 @@ def _first_anchor(cells, field, u, v, h, node):
 
 @njit(cache=True, nogil=True)
 def _pull(cells, at, nodes):
-    """Leave out corners of a polyline whose neighbours see each other, in place."""
+    """Removes corners of a polyline whose neighbours see each other, in place."""
     i = 1
     while i < len(at) - 1:
         if walk(cells, at[i - 1][0], at[i - 1][1], nodes[i - 1], at[i + 1][0], at[i + 1][1])[0] == nodes[i + 1]:
@@ -118,7 +118,7 @@ def _pull(cells, at, nodes):
 
 @njit(cache=True, nogil=True)
 def _into_corners(cells, at, nodes):
-    """Move corners of a polyline from cell centres to the corner of their cell that is shortest, in place."""
+    """Moves corners of a polyline from cell centres to the cell's corner that makes it shortest, in place."""
     moved = False
     for i in range(1, len(at) - 1):
         here = nodes[i]

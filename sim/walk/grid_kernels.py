@@ -15,24 +15,24 @@ from sim.compiled import njit
 _TIE = 1e-9
 """Two crossings closer than this (share of the segment) count as passing through the cell's corner."""
 _MARGIN = 2e-3
-"""How far inside its cell a clamped point lies, in cells (0.1 mm at 5 cm)."""
+"""Distance of a clamped point from its cell's border, in cells (0.1 mm at 5 cm)."""
 INSET = 1e-6
-"""How far inside its cell a made-up point lies, in cells, so that rounding never moves it to the next one."""
+"""Distance of a constructed point from its cell's border, in cells, so that rounding never moves it to the next one."""
 
 
 class Cells(NamedTuple):
     """The nodes of a floor grid, sorted by column and height."""
 
     row: NDArray[np.int32]
-    """(N,)."""
+    """(N,) row of each node."""
     col: NDArray[np.int32]
-    """(N,)."""
+    """(N,) column of each node."""
     h: NDArray[np.float64]
     """(N,) floor height in grid units."""
     links: NDArray[np.int32]
     """(N, 8) neighbours along +u, +v, -u, -v, then the diagonals between 0-1, 1-2, 2-3, 3-0; -1 = none."""
     first: NDArray[np.int32]
-    """(rows * cols + 1,) where each column's nodes start; row-major."""
+    """(rows * cols + 1,) index of each column's first node; row-major."""
     rows: int
     cols: int
 
@@ -84,7 +84,7 @@ def with_diagonals(sides, h, max_climb):
 
 @njit(cache=True, nogil=True)
 def walk(cells, u, v, node, end_u, end_v):
-    """Follow the segment from (u, v) on `node` through linked cells; (last node, share of the segment walked)."""
+    """Follows the segment from (u, v) on `node` through linked cells; (last node, share of the segment walked)."""
     du, dv = end_u - u, end_v - v
     r, c = cells.row[node], cells.col[node]
     while True:
@@ -119,7 +119,7 @@ def walk(cells, u, v, node, end_u, end_v):
 
 @njit(cache=True, nogil=True)
 def clamp(cells, node, u, v):
-    """The point of the node's cell nearest to (u, v), a hair inside its border."""
+    """The point of the node's cell nearest to (u, v), slightly inside its border."""
     c, r = cells.col[node], cells.row[node]
     if not (c <= u < c + 1):
         u = min(max(u, c + _MARGIN), c + 1 - _MARGIN)
@@ -162,7 +162,7 @@ def nearest_node(cells, u, h, v, reach, reach_h, climb):
 def snap_all(cells, u, h, v, reach, reach_h, climb):
     """Snapped (u, v, h, node) of points (M,); node -1 where nothing is near.
 
-    The height is the floor's; a point over its cell keeps what it has above (or below) the floor beyond `climb`.
+    The height is the floor's; a point over its cell keeps its height above (or below) the floor beyond `climb`.
     """
     nodes = np.full(len(u), -1, np.int32)
     out_u, out_v, out_h = u.copy(), v.copy(), h.copy()
@@ -180,7 +180,7 @@ def snap_all(cells, u, h, v, reach, reach_h, climb):
 
 @njit(cache=True, nogil=True)
 def slide_end(cells, u, v, node, end_u, end_v):
-    """Where a walk that may slide along walls ends: the point nearest to the end among the cells within reach.
+    """End of a walk that may slide along walls: the point nearest to the wanted end among the cells within reach.
 
     Reach, as in Detour's moveAlongSurface: cells joined side by side that touch the circle over the segment.
     """

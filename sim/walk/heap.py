@@ -5,7 +5,7 @@ from sim.compiled import njit
 
 @njit(cache=True, nogil=True)
 def push(keys, values, size, key, value):
-    """Add to a binary heap that has room."""
+    """Adds to a binary heap that has room."""
     at = size
     while at > 0:
         up = (at - 1) // 2
@@ -19,7 +19,7 @@ def push(keys, values, size, key, value):
 
 @njit(cache=True, nogil=True)
 def pop(keys, values, size):
-    """Remove the least of a binary heap; (value, new size)."""
+    """Removes the least entry of a binary heap; (value, new size)."""
     least = values[0]
     size -= 1
     key, value = keys[size], values[size]

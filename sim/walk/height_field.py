@@ -1,4 +1,4 @@
-"""From triangles to places where a robot fits: Recast's voxel rules with Habitat's settings, compiled.
+"""Turns triangles into places where a robot fits: Recast's voxel rules with Habitat's settings, compiled.
 
 A column of the height field holds *spans*, solid from `lo` to `hi` in voxels of 0.2 m; the robot stands on their tops.
 Lengths inside the kernels are voxels; u, v and directions are those of grid_kernels.
@@ -25,9 +25,9 @@ MAX_SLOPE = math.radians(45)
 MIN_ISLAND_CELLS = 400
 """Smaller islands are dropped (Habitat's regionMinSize, 20 cells squared = 1 m2)."""
 _MAX_COLUMNS = 25_000_000
-"""About a square of 250 m; more is a mesh in other units and would not fit in memory."""
+"""About a square of 250 m; a larger mesh is in other units and would not fit in memory."""
 _MAX_HEIGHT = 1000.0
-"""Metres; more is a mesh in other units, or one with a stray vertex far away."""
+"""Metres; a higher mesh is in other units, or has a stray vertex far away."""
 _OPEN = 1 << 20
 """Ceiling height in voxels where nothing is above."""
 
@@ -36,9 +36,9 @@ class StandingPlaces(NamedTuple):
     """Nodes sorted by column and height."""
 
     row: NDArray[np.int32]
-    """(N,)."""
+    """(N,) row of each node."""
     col: NDArray[np.int32]
-    """(N,)."""
+    """(N,) column of each node."""
     y: NDArray[np.float64]
     """(N,) height of the real floor, world metres."""
     sides: NDArray[np.int32]
@@ -56,7 +56,7 @@ def standing_places(
     height: float,
     both_sides: bool,
 ) -> StandingPlaces:
-    """Where the centre of a robot fits on a mesh; see `floor_grid_from_mesh`."""
+    """Places where the centre of a robot fits on a mesh; see `floor_grid_from_mesh`."""
     low, high = bounds_of(vertices, faces)
     rows, cols = _columns(low, high)
     spans = spans_of(
@@ -80,7 +80,7 @@ def standing_places(
 
 
 def _columns(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[int, int]:
-    """(rows, cols) that cover a mesh between two corners (3,).
+    """Rows and columns that cover a mesh between two corners (3,).
 
     Raises:
         SceneError: The mesh is larger than any home, or has corners that are not finite.
@@ -120,7 +120,7 @@ def _filter(first, lo, hi, ceiling, walkable, rows, cols, clearance):
 
 @njit(cache=True, nogil=True)
 def _is_ledge(first, lo, hi, ceiling, span, column, rows, cols, clearance):
-    """Whether a neighbour lies more than a step below, or the neighbours within a step differ by more than one."""
+    """Whether a neighbour is more than a step below, or neighbours within a step differ by more than one step."""
     floor, roof = hi[span], ceiling[span]
     least = least_step = most_step = 0
     for side in range(4):
@@ -145,7 +145,7 @@ def _is_ledge(first, lo, hi, ceiling, span, column, rows, cols, clearance):
 
 @njit(cache=True, nogil=True)
 def _connect(first, hi, ceiling, walkable, rows, cols, clearance):
-    """(S, 4) walkable spans that a robot can step to, -1 = none."""
+    """(S, 4) walkable spans to which a robot can step, -1 = none."""
     links = np.full((len(hi), 4), -1, np.int64)
     for column in range(rows * cols):
         for span in range(first[column], first[column + 1]):

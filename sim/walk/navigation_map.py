@@ -1,4 +1,4 @@
-"""The one interface for where a robot can stand and how far it is; nothing else knows which implementation it has."""
+"""The interface for places where a robot can stand and their distances; no caller knows which implementation it has."""
 
 from typing import NamedTuple, Protocol
 
@@ -11,12 +11,12 @@ Points = NDArray[np.float64]
 
 
 class StepResult(NamedTuple):
-    """Where a forward ended."""
+    """The end of a forward."""
 
     position: tuple[float, float, float]
     """Feet, world metres."""
     collided: bool
-    """|moved|^2 + 1e-5 < |wanted|^2 (habitat-sim's rule)."""
+    """Whether |moved|^2 + 1e-5 < |wanted|^2 (habitat-sim's rule)."""
 
 
 class TopDown(NamedTuple):
@@ -30,7 +30,7 @@ class TopDown(NamedTuple):
 
 
 class NavigationMap(Protocol):
-    """Where the robot's centre can be on a scene, and geodesic distances between such places. World metres, y up."""
+    """Places where the robot's centre can be in a scene, and geodesic distances between them. World metres, y up."""
 
     @property
     def storey_heights(self) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
-"""A navigation map read from Habitat's `.navmesh`: distances, steps and snaps are those of habitat-sim to the last bit.
+"""A navigation map read from Habitat's `.navmesh`: distances, steps and snaps equal those of habitat-sim bit for bit.
 
-Rules: HABITAT_SEMANTICS.md 2.2-2.4. Queries are float32 inside, as Habitat's are.
+Rules: HABITAT_SEMANTICS.md 2.2-2.4. Queries use float32 inside, as in Habitat.
 """
 
 from pathlib import Path
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sim.mesh import TriangleMesh
 
 SETTINGS_TOLERANCE = 1e-5
-"""Settings that differ by less are the same (habitat-sim)."""
+"""Settings that differ by less than this are the same (habitat-sim)."""
 _NAVIGABLE_ASIDE = np.float32(0.01)
 """A navigable point is at most this far from the mesh, seen from above (metres, habitat-sim)."""
 
@@ -35,20 +35,20 @@ class NavMesh:
     """Implements `NavigationMap` on Detour's polygons. Immutable; may be read from several threads.
 
     As in Habitat the surface lies up to one voxel (0.2 m) above the real floor; table tops, beds and roofs are islands.
-    Distances count from the points as asked: one over the mesh keeps its own height, one beside it is moved to the edge
-    of the nearest polygon at no cost. They need not be the same both ways.
+    Distances count from the given points: one over the mesh keeps its own height, one beside it is moved to the edge of
+    the nearest polygon at no cost. They may differ in the two directions.
     """
 
     def __init__(self, data: NavMeshData, *, mesh: "TriangleMesh | None" = None) -> None:
         """Use `load_navmesh`.
 
         Args:
-            data: What the file holds.
+            data: Content of the file.
             mesh: The scan, to tell roofs (nothing above them) from storeys; without it, large bare plates on top of
                 everything count as roofs.
 
         Raises:
-            SceneError: No polygon can be walked on, or they are larger than any home.
+            SceneError: No polygon can be walked on, or the polygons are larger than any home.
         """
         self.settings: NavMeshSettings = data.settings
         """Settings with which the mesh was built."""
@@ -77,7 +77,7 @@ class NavMesh:
     def fits(self, radius: float, height: float) -> bool:
         """Whether the mesh was built for a robot of this radius and height (metres).
 
-        A file of version 1 does not tell; it counts as built with Habitat's defaults (0.1, 1.5), as HM3D's are.
+        A file of version 1 does not tell; it counts as built with Habitat's defaults (0.1, 1.5), as HM3D's files are.
         """
         return (
             abs(self.settings.agent_radius - radius) <= SETTINGS_TOLERANCE
@@ -87,7 +87,7 @@ class NavMesh:
     def snap(self, point: Points) -> Points | None:
         """Nearest point (3,) of the mesh within the box of half extents (2, 4, 2) m; None if there is none.
 
-        Over or under a polygon a step's height (agent_max_climb) counts as no distance.
+        Over or under a polygon, a height difference up to one step (agent_max_climb) counts as no distance.
         """
         (polygon,), (found,) = self._project(point)
         return found.astype(np.float64) if polygon >= 0 else None
@@ -98,12 +98,12 @@ class NavMesh:
         return int(self._polygons.island[polygon]) if polygon >= 0 else None
 
     def island_radius(self, point: Points) -> float:
-        """How far the island of `point` reaches from the mean of its polygons' corners, metres; 0 without an island."""
+        """Largest distance of the corners of `point`'s island from their mean, metres; 0 without an island."""
         island = self.island(point)
         return 0.0 if island is None else float(self._radii[island])
 
     def is_navigable(self, point: Points, *, max_dy: float = 0.5) -> bool:
-        """Whether the nearest point of the mesh is within `max_dy` in height and 1 cm seen from above."""
+        """Whether the nearest point of the mesh is within `max_dy` in height and within 1 cm seen from above."""
         (polygon,), (found,) = self._project(point)
         if polygon < 0:
             return False
@@ -119,7 +119,7 @@ class NavMesh:
         """The result of walking straight from `start` (3,) to `end` (3,), stopping at the first wall unless `slide`.
 
         The rule of habitat-sim <= 0.3.3: the walk begins at the snapped start, so a start off the mesh jumps onto it;
-        the collision test counts from the start as given. No move where the ends are on no island or different ones.
+        the collision test counts from the given start. No move where an end is on no island, or on different islands.
         """
         found, collided = step(self._polygons, np.asarray(start, np.float32), np.asarray(end, np.float32), slide)
         return StepResult((float(found[0]), float(found[1]), float(found[2])), bool(collided))
@@ -131,14 +131,14 @@ class NavMesh:
     def distances(self, starts: Points, goals: Points) -> NDArray[np.float64]:
         """Geodesic metres from each start (M, 3) to its nearest goal (N, 3); inf where unreachable. Returns (M,).
 
-        Each start is asked on its own, as `habitat_sim.PathFinder.find_path` with several ends does when asked first.
+        Each start is computed on its own, as in the first call of `habitat_sim.PathFinder.find_path` with several ends.
         """
         return lengths(self._polygons, _rows(starts), _rows(goals))[0].astype(np.float64)
 
     def shortest_path(self, start: Points, goals: Points) -> Points | None:
         """Polyline (K, 3) from `start` (3,) to the nearest of `goals` (N, 3); None if unreachable.
 
-        Its ends are the points as asked, moved to the edge of their polygon where they are not over it. A start on the
+        Its ends are the given points, moved to the edge of their polygon where they are not over it. A start on the
         goal gives two points.
         """
         begin, ends = _rows(start), _rows(goals)
@@ -148,8 +148,8 @@ class NavMesh:
     def points_within(self, centres: Points, radius: float, *, max_dy: float) -> Points:
         """Places (K, 3) to stand within planar `radius` of any centre (N, 3) and within `max_dy` of its y.
 
-        5 cm cells' centres, and points at most 5 cm apart on walls and on the circles; the boundary counts as inside.
-        (0, 3) when there are none.
+        They are the centres of 5 cm cells, and points at most 5 cm apart on walls and on the circles; the boundary
+        counts as inside. (0, 3) when there are none.
         """
         centres = np.asarray(centres, float).reshape(-1, 3)
         found = [places_near(self._polygons, self._cells, c, radius=radius, max_dy=max_dy) for c in centres]
@@ -197,5 +197,5 @@ def load_navmesh(path: Path, *, mesh: "TriangleMesh | None" = None) -> NavMesh:
 
 
 def _rows(points: Points) -> NDArray[np.float32]:
-    """Points (N, 3) as Habitat gets them."""
+    """Points (N, 3) in Habitat's precision."""
     return np.ascontiguousarray(np.asarray(points, np.float32).reshape(-1, 3))

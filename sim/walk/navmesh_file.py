@@ -23,9 +23,9 @@ _TILE_VERSION = 7
 _EXTERNAL = 0x8000
 """Set in a polygon's neighbour where the edge lies on the border of the tile."""
 _MAX_BYTES = 256 << 20
-"""Larger files are no home (HM3D's are below 1 MB)."""
+"""Larger files are no homes (HM3D's files are below 1 MB)."""
 _MAX_COORDINATE = 1e5
-"""Metres; beyond it single precision cannot tell places of a home apart."""
+"""Metres; beyond it single precision cannot separate places of a home."""
 _SET_HEADER = struct.Struct("<3i 3f2f2i")
 _SETTINGS = struct.Struct("<13f 3?x")
 _TILE_HEADER = struct.Struct("<15i 10f")
@@ -69,20 +69,20 @@ class NavMeshSettings:
 
 @dataclass(frozen=True, slots=True)
 class NavMeshData:
-    """One tile of Detour's, checked: every index lies inside its array and every number is finite. World metres."""
+    """One Detour tile, checked: every index lies inside its array and every number is finite. World metres."""
 
     path: Path
     """The file's path, for messages."""
     version: int
-    """1 or 2."""
+    """Version of the file, 1 or 2."""
     settings: NavMeshSettings
-    """Habitat's defaults where the file is of version 1, which does not tell."""
+    """Settings of the mesh; Habitat's defaults for version 1, which does not store them."""
     digest: str
     """sha256 of the file."""
     origin: NDArray[np.float32]
     """(3,) corner of tile (0, 0)."""
     tile_size: NDArray[np.float32]
-    """(2,) along x and z."""
+    """(2,) extent along x and z."""
     bounds: NDArray[np.float32]
     """(2, 3) lowest and highest corner of the tile."""
     climb: float
@@ -90,9 +90,9 @@ class NavMeshData:
     scale: float
     """Tree units per metre."""
     vertices: NDArray[np.float32]
-    """(V, 3)."""
+    """(V, 3) positions."""
     corners: NDArray[np.int32]
-    """(P, 6) vertices of each polygon in order; only the first `counts` are meant."""
+    """(P, 6) vertices of each polygon in order; only the first `counts` are used."""
     counts: NDArray[np.int32]
     """(P,) corners per polygon, 3-6."""
     neighbours: NDArray[np.int32]
@@ -102,7 +102,7 @@ class NavMeshData:
     details: NDArray[np.int64]
     """(P, 4) first detail vertex, first detail triangle, number of vertices, number of triangles."""
     detail_vertices: NDArray[np.float32]
-    """(D, 3)."""
+    """(D, 3) positions."""
     detail_triangles: NDArray[np.uint8]
     """(T, 4) three corners (first the polygon's own, then its detail vertices) and edge flags."""
     tree_bounds: NDArray[np.uint16]
@@ -131,7 +131,7 @@ def read_navmesh(path: Path) -> NavMeshData:
 
 
 class _Source:
-    """The bytes of a file, taken from the front."""
+    """The bytes of a file, read from the front."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -229,7 +229,7 @@ def _tile(
 
 
 def _check_numbers(source: _Source, data: NavMeshData, loose: tuple[float, ...]) -> None:
-    """Refuses numbers that are not finite or not those of a home."""
+    """Refuses numbers that are not finite or too large for a home."""
     for what, values in (
         ("vertices", data.vertices),
         ("detail vertices", data.detail_vertices),

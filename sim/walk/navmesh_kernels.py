@@ -10,10 +10,10 @@ import numpy as np
 from sim.compiled import njit
 
 REACH = (np.float32(2.0), np.float32(4.0), np.float32(2.0))
-"""Half extents of the box in which a point's polygon is looked for, metres (habitat-sim)."""
+"""Half extents of the box in which a point's polygon is searched, metres (habitat-sim)."""
 _FLAT = np.float32(1e-6)
 _SLACK = np.float32(1e-6)
-"""Square metres by which a polygon may seem too far and is still looked at: rounding of its distance."""
+"""A polygon that seems too far by less than this (square metres) is still examined: its distance is rounded."""
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 FAR = np.float32(np.inf)
 
@@ -38,7 +38,7 @@ def next_corner(mesh, polygon, k):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def between(a, b, share):
-    """The point at a share of the way from a to b."""
+    """The point at this share of the way from a to b."""
     return (a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + (b[2] - a[2]) * share)
 
 
@@ -111,7 +111,7 @@ def _height_in_triangle(mesh, t, point):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _nearest_on_edges(mesh, polygon, point, border_only):
-    """The point of a polygon's detail edges (of those on its border only, if asked) nearest seen from above."""
+    """The nearest point, seen from above, on a polygon's detail edges; `border_only` skips inner edges."""
     least = FAR
     found = point
     for t in range(mesh.first_triangle[polygon], mesh.first_triangle[polygon + 1]):
@@ -151,7 +151,7 @@ def closest_on_polygon(mesh, polygon, point):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def on_border(mesh, polygon, point):
-    """A point as an end of a path in a polygon: itself if over it, else the nearest point of its edges from above."""
+    """The end of a path for a point: the point itself if over the polygon, else the nearest edge point from above."""
     if is_over(mesh, polygon, point):
         return point
     least, edge, best = FAR, 0, _ZERO
@@ -181,7 +181,7 @@ def _box_in_tree(mesh, point):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _least_possible(mesh, polygon, point):
-    """No more than the squared distance that `_distance_sq` gives for a polygon, from its box."""
+    """A lower bound, from the polygon's box, of the squared distance that `_distance_sq` gives."""
     away_x = max(mesh.low[polygon, 0] - point[0], _ZERO, point[0] - mesh.high[polygon, 0])
     away_y = max(mesh.low[polygon, 1] - point[1], _ZERO, point[1] - mesh.high[polygon, 1])
     away_z = max(mesh.low[polygon, 2] - point[2], _ZERO, point[2] - mesh.high[polygon, 2])
@@ -193,7 +193,7 @@ def _least_possible(mesh, polygon, point):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _distance_sq(mesh, over, found, point):
-    """Detour's squared distance of a point to its closest point on a polygon: over it a step's height is free."""
+    """Detour's squared distance of a point to its closest point on a polygon; over it, one step of height is free."""
     if not over:
         return apart_sq(found, point)
     away = abs(point[1] - found[1]) - mesh.climb
@@ -202,7 +202,7 @@ def _distance_sq(mesh, over, found, point):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def nearest_polygon(mesh, point):
-    """(polygon, point on it) nearest to a point; polygon -1 where none is in reach. Of equals the tree's first wins."""
+    """(polygon, point on it) nearest to a point; polygon -1 where none is in reach. The tree's first wins ties."""
     best, where = -1, point
     if not (math.isfinite(point[0]) and math.isfinite(point[1]) and math.isfinite(point[2])):
         return best, where
@@ -210,7 +210,7 @@ def nearest_polygon(mesh, point):
     if not meets:
         return best, where
     bound, least = FAR, FAR
-    for only_over in (True, False):  # first those over or under the point, which bound the distance of all others
+    for only_over in (True, False):  # first polygons over or under the point: they bound the others' distance
         node = 0
         while node < len(mesh.tree_index):
             box = mesh.tree_bounds[node]

@@ -1,6 +1,6 @@
 """Compiled shortest paths on a navigation mesh by Detour's rules: a funnel through the polygons that A* found.
 
-The path is not always the shortest one, nor the same both ways: agreeing with Habitat is the point.
+The path is not always the shortest, and may differ in the two directions: the aim is to agree with Habitat.
 """
 
 import numpy as np
@@ -22,9 +22,9 @@ from .navmesh_kernels import (
 from .navmesh_search import MAX_PATH, corridor_length, find_corridor, new_search
 
 _SAME_SQ = np.float32((1.0 / 16384.0) ** 2)
-"""Corners closer than this are one (square metres)."""
+"""Corners closer than this are the same corner (square metres)."""
 _AT_EDGE_SQ = np.float32(1e-6)
-"""A start this near to its first edge begins on it (square metres)."""
+"""A start this near to its first edge begins on that edge (square metres)."""
 _TRIVIAL = np.float32(1e-10)
 """Ends are the same when their squared distance is below this share of their squared norms (Eigen's isApprox)."""
 _ZERO = np.float32(0.0)
@@ -38,7 +38,7 @@ def _turn(a, b, c):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _portal(mesh, polygon, other):
-    """(left, right) ends of the edge by which one polygon leaves to another."""
+    """(left, right) ends of the edge from one polygon to another."""
     for k in range(mesh.count[polygon]):
         if mesh.neighbour[polygon, k] == other:
             return corner(mesh, polygon, k), next_corner(mesh, polygon, k)
@@ -47,7 +47,7 @@ def _portal(mesh, polygon, other):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _append(line, count, point):
-    """Add a point unless it repeats the last one; the new number of points."""
+    """Adds a point unless it repeats the last one; returns the new number of points."""
     if count and apart_sq(at(line, count - 1), point) < _SAME_SQ:
         return count
     for k in range(3):
@@ -57,7 +57,7 @@ def _append(line, count, point):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pull(mesh, search, polygons, start, end):
-    """Pull a string through `search.corridor` into `search.line`; number of points, 0 where they are too many."""
+    """Pulls a string through `search.corridor` into `search.line`; number of points, 0 where there are too many."""
     path, line = search.corridor, search.line
     first = on_border(mesh, path[0], start)
     last = on_border(mesh, path[polygons - 1], end)
@@ -105,7 +105,7 @@ def _length(line, count):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _is_same(a, b):
-    """Whether two points on the mesh are so near that the path between them has no length, even between islands."""
+    """Whether two points on the mesh are so near that their path has length 0, even between islands."""
     zero = (_ZERO, _ZERO, _ZERO)
     return apart_sq(a, b) <= _TRIVIAL * min(apart_sq(zero, a), apart_sq(zero, b))
 
@@ -114,7 +114,7 @@ def _is_same(a, b):
 def _single_path(mesh, search, query, start, start_polygon, from_point, end, end_polygon, to_point):
     """(length, number of points in `search.line`) of one path; (inf, 0) where there is none.
 
-    `start` and `end` are as asked; `from_point` and `to_point` the same on the mesh.
+    `start` and `end` are the given points; `from_point` and `to_point` are their places on the mesh.
     """
     if _is_same(from_point, to_point):
         for k in range(3):
@@ -131,7 +131,7 @@ def _single_path(mesh, search, query, start, start_polygon, from_point, end, end
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _straight(mesh, start, polygon, where, goals, polygons, points):
-    """(N,) straight distances from a start to goals (N, 3), inf to those that no path can lead to."""
+    """(N,) straight distances from a start to goals (N, 3), inf to goals without any path."""
     result = np.full(len(goals), FAR, np.float32)
     for g in range(len(goals)):
         joined = polygons[g] >= 0 and mesh.island[polygons[g]] == mesh.island[polygon]
@@ -144,8 +144,7 @@ def _straight(mesh, start, polygon, where, goals, polygons, points):
 def lengths(mesh, starts, goals):
     """(lengths (M,), nearest goal (M,)) from starts (M, 3) to the nearest of goals (N, 3); (inf, -1) where none is.
 
-    The result is that of Habitat's order: goals by straight distance, and one whose straight distance exceeds the best
-    length is not tried.
+    The result follows Habitat's order: goals are tried by straight distance, until it exceeds the best length.
     """
     search = new_search(mesh)
     polygons, points = project(mesh, goals)

@@ -1,4 +1,4 @@
-"""Dense places on a navigation mesh: its 5 cm cells, places near a point, and which of them have a ceiling."""
+"""Dense places on a navigation mesh: its 5 cm cells, places near a point, and ceilings above them."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 CELL = 0.05
 """Spacing of places, metres."""
 MAX_SPAN = 50_000.0
-"""Square metres; the boxes of all polygons together may not cover more (20 million cells)."""
+"""Largest area of the boxes of all polygons together, square metres (20 million cells)."""
 _CEILING = 0.5
-"""A face is a ceiling from this height above the mesh (metres): clear of the floor below it, and of stairs."""
+"""Least height of a ceiling above the mesh (metres): clear of the floor below it, and of stairs."""
 _CEILING_STEP = 4
-"""Ceilings are looked for above every fourth cell in both directions (20 cm)."""
+"""Ceilings are searched above every fourth cell in both directions (20 cm)."""
 _BARE = 30.0
 """Squared outline over area below which an island is a bare plate: 16 for a square, hundreds for a furnished storey."""
 
@@ -37,11 +37,11 @@ class Cells(NamedTuple):
     y: NDArray[np.float32]
     """(N,) height of the mesh there, world metres."""
     polygon: NDArray[np.int32]
-    """(N,)."""
+    """(N,) polygon of each cell."""
 
 
 def spanned_area(polygons: Polygons) -> float:
-    """Square metres of the boxes of all polygons together, or of the box around them if that is more, from above."""
+    """Area from above of the boxes of all polygons together, or of the box around them if that is more (m2)."""
     usable = polygons.island >= 0
     low, high = (bound[usable][:, [0, 2]].astype(np.float64) for bound in (polygons.low, polygons.high))
     return max(float(np.prod(high - low, axis=1).sum()), float(np.prod(high.max(axis=0) - low.min(axis=0))))
@@ -59,7 +59,7 @@ def cells_of(polygons: Polygons) -> Cells:
 def places_near(polygons: Polygons, cells: Cells, centre: Points, *, radius: float, max_dy: float) -> Points:
     """Places (K, 3) on the mesh within planar `radius` of a point (3,) and `max_dy` of its y.
 
-    Cell centres, points of walls, and points on the circle itself, each at most CELL apart.
+    They are cell centres, points of walls, and points on the circle itself, each at most CELL apart.
     """
     reach = radius * (1 - 1e-9)  # so that rounding never puts a place outside
     xz = cells.grid.xz_from_rc(np.stack([cells.row, cells.col], axis=1))
@@ -96,10 +96,10 @@ def random_place(
 
 
 def covered_cells(polygons: Polygons, cells: Cells, mesh: "TriangleMesh | None") -> tuple[NDArray, NDArray, NDArray]:
-    """(heights, islands, whether something is above) of every few cells (K,); tells roofs from storeys.
+    """(heights, islands, whether something is above) for a sample of cells (K,); tells roofs from storeys.
 
-    Without a mesh nobody knows of ceilings. Then a cell counts as covered unless it is on a bare plate (an island whose
-    outline is that of a plain shape, without walls or furniture in it) over which the navigation mesh has nothing else.
+    Without a mesh the ceilings are unknown. Then a cell counts as covered unless it is on a bare plate (an island with
+    a plain outline, without walls or furniture in it) over which the navigation mesh has nothing else.
     """
     sampled = (cells.row % _CEILING_STEP == 0) & (cells.col % _CEILING_STEP == 0)
     row, col, y = cells.row[sampled], cells.col[sampled], cells.y[sampled]
@@ -110,7 +110,7 @@ def covered_cells(polygons: Polygons, cells: Cells, mesh: "TriangleMesh | None")
     y, island, column = y[order], island[order], column[order]
     first = np.searchsorted(column, np.arange(rows * cols + 1))
     if mesh is not None:
-        # Sampled cells' centres are the centres of a grid of their own, _CEILING_STEP times as coarse.
+        # The centres of sampled cells are the cell centres of a grid that is _CEILING_STEP times as coarse.
         step = CELL * _CEILING_STEP
         corner = np.array(cells.grid.origin_xz) - (step - CELL) / 2
         covered = _under_faces(mesh.vertices, mesh.faces, first, y, rows, cols, corner[0], corner[1], step)
@@ -217,7 +217,7 @@ def _heights_in(mesh, polygons, xz):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _under_faces(vertices, faces, first, heights, rows, cols, x0, z0, cell):
-    """(K,) whether a face is above each sample; samples stand at cell centres, `first` (rows * cols + 1,) by column."""
+    """(K,) whether a face is above each sample; samples are at cell centres, `first` (rows * cols + 1,) by column."""
     covered = np.zeros(len(heights), np.bool_)
     for f in range(len(faces)):
         a, b, c = at(vertices, faces[f, 0]), at(vertices, faces[f, 1]), at(vertices, faces[f, 2])

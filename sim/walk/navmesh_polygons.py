@@ -1,4 +1,4 @@
-"""A navigation mesh laid out for the compiled loops: corners beside their polygon, walls and islands known."""
+"""A navigation mesh in a layout for compiled loops: corners stored with their polygon, walls and islands marked."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from .navmesh_file import MAX_CORNERS, NavMeshData
 
 _WALKABLE = 1
-"""The flag that Habitat asks of a polygon."""
+"""The flag of polygons that Habitat uses."""
 _MIN_AREA = 1e-5
 """Polygons with less 3-D area are disabled, as Habitat does (square metres)."""
 
@@ -19,7 +19,7 @@ class Polygons(NamedTuple):
     """The polygons of one tile; arrays are indexed by polygon. Positions are float32 world metres, as in Detour."""
 
     corner: NDArray[np.float32]
-    """(P, 6, 3); the first `count` are meant, in order."""
+    """(P, 6, 3) corners in order; only the first `count` are used."""
     count: NDArray[np.int32]
     """(P,) corners, 3-6."""
     neighbour: NDArray[np.int32]
@@ -29,13 +29,13 @@ class Polygons(NamedTuple):
     low: NDArray[np.float32]
     """(P, 3) lowest corner of the polygon's box, detail vertices included."""
     high: NDArray[np.float32]
-    """(P, 3)."""
+    """(P, 3) highest corner of the box."""
     first_triangle: NDArray[np.int32]
-    """(P + 1,) where each polygon's detail triangles start."""
+    """(P + 1,) index of each polygon's first detail triangle."""
     triangle: NDArray[np.float32]
     """(T, 3, 3) corners of detail triangles."""
     triangle_corner: NDArray[np.uint8]
-    """(T, 3) which of the polygon's own corners and detail vertices they are."""
+    """(T, 3) index of each corner among the polygon's own corners and detail vertices."""
     on_border: NDArray[np.bool_]
     """(T, 3) whether the edge from corner k to corner k + 1 lies on the polygon's border."""
     tree_bounds: NDArray[np.uint16]
@@ -43,11 +43,11 @@ class Polygons(NamedTuple):
     tree_index: NDArray[np.int32]
     """(B,) leaf: its polygon; otherwise minus the number of nodes to skip."""
     bounds: NDArray[np.float32]
-    """(2, 3) of the tile."""
+    """(2, 3) lowest and highest corner of the tile."""
     origin: NDArray[np.float32]
-    """(3,) of the tile grid."""
+    """(3,) origin of the tile grid."""
     tile_size: NDArray[np.float32]
-    """(2,)."""
+    """(2,) extent along x and z."""
     climb: np.float32
     scale: np.float32
 
@@ -97,7 +97,7 @@ def owners(polygons: Polygons) -> NDArray[np.int64]:
 
 
 def island_radii(polygons: Polygons) -> NDArray[np.float64]:
-    """(I,) radius of each island, metres: how far its polygons' corners reach from their mean (Habitat's measure).
+    """(I,) radius of each island, metres: largest distance of its polygons' corners from their mean (as in Habitat).
 
     A corner counts once for each polygon that has it.
     """

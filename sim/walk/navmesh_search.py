@@ -11,7 +11,7 @@ from sim.compiled import njit
 from .navmesh_kernels import FAR, apart, at, corner, from_edge, middle, nearest_polygon, next_corner
 
 MAX_NODES = 2048
-"""A search that meets more polygons fails (habitat-sim's query)."""
+"""A search that meets more polygons than this fails (habitat-sim's query)."""
 MAX_PATH = 256
 """A path over more polygons or with more points fails (habitat-sim)."""
 _HEURISTIC = np.float32(0.999)
@@ -20,15 +20,15 @@ _NEW, _OPEN, _CLOSED = 0, 1, 2
 
 
 class Search(NamedTuple):
-    """Room for one search after another; each call of a public function has its own."""
+    """Memory for one search after another; each call of a public function has its own."""
 
     query: NDArray[np.int32]
-    """(P,) the last search that met the polygon."""
+    """(P,) number of the last search that met the polygon."""
     state: NDArray[np.uint8]
     parent: NDArray[np.int32]
     cost: NDArray[np.float32]
     total: NDArray[np.float32]
-    """(P,) cost so far plus the least that must follow."""
+    """(P,) cost so far plus the least remaining cost."""
     where: NDArray[np.float32]
     """(P, 3) middle of the edge by which the polygon was first met."""
     heap: NDArray[np.int32]
@@ -40,7 +40,7 @@ class Search(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def new_search(mesh):
-    """Empty room for searches on a mesh."""
+    """Empty memory for searches on a mesh."""
     count = len(mesh.count)
     return Search(
         np.full(count, -1, np.int32),
@@ -57,7 +57,7 @@ def new_search(mesh):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rise(search, hole, polygon):
-    """Put a polygon into the heap at a hole or above it."""
+    """Puts a polygon into the heap at a hole or above it."""
     while hole > 0:
         up = (hole - 1) // 2
         if not search.total[search.heap[up]] > search.total[polygon]:
@@ -69,7 +69,7 @@ def _rise(search, hole, polygon):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pop_least(search, size):
-    """Take the least of a heap of `size` > 0; equals leave in Detour's order (the hole sinks to a leaf first)."""
+    """Removes the least of a heap of `size` > 0; equals leave in Detour's order (the hole sinks to a leaf first)."""
     least = search.heap[0]
     last = search.heap[size - 1]
     hole, child = 0, 1
@@ -84,7 +84,7 @@ def _pop_least(search, size):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _push_or_raise(search, size, polygon):
-    """Add a polygon to the heap, or move it up where it is in there already; the new size."""
+    """Adds a polygon to the heap, or moves it up if it is there already; returns the new size."""
     if search.state[polygon] == _OPEN:
         hole = 0
         while search.heap[hole] != polygon:
@@ -98,7 +98,7 @@ def _push_or_raise(search, size, polygon):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _begin(search, query, polygon, point):
-    """Start a search: one polygon is open."""
+    """Starts a search with one open polygon."""
     search.query[polygon] = query
     search.state[polygon] = _OPEN
     search.parent[polygon] = -1
@@ -110,7 +110,7 @@ def _begin(search, query, polygon, point):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _meet(mesh, search, query, polygon, other):
-    """Note the middle of the shared edge where a search meets `other` for the first time."""
+    """Stores the middle of the shared edge where a search meets `other` for the first time."""
     search.query[other] = query
     search.state[other] = _NEW
     for k in range(mesh.count[polygon]):
@@ -123,7 +123,7 @@ def _meet(mesh, search, query, polygon, other):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def find_corridor(mesh, search, query, start, start_polygon, end, end_polygon):
-    """A*; whether `search.parent` leads back from the end and no node was lacking."""
+    """Runs A*; returns whether `search.parent` leads back from the end and the nodes sufficed."""
     _begin(search, query, start_polygon, start)
     search.total[start_polygon] = apart(start, end) * _HEURISTIC
     size, met, lacking = 1, 1, False
@@ -163,7 +163,7 @@ def find_corridor(mesh, search, query, start, start_polygon, end, end_polygon):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def corridor_length(search, end_polygon):
-    """Write the polygons from start to end into `search.corridor`; how many, 0 where they are too many."""
+    """Writes the polygons from start to end into `search.corridor`; returns their number, 0 if there are too many."""
     count, polygon = 0, end_polygon
     while polygon >= 0:
         count += 1

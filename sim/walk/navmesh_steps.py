@@ -7,13 +7,13 @@ from sim.compiled import njit
 from .navmesh_kernels import FAR, apart, between, corner, from_edge, height, is_over, nearest_polygon
 
 _MAX_MET = 64
-"""A step that meets more polygons leaves the rest unseen (Detour's small node pool)."""
+"""A step ignores polygons beyond this number (Detour's small node pool)."""
 _MAX_WAITING = 48
 _MARGIN = np.float32(0.001)
-"""Metres by which the circle over a sliding step is larger than the step."""
+"""The circle over a sliding step is this much larger than the step, metres."""
 _PARALLEL = np.float32(1e-6)
 _NUDGE = np.float32(1e-4)
-"""Metres towards its polygon's middle by which an end is moved that counts as on another island (habitat-sim)."""
+"""An end that counts as on another island is moved this far towards its polygon's middle, metres (habitat-sim)."""
 _COLLISION = np.float32(1e-5)
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
@@ -35,7 +35,7 @@ def _crossing(start, end, a, b):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _at_wall(start, end, a, b, slide):
-    """(whether wall a-b can end a walk, where, squared planar distance of that to the wanted end)."""
+    """(whether wall a-b can end a walk, the point on it, that point's squared planar distance to the wanted end)."""
     if slide:
         away, share = from_edge(end, a, b)
         return True, between(a, b, share), away
@@ -49,9 +49,9 @@ def _at_wall(start, end, a, b, slide):
 def _walk(mesh, polygon, start, end, slide):
     """(last polygon, point) of a walk along the surface from a start on `polygon`; polygon -1 where there is no way.
 
-    Breadth first over polygons. Sliding: those whose shared edge touches the circle over the segment; the walk ends at
-    the point of their walls nearest to the end. Otherwise: those entered through an edge that the segment crosses; it
-    ends where the segment crosses a wall (the crossing nearest to the end).
+    Searches polygons breadth first. Sliding: polygons whose shared edge touches the circle over the segment; the walk
+    ends at the point of their walls nearest to the end. Otherwise: polygons entered through an edge that the segment
+    crosses; the walk ends where the segment crosses a wall (the crossing nearest to the end).
     """
     waiting = np.empty(_MAX_MET, np.int32)
     met = np.empty(_MAX_MET, np.int32)
@@ -112,7 +112,7 @@ def _nudged(mesh, polygon, point):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _end_of_step(mesh, start, end, slide):
-    """Where a step from `start` towards `end` ends; at `start` where either has no place on one and the same island."""
+    """The end of a step from `start` towards `end`; it is `start` unless both are on the same island."""
     polygon, where = nearest_polygon(mesh, start)
     end_polygon, _ = nearest_polygon(mesh, end)
     if polygon < 0 or end_polygon < 0 or mesh.island[polygon] != mesh.island[end_polygon]:
@@ -130,7 +130,7 @@ def _end_of_step(mesh, start, end, slide):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def step(mesh, start, end, slide):
-    """(end point (x, y, z), collided) of one step from `start` (3,) towards `end` (3,), both as asked.
+    """(end point (x, y, z), collided) of one step from `start` (3,) towards `end` (3,), both as given.
 
     Collided: |moved|^2 + 1e-5 < |wanted|^2 from the start as given (habitat-sim).
     """

@@ -1,4 +1,4 @@
-"""Which object a point of a mesh belongs to, and points spread over one object's surface."""
+"""Finds the object at a point of a mesh, and spreads points over one object's surface."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +9,9 @@ from sim.mesh import FACE_IDS, TriangleMesh
 from .navigation_map import Points
 
 _PADDING = 0.05
-"""How far outside its box an object's faces may begin, metres."""
+"""An object's faces may begin this far outside its box, metres."""
 _ROUNDS = (16, 1024)
-"""Samples per wanted point where images hold the ids: first for small faces, then for an object on a large face."""
+"""Samples per wanted point where images hold the ids: the first round suits small faces, the second large ones."""
 _GOLDEN = (0.7548776662466927, 0.5698402909980532)
 """Steps of the two-dimensional golden sequence: successive shares spread evenly over a triangle."""
 
@@ -20,8 +20,8 @@ def object_ids_at(mesh: TriangleMesh, face_ids: NDArray[np.integer], positions: 
     """(N,) object of each place on a mesh, 0 = none.
 
     Args:
-        mesh: Its `ids` count where it has them, else `face_instance`.
-        face_ids: (N,) face on which each place lies, -1 = on none.
+        mesh: The mesh; its `ids` are used where it has them, else `face_instance`.
+        face_ids: (N,) face of each place, -1 = none.
         positions: (N, 3) world metres; unused where faces have one id each.
     """
     found = np.where(face_ids >= 0, mesh.face_instance[face_ids], 0).astype(np.int32)
@@ -53,7 +53,7 @@ def object_surface(
         instance_id: The object.
         centre: Centre of its box, metres; the box is used only where images hold the ids.
         size: Extents of its box along x, y, z.
-        count: How many points are wanted. Fewer come back only where images give the object very little area.
+        count: Wanted number of points. Fewer come back only where images give the object very little area.
 
     Returns:
         (0, 3) when the mesh has no face of this object.

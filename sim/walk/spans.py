@@ -1,6 +1,6 @@
 """Solid spans of a height field, from triangles: each is cut to the columns that it touches and merged at once.
 
-Only the spans are kept, never a record per triangle, so the memory grows with the home and not with its triangles.
+Only the spans are kept, never a record per triangle, so memory grows with the home and not with its triangles.
 Lengths here are voxels (see height_field): u, v in columns, h in voxels, all from the mesh's lower corner.
 """
 
@@ -15,7 +15,7 @@ from sim.compiled import njit
 CLIMB = 1
 """Highest step in voxels."""
 _ROOM = 1 << 16
-"""How many spans there is room for at first; doubled when needed."""
+"""Number of spans for which there is room at first; doubled when needed."""
 _NO_FLOOR = -1000
 """`floor` of spans without a walkable face."""
 _CORNERS = 9
@@ -26,7 +26,7 @@ class Spans(NamedTuple):
     """Solid matter per column, sorted by column and height; a robot may stand on the tops."""
 
     first: NDArray[np.int64]
-    """(columns + 1,) where each column's spans start."""
+    """(columns + 1,) index of each column's first span."""
     lo: NDArray[np.int32]
     """(S,) lowest voxel."""
     hi: NDArray[np.int32]
@@ -34,14 +34,14 @@ class Spans(NamedTuple):
     top: NDArray[np.float64]
     """(S,) exact height of the highest point."""
     walkable: NDArray[np.bool_]
-    """(S,) whether a face that can be walked on lies within a step of the end."""
+    """(S,) whether a walkable face is within a step of the end."""
 
 
 class _Chains(NamedTuple):
     """Spans as linked lists while they grow; row `column` of `head` starts a list, -1 ends it."""
 
     head: NDArray[np.int32]
-    """(columns,)."""
+    """(columns,) first span of each column."""
     following: NDArray[np.int32]
     lo: NDArray[np.int32]
     hi: NDArray[np.int32]
@@ -71,10 +71,10 @@ def spans_of(vertices, faces, low, sides, rows, cols, least_up, both_sides):
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3).
-        low: (3,) where column (0, 0) and voxel 0 begin, metres.
-        sides: (3,) of a column and voxel, metres.
-        rows: Columns along z.
-        cols: Columns along x.
+        low: (3,) corner at which column (0, 0) and voxel 0 begin, metres.
+        sides: (3,) sides of a column and height of a voxel, metres.
+        rows: Number of columns along z.
+        cols: Number of columns along x.
         least_up: A face is walkable if the y of its unit normal is more than this.
         both_sides: Whether faces may be wound either way.
     """
@@ -96,7 +96,7 @@ def spans_of(vertices, faces, low, sides, rows, cols, least_up, both_sides):
 
 @njit(cache=True, nogil=True)
 def _fill(vertices, faces, face, low, sides, rows, cols, least_up, both_sides, chains, used):
-    """Add faces from `face` on; (first face that is not wholly in, spans used). Adding a face again changes nothing."""
+    """Adds faces from `face` on; (first face that did not fit, spans used). Adding a face again changes nothing."""
     room = len(chains.lo)
     rest, strip, spare = np.empty((_CORNERS, 3)), np.empty((_CORNERS, 3)), np.empty((_CORNERS, 3))
     part, after = np.empty((_CORNERS, 3)), np.empty((_CORNERS, 3))
@@ -148,7 +148,7 @@ def _is_level(corners, sides, least_up, both_sides):
 
 @njit(cache=True, nogil=True)
 def _cut(polygon, count, axis, at, below, above):
-    """Split a convex polygon (count corners) at a plane; corner counts of both parts."""
+    """Splits a convex polygon (count corners) at a plane; returns the corner counts of both parts."""
     num_below = num_above = 0
     for i in range(count):
         j = (i + 1) % count
@@ -183,7 +183,7 @@ def _span(polygon, count, axis):
 
 @njit(cache=True, nogil=True)
 def _add(chains, used, column, lowest, highest, is_floor):
-    """Put matter from `lowest` to `highest` into a column; touching spans become one. Returns how many are used."""
+    """Puts matter from `lowest` to `highest` into a column; touching spans become one. Returns the spans used."""
     lo = np.int32(math.floor(lowest))
     hi = max(np.int32(math.ceil(highest)), lo + 1)
     floor = hi if is_floor else _NO_FLOOR
@@ -227,7 +227,7 @@ def _roomier(chains):
 
 @njit(cache=True, nogil=True)
 def _sorted(chains, used):
-    """The lists as flat arrays; spans that were swallowed by others are left out."""
+    """The lists as flat arrays, without spans that were merged into others."""
     first = np.zeros(len(chains.head) + 1, np.int64)
     lo, hi, top = np.empty(used, np.int32), np.empty(used, np.int32), np.empty(used)
     walkable = np.empty(used, np.bool_)

@@ -8,25 +8,24 @@ from numpy.typing import NDArray
 from .grid_kernels import Cells, clamp, slide_end, walk
 
 STOP_MARGIN = 1e-4
-"""Metres that a blocked walk stays short of the wall, so that its end is navigable."""
+"""A blocked walk ends this far before the wall (metres), so that its end is navigable."""
 
 
 def end_of_walk(
     cells: Cells, start_uv: tuple[float, float], *, node: int, end_uv: tuple[float, float], margin: float, slide: bool
 ) -> tuple[float, float, int]:
-    """Where a straight walk ends, in grid units (see grid_kernels).
+    """The end of a straight walk, in grid units (see grid_kernels).
 
     Without sliding the walk stops `margin` before the first side of a cell that it cannot cross. With sliding it ends
-    at the reachable point nearest to the wanted end, which may lie a little further off than the step is long (as in
-    Detour).
+    at the reachable point nearest to the wanted end, which may be a little farther away than one step (as in Detour).
 
     Args:
         cells: The grid.
         start_uv: (u, v) of the start, inside the cell of `node`.
-        node: Node on which the start stands.
-        end_uv: (u, v) wanted.
-        margin: In grid units.
-        slide: Whether walls deflect instead of stop.
+        node: Node of the start.
+        end_uv: (u, v) of the wanted end.
+        margin: Distance to keep from a wall, in grid units.
+        slide: Whether walls deflect the walk instead of stopping it.
 
     Returns:
         (u, v, node) of the end.

@@ -1,4 +1,4 @@
-"""What a storey is: heights that belong to one, which one a point is on, and where a home's storeys lie."""
+"""Storeys: the heights that belong to one, the storey of a point, and the storeys of a home."""
 
 from collections.abc import Sequence
 from typing import overload
@@ -26,13 +26,13 @@ def same_storey(y, other_y):
 
 
 def nearest_storey(y: ArrayLike, floors: Sequence[float]) -> NDArray[np.int64]:
-    """Index (...) of the storey whose floor is nearest to each height (...); the first where two are."""
+    """Index (...) of the storey whose floor is nearest to each height (...); the first wins ties."""
     return np.abs(np.subtract.outer(y, floors)).argmin(axis=-1)
 
 
 def storey_of(y: float, storeys: Sequence[tuple[float, float]]) -> int:
-    """Index of the storey (lowest, highest floor) that anything at height `y` belongs to, things on shelves included:
-    the highest whose floor is not above it."""
+    """Index of the storey (lowest, highest floor) of anything at height `y`, things on shelves included: the highest
+    storey whose floor is not above it."""
     return max((index for index, (low, _) in enumerate(storeys) if y >= low - BELOW_FLOOR), default=0)
 
 
@@ -51,8 +51,8 @@ def storey_levels(
 ) -> tuple[float, ...]:
     """Typical height of each storey, ascending and at least STOREY_GAP apart.
 
-    Levels are peaks of the height histogram, so a stair does not merge two storeys; what lies within STOREY_GAP of a
-    larger level belongs to it.
+    Levels are peaks of the height histogram, so a stair does not merge two storeys; levels within STOREY_GAP of a
+    larger one belong to it.
     """
     sizes = np.bincount(islands)
     matters = sizes >= _MIN_SHARE * sizes.max()

@@ -1,4 +1,4 @@
-"""Places from which an object can be seen: where generated episodes let a search end, and for any scan.
+"""Places from which an object can be seen: ends of searches in generated episodes, and for any scan.
 
 seen = view_points_around(scene.objects[0], scene.mesh, navigation=scene.navigation, renderer=Raycaster(scene.mesh))
 """
@@ -21,15 +21,15 @@ from .storeys import same_storey
 RADIUS = 1.0
 """Planar metres from the object's centre (paper: success within 1.0 m)."""
 RELAXED_RADIUS = 1.5
-"""... where nothing within RADIUS sees it (DESIGN.md, rule `paper`)."""
+"""The radius where no place within RADIUS sees the object (DESIGN.md, rule `paper`)."""
 SPACING = 0.25
 """Smallest planar distance between two view points, metres (one step)."""
 SAMPLES = 48
-"""Points of an object's surface to which lines of sight are drawn."""
+"""Number of points of an object's surface to which lines of sight are drawn."""
 _TRIED_EVERY = 0.1
 """One place is tried per square of this side, metres."""
 _HEIGHTS = 4.0
-"""How far above and below the object floors are looked for, metres."""
+"""Floors are searched this far above and below the object, metres."""
 _FLOOR_ABOVE = 0.2
 """A floor this far above an object's middle may still carry it: a rug below a navmesh, which lies up to 0.2 m high."""
 _SUNKEN_SHARE = 0.25
@@ -37,7 +37,7 @@ _SUNKEN_SHARE = 0.25
 _LEVEL = 0.25
 """Heights within this of the storey's floor are the floor itself (metres)."""
 _LEVEL_REACH = 4.0
-"""How far from the object that floor is looked for, to tell a platform from a table top (planar metres)."""
+"""That floor is searched this far from the object, to tell a platform from a table top (planar metres)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +47,9 @@ class SeenFrom:
     position: tuple[float, float, float]
     """Feet on the floor, world metres."""
     yaw: float
-    """Radians; turns the camera to `visible_point`."""
+    """Yaw that turns the camera to `visible_point`, radians."""
     tilt: float
-    """Radians, 0 or one look up or down: the least that brings `visible_point` into the picture."""
+    """Least tilt that brings `visible_point` into the picture: 0 or one look up or down, radians."""
     visible_share: float
     """Share of the lines to the object's surface that meet the object first, in (0, 1]."""
     visible_point: tuple[float, float, float]
@@ -71,8 +71,8 @@ def view_points_around(
 
     Args:
         item: The object; its id is looked up in the mesh.
-        mesh: What `renderer` was made of.
-        navigation: Where a robot can stand.
+        mesh: The mesh of `renderer`.
+        navigation: Places where a robot can stand.
         renderer: Casts the lines of sight.
         camera: Mounting height and field of view; None = the paper's.
 
@@ -128,14 +128,14 @@ def _storeys_below(centre: NDArray[np.float64], around: Points, heights: tuple[f
 def _on_storey(
     around: Points, centre: NDArray[np.float64], floor_y: float, navigation: NavigationMap
 ) -> NDArray[np.bool_]:
-    """(K,) which places belong to a storey and to its floor: steps and platforms do, table tops do not."""
+    """(K,) whether each place belongs to the storey's floor: steps and platforms do, table tops do not."""
     off = np.abs(around[:, 1] - floor_y)
     is_level = off <= _LEVEL
     on_storey = same_storey(around[:, 1], floor_y)
     others = np.flatnonzero(on_storey & ~is_level)
     level = navigation.points_within(np.array([[centre[0], floor_y, centre[2]]]), _LEVEL_REACH, max_dy=_LEVEL)
     if len(others) and len(level):
-        # Table tops are islands of their own: nobody climbs one to look at what lies on it.
+        # Table tops are islands of their own: no robot climbs one to look at the things on it.
         on_storey[others] = np.isfinite(navigation.distances(around[others], _thinned(level)))
     return on_storey
 
@@ -148,7 +148,7 @@ def _sights(
     renderer: Renderer,
     camera: Camera,
 ) -> Points:
-    """(K, S, 3) where each place's line to each target meets the object; NaN where it meets something else first."""
+    """(K, S, 3) points where each place's line to each target meets the object; NaN where another thing comes first."""
     eyes = np.repeat(places + np.array([0.0, camera.mount_height, 0.0]), len(targets), axis=0)
     hits = renderer.cast(eyes, np.tile(targets, (len(places), 1)) - eyes)
     to = hits.positions - eyes
@@ -159,7 +159,7 @@ def _sights(
 
 
 def _half_height(camera: Camera) -> float:
-    """Angle in radians from the middle of the picture to a hair inside its upper edge."""
+    """Angle in radians from the middle of the picture to just inside its upper edge."""
     return 0.999 * math.atan(camera.height / 2 / camera.focal)
 
 
@@ -179,7 +179,7 @@ def _spaced(places: Points, sights: Points, centre: NDArray[np.float64], camera:
 
 
 def _seen_from(position: tuple[float, float, float], seen: Points, share: float, camera: Camera) -> SeenFrom:
-    """A view point with the camera turned to the middle of what is seen, (S, 3)."""
+    """A view point with the camera turned to the middle of the seen points, (S, 3)."""
     x, y, z = (float(value) for value in seen[np.linalg.norm(seen - seen.mean(axis=0), axis=1).argmin()])
     away = math.hypot(x - position[0], z - position[2])
     rise = math.atan2(y - position[1] - camera.mount_height, away)
