@@ -1,1 +1,1 @@
-"""Making episodes on a home: owners, descriptions, starts, and who can be told apart."""
+"""Makes episodes for a home: owners, descriptions, starts, and a check that targets can be found."""

@@ -1,4 +1,4 @@
-"""Words for invented homes: what an object is called, ownership sentences, queries."""
+"""Words for invented homes: captions of objects, ownership sentences, queries."""
 
 import re
 
@@ -23,7 +23,7 @@ _QUERIES = (
 def caption_of(piece: Furniture, plan: HomePlan) -> str:
     """A person's words for the piece: size, colour, pattern, material, category, and where it is; no article.
 
-    All that it says holds in the plan. It never contains " in ", behind which ownership sentences name the room.
+    Everything in it is true in the plan. It never contains " in ", after which ownership sentences name the room.
     """
     others = [other for other in plan.furniture if other.room == piece.room and other.category != piece.category]
     places = [text for text in (_carried(piece, others), _hung(piece, others, plan)) if text][:1]
@@ -40,7 +40,7 @@ def caption_of(piece: Furniture, plan: HomePlan) -> str:
 
 
 def are_mixed_up(first: str, second: str) -> bool:
-    """Whether a query for one category could mean the other: "chair" of "desk chair", "armchair"."""
+    """Whether a query for one category could mean the other: "chair" and "desk chair", or "armchair"."""
     short, long = sorted((first, second), key=len)
     return re.search(rf"\b{re.escape(short)}s?\b", long) is not None or long.endswith(short)
 
@@ -61,7 +61,7 @@ def _called(piece: Furniture) -> str:
 
 
 def _carried(piece: Furniture, others: list[Furniture]) -> str:
-    """ "on the oak desk"; or, of rugs, what stands on them."""
+    """ "on the oak desk"; for rugs, the thing that stands on them."""
     bottom = piece.centre[1] - piece.size[1] / 2
     for other in others:
         low, high = other.centre[1] - other.size[1] / 2, other.centre[1] + other.size[1] / 2
@@ -75,7 +75,7 @@ def _carried(piece: Furniture, others: list[Furniture]) -> str:
 
 
 def _hung(piece: Furniture, others: list[Furniture], plan: HomePlan) -> str:
-    """ "located above the red couch" of what hangs at a wall."""
+    """ "located above the red couch" for a piece that hangs on a wall."""
     bottom = piece.centre[1] - piece.size[1] / 2
     if bottom < _floor_y(piece, plan) + _ABOVE:
         return ""
@@ -91,7 +91,7 @@ def _hung(piece: Furniture, others: list[Furniture], plan: HomePlan) -> str:
 
 
 def _beside(piece: Furniture, others: list[Furniture]) -> list[str]:
-    """ "next to the oak bookshelf", "near ...", nearest first; pieces of much the same height only."""
+    """ "next to the oak bookshelf", "near ...", nearest first; only for pieces of similar height."""
     found = []
     for other in others:
         overlap_y = (piece.size[1] + other.size[1]) / 2 - abs(piece.centre[1] - other.centre[1])
@@ -120,7 +120,7 @@ def _at_window(piece: Furniture, plan: HomePlan) -> str:
 
 
 def _stands_by(other: Furniture, rug: Furniture) -> bool:
-    """Whether a piece stands on the floor that the rug lies on."""
+    """Whether a piece stands on the same floor as the rug."""
     return abs((other.centre[1] - other.size[1] / 2) - (rug.centre[1] - rug.size[1] / 2)) < 0.05
 
 

@@ -18,15 +18,15 @@ from ..episodes.described import Described, content_words, names_category
 DELTA_E = 15.0
 """Least CIE76 difference of two colours that people call different at a glance."""
 _ROOM_DELTA_E = 8.0
-"""... of two rooms' walls or floors, which are large."""
+"""The same for two rooms' walls or floors, which are large."""
 _SAID_DELTA_E = 35.0
 """A finish farther than this from the colour that the text names does not show it."""
 _LARGER = 1.25
-"""So many times as large as another looks larger."""
+"""A thing this many times as large as another looks larger."""
 _NEAR = 2.0
 """Most free metres between two things that are near each other."""
 _OVER = 0.3
-"""... between two things of which one is on, over or under the other."""
+"""Most free metres between two things of which one is on, over or under the other."""
 _CLEARLY = (1.3, 0.5)
 """A similar object must be farther from the thing by this factor, and by this many metres more."""
 
@@ -71,7 +71,7 @@ def _beside(
     plan: HomePlan,
     noticed: Sequence[Furniture],
 ) -> Iterator[str]:
-    """Categories of things that are near `it`, as said, and clearly farther from `other`."""
+    """Categories of things that are near `it`, as the text says, and clearly farther from `other`."""
     storey = storey_of_piece(it, plan)
     things = [
         piece for piece in plan.furniture if piece.category != it.category and storey_of_piece(piece, plan) == storey
@@ -101,7 +101,7 @@ def _colours(finish: Finish) -> list[Rgb]:
 
 
 def _looks(word: str, it: Furniture, other: Furniture) -> bool:
-    """Whether `it` is larger (smaller) than `other` in the way that the word says."""
+    """Whether `it` is larger (or smaller) than `other`, as the word says."""
     mine, theirs = _extent(word, it), _extent(word, other)
     return mine >= _LARGER * theirs if word in ("large", "tall", "long") else theirs >= _LARGER * mine
 
@@ -128,7 +128,7 @@ def _rooms_differ(name: str, other: str, plan: HomePlan) -> bool:
 
 
 def _kind(room: Room) -> frozenset[str]:
-    """A room's name without numbers and letters that tell rooms of one kind apart."""
+    """A room's name without the numbers and letters that distinguish rooms of one kind."""
     return frozenset(word for word in content_words(room.name) if len(word) > 1)
 
 

@@ -1,4 +1,4 @@
-"""Writes the scene description of an invented episode: who owns what, where, in varied sentences."""
+"""Writes the scene description of an invented episode: owners, things and rooms, in varied sentences."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -8,23 +8,23 @@ import numpy as np
 from sim.homes.invented.looks import with_article
 
 _THINGS_PER_SENTENCE = 3
-"""No sentence speaks of more objects."""
+"""Most objects in one sentence."""
 
 
 class OwnedItem(NamedTuple):
-    """An object with the names of the people it belongs to."""
+    """An object with the names of its owners."""
 
     phrase: str
-    """Without article: "green velvet armchair near the oak bookshelf"."""
+    """The object's words without article: "green velvet armchair near the oak bookshelf"."""
     room: str
     owners: tuple[str, ...]
 
 
 def write_description(items: Sequence[OwnedItem], *, floor: str, rng: np.random.Generator) -> str:
-    """A paragraph that says, in varied sentences, on which floor and in which room everything is and whose it is.
+    """A paragraph that says, in varied sentences, the floor, the room and the owners of everything.
 
-    Every item's phrase stands in it word for word, once, with its room and all of its owners; a pronoun only ever means
-    the one object or the one group of people that its own sentence has just named.
+    It contains every item's phrase word for word, once, with its room and all of its owners; a pronoun always means the
+    one object or the one group of people that its own sentence has just named.
     """
     left = [items[k] for k in rng.permutation(len(items))]
     sentences: list[str] = []
@@ -99,7 +99,7 @@ def _a(item: OwnedItem) -> str:
 
 
 def _placed(item: OwnedItem) -> str:
-    """The thing with its room; the room comes first, so that nobody reads it as a part of the phrase."""
+    """The thing with its room: "the red lamp in the hall"."""
     return f"the {item.phrase} in the {item.room}"
 
 
@@ -113,7 +113,7 @@ def _is_of(item: OwnedItem) -> str:
 
 
 def _listed(items: Sequence[OwnedItem]) -> str:
-    """The things with their rooms; phrases have an "and" of their own, so something stronger parts them."""
+    """The things with their rooms, separated by semicolons, because phrases have an "and" of their own."""
     parts = [_placed(item) for item in items]
     return parts[0] if len(parts) == 1 else f"{'; '.join(parts[:-1])}; and {parts[-1]}"
 

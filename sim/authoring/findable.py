@@ -1,7 +1,7 @@
-"""Which targets can be found: whether the description tells an episode's target apart from similar objects.
+"""Checks that targets can be found: that the description tells an episode's target from similar objects.
 
-Episode + plan + scene -> `FindVerdict`. A difference counts only where our home shows it: words that the plan does not
-realise are worth nothing.
+Episode + plan + scene -> `FindVerdict`. A difference counts only where our home shows it: words that are not true in
+the plan do not count.
 """
 
 import math
@@ -22,25 +22,25 @@ from ..episodes.schema import Episode, Goal
 from .cues import cues, storey_of_piece
 
 MIN_PIXELS = 150
-"""An object that fills less of the best 640 x 480 view than this is hardly seen (12 by 12 pixels)."""
+"""An object with fewer pixels in the best 640 x 480 view is hardly visible (12 by 12 pixels)."""
 _LOOK = Camera(160, 120)
-"""For choosing the best view point."""
+"""Camera for choosing the best view point."""
 _SEEN_BESIDE = 4
-"""Pixels of _LOOK that something beside the target needs to be noticed."""
+"""Pixels of _LOOK that a thing beside the target needs to be noticed."""
 _MAX_PLACES = 32
-"""View points that are tried, those with the best coverage first."""
+"""Most view points that are tried, those with the best coverage first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """How an object looks from the best of its view points."""
+    """The look of an object from the best of its view points."""
 
     pixels: int
     """Pixels of a 640 x 480 picture."""
     position: tuple[float, float, float] | None
-    """Feet of the robot there; None where it is seen from nowhere."""
+    """Feet of the robot at the view point; None where no place sees the object."""
     beside: frozenset[int]
-    """Instance ids that some view of the object shows as well."""
+    """Instance ids of other things in any view of the object."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,22 +49,22 @@ class FindVerdict:
 
     key: EpisodeKey
     target: str
-    """`object_name` of the right object that was judged; of several the one that is easiest to find."""
+    """`object_name` of the judged right object; of several, the one that is easiest to find."""
     pixels: int
     """Pixels that show the target from its best view point, at 640 x 480."""
     cues: tuple[tuple[str, str], ...]
-    """(name, what tells the target from it) for each object of the same category on the storey that can be told."""
+    """(name, difference from the target) for each distinguishable object of the same category on the storey."""
     alike: tuple[str, ...]
-    """Names of those that cannot."""
+    """Names of the objects of the category that cannot be distinguished from the target."""
 
     @property
     def findable(self) -> bool:
-        """Whether the target is seen and can be told from every other object of its category."""
+        """Whether the target is visible and distinguishable from every other object of its category."""
         return self.pixels >= MIN_PIXELS and not self.alike
 
     @property
     def reason(self) -> str:
-        """Why it is not findable, one line; empty where it is."""
+        """The reason why the target is not findable, in one line; empty where it is findable."""
         if self.pixels < MIN_PIXELS:
             return f"{self.target} has {self.pixels} pixels at its best view point"
         return f"{self.target} cannot be told from {', '.join(self.alike)}" if self.alike else ""
@@ -76,10 +76,10 @@ def find_verdicts(
     """The verdict on each episode of one scene, in order.
 
     Args:
-        episodes: All of the plan's scene.
+        episodes: All episodes of the plan's scene.
         plan: The home.
-        scene: Made of the plan.
-        renderer: Of the scene's mesh.
+        scene: The scene made from the plan.
+        renderer: Renderer of the scene's mesh.
     """
     sights: dict[str, Sight] = {}
     for goal in (goal for episode in episodes for goal in episode.targets):
@@ -92,17 +92,17 @@ def find_verdict(episode: Episode, plan: HomePlan, scene: Scene, *, sights: Mapp
     """The verdict on one episode; of several right objects the one that is easiest to find is judged.
 
     Args:
-        episode: Of the plan's scene.
+        episode: An episode of the plan's scene.
         plan: The home.
-        scene: Made of the plan; its objects' ids are those in `sights`.
-        sights: By `object_name`, of each of the episode's targets.
+        scene: The scene made from the plan; its objects' ids are those in `sights`.
+        sights: Sights of the episode's targets, by `object_name`.
     """
     verdicts = [_verdict(episode, goal, plan, scene, sights[goal.object_name]) for goal in episode.targets]
     return min(verdicts, key=lambda verdict: (not verdict.findable, len(verdict.alike), -verdict.pixels))
 
 
 def best_sight(goal: Goal, scene: Scene, *, renderer: Renderer) -> Sight:
-    """How an object looks from the best of its standable original view points, or else of places found around it."""
+    """The object's look from the best of its standable original view points, or else of places found around it."""
     item = next((item for item in scene.objects if item.name == goal.object_name), None)
     if item is None:
         return Sight(0, None, frozenset())

@@ -35,18 +35,18 @@ CATEGORIES = tuple(
         | {small.category for things in SMALL.values() for small in things}
     )
 )
-"""All that invented homes can hold; ids in the files are places in this list, in every split."""
+"""All categories of invented homes; ids in the files are places in this list, in every split."""
 
 
 def invent_dataset(out: Path, *, name: str, seed: int) -> None:
     """Writes one invented home with its scans, plan and episodes of all splits; other homes in `out` stay.
 
-    Below `out` lie the files of `dataset_files`. The same name and seed give the same bytes. Nothing is left
+    The files of `dataset_files` are written below `out`. The same name and seed give the same bytes. No file is left
     half-written.
 
     Raises:
         SceneError: The seed gives no home.
-        DatasetError: The home gives no episodes of some split, or a file cannot be written.
+        DatasetError: The home gives no episodes for a split, or a file cannot be written.
     """
     write_files(out, dataset_files(name, seed=seed))
 
@@ -54,18 +54,18 @@ def invent_dataset(out: Path, *, name: str, seed: int) -> None:
 def dataset_files(name: str, *, seed: int, episodes_per_split: int = EPISODES_PER_SPLIT) -> dict[str, bytes]:
     """A whole dataset of one invented home: path below the dataset's folder to content.
 
-    `scenes/<name>.plan.json`; for `--scenes-dir <out>/scenes`, as HM3D has them (z-up), `scenes/<name>.glb`,
+    `scenes/<name>.plan.json`; for `--scenes-dir <out>/scenes`, in HM3D's form (z-up), `scenes/<name>.glb`,
     `scenes/<name>.semantic.glb` and `scenes/<name>.semantic.txt`; and for each split `<split>/content/<name>.json.gz`
     and the index `<split>/<split>.json.gz`, which is the same for all homes.
 
     Args:
-        name: Of the home; a scene's name.
-        seed: What `invent_plan` makes a home of.
-        episodes_per_split: 1 to 300.
+        name: Name of the home, which is a scene's name.
+        seed: Seed of the home (`invent_plan`).
+        episodes_per_split: Number of episodes, 1 to 300.
 
     Raises:
         SceneError: The seed gives no home.
-        DatasetError: The home gives no episodes of some split, or the number is out of range.
+        DatasetError: The home gives no episodes for a split, or the number is out of range.
     """
     if not 1 <= episodes_per_split <= MAX_EPISODES_PER_SPLIT:
         raise DatasetError(
@@ -87,7 +87,7 @@ def dataset_files(name: str, *, seed: int, episodes_per_split: int = EPISODES_PE
 
 
 def write_files(out: Path, files: dict[str, bytes]) -> None:
-    """Writes all files beside their places, then renames them.
+    """Writes all files under temporary names, then renames them.
 
     Raises:
         DatasetError: A file cannot be written.
@@ -108,7 +108,7 @@ def write_files(out: Path, files: dict[str, bytes]) -> None:
 
 
 def _home(name: str, seed: int) -> tuple[Scene, FurnishedHome]:
-    """The seed's first home in whose mesh every piece can be seen and walked up to, as the plan's boxes promise."""
+    """The seed's first home in whose mesh every piece can be seen and reached, as the plan's boxes promise."""
     for plan in invented_plans(name, seed=seed):
         scene = scene_from_plan(plan)
         goals = _goals(scene, plan)
@@ -120,7 +120,7 @@ def _home(name: str, seed: int) -> tuple[Scene, FurnishedHome]:
 
 
 def _goals(scene: Scene, plan: HomePlan) -> dict[str, Goal] | None:
-    """All pieces with the places to see them from that one can walk to; None where a piece has none."""
+    """All pieces with reachable places that see them; None where a piece has no such place."""
     renderer = Raycaster(scene.mesh)
     storeys = {room.name: room.storey for room in plan.rooms}
     goals: dict[str, Goal] = {}
@@ -148,7 +148,7 @@ def _goals(scene: Scene, plan: HomePlan) -> dict[str, Goal] | None:
 
 
 def _view_point(seen: SeenFrom) -> ViewPoint:
-    """Rounded as the release's view points are."""
+    """The view point, rounded as in the release."""
     x, y, z = (round(value, 5) for value in seen.position)
     _, qy, _, qw = quat_xyzw_from_yaw(seen.yaw)
     state = AgentState(position=(x, y, z), rotation=(0.0, round(qy, 6), 0.0, round(qw, 6)))

@@ -20,11 +20,11 @@ NAMES = (
     "Ludmila", "Marisol", "Nkechi", "Orla", "Pascal", "Rashid", "Svetlana", "Teodora", "Usha", "Veronika", "Wojtek",
     "Yannick", "Zora",
 )  # fmt: skip
-"""No name begins another one, and none is a word of the templates."""
+"""No name is the beginning of another name, and none is a word of the templates."""
 MAX_OBJECTS_PER_PERSON = 3
 _TRIES = 400
 _GREED = 0.75
-"""Chance of each object that a person has beyond the first, in hard."""
+"""Chance of each object beyond a person's first, in hard."""
 _SHARING = 2.0
 """Concentration of the weights by which people choose objects in hard (upstream draws 1.5 to 4)."""
 
@@ -39,7 +39,7 @@ class Edge(NamedTuple):
 class _Range(NamedTuple):
     people: tuple[int, int]
     items: tuple[int, int]
-    """Fewest and most, inclusive."""
+    """Smallest and largest number, inclusive."""
 
 
 _SIZES: dict[Split, _Range] = {
@@ -47,7 +47,7 @@ _SIZES: dict[Split, _Range] = {
     "medium": _Range((2, 5), (4, 7)),
     "hard": _Range((4, 8), (5, 9)),
 }
-"""About those of the release (DATA_FORMAT.md, section 10)."""
+"""Approximately the sizes of the release (DATA_FORMAT.md, section 10)."""
 
 
 def draw_ownership(split: Split, conflicts: NDArray[np.bool_], *, rng: np.random.Generator) -> list[Edge]:
@@ -57,7 +57,7 @@ def draw_ownership(split: Split, conflicts: NDArray[np.bool_], *, rng: np.random
     and somebody owns several; hard, somebody owns several and some object has several owners.
 
     Args:
-        split: Which rule.
+        split: The split whose rule holds.
         conflicts: (M, M) symmetric; True where one person may not own both, because a query could mean either.
         rng: Draws sizes and edges.
 
@@ -105,7 +105,7 @@ def _drawn(num_people: int, num_items: int, rng: np.random.Generator) -> list[Ed
 
 
 def _drawn_hard(num_people: int, num_items: int, rng: np.random.Generator) -> list[Edge] | None:
-    """Everybody owns up to three objects, some of which many people like; None where objects would be left over."""
+    """Everybody owns up to three objects, some of which are popular; None where objects would be left over."""
     counts = np.minimum(1 + rng.binomial(MAX_OBJECTS_PER_PERSON - 1, _GREED, size=num_people), num_items)
     if counts.sum() < num_items:
         return None

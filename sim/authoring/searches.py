@@ -1,4 +1,4 @@
-"""Draws one search in an invented home: who owns what, who is asked for, and where the robot starts."""
+"""Draws one search in an invented home: the owners, the person in the query, and the robot's start."""
 
 import hashlib
 from collections import Counter
@@ -25,31 +25,31 @@ ONE_OF_SHARE = 0.05
 _TRIES = 80
 _STARTS = 256
 _FURTHEST, _LEVEL = 15.0, 0.09
-"""Starts are this near the target (planar) and this level with its floor (metres)."""
+"""Largest planar distance of a start from the target, and largest height difference from its floor (metres)."""
 _JITTER = 0.02
-"""Starts lie anywhere in a map's cell, not in its middle (metres)."""
+"""Starts are moved by up to this much from the middle of a map's cell (metres)."""
 _LEAST_WAY = 1.0
-"""Starts this near the target or one of its view points are already there (planar metres)."""
+"""Starts this near the target or one of its view points are refused: the robot has arrived (planar metres)."""
 _MARGIN = 0.01
-"""Starts keep this far from the ends of the split's window (metres)."""
+"""Distance of starts from the ends of the split's window (metres)."""
 _MOST_ITEMS = 12
-"""Objects offered to the graph."""
+"""Most objects that are offered to the graph."""
 _ODD_PLURALS = ("s", "x", "ch", "sh", "f", "y")
-"""Queries add a bare "s" (DATA_FORMAT.md, section 3), which is wrong behind these."""
+"""Queries add a bare "s" (DATA_FORMAT.md, section 3), which is wrong after these endings."""
 _CONFIG = "invented home, no scene dataset config"
 _IDS_PER_HOME = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class FurnishedHome:
-    """A home with what its searches need."""
+    """A home with the goals and captions for its searches."""
 
     plan: HomePlan
     navigation: NavigationMap
     goals: dict[str, Goal]
-    """By `object_name`; all pieces of the plan that have captions."""
+    """Goals by `object_name`: all pieces of the plan that have captions."""
     captions: dict[str, str]
-    """By `object_name`."""
+    """Captions by `object_name`."""
 
     def piece(self, name: str) -> Furniture:
         """The piece with this name."""
@@ -60,12 +60,12 @@ class _Search(NamedTuple):
     """Everything that is drawn for one episode; items and people are indices."""
 
     names: list[str]
-    """Names of the objects that `edges` numbers."""
+    """Names of the objects; `edges` holds indices into them."""
     edges: list[Edge]
     person: int
     """The owner in the query."""
     targets: list[Goal]
-    """Nearest to the start first."""
+    """The right objects, nearest to the start first."""
     start: "_Start"
 
 
@@ -82,10 +82,10 @@ def draw_search(
     """One episode, the `index`-th of its split; storeys take turns.
 
     Args:
-        home: Where.
-        split: Its rule of ownership and its window of distances are kept.
+        home: The home.
+        split: Gives the rule of ownership and the window of distances.
         index: Place in the split, from 0.
-        asked: Objects that earlier searches of the home asked for; others go first. Not changed.
+        asked: Targets of earlier searches in the home; other objects are preferred. Not changed.
         rng: Draws everything.
 
     Raises:
@@ -94,7 +94,7 @@ def draw_search(
     storey = index % len(home.plan.storeys)
     wants_several = split != "easy" and rng.random() < ONE_OF_SHARE
     for attempt in range(_TRIES):
-        # not every home has two pieces of a category that can be asked for together
+        # not every home has two pieces of a category for a "one of" query
         search = _drawn(home, split, storey, asked, rng, wants_several=wants_several and attempt < _TRIES // 2)
         if search is not None:
             return _record(home, split, index, search, rng)
@@ -113,7 +113,7 @@ def _drawn(
     *,
     wants_several: bool,
 ) -> _Search | None:
-    """A graph, a target and a start; None where the graph has no target as wanted, or it no start."""
+    """A graph, a target and a start; None where the graph has no suitable target, or the target no start."""
     on_storey = [name for name, goal in home.goals.items() if goal.floor_id == str(storey)]
     names = _offered(home, on_storey, rng, wants_several=wants_several)
     edges = draw_ownership(split, _conflicts(home, names, may_own_twins=wants_several), rng=rng)
@@ -144,7 +144,7 @@ def _offered(home: FurnishedHome, on_storey: list[str], rng: np.random.Generator
 
 
 def _conflicts(home: FurnishedHome, names: list[str], *, may_own_twins: bool) -> NDArray[np.bool_]:
-    """(M, M) which two objects one person may not own, because a query could mean either."""
+    """(M, M) True for two objects that one person may not own, because a query could mean either."""
     categories = [home.piece(name).category for name in names]
     return np.array(
         [[are_mixed_up(a, b) and not (may_own_twins and a == b) for b in categories] for a in categories], bool
@@ -227,5 +227,5 @@ def _summary(home: FurnishedHome, storey: int, search: _Search, people: list[str
 
 
 def _first_id(scene: str) -> int:
-    """Episode ids of different homes do not meet: validators want them unique in a split."""
+    """The home's first episode id; ids of different homes do not overlap, because validators want them unique."""
     return int(hashlib.sha256(scene.encode()).hexdigest()[:9], 16) * _IDS_PER_HOME

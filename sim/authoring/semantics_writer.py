@@ -20,7 +20,7 @@ _STEP = 0x9E3779
 
 
 class SemanticFiles(NamedTuple):
-    """The two files that lie beside a scan."""
+    """The two semantic files of a scan."""
 
     glb: bytes
     """`<name>.semantic.glb`, z-up."""
@@ -38,8 +38,8 @@ def semantic_files(
 
     Args:
         mesh: The home with ids, world frame.
-        objects: What the ids mean; their names are `<category>_<id>`, as hm3d.py names them.
-        region_of: Room number of each id; ids without one get -1, as HM3D has it.
+        objects: The objects of the ids; their names are `<category>_<id>`, as in hm3d.py.
+        region_of: Room number of each id; ids without one get -1, as in HM3D.
     """
     for item in objects:
         assert item.name == f"{item.category}_{item.instance_id}", item.name
@@ -63,14 +63,14 @@ def rooms_of_objects(plan: HomePlan) -> dict[int, int]:
 
 
 def _colour(instance: int) -> int:
-    """0xRRGGBB."""
+    """Colour of an instance, 0xRRGGBB."""
     return instance * _STEP & 0xFFFFFF
 
 
 def _painted(mesh: TriangleMesh, objects: Sequence[SceneObject]) -> TriangleMesh:
     """The surface in one flat colour per object and black elsewhere, with the objects' boxes as triangles without area.
 
-    Its faces stand in the order in which glb_writer writes those of `mesh`, so that both files pair off face by face.
+    Its faces have the order in which glb_writer writes those of `mesh`, so that both files match face by face.
     """
     order = np.argsort(np.where(mesh.face_texture == FLAT, -3, mesh.face_texture), kind="stable")
     ids = np.array([item.instance_id for item in objects], np.int64)
@@ -91,6 +91,6 @@ def _painted(mesh: TriangleMesh, objects: Sequence[SceneObject]) -> TriangleMesh
 
 
 def _rgb(instances: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """(F, 3)."""
+    """(F, 3) colours of the instances."""
     packed = instances * _STEP & 0xFFFFFF
     return np.stack([packed >> 16, packed >> 8 & 0xFF, packed & 0xFF], axis=1).astype(np.uint8)
