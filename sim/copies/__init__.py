@@ -1,1 +1,1 @@
-"""What browsers and recordings get of a home: one storey without its ceiling, few triangles, small textures."""
+"""Copies of a home for browsers and recordings: one storey without its ceiling, few triangles, small textures."""

@@ -1,4 +1,4 @@
-"""Many large textures become a few small ones: each a tile of a sheet, shrunk by how finely it covers its surface."""
+"""Packs many large textures as shrunk tiles into a few small sheets; finer textures shrink more."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -22,18 +22,18 @@ _STEPS = 24
 
 
 class _Use(NamedTuple):
-    """How faces use one texture."""
+    """The use of one texture by faces."""
 
     texture: int
     is_repeated: bool
-    """Whether a face reaches over the image's edge; such an image stays alone, whole, and repeats."""
+    """Whether a face reaches over the image's edge; such an image stays whole, as a repeating image of its own."""
     box: tuple[int, int, int, int]
-    """x0, y0, x1, y1 of the part that is used, texels."""
+    """x0, y0, x1, y1 of the used part, texels."""
     density: float
     """Texels per square metre of surface."""
 
     def size(self, density: float) -> tuple[int, int]:
-        """(width, height) in pixels of a copy that is not finer than this."""
+        """(width, height) in pixels of a copy with at most this density."""
         x0, y0, x1, y1 = self.box
         most = SHEET_SIDE - (0 if self.is_repeated else 2 * _PAD)
         factor = min(1.0, (density / self.density) ** 0.5, most / max(x1 - x0, y1 - y0))
@@ -41,7 +41,7 @@ class _Use(NamedTuple):
 
 
 class _Tile(NamedTuple):
-    """Where a copy lies: its top left pixel, padding left out."""
+    """The place of a copy: its top left pixel, without padding."""
 
     sheet: int
     x: int
@@ -53,8 +53,9 @@ class _Tile(NamedTuple):
 def atlased(mesh: TriangleMesh) -> TriangleMesh:
     """The mesh with its textures as tiles of at most NUM_SHEETS sheets of SHEET_SIDE pixels.
 
-    All surfaces get about the same number of texels per square metre, none more than it has. A texture that repeats
-    stays an image of its own. What no face shows is left out, and does not mix into its neighbours when tiles shrink.
+    All surfaces get about the same number of texels per square metre, but never more than they have. A texture that
+    repeats stays an image of its own. Unused texels are left out, and do not mix into their neighbours when tiles
+    shrink.
 
     Args:
         mesh: Any mesh; the same mesh gives the same result.
@@ -100,13 +101,13 @@ def _unwrapped(mesh: TriangleMesh) -> NDArray[np.float64]:
 
 
 def _slack(mesh: TriangleMesh) -> NDArray[np.float64]:
-    """(F, 2) half a texel: coordinates that much outside the image are rounding, not a repetition."""
+    """(F, 2) half a texel: coordinates this little outside the image are rounding errors, not a repetition."""
     sizes = np.array([image.shape[1::-1] for image in mesh.textures] or [(1, 1)], float)
     return 0.5 / sizes[np.maximum(mesh.face_texture, 0)]
 
 
 def _use_of(mesh: TriangleMesh, face_uv: NDArray[np.float64], texture: int) -> _Use:
-    """How the faces with this texture use it."""
+    """The use of this texture by its faces."""
     here = mesh.face_texture == texture
     height, width = mesh.textures[texture].shape[:2]
     texels = face_uv[here] * [width, height]
@@ -126,7 +127,7 @@ def _use_of(mesh: TriangleMesh, face_uv: NDArray[np.float64], texture: int) -> _
 
 
 def _packed(uses: list[_Use]) -> list[_Tile]:
-    """A tile for each use, as fine as fits."""
+    """A tile for each use, at the finest density that fits."""
     fine = max(use.density for use in uses)
     tiles = _placed(uses, fine)
     if tiles is not None:

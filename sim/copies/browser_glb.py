@@ -13,19 +13,19 @@ from .glb_writer import glb_from_mesh as glb_from_mesh
 MAX_FACES = 300_000
 MAX_BYTES = 15_000_000
 VERSION = 1
-"""Raised by whoever changes what a copy of the same scene looks like; kept copies of another number are left aside."""
+"""Raise it with every change of a copy's look; stored copies with another number are ignored."""
 
 
 def browser_glb(scene: Scene, floor_y: float, *, srgb_colours: bool = False) -> bytes:
     """One storey of a scene as binary glTF 2.0: world axes (y up), unlit, the same bytes for the same scene.
 
-    At most MAX_FACES triangles, MAX_BYTES bytes and as many texels as `atlased` allows. Made once: the cache folder
-    keeps it.
+    It has at most MAX_FACES triangles, MAX_BYTES bytes and the texels that `atlased` allows. It is made once and kept
+    in the cache folder.
 
     Args:
         scene: Any home.
         floor_y: One of the scene's storey heights, metres.
-        srgb_colours: Whether vertex colours are written as Rerun reads them; see `glb_from_mesh`.
+        srgb_colours: Whether vertex colours are written in Rerun's form; see `glb_from_mesh`.
 
     Raises:
         SceneError: No face of the scene is on that storey.
@@ -45,5 +45,5 @@ def _made(scene: Scene, floor_y: float, *, srgb_colours: bool) -> bytes:
 
 
 def _has_colours(mesh: TriangleMesh) -> bool:
-    """Whether vertex colours are shown, on their own or on textures."""
+    """Whether the mesh shows vertex colours, alone or on textures."""
     return mesh.vertex_rgb is not None and bool((mesh.face_texture != FLAT).any())

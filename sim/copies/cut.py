@@ -1,7 +1,7 @@
-"""One storey of a scene without its ceiling: what browsers and recordings show, and what clicks are intersected with.
+"""One storey of a scene without its ceiling: browsers and recordings show it, and clicks are intersected with it.
 
-The cut is a true one: triangles are clipped at two level planes. `storey_cut` finds the planes' heights from the
-storey's floor and ceiling, so that no walkable part stays covered.
+Triangles are clipped exactly at two level planes. `storey_cut` finds the planes' heights from the storey's floor and
+ceiling, so that no walkable part stays covered.
 """
 
 from dataclasses import replace
@@ -24,25 +24,25 @@ CUT_BELOW = 0.4
 CUT_RANGE = (1.6, 2.2)
 """Lowest and highest cut above the floor (metres): over an eye's height and the furniture, around door heads."""
 UNDER_CEILING = 0.15
-"""How far under the ceiling the cut is (metres); ceilings of scans are not level."""
+"""Distance of the cut below the ceiling (metres); ceilings of scans are not level."""
 _MIN_CLEARANCE = 1.5
 """Faces less than this above the floor are no ceiling: table tops, the underside of a stair (metres)."""
 _MIN_AREA = 1.0
 """Smaller floors are steps of a stair, smaller ceilings are lamps and door heads (m2)."""
 _MIN_COVERED = 0.1
-"""With a ceiling over less than this share of its floor, a storey has none."""
+"""A storey with ceilings over less than this share of its floor counts as one without ceiling."""
 _OVER_FLOOR = 0.3
-"""At least so much stays visible above every floor of the storey (metres)."""
+"""At least this much stays visible above every floor of the storey (metres)."""
 _CELL = 0.1
 """Side of the cells in which floors and ceilings are counted (metres)."""
 _LEVEL = 0.1
-"""Height of the bins in which they are counted (metres)."""
+"""Height of the bins in which floors and ceilings are counted (metres)."""
 _LEVEL_SHARE = 0.05
-"""So much of a level may lie lower than the height that it gets: a step, a beam."""
+"""This share of a level may be lower than the level's height: a step, a beam."""
 
 
 class StoreyCut(NamedTuple):
-    """Between which heights a storey is shown; world metres."""
+    """The heights between which a storey is shown, world metres."""
 
     bottom_y: float
     top_y: float
@@ -70,9 +70,9 @@ def storey_mesh(scene: Scene, floor_y: float) -> TriangleMesh:
 
 
 def storey_cut(scene: Scene, floor_y: float) -> StoreyCut:
-    """Where to cut a storey: under its lowest ceiling, over all of its floors.
+    """The heights at which a storey is cut: under its lowest ceiling, over all of its floors.
 
-    Ceilings are looked for over the walkable places of the storey. A ceiling or floor counts from 1 m2 at one height,
+    Ceilings are searched over the walkable places of the storey. A ceiling or floor counts from 1 m2 at one height,
     so a split level, a platform and a slope count, while a stair's steps, lamps and door heads do not.
 
     Args:
@@ -92,7 +92,7 @@ def storey_cut(scene: Scene, floor_y: float) -> StoreyCut:
     top = floor_y + CUT_HEIGHT
     highest_top = floor_y + (CUT_RANGE[1] if scene.kind == "scan" else CUT_HEIGHT)
     if covered.mean() >= _MIN_COVERED:
-        # no floor's cut is below an eye's height over it, whatever hangs there
+        # the cut is at least at eye height over every floor, even under hanging things
         under = np.maximum(ceiling - UNDER_CEILING, y + CUT_RANGE[0])[covered]
         top = min([*_levels(x[covered], under, z[covered]), highest_top])
     return StoreyCut(lowest - CUT_BELOW, max(top, highest + _OVER_FLOOR))
@@ -101,7 +101,7 @@ def storey_cut(scene: Scene, floor_y: float) -> StoreyCut:
 def cut_storey(
     mesh: TriangleMesh, floor_y: float, *, cut_y: float | None = None, bottom_y: float | None = None
 ) -> TriangleMesh:
-    """The part of a mesh between two heights; triangles are clipped there, with everything that they carry.
+    """The part of a mesh between two heights; triangles are clipped there, with their textures, colours and ids.
 
     Args:
         mesh: World frame.
@@ -110,7 +110,7 @@ def cut_storey(
         bottom_y: Lower height; None = CUT_BELOW below the floor.
 
     Returns:
-        A mesh without unused vertices, maybe without faces. Neighbours that shared an edge share its new vertex.
+        A mesh without unused vertices; it may have no faces. Neighbours that shared an edge share its new vertex.
     """
     top = np.float32(floor_y + CUT_HEIGHT if cut_y is None else cut_y)
     bottom = np.float32(floor_y - CUT_BELOW if bottom_y is None else bottom_y)
@@ -202,9 +202,9 @@ class _Pieces(NamedTuple):
     kept: NDArray[np.int64]
     """(P, 3) the old corner (0-2) that is not cut off."""
     lost: NDArray[np.int64]
-    """(P, 3) the one at the other end of the edge; equal to `kept` where the corner is an old one."""
+    """(P, 3) the old corner at the other end of the edge; equal to `kept` where the corner is an old one."""
     share: NDArray[np.float64]
-    """(P, 3) how far from `kept` to `lost` the corner lies, 0-1."""
+    """(P, 3) share of the way from `kept` to `lost` at which the corner lies, 0-1."""
 
     def between(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Values (F, 3, K) of the old faces' corners at the pieces' corners, (P, 3, K)."""
@@ -258,7 +258,7 @@ def _pieces(over: NDArray[np.float32]) -> _Pieces:
     inside = over <= 0
     count = inside.sum(axis=1)
     tips, stumps = np.flatnonzero(count == 1), np.flatnonzero(count == 2)
-    # corners turned so that the one alone on its side comes first
+    # corners rotated so that the single corner on its side comes first
     tip = (inside[tips].argmax(axis=1)[:, None] + np.arange(3)) % 3
     stump = (inside[stumps].argmin(axis=1)[:, None] + np.arange(3)) % 3
     rows = np.concatenate([tips, stumps, stumps])

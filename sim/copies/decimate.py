@@ -1,7 +1,7 @@
-"""Fewer triangles that look the same: vertices move onto neighbours while the surface stays where it was.
+"""Reduces triangles without changing the look: vertices move onto neighbours while the surface stays in place.
 
 Half-edge collapses ordered by quadric error (Garland and Heckbert 1997). No new vertex is made, so texture coordinates,
-colours and baked light stay exact there, and seams of the texture move along themselves only.
+colours and baked light stay exact at the vertices, and texture seams only move along themselves.
 """
 
 from dataclasses import replace
@@ -15,9 +15,9 @@ from .decimate_kernels import move, price_moves, quadrics
 from .surface import Surface, rings
 
 TOLERANCE = 0.003
-"""Root of the mean squared distance from the old surface that a move may cause however few faces there are (metres)."""
+"""Root mean squared distance from the old surface that a move may cause with any number of faces (metres)."""
 _COLOUR_METRES = 0.1
-"""A vertex colour that changes from black to white counts as much as a texture that shifts by this."""
+"""A vertex colour that changes from black to white counts like a texture that shifts by this (metres)."""
 _MIN_PROGRESS = 0.002
 """A round that removes a smaller share of the faces is the last one of its kind."""
 
@@ -25,14 +25,14 @@ _MIN_PROGRESS = 0.002
 def decimated(mesh: TriangleMesh, *, max_faces: int, tolerance: float = TOLERANCE) -> TriangleMesh:
     """A mesh with at most `max_faces` faces, and fewer where that changes nothing.
 
-    Vertices that lie on each other are joined first, and of faces that do so the first is kept. Faces keep their
-    texture, colour and instance id; ids finer than faces are dropped.
+    Vertices at the same place are joined first, and of equal faces only the first is kept. Faces keep their texture,
+    colour and instance id; ids finer than faces are dropped.
 
     Args:
         mesh: Any mesh; the same mesh gives the same result.
-        max_faces: Where seams or loose pieces leave no other way, first seams are moved over, then the smallest faces
-            are dropped.
-        tolerance: Metres.
+        max_faces: Largest number of faces. Where seams or loose pieces leave no other way, vertices first move across
+            seams, then the smallest faces are dropped.
+        tolerance: Largest error in metres, as TOLERANCE.
     """
     surface, origin = _surface_of(mesh)
     quadric = quadrics(surface)
@@ -62,7 +62,7 @@ def decimated(mesh: TriangleMesh, *, max_faces: int, tolerance: float = TOLERANC
 
 
 def _limit(price: NDArray[np.float64], excess: int, tolerance: float) -> float:
-    """Highest price (m2) of this round: the tolerance, or what it takes to lose `excess` faces at two a move."""
+    """Highest price (m2) of this round: the tolerance, or the price of losing `excess` faces at two per move."""
     possible = price[np.isfinite(price)]
     if excess <= 0 or not len(possible):
         return tolerance**2
@@ -71,7 +71,7 @@ def _limit(price: NDArray[np.float64], excess: int, tolerance: float) -> float:
 
 
 def _surface_of(mesh: TriangleMesh) -> tuple[Surface, NDArray[np.int64]]:
-    """The mesh with equal vertices joined, and the face of the mesh that each of its faces is."""
+    """The mesh with equal vertices joined, and the index of each of its faces in the original mesh."""
     vertices = mesh.vertices + np.float32(0)  # -0.0 becomes 0.0
     _, number = numbered(vertices.view(np.int32))
     faces = number[mesh.faces]
@@ -114,7 +114,7 @@ def _kept(surface: Surface, origin: NDArray[np.int64], keep: NDArray[np.bool_]) 
 
 
 def _mesh_of(surface: Surface, origin: NDArray[np.int64], mesh: TriangleMesh) -> TriangleMesh:
-    """Vertices are shared where place and vertex colour agree; white is what changes no texture."""
+    """The surface as a mesh; faces share vertices of equal place and vertex colour; white leaves textures unchanged."""
     is_lit = surface.shown.shape[2] > 3
     rgb = np.full((len(origin), 3, 3), 255, np.int32)
     rgb[surface.look == -1] = np.rint(surface.shown[surface.look == -1, :, :3])

@@ -1,4 +1,4 @@
-"""Compiled loops of `decimate`: which vertex can be moved onto which neighbour, at what price; and the move."""
+"""Compiled loops of `decimate`: the possible moves of vertices onto neighbours, their prices, and the moves."""
 
 import math
 
@@ -9,25 +9,25 @@ from sim.compiled import njit
 from .surface import NO_AREA, corner_of, has, is_folded, normal, plane_at, shows_same, squared, value_at
 
 _MAX_RING = 48
-"""Vertices with more neighbours stay."""
+"""Vertices with more neighbours than this stay."""
 _MIN_COS = 0.3
 """Largest turn of a face that a move may cause (cosine)."""
 _SLIVER = 0.02
-"""A move may not make faces thinner than this (height over length), unless they were."""
+"""A move may not make faces thinner than this (height over length), unless they were thinner before."""
 _BORDER_WEIGHT, _SEAM_WEIGHT = 4.0, 1.0
-"""How much the lines of open borders and of seams count against the shape of surfaces."""
+"""Weights of the lines of open borders and of seams, relative to the shape of surfaces."""
 _SHIFT_WEIGHT = 0.05
-"""How much a shift of the texture counts against the same shift of the surface (both squared)."""
+"""Weight of a shift of the texture, relative to the same shift of the surface (both squared)."""
 _LIGHT_METRES = 1.0
-"""Light on a texture that changes from none to full counts as much as a texture that shifts by this: with a tolerance
-of 3 mm it moves by 3 of 255 levels."""
+"""Light on a texture that changes from none to full counts like a texture that shifts by this (metres): with a
+tolerance of 3 mm it moves by 3 of 255 levels."""
 _LENGTH_WEIGHT = 1e-7
-"""Makes short edges go first where all else is flat."""
+"""Weight of an edge's length, so that short edges go first on flat surfaces."""
 
 
 @njit(cache=True, nogil=True)
 def quadrics(surface):
-    """(V, 11) planes of the faces around each vertex, weighted by area, and of its borders and seams; then the area."""
+    """(V, 11) planes of each vertex's faces, weighted by area, and of its borders and seams; then the area."""
     points, faces = surface.points, surface.faces
     result = np.zeros((len(points), 11))
     for f in range(len(faces)):
@@ -115,7 +115,7 @@ def price_moves(surface, quadric, is_stale, is_loose, price, target):
 
 @njit(cache=True, nogil=True)
 def move(surface, quadric, order, target, num_wanted, is_loose, is_touched, is_gone):
-    """Moves vertices in this order, none beside another; returns how many faces went.
+    """Moves vertices in this order, never two neighbours; returns the number of removed faces.
 
     Writes faces, `shown` and `quadric`; sets `is_touched` (V,) around each move and `is_gone` (F,). Ends after
     `num_wanted` faces.
@@ -157,7 +157,7 @@ def move(surface, quadric, order, target, num_wanted, is_loose, is_touched, is_g
 
 @njit(cache=True, nogil=True)
 def _edge_weight(surface, f, u, v):
-    """How much the line of an edge of face `f` counts: borders, folds, seams, or not at all."""
+    """Weight of the line of an edge of face `f`: a border, fold or seam has one, other edges have 0."""
     others, joins, folds = 0, True, False
     for k in range(surface.start[u], surface.start[u + 1]):
         g = surface.ring[k]
@@ -172,7 +172,7 @@ def _edge_weight(surface, f, u, v):
 
 @njit(cache=True, nogil=True)
 def _neighbours(surface, u, near, count):
-    """How many neighbours `u` has; writes them and in how many faces each is. -1 = too many."""
+    """Number of neighbours of `u`; writes them and the number of their common faces with `u`. -1 = too many."""
     found = 0
     for k in range(surface.start[u], surface.start[u + 1]):
         for corner in range(3):
@@ -194,7 +194,7 @@ def _neighbours(surface, u, near, count):
 
 @njit(cache=True, nogil=True)
 def _num_common(surface, v, near, found, seen):
-    """How many of the first `found` of `near` are neighbours of `v`."""
+    """Number of neighbours of `v` among the first `found` of `near`."""
     seen[:found] = False
     common = 0
     for k in range(surface.start[v], surface.start[v + 1]):
@@ -211,7 +211,7 @@ def _num_common(surface, v, near, found, seen):
 
 @njit(cache=True, nogil=True)
 def _shift(surface, u, v, is_loose, plane, value):
-    """Weighted mean squared shift (m2) of what the faces around `u` show once it lies on `v`; inf = not allowed."""
+    """Weighted mean squared shift (m2) of the look of the faces around `u` after its move to `v`; inf = not allowed."""
     points, faces = surface.points, surface.faces
     total, total_area = 0.0, 0.0
     p = points[v]

@@ -1,4 +1,4 @@
-"""Writes a `TriangleMesh` as binary glTF 2.0 that three.js, Rerun and our own loader show alike: unlit, both sides."""
+"""Writes a `TriangleMesh` as binary glTF 2.0; three.js, Rerun and our loader show it the same: unlit, both sides."""
 
 import io
 import json
@@ -23,8 +23,8 @@ _ARRAY_BUFFER, _INDEX_BUFFER, _FLOAT, _UINT8, _UINT16, _UINT32 = 34962, 34963, 5
 def glb_from_mesh(mesh: TriangleMesh, *, srgb_colours: bool = False) -> bytes:
     """A mesh as binary glTF 2.0 in the axes of its vertices; the same mesh gives the same bytes.
 
-    One primitive per texture (JPEG, at most MAX_TEXTURE), one for flat colours (a palette), one for vertex colours.
-    Textured ones have vertex colours too where these change anything.
+    It has one primitive per texture (JPEG, at most MAX_TEXTURE), one for flat colours (a palette) and one for vertex
+    colours. Textured primitives have vertex colours too where these change the look.
 
     Args:
         mesh: Any mesh with faces; object ids are not written.
@@ -54,15 +54,15 @@ def glb_from_mesh(mesh: TriangleMesh, *, srgb_colours: bool = False) -> bytes:
 
 
 def linear_from_srgb(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Light (0-1) of sRGB colours; vertex colours are stored so (glTF 2.0, 3.7.2.1)."""
+    """Light (0-1) of sRGB colours, the form of vertex colours in glTF (2.0, 3.7.2.1)."""
     share = rgb / 255.0
     return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
 
 
 def _light(mesh: TriangleMesh, faces: NDArray[np.int32], *, srgb: bool) -> NDArray[np.uint8] | None:
-    """(N, 3, 3) light at the corners of textured faces, 255 = full; None where they have no other.
+    """(N, 3, 3) light at the corners of textured faces, 255 = full; None where all of it is full.
 
-    Bytes are as fine as what is shown but for very dark places, and half as large as what `add_coloured` writes.
+    Bytes are as fine as a screen, except in very dark places, and half as large as the values of `add_coloured`.
     """
     if mesh.vertex_rgb is None or (rgb := mesh.vertex_rgb[faces]).min(initial=255) == 255:
         return None
@@ -116,7 +116,7 @@ class _GlbWriter:
     ) -> None:
         """Triangles (N, 3, 3) with texture coordinates (N, 3, 2) into an encoded image; PNG is a palette.
 
-        `light` (N, 3, 3) is what the image is multiplied by, 255 = it stays as it is.
+        The image is multiplied by `light` (N, 3, 3); 255 leaves it unchanged.
         """
         values = [uv.reshape(-1, 2).astype("<f4")]
         if light is not None:
@@ -196,14 +196,14 @@ class _GlbWriter:
 
 
 def _four(colours: NDArray, full: int) -> NDArray:
-    """(N, 4) of colours (..., 3): four, since attributes are aligned to 4 bytes."""
+    """Colours (..., 3) as (N, 4), because attributes are aligned to 4 bytes."""
     result = np.full((colours.size // 3, 4), full, colours.dtype)
     result[:, :3] = colours.reshape(-1, 3)
     return result
 
 
 def _shared(points: NDArray[np.float32], *values: NDArray) -> tuple[list[NDArray], NDArray[np.int32]]:
-    """Different (points, values) in the order in which they first come, and which of them each row is."""
+    """The distinct rows of (points, values) in order of first appearance, and the index of each row among them."""
     parts = [np.ascontiguousarray(array) for array in (points.astype("<f4"), *values)]
     first, number = numbered(np.concatenate([array.view("<i4") for array in parts], axis=1))
     return [part[first] for part in parts], number

@@ -1,4 +1,4 @@
-"""A surface of triangles that share vertices, and what its faces show at a place; compiled loops of `decimate`."""
+"""A surface of triangles that share vertices, and the look of its faces at a place; compiled loops of `decimate`."""
 
 import math
 from typing import NamedTuple
@@ -15,22 +15,22 @@ _FOLD_COS = 0.7
 
 
 class Surface(NamedTuple):
-    """Faces whose corners are moved; `start` and `ring` are those of `rings`."""
+    """Faces whose corners are moved; `start` and `ring` come from `rings`."""
 
     points: NDArray[np.float64]
     """(V, 3) metres."""
     faces: NDArray[np.int32]
-    """(F, 3)."""
+    """(F, 3) vertices."""
     look: NDArray[np.int32]
-    """(F,) which texture or colour; different numbers never flow into each other."""
+    """(F,) number of the texture or colour; different numbers never mix."""
     shown: NDArray[np.float32]
     """(F, 3, C) texture coordinates (and 0) or a colour at each corner, and the light on the texture where C is 6."""
     scale: NDArray[np.float32]
-    """(F,) metres that a change of 1 in the first three of `shown` counts for."""
+    """(F,) a change of 1 in the first three of `shown` counts like this many metres."""
     start: NDArray[np.int64]
-    """(V + 1,) where each vertex' faces begin in `ring`."""
+    """(V + 1,) index in `ring` of each vertex's first face."""
     ring: NDArray[np.int32]
-    """(3 F,) faces."""
+    """(3 F,) faces around each vertex."""
 
 
 @njit(cache=True, nogil=True)
@@ -66,10 +66,10 @@ def shows_same(surface, f, g, v):
 
 @njit(cache=True, nogil=True)
 def value_at(surface, f, u, v, value):
-    """Writes what face `f` shows at its corner `u` once that is moved onto `v`.
+    """Writes the look of face `f` at its corner `u` after a move of that corner to `v`.
 
-    The faces at the edge from `u` to `v` go with the move; one that shows the same as `f` at `u` says what comes at
-    `v`. False where there is none: then the move is across a seam.
+    The move removes the faces at the edge from `u` to `v`; one that shows the same as `f` at `u` gives the look at `v`.
+    Returns False where there is none: then the move is across a seam.
     """
     for k in range(surface.start[u], surface.start[u + 1]):
         g = surface.ring[k]
@@ -83,7 +83,7 @@ def value_at(surface, f, u, v, value):
 
 @njit(cache=True, nogil=True)
 def plane_at(surface, f, i, p, value):
-    """Writes what face `f` would show at `p` if it went on endlessly; returns its area (0: its corner `i` instead)."""
+    """Writes the look at `p` of face `f` extended without end; returns its area (0: the look of its corner `i`)."""
     j, m = (i + 1) % 3, (i + 2) % 3
     faces, points = surface.faces, surface.points
     a, b, c = points[faces[f, i]], points[faces[f, j]], points[faces[f, m]]
@@ -129,7 +129,7 @@ def has(faces, f, v):
 
 @njit(cache=True, nogil=True)
 def corner_of(faces, f, v):
-    """Which corner of a face a vertex is."""
+    """The index of a vertex among the corners of a face."""
     return 0 if faces[f, 0] == v else (1 if faces[f, 1] == v else 2)
 
 
