@@ -1,1 +1,1 @@
-"""Files of homes to meshes: glTF, PLY, OBJ, Basis textures, and HM3D's semantic annotations."""
+"""Reads files of homes as meshes: glTF, PLY, OBJ, Basis textures, and HM3D's semantic annotations."""

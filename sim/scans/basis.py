@@ -1,7 +1,7 @@
-"""Basis Universal textures (`.basis` and KTX2), which HM3D's small files have, as arrays. Needs the extra `basis`.
+"""Basis Universal textures (`.basis` and KTX2) of HM3D's small files as arrays. Needs the extra `basis`.
 
-Transcoding and turning one of HM3D's 2048 x 2048 textures takes 25 core-ms, its zstd copy in the cache 6 (an eighth of
-its size, nothing lost).
+Transcoding and flipping one of HM3D's 2048 x 2048 textures takes 25 core-ms, reading its lossless zstd copy in the
+cache (an eighth of its size) takes 6.
 """
 
 import binascii
@@ -21,7 +21,7 @@ from .scene_files import Bytes, refused
 
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 _VERSION = "rgb-1"
-"""Part of the cache's key; changes with anything that changes the texels."""
+"""Part of the cache's key; change it with every change of the texels."""
 _BASIS_HEADER = 77
 _SLICE = 23
 _KTX2_HEADER = 80
@@ -31,7 +31,7 @@ _MAX_LEVELS = 16
 _CODEC_NAMES = ("ETC1S", "UASTC")
 _EXPECTED = "a whole Basis image"
 _LEVEL = 1
-"""Level of zstd; higher levels gain little here."""
+"""Compression level of zstd; higher levels gain little here."""
 
 
 def is_basis(data: Bytes) -> bool:
@@ -48,7 +48,7 @@ def basis_size(data: Bytes, *, path: Path, what: str) -> tuple[int, int]:
         what: The image's name, for errors.
 
     Raises:
-        SceneError: The header is damaged, or the file holds something else than one image with its mip levels.
+        SceneError: The header is damaged, or the file is not one image with its mip levels.
     """
     if bytes(data[:12]) == _KTX2:
         if len(data) < _KTX2_HEADER:
@@ -73,12 +73,12 @@ def basis_size(data: Bytes, *, path: Path, what: str) -> tuple[int, int]:
 def basis_rgb(data: Bytes, size: tuple[int, int], *, path: Path, what: str) -> NDArray[np.uint8]:
     """The largest level (height, width, 3) of a Basis image, top row first; made once and kept in the cache folder.
 
-    A `.basis` file has its bottom row first: HM3D's have, and Habitat takes all for such, whatever their flag says.
-    A KTX2 file has its top row first unless its `KTXorientation` says that y points up.
+    A `.basis` file has its bottom row first, as HM3D's have; like Habitat, we ignore its flag. A KTX2 file has its top
+    row first unless its `KTXorientation` says that y points up.
 
     Args:
         data: (N,) the image's file.
-        size: Its (width, height) of `basis_size`, which checks the file.
+        size: The image's (width, height) from `basis_size`, which checks the file.
         path: The scene file, for errors.
         what: The image's name, for errors.
 
@@ -96,7 +96,7 @@ def basis_rgb(data: Bytes, size: tuple[int, int], *, path: Path, what: str) -> N
 
     key = f"{_VERSION} {hashlib.sha256(data.data).hexdigest()}"
     texels = _unpacked(cached_bytes("texels", key, packed), (height, width, 3))
-    if texels is None:  # a damaged copy costs time, nothing else
+    if texels is None:  # a damaged copy only costs time
         texels = _unpacked(packed(), (height, width, 3))
     if texels is None:
         raise refused(path, f"{what} is not {width} x {height}", "the size in its header")
@@ -104,7 +104,7 @@ def basis_rgb(data: Bytes, size: tuple[int, int], *, path: Path, what: str) -> N
 
 
 def _transcoded(data: bytes, *, path: Path, what: str) -> NDArray[np.uint8]:
-    """(height, width, 3), top row first."""
+    """The texels (height, width, 3), top row first."""
     try:
         import opengl_basisu
     except ImportError:
@@ -124,7 +124,7 @@ def _transcoded(data: bytes, *, path: Path, what: str) -> NDArray[np.uint8]:
 
 
 def _unpacked(content: bytes, shape: tuple[int, int, int]) -> NDArray[np.uint8] | None:
-    """The texels of a packed image; None unless there are as many as there should be."""
+    """The texels of a packed image; None unless their number is right."""
     try:
         texels = np.frombuffer(imagecodecs.zstd_decode(content, out=math.prod(shape)), np.uint8)
     except imagecodecs.ZstdError:
@@ -147,7 +147,7 @@ def _points_up(data: bytes) -> bool:
 
 
 def _require_honest_levels(data: Bytes, size: tuple[int, int, int], *, path: Path, what: str) -> None:
-    """Raises SceneError when a level of a KTX2 file lies outside it, or unpacks to more than its blocks are."""
+    """Raises SceneError when a level of a KTX2 file lies outside the file, or unpacks to more than its blocks."""
     width, height, levels = size
     blocks = (width + 3) // 4 * ((height + 3) // 4) * _BLOCK_BYTES
     for level in range(min(max(levels, 1), _MAX_LEVELS + 1)):
@@ -159,11 +159,11 @@ def _require_honest_levels(data: Bytes, size: tuple[int, int, int], *, path: Pat
 
 
 def _basis_file(data: Bytes, *, path: Path, what: str) -> Bytes:
-    """A `.basis` file without what is padded to it; raises SceneError unless its content's checksum is right."""
+    """A `.basis` file without its padding; raises SceneError unless its content's checksum is right."""
     header_size, _, size, crc = struct.unpack("<HHIH", bytes(data[4:14]))
     content = data[_BASIS_HEADER : _BASIS_HEADER + size]
     if header_size != _BASIS_HEADER or len(content) < size:
         raise refused(path, f"{what} has {len(data)} bytes", f"{_BASIS_HEADER} + {size}")
-    if binascii.crc_hqx(content.data, 0xFFFF) ^ 0xFFFF != crc:  # CRC-16 with all bits turned at both ends
+    if binascii.crc_hqx(content.data, 0xFFFF) ^ 0xFFFF != crc:  # CRC-16 with all bits inverted at both ends
         raise refused(path, f"{what} has a wrong checksum", _EXPECTED)
     return data[: _BASIS_HEADER + size]

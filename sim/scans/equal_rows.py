@@ -1,4 +1,4 @@
-"""Which rows of a table are equal; joins vertices of meshes."""
+"""Finds equal rows of a table; used to join vertices of meshes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from sim.compiled import njit
 
 
 def numbered(rows: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Numbers the different rows of a table (N, K) in the order in which they first come.
+    """Numbers the distinct rows of a table (N, K) in order of first appearance.
 
     Returns:
         The index of the first row of each number (M,), and the number of each row (N,).

@@ -1,4 +1,4 @@
-"""Reads a GLB or glTF file into a `TriangleMesh` in the world frame; every scan enters here."""
+"""Reads a GLB or glTF file into a `TriangleMesh` in the world frame."""
 
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -16,10 +16,10 @@ from .gltf_textures import Look, TextureSet, look_of
 
 MAX_PARTS = 1 << 13
 MAX_EXTENT = 1e5
-"""Metres from the origin: beyond, float32 has no centimetres, and no home lies there."""
+"""Largest distance from the origin, metres: beyond it float32 cannot hold centimetres, and no home is there."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _BLOCK = 1 << 16
-"""Vertices that are placed in one go, in float64."""
+"""Number of vertices that are transformed together, in float64."""
 
 
 class _Part(NamedTuple):
@@ -27,7 +27,7 @@ class _Part(NamedTuple):
 
     primitive: Primitive
     T_world_mesh: NDArray[np.float64]
-    """(4, 4)."""
+    """(4, 4) pose of the mesh."""
     look: Look
     is_textured: bool
     vertices: slice
@@ -45,19 +45,19 @@ class _Counts(NamedTuple):
 def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linear", "srgb"] = "linear") -> TriangleMesh:
     """The triangles of a glTF 2.0 file, with node transforms applied, in the world frame.
 
-    Colours are unlit, as Habitat shows scans: the product of base colour, texture and vertex colours, of those that a
-    primitive has. Vertices of a mesh with such colours are white where their primitive has none. Alpha, skins,
+    Colours are unlit, as Habitat shows scans: the product of a primitive's base colour, texture and vertex colours,
+    where it has them. In a mesh with vertex colours, vertices of primitives without them are white. Alpha, skins,
     morph targets, points and lines are left out. All faces have instance 0. `face_rgb` is the mean of a face's vertex
-    colours where it shows them alone. Basis textures need the extra `basis`.
+    colours where it shows only these. Basis textures need the extra `basis`.
 
     Args:
         path: A `.glb`, or a `.gltf` with its buffers and images inside or in the same folder.
         up: The file's up axis; HM3D is z-up, glTF's own convention is y-up.
-        colours: Vertex colours stay the file's numbers, or are encoded from linear light, as glTF says they are.
+        colours: Vertex colours stay the file's numbers, or are encoded from linear light, as in the glTF standard.
 
     Raises:
-        SceneError: The file is missing, damaged, without faces, too large, or uses what we cannot read.
-        MissingDependencyError: It has Basis textures and the extra `basis` is not installed.
+        SceneError: The file is missing, damaged, without faces, too large, or uses features that we cannot read.
+        MissingDependencyError: The file has Basis textures and the extra `basis` is not installed.
     """
     file = read_gltf(path)
     parts, counts = _parts(file, T_world_glb_zup if up == "z" else np.eye(4))
@@ -98,7 +98,7 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linea
 
 
 def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part], _Counts]:
-    """All primitives with triangles that the scene shows; nothing large is read or made yet."""
+    """All primitives with triangles in the file's scene; nothing large is read or made yet."""
     parts: list[_Part] = []
     known: dict[tuple, slice] = {}
     looks: dict[int | None, Look] = {}
@@ -121,7 +121,7 @@ def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part
                 continue
             colours = primitive.attributes.get("COLOR_0")
             is_textured = look.image is not None and look.coordinates in primitive.attributes
-            tint = None if colours is None or is_textured else look.factor  # else the texels have it, or nothing has
+            tint = None if colours is None or is_textured else look.factor  # otherwise it is in the texels, or unused
             key = (node, primitive.attributes["POSITION"], colours, tint)
             vertices = known.setdefault(key, slice(num_vertices, num_vertices + count))
             parts.append(_Part(primitive, T_world_mesh, look, is_textured, vertices, faces))
@@ -147,7 +147,7 @@ def _num_faces(file: GltfFile, primitive: Primitive, num_vertices: int) -> int:
 
 
 def _place_vertices(file: GltfFile, part: _Part, out: NDArray[np.float32]) -> None:
-    """Write the part's vertices (V, 3) into `out`, world frame."""
+    """Writes the part's vertices (V, 3) into `out`, world frame."""
     accessor = part.primitive.attributes["POSITION"]
     points = _attribute(file, part, "POSITION", widths=(3,))
     normalized = file.document.accessors[accessor].normalized
@@ -162,7 +162,7 @@ def _place_vertices(file: GltfFile, part: _Part, out: NDArray[np.float32]) -> No
 
 
 def _corners(file: GltfFile, part: _Part) -> NDArray[np.integer]:
-    """(F, 3) vertices of each face within the part; a mirroring node turns faces, so that they keep their side."""
+    """(F, 3) vertices of each face within the part; faces of a mirroring node are reversed, so that they keep sides."""
     primitive, count = part.primitive, part.vertices.stop - part.vertices.start
     if primitive.indices is None:
         index = np.arange(count, dtype=np.uint32)
@@ -188,7 +188,7 @@ def _corners(file: GltfFile, part: _Part) -> NDArray[np.integer]:
 
 
 def _attribute(file: GltfFile, part: _Part, name: str, *, widths: tuple[int, ...]) -> NDArray:
-    """(V, width) of a vertex attribute, as the file has it; as many as the part has vertices."""
+    """(V, width) values of a vertex attribute in the file's type, one per vertex of the part."""
     accessor = part.primitive.attributes[name]
     count = _count(file, accessor)
     num_vertices = part.vertices.stop - part.vertices.start
@@ -202,16 +202,16 @@ def _attribute(file: GltfFile, part: _Part, name: str, *, widths: tuple[int, ...
 
 
 def _texture_coordinates(file: GltfFile, part: _Part, corners: NDArray[np.integer]) -> NDArray[np.float32]:
-    """(3F, 2) of the corners, as the file has them."""
+    """(3F, 2) texture coordinates of the corners, as in the file."""
     name = part.look.coordinates
     values = _attribute(file, part, name, widths=(2,))[corners.reshape(-1)]
     return floats(values, normalized=file.document.accessors[part.primitive.attributes[name]].normalized)
 
 
 def _vertex_colours(file: GltfFile, part: _Part, *, srgb: bool) -> NDArray[np.uint8]:
-    """(V, 3) times the base colour, unless the texture has it.
+    """(V, 3) vertex colours times the base colour, unless the texture includes it.
 
-    Integers count as shares of their largest value also where the file forgot it.
+    Integers count as shares of their largest value, even where the file does not call them normalized.
     """
     colours = floats(_attribute(file, part, "COLOR_0", widths=(3, 4))[:, :3], normalized=True)
     if srgb:
@@ -221,7 +221,7 @@ def _vertex_colours(file: GltfFile, part: _Part, *, srgb: bool) -> NDArray[np.ui
 
 
 def _bytes(shares: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """0 to 255 of 0 to 1, rounded; what is no number becomes 0."""
+    """Shares of 0 to 1 as bytes 0 to 255, rounded; NaN becomes 0."""
     return (np.clip(np.nan_to_num(shares), 0, 1) * 255 + 0.5).astype(np.uint8)
 
 

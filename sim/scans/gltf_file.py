@@ -15,14 +15,14 @@ from .gltf_schema import Accessor, Document
 from .scene_files import COPY_AGAIN, Bytes, mapped, refused, resource
 
 MAX_ELEMENTS = 1 << 25
-"""Vertices, faces or elements of one accessor at most: ten times the largest scans that we know of."""
+"""Most vertices, faces or elements of one accessor: ten times the largest scans that we know."""
 _MAX_JSON = 1 << 26
-"""Bytes of the JSON part of a binary file."""
+"""Most bytes of the JSON part of a binary file."""
 _MAX_TEXT = 1 << 29
-"""Bytes of a text file, which may hold its buffers as base64."""
+"""Most bytes of a text file, which may hold its buffers as base64."""
 _MAX_OBJECTS = 400_000
 _MAX_VALUES = 8_000_000
-"""Objects and values in the JSON part: some 0.4 GB of memory while it is read."""
+"""Most objects and values in the JSON part: about 0.4 GB of memory while it is read."""
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 _PLAIN = "Export the scene without it."
 _KNOWN = {
@@ -38,7 +38,7 @@ _GEOMETRY = {
     "KHR_meshopt_compression": "uncompressed meshes",
     "EXT_mesh_gpu_instancing": "one node per copy of a mesh",
 }
-"""Extensions without which a part of the geometry is missing, also where the file calls them optional."""
+"""Extensions without which a part of the geometry is missing, even where the file calls them optional."""
 _COMPONENTS = {
     5120: np.dtype("<i1"),
     5121: np.dtype("<u1"),
@@ -72,8 +72,8 @@ class GltfFile:
 
         Args:
             kind: Field of `Document`, e.g. `accessors`.
-            index: As it stands in the file.
-            of: What names the element, for the error.
+            index: The index in the file.
+            of: The part of the file that names the element, for the error.
 
         Raises:
             SceneError: The list is shorter.
@@ -87,14 +87,14 @@ class GltfFile:
         return items[index]
 
     def refused(self, found: str, expected: str, *, advice: str = COPY_AGAIN) -> SceneError:
-        """The error that says what this file holds and what it should."""
+        """The error that says what was found in this file and what was expected."""
         return refused(self.path, found, expected, advice=advice)
 
     def view(self, index: int, *, of: str) -> Bytes:
         """The bytes (N,) of a buffer view.
 
         Raises:
-            SceneError: It reaches outside its buffer, or the buffer is not there.
+            SceneError: The view reaches outside its buffer, or the buffer is missing.
         """
         view = self.get("buffer_views", index, of=of)
         data = self._buffer(view.buffer, of=f"bufferViews.{index}")
@@ -106,14 +106,14 @@ class GltfFile:
         return data[view.byte_offset : end]
 
     def elements(self, index: int, *, of: str) -> NDArray:
-        """The values (count, width) of an accessor in the file's own type; a view of the file where it can be.
+        """The values (count, width) of an accessor in the file's own type; a view of the file where possible.
 
         Args:
-            index: Of the accessor.
-            of: What names it, for the error.
+            index: Index of the accessor.
+            of: The part of the file that names it, for the error.
 
         Raises:
-            SceneError: It reaches outside its buffer view, or its types are none of glTF's.
+            SceneError: The accessor reaches outside its buffer view, or its types are not those of glTF.
         """
         accessor = self.get("accessors", index, of=of)
         where = f"accessors.{index}"
@@ -136,7 +136,7 @@ class GltfFile:
         return dtype, width
 
     def _strided(self, index: int, offset: int, count: int, dtype: np.dtype, width: int, *, of: str) -> NDArray:
-        """(count, width) at `offset` in a buffer view, whose stride is kept."""
+        """Values (count, width) at `offset` in a buffer view, whose stride is kept."""
         data = self.view(index, of=of)
         size = dtype.itemsize * width
         stride = self.document.buffer_views[index].byte_stride or size
@@ -149,7 +149,7 @@ class GltfFile:
         return np.ndarray((count, width), dtype, data, offset if count else 0, (stride, dtype.itemsize))
 
     def _with_sparse(self, index: int, accessor: Accessor, dtype: np.dtype, width: int) -> NDArray:
-        """An accessor whose values are those of its buffer view, or zeros, but for some of them."""
+        """The values of a sparse accessor: those of its buffer view, or zeros, with some of them replaced."""
         if index in self._sparse:
             return self._sparse[index]
         where, sparse = f"accessors.{index}.sparse", accessor.sparse
@@ -189,7 +189,7 @@ class GltfFile:
 
 
 def read_gltf(path: Path) -> GltfFile:
-    """Open a `.glb` or `.gltf` file.
+    """Opens a `.glb` or `.gltf` file.
 
     Raises:
         SceneError: The file is missing, cut off, no glTF 2.0, or needs an extension that we cannot read.

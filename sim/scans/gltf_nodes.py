@@ -1,4 +1,4 @@
-"""Where a glTF file's nodes put its meshes. A file's nodes must be trees; anything else is refused, not followed."""
+"""Places of a glTF file's meshes, from its nodes. The nodes must form trees; anything else is refused."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ class PlacedMesh(NamedTuple):
     node: int
     mesh: int
     T_glb_mesh: NDArray[np.float64]
-    """(4, 4)."""
+    """(4, 4) pose of the mesh in the file's frame."""
 
 
 def placed_meshes(file: GltfFile) -> list[PlacedMesh]:
@@ -45,7 +45,7 @@ def placed_meshes(file: GltfFile) -> list[PlacedMesh]:
     while stack:
         index, T_glb_parent = stack.pop()
         node = nodes[index]
-        with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is no place, which is refused later
+        with np.errstate(over="ignore", invalid="ignore"):  # a resulting inf or nan is refused later
             T_glb_node = T_glb_parent @ _matrix(node)
         if node.mesh is not None:
             file.get("meshes", node.mesh, of=f"nodes.{index}")
@@ -75,7 +75,7 @@ def _top_nodes(file: GltfFile) -> dict[int, None]:
 
 
 def _matrix(node: Node) -> NDArray[np.float64]:
-    """(4, 4) of a node in its parent."""
+    """(4, 4) transform of a node in its parent."""
     if node.matrix is not None:
         return np.array(node.matrix).reshape(4, 4).T
     T = np.eye(4)
@@ -85,7 +85,7 @@ def _matrix(node: Node) -> NDArray[np.float64]:
 
 
 def _rotation(quat_xyzw: tuple[float, float, float, float]) -> NDArray[np.float64]:
-    """(3, 3) of a quaternion of any length; all zeros turn nothing."""
+    """(3, 3) rotation of a quaternion of any length; all zeros give no rotation."""
     length = float(np.linalg.norm(quat_xyzw))
     if length == 0:
         return np.eye(3)

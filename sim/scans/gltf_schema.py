@@ -1,4 +1,4 @@
-"""The JSON part of glTF 2.0, as far as pictures without lights and navigation need it. Read by file.py."""
+"""The JSON part of glTF 2.0, limited to the fields for unlit pictures and navigation. Read by gltf_file.py."""
 
 from typing import Annotated, Literal, TypeVar
 
@@ -11,12 +11,12 @@ _Item = TypeVar("_Item")
 
 
 def _whole(value: object) -> object:
-    """4.0 as 4, which JSON Schema takes for an integer; anything else as it is."""
+    """4.0 as 4, since JSON Schema counts it as an integer; other values unchanged."""
     return int(value) if type(value) is float and value.is_integer() else value
 
 
 def _few(value: object) -> object:
-    """Refuses objects of very many keys, whose values have no `FailFast`."""
+    """Refuses objects with very many keys, because their values have no `FailFast`."""
     if isinstance(value, dict) and len(value) > _MAX_ATTRIBUTES:
         raise PydanticCustomError("too_many", "At most {most} attributes", {"most": _MAX_ATTRIBUTES})
     return value
@@ -34,7 +34,7 @@ REPEAT, CLAMP_TO_EDGE, MIRRORED_REPEAT = 10497, 33071, 33648
 
 
 class Json(BaseModel):
-    """An object of the file; keys that are not named here are not read."""
+    """An object of the file; other keys than the fields are not read."""
 
     model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False, alias_generator=to_camel)
 
@@ -128,7 +128,7 @@ class Pbr(Json):
 
 
 class Glossiness(Json):
-    """KHR_materials_pbrSpecularGlossiness, which older exports have in place of the base colour."""
+    """KHR_materials_pbrSpecularGlossiness, used by older exports instead of the base colour."""
 
     diffuse_factor: Four | None = None
     diffuse_texture: TextureInfo | None = None

@@ -1,7 +1,7 @@
 """The look of a glTF primitive's faces: base colour, image, and the place on it. Feeds glb.py.
 
-A mesh's textures repeat. Images that the file clamps or mirrors are enlarged to what its faces really show of them;
-where that would be more than nine times the image, they repeat all the same.
+A mesh's textures repeat. Images that the file clamps or mirrors are enlarged to the part that its faces really show;
+where that would be more than nine times the image, they repeat anyway.
 """
 
 import math
@@ -19,18 +19,18 @@ from .scene_files import Bytes, resource
 
 MAX_TEXTURES = 1 << 15
 _MAX_ENCODED = 1 << 30
-"""Bytes of all images as they lie in the file; many may lie over each other there."""
+"""Most bytes of all images in the file together; images may overlap there."""
 _PLAIN = (200 / 255, 200 / 255, 200 / 255)
-"""Grey of materials that say nothing of their colour."""
+"""Grey of materials without a colour."""
 _MAX_UV = float(1 << 20)
-"""Texture coordinates beyond have no digits left for a place on the image; they become 0, as does what is no number."""
+"""Larger texture coordinates have no digits left for a place on the image; they become 0, as NaN does."""
 _MAX_GROWTH = 9
-"""How many times its own size a clamped or mirrored image may become."""
+"""A clamped or mirrored image may grow to this many times its own size."""
 _MODES: dict[int, Literal["edge", "symmetric"]] = {CLAMP_TO_EDGE: "edge", MIRRORED_REPEAT: "symmetric"}
 
 
 class Look(NamedTuple):
-    """The material of a primitive, as far as it shows without lights."""
+    """The visible part of a primitive's material without lights."""
 
     factor: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Base colour; texels and vertex colours are multiplied by it."""
@@ -41,38 +41,38 @@ class Look(NamedTuple):
     coordinates: str = ""
     """Attribute with the texture coordinates."""
     uv_from_uv: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
-    """(2, 3) of KHR_texture_transform, None without."""
+    """(2, 3) matrix of KHR_texture_transform, None without."""
     wrap: tuple[int, int] = (REPEAT, REPEAT)
-    """Along u and v."""
+    """Wrapping modes along u and v."""
 
 
 class _Padding(NamedTuple):
-    """How an image grows along one side."""
+    """The growth of an image along one side."""
 
     before: int
-    """Texels."""
+    """Texels added before the image."""
     after: int
     mode: Literal["edge", "symmetric"]
-    """What they show, as `np.pad` names it."""
+    """Mode of `np.pad` for the added texels."""
 
 
 _NO_PADDING = _Padding(0, 0, "edge")
 
 
 class _Texture(NamedTuple):
-    """One image of the mesh, as it is made from one of the file."""
+    """One image of the mesh, made from one image of the file."""
 
     image: int
     factor: tuple[float, float, float]
     padding: tuple["_Padding", "_Padding"]
-    """Along v and u."""
+    """Padding along v and u."""
 
 
 def look_of(file: GltfFile, material: int | None) -> Look:
     """The look of a material; lights, other maps and alpha are left out.
 
     Raises:
-        SceneError: It names a texture or image that is not there, or one in a format that we cannot read.
+        SceneError: The material names a missing texture or image, or one in a format that we cannot read.
     """
     if material is None:
         return Look()
@@ -109,7 +109,7 @@ class TextureSet:
         """Starts empty.
 
         Args:
-            file: Whose images are used.
+            file: The file with the images.
         """
         self._file = file
         self._images: dict[int, EncodedImage] = {}
@@ -118,11 +118,11 @@ class TextureSet:
         self._texels = self._bytes = 0
 
     def place(self, look: Look, uv: NDArray[np.float32]) -> int:
-        """The index that the look's texture will have; `uv` becomes what faces need to show it.
+        """The index that the look's texture will have; `uv` is changed to coordinates on that texture.
 
         Args:
-            look: With an image.
-            uv: (N, 2) as the file has them; changed in place.
+            look: A look with an image.
+            uv: (N, 2) the file's coordinates; changed in place.
 
         Raises:
             SceneError: The image is missing or unreadable, or all textures together are too large.
@@ -146,11 +146,11 @@ class TextureSet:
         return self._index(_Texture(image, look.factor, (down, across)), encoded)
 
     def textures(self) -> tuple[NDArray[np.uint8], ...]:
-        """All of them, (h, w, 3) each, in the order of their indices.
+        """All textures, (h, w, 3) each, in the order of their indices.
 
         Raises:
             SceneError: An image is damaged.
-            MissingDependencyError: An image is a Basis one and the extra `basis` is not installed.
+            MissingDependencyError: An image is a Basis texture and the extra `basis` is not installed.
         """
         used = sorted({texture.image for texture in self._textures})
         most = max((self._images[index].work for index in used), default=1)
@@ -173,7 +173,7 @@ class TextureSet:
         return self._textures[texture]
 
     def _encoded(self, index: int) -> tuple[int, EncodedImage]:
-        """The first image of the file that has the same content, and that content."""
+        """The file's first image with the same content, and that content."""
         what = f"images.{index}"
         image = self._file.get("images", index, of="a texture")
         source = image.buffer_view if image.uri is None else image.uri
@@ -195,13 +195,13 @@ class TextureSet:
         return self._file.view(source, of=what)
 
     def _made_of(self, index: int) -> dict[_Texture, NDArray[np.uint8]]:
-        """All textures of one image, which is not kept for itself."""
+        """All textures made from one image; the image itself is not kept."""
         texels = decoded(self._images[index], path=self._file.path, what=f"images.{index}")
         return {texture: _finished(texels, texture) for texture in self._textures if texture.image == index}
 
 
 def _image_of(file: GltfFile, index: int) -> int:
-    """The image of a texture; a plain one goes before a Basis one, because it needs no extra."""
+    """The image of a texture; a plain one is preferred to a Basis one, because it needs no extra."""
     texture = file.document.textures[index]
     basis = texture.extensions.khronos or texture.extensions.google
     source = texture.source if texture.source is not None else basis and basis.source
@@ -224,9 +224,9 @@ def _uv_from_uv(info: TextureInfo) -> tuple[tuple[float, float, float], tuple[fl
 
 
 def _padding(values: NDArray[np.float32], texels: int, wrap: int) -> _Padding:
-    """Coordinates (N,) of faces that reach beyond an image of this many texels, which does not repeat.
+    """The padding for coordinates (N,) of faces that reach beyond a non-repeating image of this many texels.
 
-    Less than one texel outside is what rounding does to coordinates that were meant to end at the edge.
+    Less than one texel outside is a rounding error of coordinates that should end at the edge.
     """
     if wrap not in _MODES:
         return _NO_PADDING

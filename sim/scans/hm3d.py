@@ -22,9 +22,9 @@ class Semantics(NamedTuple):
     mesh: TriangleMesh
     """The scan with ids; 0 where a place shows the colour of no object."""
     objects: tuple[SceneObject, ...]
-    """The objects that some vertex of the file belongs to, in the order of the text."""
+    """The objects with at least one vertex in the file, in the order of the text."""
     regions: dict[int, tuple[int, ...]]
-    """Ids of the objects of each region (room), as the text has them."""
+    """Ids of the objects of each region (room), from the text."""
 
 
 def find_semantics(scan: Path, name: str) -> tuple[Path, Path] | None:
@@ -51,17 +51,17 @@ def load_semantics(
 ) -> Semantics:
     """The objects of a scan, and the scan with their ids.
 
-    Colours in textures (HM3D-Semantics v0.2) are read texel by texel, those of vertices (v0.1) face by face; where
-    vertex colours fit the text only after encoding them from linear light, they are. A colour of no line is no object
-    (id 0; Habitat numbers such colours on from the largest id); of two lines of one colour the first counts. The box of
-    an object is Habitat's: of its connected parts the one with the largest box, in world axes. Its name is
+    Colours in textures (HM3D-Semantics v0.2) are read texel by texel, those of vertices (v0.1) face by face; vertex
+    colours that fit the text only after encoding from linear light are encoded. A colour without a line is no object
+    (id 0; Habitat gives such colours new ids after the largest); of two lines with one colour the first counts. The box
+    of an object is Habitat's: the largest box, in world axes, of any of its connected parts. Its name is
     `<category>_<id>`, as in PersONAL's episodes.
 
     Args:
         semantic_glb: The scan's surface with one colour per object.
-        semantic_txt: What the colours mean.
+        semantic_txt: The object of each colour.
         mesh: The scan, world frame.
-        up: Up axis of `semantic_glb`; the same as the scan's.
+        up: Up axis of `semantic_glb`, which is that of the scan.
 
     Raises:
         SceneError: A file is missing or damaged, or no colour of the GLB is in the text.
@@ -80,7 +80,7 @@ def _painted(
     semantic_glb: Path, semantic_txt: Path, labels: tuple[SemanticLabel, ...], up: Literal["z", "y"]
 ) -> PaintedMesh:
     id_of_rgb = np.zeros(1 << 24, np.uint16)
-    for label in reversed(labels):  # of two objects of one colour the first has it
+    for label in reversed(labels):  # a colour of two objects goes to the first
         id_of_rgb[label.rgb] = label.id
     mesh = load_glb(semantic_glb, up=up)
     painted = painted_mesh(mesh, id_of_rgb)
@@ -97,7 +97,7 @@ def _painted(
 
 
 def _boxes(painted: PaintedMesh) -> dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """(lowest, highest) corner of each id's part with the largest box; parts are joined by edges of one id."""
+    """(lowest, highest) corner of each id's part with the largest box; faces of one id are joined by common edges."""
     corner_ids = painted.corner_ids()
     vertex_id = np.zeros(len(painted.vertices), np.int32)
     vertex_id[painted.faces] = corner_ids
@@ -114,7 +114,7 @@ def _boxes(painted: PaintedMesh) -> dict[int, tuple[NDArray[np.float64], NDArray
     points = painted.vertices[used].astype(np.float64)
     lows, highs = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
     sizes = np.diff(np.append(starts, len(used)))
-    best = np.lexsort((sizes, (highs - lows).prod(axis=1)))  # the largest last; of flat ones, that of most vertices
+    best = np.lexsort((sizes, (highs - lows).prod(axis=1)))  # the largest last; flat ones by number of vertices
     return {int(vertex_id[used[starts[k]]]): (lows[k], highs[k]) for k in best}
 
 

@@ -1,4 +1,4 @@
-"""PNG, JPEG and Basis images as arrays; sizes are read from the headers first, so that no image is a surprise."""
+"""PNG, JPEG and Basis images as arrays; sizes are read from the headers first, so that no image is too large."""
 
 import io
 import struct
@@ -15,31 +15,31 @@ from .scene_files import Bytes, refused
 
 MAX_SIDE = 16384
 MAX_TEXELS = 3 << 27
-"""Texels of all textures of one scene together, 1.2 GB: 96 of 2048 x 2048."""
+"""Most texels of all textures of one scene together, 1.2 GB: 96 of 2048 x 2048."""
 MAX_WORK = 1 << 29
-"""Bytes that an image may take while it is decoded, and all that are decoded at once."""
+"""Most bytes for decoding an image, and for all images that are decoded at once."""
 _PNG_CHANNELS = {0: 2, 2: 4, 3: 4, 4: 2, 6: 4}
-"""By colour type; those without alpha may have a transparent colour, which becomes one."""
+"""Channels by colour type; types without alpha may have a transparent colour, which becomes an alpha channel."""
 _BASIS_WORK = 8
-"""Bytes a texel: RGBA, its rows turned, and what is kept packed."""
+"""Bytes per texel: RGBA, its flipped rows, and the packed copy."""
 _CMYK_WORK = 12
 _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 _MAX_SCANS = 100
-"""A progressive JPEG of more scans than any encoder makes takes minutes to decode."""
+"""Most scans of a progressive JPEG; more than encoders make would take minutes to decode."""
 _SIZE_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
 _KIND = "a PNG, JPEG or Basis image"
 
 
 class EncodedImage(NamedTuple):
-    """An image as it lies in a file."""
+    """An image in the form of its file."""
 
     data: Bytes
     kind: Literal["png", "jpeg", "basis"]
     width: int
     height: int
     work: int
-    """Bytes that decoding it takes at most, the texels that stay and their copy in another tint among them."""
+    """Most bytes for decoding it, including the final texels and their copy in another tint."""
 
 
 def measured(data: Bytes, *, path: Path, what: str) -> EncodedImage:
@@ -51,8 +51,8 @@ def measured(data: Bytes, *, path: Path, what: str) -> EncodedImage:
         what: The image's name, for errors.
 
     Raises:
-        SceneError: The kind is unknown, the header is damaged, or the image is larger than 16384 a side or takes more
-            than `MAX_WORK` to decode, which small files of large images do.
+        SceneError: The kind is unknown, the header is damaged, or the image has more than 16384 texels a side or takes
+            more than `MAX_WORK` to decode, which is possible for small files too.
     """
     head = bytes(data[:32])
     kind = "basis"
@@ -76,13 +76,13 @@ def decoded(image: EncodedImage, *, path: Path, what: str) -> NDArray[np.uint8]:
     """The texels (height, width, 3) of an image, top row first, alpha dropped. Runs without the interpreter lock.
 
     Args:
-        image: Of `measured`.
+        image: Result of `measured`.
         path: The scene file, for errors.
         what: The image's name, for errors.
 
     Raises:
         SceneError: The content is damaged.
-        MissingDependencyError: A Basis image, and the extra `basis` is not installed.
+        MissingDependencyError: It is a Basis image and the extra `basis` is not installed.
     """
     try:
         if image.kind == "basis":
@@ -102,7 +102,7 @@ def decoded(image: EncodedImage, *, path: Path, what: str) -> NDArray[np.uint8]:
 
 
 def _rgb(texels: NDArray) -> NDArray[np.uint8]:
-    """(h, w, 3) uint8 of grey, grey with alpha, RGB or RGBA of 8 or 16 bits."""
+    """(h, w, 3) uint8 from grey, grey with alpha, RGB or RGBA of 8 or 16 bits."""
     if texels.ndim == 2:
         texels = texels[..., None]
     texels = texels[..., : 3 if texels.shape[2] >= 3 else 1]
@@ -114,10 +114,10 @@ def _rgb(texels: NDArray) -> NDArray[np.uint8]:
 
 
 def _jpeg(data: bytes) -> NDArray[np.uint8]:
-    if data.rfind(b"\xff\xd9") < 0:  # the decoder would make up what is missing
+    if data.rfind(b"\xff\xd9") < 0:  # the decoder would invent the missing part
         raise ValueError("it has no end")
     texels = imagecodecs.jpeg8_decode(data)
-    if texels.ndim == 3 and texels.shape[2] == 4:  # CMYK, of which only Pillow knows whether it is inverted
+    if texels.ndim == 3 and texels.shape[2] == 4:  # CMYK: only Pillow knows whether it is inverted
         del texels
         with Image.open(io.BytesIO(data), formats=["JPEG"]) as image:
             return np.array(image.convert("RGB"))
@@ -125,15 +125,15 @@ def _jpeg(data: bytes) -> NDArray[np.uint8]:
 
 
 def _png_work(head: bytes) -> int:
-    """Bytes a texel that decoding takes, by the depth and colour type in a PNG's header; unknown ones do not decode."""
+    """Bytes per texel for decoding, from depth and colour type in a PNG's header; unknown types cannot be decoded."""
     depth, colour_type = head[24:26].ljust(2, b"\0")
     return _PNG_CHANNELS.get(colour_type, 4) * (2 if depth > 8 else 1) + 3
 
 
 def _jpeg_work(content: bytes, at: int) -> float:
-    """Bytes a texel that decoding takes, by the frame header at `at`.
+    """Bytes per texel for decoding, from the frame header at `at`.
 
-    A decoder keeps all coefficients of an image whose scans each bring a part of them, two bytes for each.
+    If each scan holds only a part of the coefficients, a decoder keeps all of them, two bytes for each.
     """
     count = content[at + 9] if len(content) > at + 9 else 0
     if count > 3:
@@ -146,7 +146,7 @@ def _jpeg_work(content: bytes, at: int) -> float:
 
 
 def _jpeg_size(data: Bytes, *, path: Path, what: str) -> tuple[int, int, float]:
-    """(width, height, work per texel) by the frame header, found by walking over the segments before it."""
+    """(width, height, work per texel) from the frame header; the segments before it are skipped."""
     content = bytes(data)
     if content.count(b"\xff\xda") > _MAX_SCANS:
         raise refused(path, f"{what} has more than {_MAX_SCANS} scans", "an ordinary JPEG image")

@@ -14,12 +14,12 @@ def load_mesh(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
     """The triangles of a scene file in the world frame.
 
     Args:
-        path: `.glb`, `.gltf`, `.ply` or `.obj`; files that it names lie in its folder.
+        path: `.glb`, `.gltf`, `.ply` or `.obj`; files that it names are in its folder.
         up: The file's up axis.
 
     Raises:
         SceneError: The file is missing, damaged, too large, without faces, or of another kind.
-        MissingDependencyError: It has Basis textures and the extra `basis` is not installed.
+        MissingDependencyError: The file has Basis textures and the extra `basis` is not installed.
     """
     suffix = path.suffix.lower()
     if suffix in (".glb", ".gltf"):

@@ -1,4 +1,4 @@
-"""Object ids that are painted on one mesh, carried over to another of the same place. Used by hm3d.py."""
+"""Copies object ids that are painted on one mesh to another mesh of the same place. Used by hm3d.py."""
 
 from typing import Any, NamedTuple
 
@@ -11,7 +11,7 @@ from ..mesh import FACE_IDS, VERTEX_COLOURS, IdImages, TriangleMesh
 TOLERANCE = 1e-3
 """Corners of two files within this count as the same (metres); exporters round differently."""
 REACH = 0.2
-"""A face that the painted mesh does not have takes the id of the nearest painted place within this (metres)."""
+"""A face that is missing in the painted mesh gets the id of the nearest painted place within this (metres)."""
 _ROWS = 256
 _PERMUTATION = np.array([1, 2, 4])
 
@@ -22,7 +22,7 @@ class PaintedMesh(NamedTuple):
     vertices: NDArray[np.float32]
     """(V, 3) world metres."""
     faces: NDArray[np.int32]
-    """(F, 3)."""
+    """(F, 3) vertices."""
     face_id: NDArray[np.int32]
     """(F,) id of faces without image, 0 = none."""
     ids: IdImages
@@ -42,18 +42,18 @@ class PaintedMesh(NamedTuple):
         return found
 
     def corner_ids(self) -> NDArray[np.int32]:
-        """(F, 3) the id at each corner of each face."""
+        """(F, 3) id at each corner of each face."""
         return self.sampled(np.arange(len(self.faces)), self.ids.face_uv)
 
 
 def painted_mesh(mesh: TriangleMesh, id_of_rgb: NDArray[np.uint16]) -> PaintedMesh:
-    """The ids that a mesh's colours stand for.
+    """The ids given by a mesh's colours.
 
-    Textures are read texel by texel; vertex colours give each face the id that at least two of its corners have, else
-    that of its first corner.
+    Textures are read texel by texel; vertex colours give each face the id of at least two of its corners, else that of
+    its first corner.
 
     Args:
-        mesh: With one flat colour per object.
+        mesh: A mesh with one flat colour per object.
         id_of_rgb: (2^24,) ids by 0xRRGGBB; colours of no object are 0 there.
     """
     images = tuple(_ids(texture, id_of_rgb) for texture in mesh.textures)
@@ -69,8 +69,8 @@ def painted_mesh(mesh: TriangleMesh, id_of_rgb: NDArray[np.uint16]) -> PaintedMe
 def with_ids(mesh: TriangleMesh, painted: PaintedMesh) -> TriangleMesh:
     """The mesh with the ids of a painted mesh of the same place.
 
-    Faces that both have, in any order, keep the painted images. A face that the painted mesh does not have gets one id,
-    that of the painted place nearest to its centre, or 0 where none is within REACH.
+    Faces that are in both meshes, in any order, get the painted images. A face that is missing in the painted mesh gets
+    one id: that of the painted place nearest to its centre, or 0 where none is within REACH.
     """
     index, corner = _same_faces(mesh, painted)
     found = index >= 0
@@ -96,7 +96,7 @@ def with_ids(mesh: TriangleMesh, painted: PaintedMesh) -> TriangleMesh:
 
 
 def _ids(texels: NDArray[np.uint8], id_of_rgb: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """(h, w) of colours (h, w, 3)."""
+    """(h, w) ids of colours (h, w, 3)."""
     found = np.empty(texels.shape[:2], np.uint16)
     for row in range(0, len(texels), _ROWS):
         red, green, blue = np.moveaxis(texels[row : row + _ROWS], -1, 0).astype(np.uint32)
@@ -105,7 +105,7 @@ def _ids(texels: NDArray[np.uint8], id_of_rgb: NDArray[np.uint16]) -> NDArray[np
 
 
 def _same_faces(mesh: TriangleMesh, painted: PaintedMesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For each face of the mesh, the same face of the painted one (F,), -1 if none, and its corner for each (F, 3)."""
+    """For each face of the mesh, the same face of the painted mesh (F,), -1 if none, and matching corners (F, 3)."""
     ours, theirs = mesh.vertices[mesh.faces], painted.vertices[painted.faces]
     corner = np.tile(np.arange(3), (len(ours), 1))
     if ours.shape == theirs.shape and np.abs(ours - theirs).max(initial=0) <= TOLERANCE:

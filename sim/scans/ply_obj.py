@@ -1,4 +1,4 @@
-"""Reads PLY and OBJ files with trimesh, which trusts its files: sizes and names are checked before it sees them."""
+"""Reads PLY and OBJ files with trimesh, which trusts its files: sizes and names are checked before it reads them."""
 
 import io
 import warnings
@@ -23,11 +23,11 @@ from .scene_files import Bytes, file_beside, mapped, refused
 
 _MAX_BYTES = 1 << 30
 _MAX_PARTS = 1 << 13
-"""Changes of material in an OBJ file; trimesh's time grows with their square, to 11 s at this many."""
+"""Most changes of material in an OBJ file; trimesh's time grows with their square, to 11 s at this number."""
 _MAX_IMAGE_TEXELS = 1 << 26
-"""8192 x 8192; Pillow takes 11 bytes for each while they are decoded."""
+"""8192 x 8192; Pillow takes 11 bytes per texel while it decodes."""
 _PLAIN_RGB = (200, 200, 200)
-"""Faces without any colour."""
+"""Colour of faces without any colour."""
 _DAMAGES = (
     ValueError, LookupError, TypeError, AttributeError, NameError, OSError, ArithmeticError, AssertionError,
     RuntimeError, MemoryError, SyntaxError, Image.DecompressionBombError,
@@ -36,7 +36,7 @@ _DAMAGES = (
 
 
 _MEASURED = (b"\x89PN", b"\xff\xd8\xff")
-"""How PNG and JPEG files start, of which small ones can be large images."""
+"""First bytes of PNG and JPEG files; small files can hold large images."""
 
 
 class _Part(NamedTuple):
@@ -51,14 +51,14 @@ class _Part(NamedTuple):
 
 
 def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
-    """The triangles of a `.ply` or `.obj` file in the world frame; colours as `load_glb` gives them.
+    """The triangles of a `.ply` or `.obj` file in the world frame; colours as in `load_glb`.
 
     Args:
-        path: The file; the materials and images that it names lie in its folder.
+        path: The file; the materials and images that it names are in its folder.
         up: The file's up axis.
 
     Raises:
-        SceneError: The file is missing, damaged, too large, without faces, or names files that are not there.
+        SceneError: The file is missing, damaged, too large, without faces, or names missing files.
     """
     kind = path.suffix.lower()
     data = mapped(path, what=f"a {kind} file")
@@ -87,9 +87,9 @@ def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
 
 
 class _Folder(Resolver):
-    """Gives trimesh the files that a scene file names, if they lie in its folder.
+    """Gives trimesh the files that a scene file names, if they are in its folder.
 
-    trimesh goes on without files that it cannot have; the first such problem is kept here.
+    trimesh continues without files that it cannot get; the first such problem is stored here.
     """
 
     def __init__(self, path: Path) -> None:
@@ -126,7 +126,7 @@ class _Textures:
         self._path = path
         self._known: dict[tuple[int, tuple[float, ...]], int] = {}
         self._plain: dict[int, NDArray[np.uint8]] = {}
-        self._images: list[Image.Image] = []  # keeps the images alive, so that id() stays theirs
+        self._images: list[Image.Image] = []  # keeps the images alive, so that id() stays unique
         self.texels: list[NDArray[np.uint8]] = []
 
     def index(self, image: Image.Image, factor: NDArray[np.float64]) -> int:
@@ -142,7 +142,7 @@ class _Textures:
         return self._known[key]
 
     def _decoded(self, image: Image.Image) -> NDArray[np.uint8]:
-        """(h, w, 3) of an image, which is closed: Pillow would keep its own texels too."""
+        """(h, w, 3) texels of an image; the image is closed, since Pillow would keep its own texels too."""
         size = image.width * image.height
         kept = {id(texels): texels.size // 3 for texels in (*self.texels, *self._plain.values())}
         total = sum(kept.values()) + size
@@ -158,7 +158,7 @@ class _Textures:
 
 
 def _require_honest_ply(path: Path, data: Bytes) -> None:
-    """Raises SceneError when a PLY's header announces more than the file can hold, before anything is made for it."""
+    """Raises SceneError when a PLY's header announces more than the file can hold, before any memory is taken."""
     header, end, _ = bytes(data[: 1 << 16]).partition(b"end_header")
     if not header.startswith(b"ply") or not end:
         raise refused(path, f"starts with {bytes(data[:8])!r}", "a PLY header")
@@ -183,14 +183,14 @@ def _require_honest_ply(path: Path, data: Bytes) -> None:
 def _require_all_lines(
     path: Path, data: Bytes, header: bytes, counts: dict[str, int], lists: dict[str, list[bool]]
 ) -> None:
-    """Raises SceneError when an ASCII PLY has less lines than elements, or ends within the last one.
+    """Raises SceneError when an ASCII PLY has fewer lines than elements, or ends within the last line.
 
     Args:
         path: The file, for errors.
-        data: (N,) its bytes.
-        header: Those before `end_header`.
-        counts: Elements by name, in the order of the file.
-        lists: Of each, whether its properties are lists; those have a count before their values.
+        data: (N,) bytes of the file.
+        header: Bytes before `end_header`.
+        counts: Number of elements by name, in the order of the file.
+        lists: Whether the properties of each element are lists; these have a count before their values.
     """
     total, num_lines, last = sum(counts.values()), 0, b""
     content = io.BytesIO(data[len(header) :].tobytes())
@@ -242,7 +242,7 @@ def _image_and_factor(mesh: trimesh.Trimesh) -> tuple[Image.Image | None, NDArra
     """Image and base colour (3,) in [0, 1] of a part's material; None where there is none."""
     material: Any = getattr(mesh.visual, "material", None)
     image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    if image is not None and image.format is None:  # trimesh made it up, for want of a material
+    if image is not None and image.format is None:  # trimesh invented it, because there is no material
         return None, None
     factor = getattr(material, "baseColorFactor", None)
     if factor is None and image is None:
@@ -254,7 +254,7 @@ def _image_and_factor(mesh: trimesh.Trimesh) -> tuple[Image.Image | None, NDArra
 
 
 def _vertex_rgb(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
-    """(V, 3), None without vertex colours."""
+    """(V, 3) vertex colours, None without."""
     visual: Any = mesh.visual
     if isinstance(visual, TextureVisuals):
         colours = visual.vertex_attributes.get("color")

@@ -1,4 +1,4 @@
-"""Reads HM3D's `.semantic.txt`: which colour, category and region each object of a scan has."""
+"""Reads HM3D's `.semantic.txt`: the colour, category and region of each object of a scan."""
 
 import re
 from pathlib import Path
@@ -18,13 +18,13 @@ class SemanticLabel(NamedTuple):
     """One line of the file: one object."""
 
     id: int
-    """1 to 65535; 0 is nothing."""
+    """1 to 65535; 0 means no object."""
     rgb: int
     """Colour in the `.semantic.glb`, 0xRRGGBB."""
     category: str
     """Raw name, which may hold commas."""
     region: int
-    """Room; -1 where it is not known."""
+    """Number of the room; -1 where it is not known."""
 
 
 def read_semantic_txt(path: Path) -> tuple[SemanticLabel, ...]:

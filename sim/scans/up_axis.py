@@ -1,4 +1,4 @@
-"""Which axis of a scan's file points up, as Habitat's own configuration files beside the scans say."""
+"""The up axis of a scan's file, from Habitat's own configuration files beside the scans."""
 
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -14,7 +14,7 @@ _ADVICE = "Correct the file, or take it away for z-up scans such as HM3D's."
 
 
 class _Part(BaseModel):
-    """Only what we need of Habitat's files is checked."""
+    """A part of Habitat's files; only the fields that we need are checked."""
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
@@ -39,8 +39,8 @@ def up_axis(scan: Path, *, root: Path) -> Up:
 
     Args:
         scan: The file; `<its name>.stage_config.json` beside it counts first.
-        root: Then the nearest folder between the scan and this one that holds `*.scene_dataset_config.json` files
-            with a `stages.default_attributes.up` counts. HM3D's says z; scans without any file are taken as HM3D's.
+        root: Next counts the nearest folder, from the scan up to this one, with `*.scene_dataset_config.json` files
+            that have a `stages.default_attributes.up`. HM3D's says z, which also holds for scans without any file.
 
     Raises:
         SceneError: A file is damaged, names another axis, or two in one folder differ.
