@@ -1,7 +1,7 @@
-"""What maps are built from (`PosedFrame`), what grounders take (`FeatureMap`) and what they give (`Grounding`).
+"""The input of map builders (`PosedFrame`), and the input (`FeatureMap`) and output (`Grounding`) of grounders.
 
-numpy only; recordings and apps read them. The `map` frame is the frame that a map is built in: y up, metres, as the
-world (sim/frames.py); for homes of the simulator it is the world, for a robot's recording whatever its poses refer to,
+numpy only; recordings and apps read them. The `map` frame is the frame in which a map is built: y up, metres, as the
+world (sim/frames.py). For homes of the simulator it is the world; for a robot's recording it is the frame of its poses,
 turned y-up.
 """
 
@@ -44,7 +44,7 @@ class PosedFrame:
     """One view with everything that a map builder needs."""
 
     rgb: NDArray[np.uint8]
-    """(H, W, 3)."""
+    """(H, W, 3) colours."""
     depth_m: NDArray[np.float32]
     """(H, W) planar metres, 0 = no return."""
     T_map_camera: NDArray[np.float64]

@@ -1,1 +1,1 @@
-"""Grounders over many episodes: with which settings, on which maps, and the scored answers."""
+"""Runs grounders over many episodes: settings, maps and scored answers."""

@@ -1,6 +1,6 @@
-"""The map that each episode is asked on: an oracle map, or the map of a home that was walked.
+"""The map for each episode: an oracle map, or a map from walks through the home.
 
-A home is explored, mapped and saved once, and its map read from then on.
+A home is explored, mapped and saved once, and its map is read from then on.
 
 Exploration (explore.py, an agent's observations only) -> views on its way -> map builder with an encoder -> a file per
 scene. For oracle perception the views are rendered again with instance ids; the encoder's name says so.
