@@ -1,1 +1,1 @@
-"""Runs of other programs in, our runs out."""
+"""Imports runs of other programs and exports our runs."""

@@ -1,4 +1,4 @@
-"""Which episode of the dataset another program's file means: by its own words, by its name, or by what was declared."""
+"""Finds the dataset's episode of another program's file: from its fields, its name, or a declaration."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,9 +19,9 @@ def find_episode(
 
     Args:
         where: `file:line` for errors.
-        named: What the file says. habitat-lab overwrites ids by the place in the content file.
+        named: The key in the file. habitat-lab overwrites ids by the place in the content file.
         dataset: The episodes.
-        problem: How the run's start differs from an episode's, or None.
+        problem: Returns the difference between the run's start and an episode's, or None.
 
     Raises:
         RunFileError: There is no such episode, or the run does not begin at its start.
@@ -52,10 +52,10 @@ def find_episode(
 
 
 def key_of_table(table: PoseTable, declared: EpisodeKey | None, dataset: PersonalDataset) -> EpisodeKey:
-    """The episode that a pose file names: in its fields, else as declared, else in the file's own name.
+    """The episode of a pose file: from its fields, else the declared one, else from the file's name.
 
     Raises:
-        RunFileError: Nothing names one, or a field is none that can.
+        RunFileError: No episode is named, or a field has an impossible value.
     """
     told = {name: table.facts[name] for name in ("split", "scene", "episode_id") if name in table.facts}
     if "episode" in table.facts:

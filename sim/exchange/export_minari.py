@@ -23,16 +23,16 @@ from sim.types import Action, Pose
 from ..tasks.run_files import EpisodeRun, Run, RunInfo
 
 MINARI_VERSION = "0.5.0"
-"""Oldest version whose reader understands the folder; all later ones that we know list it as supported."""
+"""Oldest version that reads the folder; all later versions that we know list it as supported."""
 NAMESPACE = "personal"
 OBSERVATIONS: dict[str, int] = {"gps": 2, "compass": 1, "position": 3, "yaw": 1, "tilt": 1}
 """Numbers per observation. gps (forward, right) metres and compass in the start's frame, as agents get them; position
-(feet, metres), yaw and tilt (radians) in the world, which agents are not told."""
+(feet, metres), yaw and tilt (radians) in the world, which agents do not get."""
 _NUMBERS = {action: number for number, action in enumerate(Action)}
 
 
 def dataset_id(info: RunInfo) -> str:
-    """Name under which Minari finds the dataset: letters, digits, `_` and `-` of the run's id."""
+    """The dataset's name in Minari: letters, digits, `_` and `-` of the run's id."""
     return f"{NAMESPACE}/{re.sub(r'[^A-Za-z0-9_-]', '-', info.run_id)}-v0"
 
 
@@ -40,7 +40,7 @@ def write_minari_dataset(run: Run, folder: Path) -> None:
     """Writes `data/metadata.json` and, per PAN episode, `data/<index>/part-0.arrow` and `metadata.json`.
 
     Args:
-        run: Its answers have no steps and are not written.
+        run: The run; its answers have no steps and are not written.
         folder: The dataset's folder.
 
     Raises:
@@ -83,7 +83,7 @@ def _observation_space() -> dict[str, Any]:
 
 
 def _episode_batch(index: int, episode: EpisodeRun, *, info: RunInfo) -> pa.RecordBatch:
-    """All rows of one episode; what belongs to steps has one row more than steps, as Minari pads it."""
+    """All rows of one episode; values of steps have one more row than there are steps, as Minari pads them."""
     count, has_stopped = len(episode.steps), episode.end.reason == "stop"
     actions = [_NUMBERS[step.action] for step in episode.steps]
     is_last = np.arange(count + 1) == count - 1

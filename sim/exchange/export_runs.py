@@ -1,4 +1,4 @@
-"""Runs in other formats: run folders again, TUM trajectories, Minari datasets; each written whole or not at all."""
+"""Exports runs as run folders, TUM trajectories or Minari datasets; each is written whole or not at all."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ class Exported:
     folder: Path
     num_episodes: int
     num_answers: int
-    """Answers among the files; TUM and Minari have no place for any."""
+    """Answers in the files; TUM and Minari cannot hold any."""
     num_left_out: int
     """Answers that the format cannot hold."""
 
@@ -33,14 +33,14 @@ def export_runs(runs: Sequence[Run], *, format: ExportFormat, out: Path) -> list
 
     Args:
         runs: Runs in memory; parts of one run (from recordings of single episodes) are put together.
-        format: `jsonl` as ours, `tum` one trajectory per episode, `minari` a dataset that Minari opens.
+        format: `jsonl` = our run folders, `tum` = one trajectory per episode, `minari` = a Minari dataset.
         out: Folder that gets `<run_id>/`, for Minari `personal/<run_id>-v0/`.
 
     Returns:
-        What was written; runs without anything that the format can hold are left out.
+        The written files; runs without anything that the format can hold are left out.
 
     Raises:
-        RunFileError: A folder exists already or cannot be written, two different runs have one name, or nothing at all
+        RunFileError: A folder exists already or cannot be written, two different runs have the same name, or nothing
             can be written in this format.
     """
     merged = merge_parts(runs)
@@ -65,10 +65,10 @@ def export_runs(runs: Sequence[Run], *, format: ExportFormat, out: Path) -> list
 
 
 def merge_parts(runs: Sequence[Run]) -> list[Run]:
-    """Runs with those of one `run_id` put together, repeated trials once.
+    """The runs, with all parts of one `run_id` put together; a repeated trial is kept once.
 
     Raises:
-        RunFileError: Two runs of one name differ in `run.json`.
+        RunFileError: Two runs with the same name differ in `run.json`.
     """
     parts: dict[str, list[Run]] = {}
     for run in runs:
@@ -92,7 +92,7 @@ def merge_parts(runs: Sequence[Run]) -> list[Run]:
 
 
 def write_run_folder(run: Run, folder: Path) -> None:
-    """A run folder as the runner writes it: `read_run` gives the same run.
+    """Writes a run folder as the runner does: `read_run` gives the same run.
 
     Raises:
         OSError: The folder cannot be written.
@@ -128,7 +128,7 @@ def _write(run: Run, format: ExportFormat, folder: Path) -> None:
 
 @contextmanager
 def _new_folder(target: Path) -> Iterator[Path]:
-    """A folder that gets its name when it is whole; what was begun is removed otherwise."""
+    """A folder that gets its name when it is complete; otherwise it is removed."""
     beside = target.with_name(target.name + ".part")
     try:
         if beside.exists():

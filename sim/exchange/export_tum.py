@@ -16,8 +16,8 @@ def write_tum_files(run: Run, folder: Path) -> list[Path]:
     """One file `<split>-<scene>-<id>[-<participant>].tum` per PAN episode; a repeated name gets `-2`, `-3`...
 
     Args:
-        run: Its answers have no trajectory and are not written.
-        folder: Where the files go.
+        run: The run; its answers have no trajectory and are not written.
+        folder: Folder of the files.
 
     Returns:
         The files, in the order of the run.
@@ -39,7 +39,7 @@ def write_tum_files(run: Run, folder: Path) -> list[Path]:
 
 
 def tum_text(episode: EpisodeRun, *, who: str, scene_kind: str) -> str:
-    """The trajectory of one run: the start pose and the pose after each step; its head names the kind of home.
+    """The trajectory of one run: the start pose and the pose after each step; its header names the kind of home.
 
     Timestamps are seconds since the start where they were measured, else step numbers. The body's pose has no tilt.
     """

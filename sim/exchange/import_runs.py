@@ -1,8 +1,8 @@
-"""Bring PAN runs of another simulator in: check every step, compute all measures here, write an ordinary run folder.
+"""Imports PAN runs of another simulator: checks every step, computes all measures, writes an ordinary run folder.
 
-Files come from `recordings/habitat_writer.py`, or are pose lists of any program (`pose_files`). Nothing that a file
-says about its own success, measures or collisions is used; a file with an impossible step is refused with its line
-number, and then nothing at all is written.
+Files come from `recordings/habitat_writer.py`, or are pose lists of any program (`pose_files`). A file's own claims
+about success, measures or collisions are not used; a file with an impossible step is refused with its line number, and
+then nothing is written.
 """
 
 import hashlib
@@ -42,23 +42,23 @@ def import_runs(
     allow_schematic: bool = False,
     reading: PoseReading | None = None,
 ) -> list[Path]:
-    """Check files that another simulator wrote, score their runs and write them as run folders below `out`.
+    """Checks files of another simulator, scores their runs and writes them as run folders below `out`.
 
     Args:
         files: Steps or pose files, read as one run (an evaluation may write one file per worker or episode).
         dataset: The episodes that were played.
-        scenes_dir: Folder with the scans; None only for invented homes, whose plan lies beside the episodes.
+        scenes_dir: Folder with the scans; None only for invented homes, whose plan is beside the episodes.
         out: Folder that gets `<run_id>/`.
         who: The agent's name in tables.
         run_id: Name of the folder; None = `who` and the digest of the files. Importing the same files again resumes.
         allow_schematic: Score on homes recovered from the episodes; their distances are not those of the scans.
-        reading: The declared conventions of pose files; None when there is none among the files.
+        reading: The declared conventions of pose files; None when there are no pose files.
 
     Returns:
-        The folder written.
+        The run folder.
 
     Raises:
-        RunFileError: A line is damaged, a step is impossible, an episode is unknown or comes twice, or `out` cannot be
+        RunFileError: A line is damaged, a step is impossible, an episode is unknown or repeated, or `out` cannot be
             written.
         SceneError: The scenes are of several kinds, or one cannot be opened.
     """
@@ -82,7 +82,7 @@ def import_runs(
 
 
 def check_file(path: Path, *, dataset: PersonalDataset, reading: PoseReading | None = None) -> Iterator[CheckedRun]:
-    """Each complete run of a file, once all its steps are found possible.
+    """Each complete run of a file, after all its steps were checked.
 
     Args:
         path: A steps file, or a pose file (CSV, TUM, JSON, npz).
@@ -151,7 +151,7 @@ def _require_some_and_no_twins(checked: Sequence[CheckedRun], files: Sequence[Pa
 
 
 def _require_one_kind(files: Sequence[Path], reading: PoseReading | None) -> None:
-    """Conventions are declared for pose files only; runs of two action spaces never share a row of a table."""
+    """Refuses mixed files: conventions are for pose files only, and two action spaces never share a row of a table."""
     if reading is None:
         return
     ours = [path for path in files if not is_pose_file(path)]
@@ -168,7 +168,7 @@ def _require_one_kind(files: Sequence[Path], reading: PoseReading | None) -> Non
 
 
 def _score(checked: Sequence[CheckedRun], *, dataset: PersonalDataset, scenes_dir: Path | None) -> list[EpisodeRun]:
-    """Every run with its measures, in the order given; one scene is open at a time."""
+    """Every run with its measures, in the given order; one scene is open at a time."""
     from sim.homes.open_home import open_scene
 
     scored: dict[EpisodeKey, EpisodeRun] = {}
@@ -238,7 +238,7 @@ def _declared(reading: PoseReading, checked: Sequence[CheckedRun]) -> dict[str, 
 
 
 def _digest(files: Sequence[Path]) -> str:
-    """sha256 over the bytes of all files, in the order given."""
+    """sha256 over the bytes of all files, in the given order."""
     total = hashlib.sha256()
     for path in files:
         try:

@@ -1,4 +1,4 @@
-"""Poses in a row to a run: the actions that a file names, or those that alone can have led from pose to pose."""
+"""Turns a row of poses into a run: with the file's actions, or with the only actions that fit from pose to pose."""
 
 import math
 from collections.abc import Sequence
@@ -27,20 +27,20 @@ _STILL = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class _Walk:
-    """Start, and what was done from it."""
+    """A start and the actions from it."""
 
     start: Pose
     actions: tuple[Action, ...]
     poses: tuple[Pose, ...]
-    """After each action."""
+    """The pose after each action."""
     rows: tuple[int, ...]
-    """Of each pose after an action."""
+    """The row of each pose after an action."""
 
 
 def run_from_poses(
     table: PoseTable, reading: PoseReading, poses: Sequence[Pose], *, key: EpisodeKey, start: Pose
 ) -> tuple[tuple[str, ...], EpisodeRun]:
-    """(`file:line` of start, each step and end; the run that the poses tell of, unchecked).
+    """(`file:line` of start, each step and end; the run of the poses, unchecked).
 
     Args:
         table: The rows.
@@ -50,7 +50,7 @@ def run_from_poses(
         start: The episode's start pose, for files whose first row is after the first action.
 
     Raises:
-        RunFileError: An action is unknown or missing, no action leads from one pose to the next, or nothing says
+        RunFileError: An action is unknown or missing, no action leads from one pose to the next, or it is unknown
             whether the run stopped.
     """
     actions = _given_actions(table)
@@ -116,7 +116,7 @@ def _action(where: str, value: object) -> Action:
 def _given_walk(
     table: PoseTable, reading: PoseReading, poses: Sequence[Pose], actions: list[Action | None], start: Pose
 ) -> _Walk:
-    """The run when the file names the actions; which pose follows which action is told by the empty one."""
+    """The run of a file with actions; the row without an action shows whether poses are before or after actions."""
     count = len(poses)
     if len(actions) not in (count - 1, count):
         raise RunFileError(
@@ -176,10 +176,10 @@ def _inferred_walk(table: PoseTable, reading: PoseReading, poses: Sequence[Pose]
 
 
 def _inferred(before: Pose, after: Pose, *, rounding: float) -> Action | None:
-    """The action that alone can have led from one pose to the next, or None.
+    """The only action that can lead from one pose to the next, or None.
 
-    A robot that stays where it is has walked against a wall: of the actions that a pose shows, only that leaves it so.
-    (Looks are seen only where the file tells the tilt.) Whether a move is possible is for `check_steps`.
+    A robot that does not move has walked against a wall: no other action that a pose shows leaves it unchanged. (Looks
+    show only where the file has the tilt.) `check_steps` checks whether a move is possible.
     """
     turned, tilted = wrap_angle(after.yaw - before.yaw), wrap_angle(after.tilt - before.tilt)
     if abs(turned) <= ANGLE_TOLERANCE and abs(tilted) <= ANGLE_TOLERANCE:
@@ -198,7 +198,7 @@ def _inferred(before: Pose, after: Pose, *, rounding: float) -> Action | None:
 
 
 def _free_walk(poses: Sequence[Pose], *, stops: bool) -> _Walk:
-    """Nearest names for moves of another action space: forward where it moved or stood still, else the turn's side."""
+    """The nearest actions for moves of another action space: forward for a move or a stop, else a turn to that side."""
     actions = []
     for before, after in pairwise(poses):
         turned = wrap_angle(after.yaw - before.yaw)
@@ -209,7 +209,7 @@ def _free_walk(poses: Sequence[Pose], *, stops: bool) -> _Walk:
 
 
 def _ended(table: PoseTable, reading: PoseReading, walk: _Walk, *, is_told: bool) -> _Walk:
-    """The run with STOP as its last action where the file or the person says that it stopped."""
+    """The run, with STOP as its last action where the file or the person says that it stopped."""
     has_stopped = bool(walk.actions) and walk.actions[-1] is Action.STOP
     fact = table.facts.get("stopped")
     stopped = reading.stopped if fact is None else truth_of(table.where, "stopped", fact)
@@ -230,7 +230,7 @@ def _ended(table: PoseTable, reading: PoseReading, walk: _Walk, *, is_told: bool
 
 
 def _with_stop(walk: _Walk, *, may_rename: bool) -> _Walk:
-    """The walk with STOP at its end: its last row, where that repeats the row before and was not named, or one more."""
+    """The walk with STOP at its end, in a new row or in a last row that repeats its predecessor and has no action."""
     poses = (walk.start, *walk.poses)
     if may_rename and len(poses) > 1 and _is_same(poses[-2], poses[-1]):
         return _Walk(walk.start, (*walk.actions[:-1], Action.STOP), walk.poses, walk.rows)
@@ -244,7 +244,7 @@ def _is_same(one: Pose, other: Pose) -> bool:
 
 
 def _with_counted_tilt(walk: _Walk) -> _Walk:
-    """The walk with the tilt that its looks add up to."""
+    """The walk with the tilt as the sum of its looks."""
     tilt, poses = 0.0, []
     for action, pose in zip(walk.actions, walk.poses, strict=True):
         tilt += TURN_STEP * ((action is Action.LOOK_UP) - (action is Action.LOOK_DOWN))

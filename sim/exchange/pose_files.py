@@ -1,6 +1,6 @@
-"""Pose files of other programs (CSV, TUM, JSON, npz) to poses of our world, by conventions that a person declares.
+"""Turns pose files of other programs (CSV, TUM, JSON, npz) into poses of our world, by declared conventions.
 
-Nothing about frames or orders is guessed: two plausible readings of one file give two different robots.
+Frames and orders are never guessed: two plausible readings of one file give two different robots.
 """
 
 import math
@@ -32,7 +32,7 @@ from .pose_tables import ADVERTISED, GPS, LISTED_QUAT, MATRIX, NAMED_QUAT, PLANA
 
 POSE_SUFFIXES = (".csv", ".tsv", ".json", ".npz", *TUM_SUFFIXES)
 MAX_ROUNDING = 0.01
-"""Most rounding of positions (metres) that a person may declare; two decimals."""
+"""Largest rounding of positions that a person may declare, metres; two decimals."""
 _UNIT_TOLERANCE = 1e-3
 _FRAME_ADVICE = (
     "Give --frame: world (Habitat: y up, looks along -z), zup (HM3D's files: world (x, -z, y)), "
@@ -43,14 +43,14 @@ _FRAME_ADVICE = (
 
 @dataclass(frozen=True, slots=True)
 class FreeMotion:
-    """Bounds of a robot that has other actions than PersONAL's."""
+    """Bounds of a robot with other actions than PersONAL's."""
 
     max_move: float
-    """Metres that it moves at most from row to row."""
+    """Largest move from row to row, metres."""
     max_turn_deg: float
-    """Degrees that it turns at most from row to row."""
+    """Largest turn from row to row, degrees."""
     max_steps: int = MAX_STEPS
-    """Budget that it was given."""
+    """The robot's budget of steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +59,11 @@ class PoseReading:
 
     frame: PoseFrame
     quaternion: Literal["xyzw", "wxyz"] | None = None
-    """Order of quaternions that the file does not name."""
+    """Order of quaternions without named parts."""
     poses: Literal["body", "camera"] = "body"
-    """Whose: of the robot's feet, or of the camera 0.88 m above them, with its tilt."""
+    """Whether poses are those of the robot's feet, or of the camera 0.88 m above them, with its tilt."""
     camera_axes: CameraAxes | None = None
-    """Axes of the camera whose rotation is given."""
+    """Axes of the camera, for rotations of the camera."""
     columns: tuple[str, ...] = ()
     """Names of the columns of CSV files, in their order; () = their own header."""
     rows: Literal["after-action", "before-action"] | None = None
@@ -77,7 +77,7 @@ class PoseReading:
     rounding: float = POSITION_TOLERANCE
     """Metres of rounding in the positions; 0.001 fits four decimals and more."""
     free: FreeMotion | None = None
-    """Bounds of a robot that does not have PersONAL's actions."""
+    """Bounds of a robot with other actions than PersONAL's; None = PersONAL's actions."""
 
 
 def is_pose_file(path: Path) -> bool:
@@ -88,14 +88,14 @@ def is_pose_file(path: Path) -> bool:
         with path.open("rb") as file:
             return not file.read(256).lstrip(b"\xef\xbb\xbf \r\n").startswith((b'{"kind"', b'{ "kind"'))
     except OSError:
-        return True  # its reader says what is wrong
+        return True  # its reader will report the error
 
 
 def read_pose_tables(path: Path, reading: PoseReading) -> Iterator[PoseTable]:
     """The episodes of a pose file, unconverted.
 
     Raises:
-        RunFileError: The file is unreadable or damaged; says where.
+        RunFileError: The file is unreadable or damaged; the message names the place.
     """
     suffix = path.suffix.lower()
     if suffix == ".npz":
@@ -117,11 +117,11 @@ def poses_from_table(table: PoseTable, reading: PoseReading, start: Pose) -> tup
     Args:
         table: The rows.
         reading: Their declared conventions.
-        start: The episode's start pose; where frames begin that have no other origin, and the height of 2-D positions.
+        start: The episode's start pose: the origin of frames without another one, and the height of 2-D positions.
 
     Raises:
         RunFileError: A value is missing or not finite, columns are missing, a convention is missing, or a rotation is
-            none that a robot on a floor can have.
+            impossible for a robot on a floor.
     """
     if not table.wheres:
         raise RunFileError(f"{table.where}: found no pose; expected at least the start. Write the file again.")
@@ -141,7 +141,7 @@ def poses_from_table(table: PoseTable, reading: PoseReading, start: Pose) -> tup
 
 
 def tells_tilt(table: PoseTable, reading: PoseReading) -> bool:
-    """Whether the rows say how far the camera is tilted."""
+    """Whether the rows give the camera's tilt."""
     return table.has("tilt") or table.has("tilt_deg") or (reading.poses == "camera" and _rotation(table) != "yaw")
 
 
@@ -173,10 +173,10 @@ def _positions(table: PoseTable, reading: PoseReading, start: Pose) -> tuple[NDA
 
 
 def _rotation(table: PoseTable) -> Literal["matrix", "named", "listed", "yaw"]:
-    """The columns that say how the robot is turned.
+    """The columns that give the robot's rotation.
 
     Raises:
-        RunFileError: Nothing does, or two things do.
+        RunFileError: No columns give a rotation, or several kinds do.
     """
     ways = {"matrix": MATRIX, "named": NAMED_QUAT, "listed": LISTED_QUAT, "yaw": ("yaw",), "yaw_deg": ("yaw_deg",)}
     found = [way for way, names in ways.items() if table.has(*names)]

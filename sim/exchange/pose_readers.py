@@ -33,13 +33,13 @@ from .pose_tables import (
 Row = dict[str, object]
 TUM_SUFFIXES = (".tum", ".txt")
 TUM_COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
-"""Order of a TUM file that does not name its columns."""
+"""Columns of a TUM file that does not name them."""
 IGNORED = "-"
-"""Name of a column that is to be left out."""
+"""Name of a column that is left out."""
 MAX_VALUES = 2_000_000
-"""In a JSON file: 500 episodes of 500 steps."""
+"""Most values in a JSON file: 500 episodes of 500 steps."""
 MAX_UNPACKED = 16 << 20
-"""Bytes of all arrays of an npz file; an episode of 500 steps has 60 kB."""
+"""Most bytes of all arrays of an npz file; an episode of 500 steps has 60 kB."""
 MAX_ARRAYS = 100
 _GROUPING = ("split", "scene", "episode_id", "episode")
 _LISTS = ("steps", "trajectory", "agent_states", "states", "observations", "poses")
@@ -60,7 +60,7 @@ _ARRAYS = (
 def text_rows(lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
     """(line number from 1, cells) of each line that is neither blank nor a `#` comment.
 
-    Cells are separated as in the first such line: by tabs, `;`, `,` or white space.
+    The first such line decides the separator: tabs, `;`, `,` or white space.
     """
     first = next((line for line in lines if _is_row(line)), "")
     separator = next((mark for mark in ("\t", ";", ",") if mark in first), None)
@@ -68,15 +68,15 @@ def text_rows(lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def read_csv_tables(path: Path, *, columns: Sequence[str] = ()) -> Iterator[PoseTable]:
-    """The episodes of a text file, one after the other; a row of another episode begins the next one.
+    """The episodes of a text file, one after the other; a row of a different episode begins the next one.
 
     Args:
-        path: The file. `#` begins a comment. Those above the rows may say `# episode: SPLIT/SCENE/ID` or
+        path: The file. `#` begins a comment. Comments above the rows may say `# episode: SPLIT/SCENE/ID` or
             `# stopped: yes`; in TUM files the last one may name the columns.
         columns: Names in the order of the file; () = the file's own header. `-` leaves a column out.
 
     Raises:
-        RunFileError: The file is unreadable, has no header, or a row has another number of columns; says which line.
+        RunFileError: The file is unreadable, has no header, or a row has a wrong number of cells; names the line.
     """
     lines = read_text(path).splitlines()
     rows = text_rows(lines)
@@ -103,7 +103,7 @@ def read_json_tables(path: Path) -> Iterator[PoseTable]:
     """The episodes of a JSON file: records, habitat-lab's `agent_state`s, or episodes with arrays.
 
     Raises:
-        RunFileError: The file is unreadable or not of a shape that we know; says which element.
+        RunFileError: The file is unreadable or has an unknown form; the message names the element.
     """
     text = read_text(path)
     if sum(map(text.count, ",[{")) > MAX_VALUES:
@@ -159,14 +159,14 @@ def _are_numbers(cells: Sequence[str]) -> bool:
 
 
 def _named_in_comment(above: Sequence[str], width: int) -> list[str] | None:
-    """The columns that the last comment above the rows names, or None when it says something else."""
+    """The columns named in the last comment above the rows, or None when it holds other text."""
     comments = [line.lstrip().lstrip("#") for line in above if line.strip()]
     named = comments[-1].replace(",", " ").split() if comments else []
     return named if len(named) == width and sum(canonical(name) is not None for name in named) >= 3 else None
 
 
 def _kept_columns(where: str, names: Sequence[str]) -> tuple[dict[int, str], tuple[str, ...]]:
-    """(our name by place, names that mean nothing to us)."""
+    """(our name by place, unknown names)."""
     if _are_numbers(names):
         raise RunFileError(
             f"{where}: the first row is numbers only; expected names such as {ADVERTISED}. "
@@ -207,7 +207,7 @@ def _records(
 
 
 def _commented_facts(above: Sequence[str]) -> Row:
-    """What comments above the rows say of the whole episode, as `# stopped: yes`."""
+    """Facts about the whole episode in comments above the rows, such as `# stopped: yes`."""
     found = (re.fullmatch(r"\s*#\s*(\w+)\s*:\s*(\S+)\s*", line) for line in above)
     return {match[1].lower(): match[2] for match in found if match and match[1].lower() in NAMES}
 
@@ -220,7 +220,7 @@ def _tables_of_records(
     actions: tuple[object, ...] | None = None,
     ignored: Sequence[str] = (),
 ) -> Iterator[PoseTable]:
-    """Tables of records (where, values by our names), one per pose; one of another episode begins the next table."""
+    """Tables of records (place, values by our names), one per pose; a different episode begins the next table."""
     for _, items in groupby(records, key=lambda item: [str(item[1].get(name)) for name in _GROUPING]):
         group = list(items)
         names = dict.fromkeys(name for _, row in group for name in row)
@@ -259,7 +259,7 @@ def _tables_of_episode(path: Path, where: str, episode: Row, shared: Row) -> Ite
 
 
 def _table_of_arrays(path: Path, where: str, fields: Row, facts: Row, *, expected: str) -> PoseTable:
-    """The table of an episode that has one list per column or vector; other fields are facts, or mean nothing to us."""
+    """The table of an episode that has one list per column or vector; other fields are facts, or unknown."""
     columns: dict[str, list[object]] = {}
     ignored = []
     first_field = ""
@@ -284,7 +284,7 @@ def _table_of_arrays(path: Path, where: str, fields: Row, facts: Row, *, expecte
 
 
 def _columns(where: str, name: str, values: object) -> dict[str, list[object]] | None:
-    """The columns that a list of an episode gives, None for a field that is none or means nothing to us."""
+    """The columns in a list of an episode; None for a field that is no list or is unknown."""
     vector, scalar = vector_name(name), canonical(name)
     if not isinstance(values, list) or (vector is None and (scalar in (None, "action") or scalar in NAMES)):
         return None
@@ -304,7 +304,7 @@ def _columns(where: str, name: str, values: object) -> dict[str, list[object]] |
 
 
 def _record(where: str, value: object) -> Row:
-    """One JSON record, flat; fields that mean nothing to us keep their names."""
+    """One JSON record, flat; unknown fields keep their names."""
     if isinstance(value, list):
         return _vector(where, "pose", value)
     if not isinstance(value, dict):
@@ -339,12 +339,12 @@ def _vector(where: str, name: str, value: object) -> Row:
 
 
 def _alone(value: object) -> object:
-    """The value, or the only one of a list."""
+    """The value, or the only element of a list."""
     return value[0] if isinstance(value, list) and len(value) == 1 else value
 
 
 def _facts(fields: Row) -> Row:
-    """What an object says of a whole episode."""
+    """Facts about a whole episode in a JSON object."""
     named = ((canonical(name), value) for name, value in fields.items())
     return {name: value for name, value in named if name in NAMES and not isinstance(value, (list, dict))}
 

@@ -1,4 +1,4 @@
-"""Rows of other programs' pose files, whatever the format: named columns of one episode, read but not yet converted.
+"""Rows of other programs' pose files in any format: named columns of one episode, read but not yet converted.
 
 CSV, JSON and npz readers make these tables; `pose_files` turns them into poses of our world.
 """
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.errors import RunFileError, short
 
 MAX_BYTES = 64 * 2**20
-"""Largest file that is read; about 1,000 episodes of 500 steps as CSV. More belongs in several files."""
+"""Largest file that is read: about 1,000 episodes of 500 steps as CSV."""
 
 POSITION, PLANAR, GPS = ("x", "y", "z"), ("p0", "p1"), ("forward", "right")
 NAMED_QUAT = ("qx", "qy", "qz", "qw")
@@ -26,7 +26,7 @@ SCALARS = ("yaw", "yaw_deg", "tilt", "tilt_deg", "t_s", "timestamp", "step")
 NAMES = ("split", "scene", "episode_id", "episode", "stopped", "allow_sliding")
 COLUMNS = (*NUMBERS, *SCALARS, "action", *NAMES)
 ADVERTISED = "x,y,z, qx,qy,qz,qw or yaw or yaw_deg, action, t_s, tilt, stopped, split,scene,episode_id; forward,right"
-"""What error texts call the columns."""
+"""Names of the columns in error texts."""
 
 _ALIASES = {
     **{f"{before}{axis}": axis for before in ("t", "pos_", "position_") for axis in POSITION},
@@ -50,7 +50,7 @@ _VECTOR_ALIASES = {
 
 @dataclass(frozen=True, slots=True)
 class PoseTable:
-    """One episode's rows as a file holds them."""
+    """One episode's rows in the file's own conventions."""
 
     where: str
     """The file, and the place of the episode in it."""
@@ -58,13 +58,13 @@ class PoseTable:
     wheres: tuple[str, ...]
     """`file:line` of each row."""
     columns: Mapping[str, Sequence[object]]
-    """By name (`COLUMNS`), one value per row, None where the row has none; frames and orders are not applied yet."""
+    """Columns by name (`COLUMNS`), one value per row, None for an empty cell; frames and orders are not applied yet."""
     actions: tuple[object, ...] | None = None
-    """One per row, or one fewer; None = the file has none."""
+    """One action per row, or one fewer; None = the file has none."""
     facts: Mapping[str, object] = field(default_factory=dict)
-    """What the file says of the whole episode (`NAMES`)."""
+    """Facts about the whole episode in the file (`NAMES`)."""
     ignored: tuple[str, ...] = ()
-    """Columns that mean nothing to us."""
+    """Columns that we do not use."""
 
     def has(self, *names: str) -> bool:
         """Whether all these columns are there."""
@@ -98,17 +98,17 @@ def canonical(name: str) -> str | None:
 
 
 def vector_name(name: str) -> str | None:
-    """`position`, `rotation`, `pose` or `gps` when that is what a field holds, or None."""
+    """`position`, `rotation`, `pose` or `gps` when a field holds one of these, or None."""
     name = name.strip().lower()
     name = _VECTOR_ALIASES.get(name, name)
     return name if name in _VECTORS else None
 
 
 def vector_columns(where: str, name: str, length: int) -> tuple[str, ...]:
-    """The columns that a vector of this length gives.
+    """The columns in a vector of this length.
 
     Raises:
-        RunFileError: The length is none that the field can have.
+        RunFileError: The field cannot have this length.
     """
     if length not in _VECTORS[name]:
         expected = {"pose": "7 (x,y,z and a quaternion), 4 (x,y,z,yaw) or a 4x4 matrix"}.get(
@@ -119,7 +119,7 @@ def vector_columns(where: str, name: str, length: int) -> tuple[str, ...]:
 
 
 def number_of(value: object) -> float | None:
-    """A finite number, given as one or as text; None for anything else."""
+    """The value as a finite number, from a number or a text; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str, np.integer, np.floating)):
         return None
     try:
@@ -133,7 +133,7 @@ def truth_of(where: str, name: str, value: object) -> bool:
     """A yes or no, given as a bool, a number or text.
 
     Raises:
-        RunFileError: It is something else.
+        RunFileError: The value is something else.
     """
     text = str(value).strip().lower()
     if text in ("true", "1", "1.0", "yes"):
@@ -147,7 +147,7 @@ def read_limited(path: Path) -> bytes:
     """All bytes of a file.
 
     Raises:
-        RunFileError: It cannot be read, or is larger than `MAX_BYTES`.
+        RunFileError: The file cannot be read, or is larger than `MAX_BYTES`.
     """
     try:
         with path.open("rb") as file:
@@ -166,7 +166,7 @@ def read_text(path: Path) -> str:
     """The text of a file.
 
     Raises:
-        RunFileError: It cannot be read, is too large, or is no UTF-8 text.
+        RunFileError: The file cannot be read, is too large, or is no UTF-8 text.
     """
     try:
         text = read_limited(path).decode("utf-8-sig")
