@@ -23,9 +23,9 @@ def refused(path: Path, found: str, expected: str, *, advice: str = COPY_AGAIN) 
 
     Args:
         path: The file that the user named.
-        found: What is in it; quoted text is cut by `short`.
-        expected: What should be.
-        advice: What to do, a full sentence.
+        found: The content that was found; quoted text is cut by `short`.
+        expected: The expected content.
+        advice: Advice to the user, a full sentence.
     """
     return SceneError(f"{path}: {' '.join(found.split())}; expected {expected}. {advice}")
 
@@ -35,7 +35,7 @@ def mapped(path: Path, *, what: str) -> Bytes:
 
     Args:
         path: A regular file; anything else could block or never end.
-        what: What the file should be, for the error.
+        what: The expected kind of file, for the error.
 
     Raises:
         SceneError: The file is missing, cannot be read, or is no regular file.
@@ -58,7 +58,7 @@ def resource(path: Path, uri: str, *, what: str) -> Bytes:
     Args:
         path: The scene file.
         uri: `data:` with the content, or the name of a file in the folder of `path` or below it.
-        what: What is named, for the error: `buffers.0`.
+        what: The named part, for the error: `buffers.0`.
 
     Raises:
         SceneError: The URI names another place, or there is nothing to read.
@@ -78,8 +78,8 @@ def resource(path: Path, uri: str, *, what: str) -> Bytes:
 def file_beside(path: Path, uri: str, *, what: str) -> Path:
     """The file that a relative URI names, in the folder of `path` or below it.
 
-    A scene from elsewhere must not make us read other files: other schemes, absolute names, `..` and links that lead
-    out of the folder are refused.
+    A foreign scene must not make us read other files: other schemes, absolute names, `..` and links that lead out of
+    the folder are refused.
 
     Raises:
         SceneError: The URI names another place, or no file.
