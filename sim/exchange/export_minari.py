@@ -1,9 +1,9 @@
 """Runs as a Minari dataset: the folder that Minari 0.5 itself writes in its `arrow` format, made with pyarrow alone.
 
 `MINARI_DATASETS_PATH=<out>` and `minari.load_dataset("personal/<run_id>-v0")` open it. One Minari episode per PAN run:
-observations (T + 1) gps, compass, position, yaw, tilt and no pictures; actions (T) in Habitat's numbers; rewards 0 but
+observations (T + 1) gps, compass, position, yaw, tilt and no pictures; actions (T) in Habitat's numbers; rewards 0, and
 1 at the last step of a success under the `paper` rule, as PersONAL defines no reward; terminated by STOP, truncated by
-anything else; infos (T + 1) with time, collisions and, the same in every row, what names and measures the run.
+any other end; infos (T + 1) with time, collisions and, repeated in every row, the run's names and measures.
 """
 
 import json
