@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from sim.errors import AgentError
 from sim.types import CAMERA_HEIGHT, STOREY_GAP
-from sim.walk.storeys import same_storey, storey_levels
+from sim.walk.storeys import BELOW_FLOOR, same_storey, storey_levels
 
 from ..types import PosedFrame
 from .home_map import OccupancyGrid
 from .occupancy import MAX_DEPTH, OccupancyMapper
 
-FLOOR_SLACK = 0.3
-"""A point up to this much (metres) under a storey's floor still belongs to it: floors are uneven, poses drift."""
 _LEVEL_RISE, _LEVEL_RUN = 0.1, 0.6
 """A robot is on a new storey once it has gone this far (metres) within this height; on stairs it rises 0.3 m."""
 _MOST_HELD = 64
@@ -94,7 +92,7 @@ class Storeys:
     def index_of(self, y: NDArray[np.floating]) -> NDArray[np.int64]:
         """(N,) index into `floors` of the storey of each height (N,): the nearest floor below; -1 = under the home."""
         order = np.argsort(self.floors)
-        ordered = np.asarray(self.floors)[order] - FLOOR_SLACK
+        ordered = np.asarray(self.floors)[order] - BELOW_FLOOR
         ordered[0] = self.floors[order[0]] - STOREY_GAP  # sunken parts of the lowest storey
         place = np.searchsorted(ordered, np.asarray(y), side="right") - 1
         return np.where(place >= 0, order[place], -1)
@@ -125,7 +123,7 @@ class Storeys:
         """Releases the held frames and adds each to its storey's occupancy."""
         for frame in self._held:
             eye = float(frame.T_map_camera[1, 3])
-            index = int(self.index_of(np.array([eye - _EYE_ABOVE_FLOOR - FLOOR_SLACK]))[0])
+            index = int(self.index_of(np.array([eye - _EYE_ABOVE_FLOOR - BELOW_FLOOR]))[0])
             x, z = frame.T_map_camera[[0, 2], 3].tolist()
             depth = frame.depth_m
             if frame.instance_ids is None:  # a real sensor: no return is a gap, not the sky
