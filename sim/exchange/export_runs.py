@@ -1,17 +1,22 @@
 """Exports runs as run folders, TUM trajectories or Minari datasets; each is written whole or not at all."""
 
 import os
+import re
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
 from sim.errors import RunFileError
 from sim.files import write_whole
+from sim.frames import quat_xyzw_from_yaw
+from sim.homes.kind import scene_label, scene_terms
 
-from ..tasks.run_files import Run
+from ..tasks.run_files import EpisodeRun, Run
 
 ExportFormat = Literal["jsonl", "tum", "minari"]
 
@@ -105,6 +110,57 @@ def write_run_folder(run: Run, folder: Path) -> None:
         write_whole(folder / "answers.jsonl", "".join(answer.model_dump_json() + "\n" for answer in run.answers))
 
 
+def write_tum_files(run: Run, folder: Path) -> list[Path]:
+    """One file `<split>-<scene>-<id>[-<participant>].tum` per PAN episode; a repeated name gets `-2`, `-3`...
+
+    Args:
+        run: The run; its answers have no trajectory and are not written.
+        folder: Folder of the files.
+
+    Returns:
+        The files, in the order of the run.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    used: Counter[str] = Counter()
+    paths = []
+    for episode in run.episodes:
+        name = "-".join(episode.key)
+        if episode.start.participant:
+            name += "-" + re.sub(r"[^A-Za-z0-9_-]", "_", episode.start.participant)
+        used[name] += 1
+        path = folder / (name + (f"-{used[name]}" if used[name] > 1 else "") + ".tum")
+        write_whole(path, tum_text(episode, who=run.info.who, scene_kind=run.info.scene_kind))
+        paths.append(path)
+    return paths
+
+
+def tum_text(episode: EpisodeRun, *, who: str, scene_kind: str) -> str:
+    """The trajectory of one run: the start pose and the pose after each step; its header names the kind of home.
+
+    Timestamps are seconds since the start where they were measured, else step numbers. The body's pose has no tilt.
+    """
+    times = (0.0, *(step.t_s for step in episode.steps))
+    is_measured = len(times) > 1 and all(before < after for before, after in pairwise(times))
+    said = "seconds since the episode's start" if is_measured else "step number (nobody measured the time)"
+    lines = [
+        f"# PersONAL run of {' '.join(who.split())}: pose of the robot's feet after each step, the start first",
+        "# world frame = Habitat's: metres, +y up; the robot looks along its own -z; quaternion x y z w",
+        f"# the timestamp is the {said}",
+        f"# episode: {episode.key}",
+        f"# scenes: {scene_kind}",
+        *(f"# {words}" for words in (scene_label(scene_kind), scene_terms(scene_kind)) if words),
+        f"# stopped: {'yes' if episode.end.reason == 'stop' else 'no'}",
+        f"# allow_sliding: {'yes' if episode.start.allow_sliding else 'no'}",
+        f"# {'timestamp' if is_measured else 'step'} tx ty tz qx qy qz qw",
+    ]
+    for step, (time, pose) in enumerate(zip(times, episode.poses, strict=True)):
+        numbers = (time if is_measured else step, *pose.position, *quat_xyzw_from_yaw(pose.yaw))
+        lines.append(" ".join(repr(number) for number in numbers))
+    return "\n".join(lines) + "\n"
+
+
 def _target(out: Path, run: Run, format: ExportFormat) -> Path:
     if format == "minari":
         from .export_minari import dataset_id
@@ -117,8 +173,6 @@ def _write(run: Run, format: ExportFormat, folder: Path) -> None:
     if format == "jsonl":
         write_run_folder(run, folder)
     elif format == "tum":
-        from .export_tum import write_tum_files
-
         write_tum_files(run, folder)
     else:
         from .export_minari import write_minari_dataset

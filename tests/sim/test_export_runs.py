@@ -10,7 +10,7 @@ import pytest
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RunFileError
-from sim.exchange import export_tum
+from sim.exchange import export_runs as exports
 from sim.exchange.export_runs import export_runs
 from sim.exchange.import_runs import check_file
 from sim.exchange.pose_files import PoseReading
@@ -136,7 +136,7 @@ def test_a_disk_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: py
     def full(path: Path, content: str) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(export_tum, "write_whole", full)
+    monkeypatch.setattr(exports, "write_whole", full)
     with pytest.raises(RunFileError, match=r"my\.run: cannot be written \(.*No space left"):
         export_runs([BOTH], format="tum", out=tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -166,7 +166,7 @@ def test_a_tum_file_is_imported_as_the_same_run(tmp_path: Path, dataset: Persona
 
 def test_a_tum_row_is_time_place_and_quaternion(tmp_path: Path) -> None:
     timed, untimed = (
-        export_tum.tum_text(episode_run(timed=timed), who="a\nb", scene_kind="scan") for timed in (True, False)
+        exports.tum_text(episode_run(timed=timed), who="a\nb", scene_kind="scan") for timed in (True, False)
     )
     assert "# PersONAL run of a b: pose" in timed
     assert "# timestamp tx ty tz qx qy qz qw" in timed
@@ -182,7 +182,7 @@ def test_a_tum_row_is_time_place_and_quaternion(tmp_path: Path) -> None:
 def test_people_of_one_episode_get_files_of_their_own_below_the_folder(tmp_path: Path) -> None:
     people = ("P1", "../P/2", None, "P1")
     run = Run(info=info(), episodes=tuple(episode_run(participant=person) for person in people))
-    export_tum.write_tum_files(run, tmp_path)
+    exports.write_tum_files(run, tmp_path)
     assert sorted(path.name for path in tmp_path.rglob("*")) == [
         "easy-Flat-40-P1-2.tum",
         "easy-Flat-40-P1.tum",
