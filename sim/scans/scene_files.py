@@ -1,4 +1,4 @@
-"""Files of scenes as they lie on disk: mapped into memory, found beside each other, refused in one line."""
+"""Files of scenes on disk: maps them into memory, finds files beside each other, and makes one-line refusals."""
 
 import base64
 import binascii
