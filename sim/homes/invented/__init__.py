@@ -1,1 +1,1 @@
-"""Homes from a seed: layouts, rooms, and what stands in them."""
+"""Homes from a seed: layouts, rooms and furniture."""

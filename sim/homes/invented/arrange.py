@@ -1,4 +1,4 @@
-"""Furnishes one room of an invented home: which pieces, in which finish, and where, so that every path stays open."""
+"""Furnishes one room of an invented home: chooses pieces, finishes and places, so that every path stays open."""
 
 import math
 from collections.abc import Sequence
@@ -13,22 +13,22 @@ from .looks import Look, described, looks_of
 from .recipes import BY_WINDOWS, DISTANCES, FLAT, GROUPS, INSTEAD, RECIPES, SEATS, SIZED, SIZES, SMALL, Member, Small
 
 _TRIES, _NEEDED_TRIES = 120, 500
-"""Places tried for a group; for those that every such room has."""
+"""Number of places tried for a group, and for a group that every room of the kind has."""
 _SMALL_TRIES = 20
 _AT_WALL = (0.005, 0.005)
 _SIDE_GAP = 0.02
-"""Between pieces of a group that stand side by side at the wall (metres)."""
+"""Gap between pieces of a group that stand side by side at the wall (metres)."""
 _HANG_GAP = 0.04
-"""Between what hangs at the wall and the pieces of its group below (metres)."""
+"""Gap between a hanging piece and the pieces of its group below it (metres)."""
 _YAWS = (0.0, math.pi, math.pi / 2, -math.pi / 2)
 """Front of a piece whose back is at the wall at -z, +z, -x, +x."""
 
 
 class UsedLooks:
-    """The looks that a home has given away: no two pieces of a category look alike."""
+    """The looks that a home has used: no two pieces of a category look alike."""
 
     def __init__(self) -> None:
-        """Nothing is used yet."""
+        """Starts without used looks."""
         self._words: set[tuple[str, str]] = set()
         self._colours: set[tuple[str, str]] = set()
 
@@ -52,7 +52,7 @@ class _Piece(NamedTuple):
     x: float
     y: float
     z: float
-    """Centre; y above the room's floor."""
+    """Like x and y, a coordinate of the centre; y counts from the room's floor."""
     yaw: float
 
     @property
@@ -65,7 +65,7 @@ class _Piece(NamedTuple):
 
 class _Sized(NamedTuple):
     word: str
-    """"small", "large" or ""."""
+    """Word for the size: "small", "large" or ""."""
     size: tuple[float, float, float]
 
 
@@ -74,13 +74,13 @@ def furnish_room(
 ) -> list[Furniture]:
     """Pieces for a room by its kind (name); groups that find no place are left out.
 
-    The pieces are named `<category>_0`; who puts the home together numbers them.
+    The pieces are named `<category>_0`; `invent` numbers them later.
 
     Args:
         room: A room with a rectangle.
         floor_y: Height of its floor, metres.
-        space: The room, empty; is filled.
-        used: Looks of the home so far; grows.
+        space: The empty room; it is filled here.
+        used: Used looks of the home so far; new ones are added.
         rng: Draws kinds, finishes and places.
     """
     found: list[Furniture] = []
@@ -110,7 +110,7 @@ def _finished(
     used: UsedLooks,
     rng: np.random.Generator,
 ) -> list[Furniture]:
-    """The pieces with looks of their own; pieces of which every look is used are left out."""
+    """The pieces with looks of their own; pieces whose looks are all used are left out."""
     found: list[Furniture] = []
     for piece, word in zip(pieces, words, strict=True):
         look = used.draw(piece.category, rng)
@@ -131,7 +131,7 @@ def _finished(
 
 
 def _drawn_size(category: str, scale: tuple[float, float, float], rng: np.random.Generator) -> _Sized:
-    """Usual size times the group's scale; categories of SIZED are small or large now and then."""
+    """Usual size times the group's scale; categories in SIZED are sometimes small or large."""
     usual = SIZES.get(category) or look_of(category)[1]
     word, factor = "", float(rng.uniform(0.94, 1.0))
     if category in SIZED:
@@ -144,7 +144,7 @@ def _drawn_size(category: str, scale: tuple[float, float, float], rng: np.random
 def _placed_or_instead(
     group: str, space: FreeSpace, *, tries: int, rng: np.random.Generator
 ) -> tuple[list[_Piece] | None, list[str]]:
-    """A group, or the smaller one that stands in for it, with the words for its sizes; None where neither fits."""
+    """A group, or the smaller one that replaces it, with the words for its sizes; None where neither fits."""
     choice: str | None = group
     while choice is not None:
         sized = [_drawn_size(member.category, member.scale, rng) for member in GROUPS[choice]]
@@ -177,7 +177,7 @@ def _at_a_wall(
     out: tuple[float, float],
     rng: np.random.Generator,
 ) -> list[_Piece]:
-    """The group with its back at a random place of a random wall, or so far before it."""
+    """The group with its back at a random place of a random wall, or at its distance before the wall."""
     side = int(rng.integers(4))
     x = inner.x0 + float(rng.uniform(0, 1)) * (inner.x1 - inner.x0)
     z = inner.z0 + float(rng.uniform(0, 1)) * (inner.z1 - inner.z0)
@@ -224,7 +224,7 @@ def _in_frame(
 
 
 def _take(group: str, members: Sequence[Member], pieces: Sequence[_Piece], space: FreeSpace) -> bool:
-    """Whether the group stands free in the room; if so its place is taken."""
+    """Whether the group has free space in the room; if so the space is taken."""
     if members[0].hangs_at is not None:
         return space.take_wall(pieces[0].body)
     solid = [piece.body for piece in pieces if piece.category not in FLAT]
@@ -238,7 +238,7 @@ def _take(group: str, members: Sequence[Member], pieces: Sequence[_Piece], space
 
 
 def _front(yaw: float, whole: Rect) -> Rect:
-    """The strip before a group that stays free so that one can walk up to it."""
+    """The strip in front of a group that stays free, so that the robot can reach it."""
     dx, dz = round(math.sin(yaw)), round(math.cos(yaw))
     x0, x1 = (
         (whole.x0, whole.x1) if dx == 0 else (whole.x1, whole.x1 + FRONT) if dx > 0 else (whole.x0 - FRONT, whole.x0)
@@ -279,7 +279,7 @@ def _hung_beside(member: Member, size: tuple[float, float, float], pane: Pane, s
 def _placed_small(
     small: Small, size: tuple[float, float, float], placed: Sequence[_Piece], rng: np.random.Generator
 ) -> _Piece | None:
-    """The thing on a random piece of the room that it may lie on and that has space left; None when there is none."""
+    """The thing on a random suitable piece of the room with free space; None when there is none."""
     for _ in range(_SMALL_TRIES):
         supports = [piece for piece in placed if piece.category in small.supports]
         if not supports:

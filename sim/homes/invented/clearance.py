@@ -1,4 +1,4 @@
-"""Whether one can walk through a planned home and see its pieces, judged by their boxes before there is a mesh."""
+"""Checks that a planned home can be walked through and its pieces seen, from their boxes, before there is a mesh."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,16 +16,16 @@ CELL = 0.05
 _CLEARANCE = AGENT_RADIUS + 0.04
 """A little more than the robot's radius (metres)."""
 _OVERHEAD = 1.0
-"""What hangs above this does not stand in the way."""
+"""Pieces that hang above this height do not block the way (metres)."""
 _FLAT = 0.1
 _LEAST_SHARE = 0.85
-"""Least share of a room's free floor that one can walk to."""
+"""Least share of a room's free floor that can be walked to."""
 _LEAST_AREA = 0.8
-"""Square metres of every room that can be walked to."""
+"""Least area of every room that can be walked to, square metres."""
 _REACHES = (1.0, 1.5)
-"""Planar metres within which a piece has to be seen (view_points_around), the second where the first has none."""
+"""Planar metres within which a piece must be visible (view_points_around); the second if the first has no place."""
 _STEEPEST = 1.0
-"""Radians; one look up or down shows about so much."""
+"""Steepest line of sight, radians; one look up or down shows about this much."""
 _EYES = 30
 
 
@@ -34,7 +34,7 @@ class Ground(NamedTuple):
 
     origin: tuple[float, float]
     reached: NDArray[np.bool_]
-    """(rows, cols) where the robot's centre can be and be walked to."""
+    """(rows, cols) cells that the robot's centre can reach."""
 
     def places(self) -> NDArray[np.float64]:
         """(N, 2) x and z of the reached cells."""
@@ -54,7 +54,7 @@ def walkable_ground(plan: HomePlan) -> list[Ground] | None:
 
 
 def unseen_pieces(plan: HomePlan, ground: Sequence[Ground]) -> set[int]:
-    """Indices of pieces that nobody can see from nearby; judged strictly, as if every piece filled its box."""
+    """Indices of pieces that cannot be seen from nearby; a strict check, as if every piece filled its box."""
     found: set[int] = set()
     for storey, floor in enumerate(ground):
         rooms = {room.name for room in plan.rooms if room.storey == storey}
@@ -147,7 +147,7 @@ def _box(piece: Furniture) -> tuple[float, ...]:
 
 
 def _is_seen(box: NDArray, others: NDArray, places: NDArray, eye_y: float) -> bool:
-    """Whether some place near the box has a free line to a point of its surface."""
+    """Whether any place near the box has a free line to a point of its surface."""
     low, high = box[:3], box[3:]
     overlapping = ((others[:, :3] < high - 1e-6) & (others[:, 3:] > low + 1e-6)).all(axis=1)
     others = others[~overlapping]  # a couch does not hide its cushion

@@ -1,4 +1,4 @@
-"""Where in a room of an invented home there is room for more pieces, so that doors, windows and paths stay free."""
+"""Free space for more pieces in a room of an invented home, so that doors, windows and paths stay free."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,24 +12,24 @@ FRONT = 0.7
 """Free depth in front of a piece; the robot needs 0.36 m."""
 HALF_WALL = 0.06
 _TALL = 0.9
-"""From this height on pieces would stand before a window (metres)."""
+"""Pieces of at least this height would cover a window (metres)."""
 _DOOR_DEPTH = 1.0
 
 
 class Body(NamedTuple):
-    """A piece of furniture as the space that it takes."""
+    """The space that a piece of furniture takes."""
 
     rect: Rect
     low: float
     high: float
-    """Lower and upper end above the floor, metres."""
+    """Upper end above the floor, like `low` in metres."""
 
 
 class Pane(NamedTuple):
     """A window seen from above."""
 
     middle: tuple[float, float]
-    """(x, z)."""
+    """The window's middle (x, z)."""
     width: float
 
 
@@ -37,12 +37,12 @@ class FreeSpace:
     """One room while it is being furnished: pieces take space until it is full."""
 
     def __init__(self, rect: Rect, partition: Partition, *, blocked: Sequence[Rect]) -> None:
-        """An empty room.
+        """Starts with an empty room.
 
         Args:
             rect: Middle lines of its walls.
-            partition: The storey's walls and gaps; what is far from the room does no harm.
-            blocked: Where nothing may stand (stairs and their ends).
+            partition: The storey's walls and gaps; those far from the room have no effect.
+            blocked: Areas where nothing may stand (stairs and their ends).
         """
         self.inner = rect.grown(-HALF_WALL)
         openings = [(wall, opening) for wall in partition.walls for opening in wall.openings]
@@ -59,7 +59,7 @@ class FreeSpace:
         self._fronts: list[Rect] = []
 
     def take_floor(self, bodies: Sequence[Body], front: Rect) -> bool:
-        """Whether a group fits with its way in front; if so its place is taken."""
+        """Whether a group fits with the free strip in front of it; if so its space is taken."""
         whole = bounds([body.rect for body in bodies])
         standing = [body for body in self._bodies if body.low < 1.5]
         if not self.inner.grown(0.001).holds_rect(whole) or not self.inner.grown(0.01).holds_rect(front):
@@ -77,7 +77,7 @@ class FreeSpace:
         return True
 
     def take_wall(self, body: Body, *, beside_window: bool = False) -> bool:
-        """Whether something can hang here above whatever stands below; if so its place is taken."""
+        """Whether a piece can hang here above the pieces below; if so its space is taken."""
         near = body.rect.grown(0.06)
         if not self.inner.grown(0.001).holds_rect(body.rect) or any(near.overlaps(zone) for zone in self._keep_free):
             return False
@@ -92,7 +92,7 @@ class FreeSpace:
         return True
 
     def takes_flat(self, rect: Rect) -> bool:
-        """Whether a rug fits here; one walks over it, so it takes no place from others."""
+        """Whether a rug fits here; people walk over it, so it takes no space from others."""
         blocked = (*self._keep_free, *(body.rect for body in self._bodies if body.low < 0.5))
         return self.inner.holds_rect(rect) and not any(rect.overlaps(zone) for zone in blocked)
 

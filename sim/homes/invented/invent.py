@@ -27,20 +27,20 @@ def invent_plan(name: str, *, seed: int) -> HomePlan:
     """A furnished home of 5 to 9 rooms and 35 to 80 pieces; the same name and seed give the same plan.
 
     This is the `DemoHome(seed)` of the project's requirements; `scene_from_plan` gives it a mesh, and
-    `sim.authoring.generation.dataset_files` people and searches as well. Seeds 3, 7, 11, ... have one storey, all
-    others two. Every room can be walked to by a robot of our radius, and every piece can be seen from nearby.
+    `sim.authoring.generation.dataset_files` adds people and searches. Seeds 3, 7, 11, ... have one storey, all others
+    two. A robot of our radius can reach every room, and every piece can be seen from nearby.
 
     Raises:
-        SceneError: No attempt gave such a home; another seed helps.
+        SceneError: No attempt gave such a home; try another seed.
     """
     return next(invented_plans(name, seed=seed))
 
 
 def invented_plans(name: str, *, seed: int) -> Iterator[HomePlan]:
-    """The homes that a seed gives, the first one being `invent_plan`'s; for callers that ask more of a home.
+    """The homes of a seed, first the one of `invent_plan`; for callers with further requirements on a home.
 
     Raises:
-        SceneError: There are no more.
+        SceneError: There are no more homes.
     """
     found = 0
     for attempt in range(_ATTEMPTS):
@@ -56,12 +56,12 @@ def invented_plans(name: str, *, seed: int) -> Iterator[HomePlan]:
 
 
 def num_storeys(seed: int) -> int:
-    """1 or 2."""
+    """The number of storeys for a seed, 1 or 2."""
     return 1 if seed % _ONE_STOREY_EVERY == _ONE_STOREY_EVERY - 1 else 2
 
 
 def _drawn_plan(name: str, storeys: int, rng: np.random.Generator) -> HomePlan | None:
-    """One attempt; None where it is not a whole home."""
+    """One attempt at a home; None where it is not complete."""
     home = draw_home(storeys, rng)
     if not MIN_ROOMS <= sum(len(layout.rects) for layout in home.storeys) <= MAX_ROOMS:
         return None
@@ -124,7 +124,7 @@ def _blocked(stair: Stair | None) -> list[Rect]:
 
 
 def _checked(plan: HomePlan) -> HomePlan | None:
-    """The plan with the pieces that can be seen, numbered; None where rooms are shut off or pieces too few or many."""
+    """The plan with its visible pieces, numbered; None where rooms are unreachable or pieces too few or too many."""
     if not MIN_PIECES <= len(plan.furniture) <= MAX_PIECES or not _is_whole(plan.rooms, plan.furniture):
         return None
     ground = walkable_ground(plan)
@@ -142,7 +142,7 @@ def _checked(plan: HomePlan) -> HomePlan | None:
 
 
 def _is_whole(rooms: Sequence[Room], pieces: Sequence[Furniture]) -> bool:
-    """Whether every room has what its name promises."""
+    """Whether every room has the pieces that its name promises."""
     there = {(piece.room, piece.category) for piece in pieces}
     return all((room.name, category) in there for room in rooms for category in NEEDED.get(room.name, ()))
 

@@ -1,4 +1,4 @@
-"""Floor plans of invented homes before they have walls: rectangles that tile a storey, and which of them are joined.
+"""Floor plans of invented homes before they have walls: rectangles that tile a storey, and their connections.
 
 Drawn with the hall along x and the stair at its north side; `turned` then mirrors and turns the whole home.
 """
@@ -19,7 +19,7 @@ _TREAD = 0.28
 _STAIR_WIDTH = 1.0
 _HALF_WALL = 0.06
 _LEAST_SIDE = 2.5
-"""No room is narrower (metres); corridors are."""
+"""Least side of a room (metres); corridors may be narrower."""
 _CORRIDOR = 1.5
 
 Towards = Literal["+x", "-x", "+z", "-z"]
@@ -30,9 +30,9 @@ class Layout(NamedTuple):
 
     rects: tuple[Rect, ...]
     hubs: tuple[int, ...]
-    """Rooms from which the others are entered, as far as they touch; the first ones are joined to each other."""
+    """Rooms from which adjoining rooms are entered; the first ones are joined to each other."""
     names: tuple[str, ...]
-    """Names that the kind of layout gives; "" = a room to be named."""
+    """Names from the kind of layout; "" = a room that is named later."""
     open_pairs: tuple[tuple[int, int], ...] = ()
     """Rooms without a wall between them."""
     is_winding: bool = False
@@ -47,7 +47,7 @@ class Home(NamedTuple):
 
 
 def draw_home(num_storeys: int, rng: np.random.Generator) -> Home:
-    """A home of 5 to 9 rooms, as a rule; its kind, sizes and orientation are drawn.
+    """A home, usually of 5 to 9 rooms; its kind, sizes and orientation are drawn.
 
     Args:
         num_storeys: 1 or 2.
@@ -76,7 +76,7 @@ def turned(home: Home, *, mirror_x: bool, mirror_z: bool, swap: bool) -> Home:
 
 
 def landings(stair: Stair) -> tuple[Rect, Rect]:
-    """The free floor before the first step and behind the last one."""
+    """The free floor before the first step and after the last step."""
     rect = stair.rect
     if stair.towards[1] == "x":
         low, high = (
@@ -198,7 +198,7 @@ def _open_plan(rng: np.random.Generator) -> Layout:
 
 
 def _rooms_off_rooms(width: float, rng: np.random.Generator) -> Layout:
-    """Two rows of rooms without any corridor; one enters each room through another one."""
+    """Two rows of rooms without any corridor; each room is entered through another one."""
     depths = _between(rng, 3.4, 4.0), _between(rng, 3.6, 4.4)
     middle, z1 = depths[0], round(sum(depths), 3)
     north = [Rect(a, 0.0, b, middle) for a, b in _split(0.0, width, 3, rng)]
@@ -221,5 +221,5 @@ def _split(low: float, high: float, num: int, rng: np.random.Generator) -> list[
 
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:
-    """A length to the decimetre."""
+    """A random length, rounded to decimetres."""
     return round(float(rng.uniform(low, high)), 1)

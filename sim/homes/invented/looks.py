@@ -1,4 +1,4 @@
-"""What pieces of invented homes look like: words for a caption together with the finish that shows them."""
+"""Looks of pieces in invented homes: words for a caption with the finish that shows them."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -10,12 +10,12 @@ from ..plan import Finish
 
 
 class Look(NamedTuple):
-    """One way in which a category of pieces can look."""
+    """One possible look of a category of pieces."""
 
     words: str
-    """"red and white striped fabric"."""
+    """Words for a caption: "red and white striped fabric"."""
     colour: str
-    """Its main colour, a key of COLOURS."""
+    """The main colour, a key of COLOURS."""
     finish: Finish
 
 
@@ -28,8 +28,8 @@ def described(category: str, words: str, size: str = "") -> str:
     """The piece in words, without article: "small plant with a blue ceramic pot".
 
     Args:
-        category: What it is.
-        words: Of its look.
+        category: The piece's category.
+        words: Words of its look.
         size: "small", "large" or "".
     """
     if category in ("lamp", "table lamp"):
@@ -142,10 +142,10 @@ _OF: dict[str, Sequence[Look]] = {
     "toy": _WOODS[2:],
     "bag": [*_CLOTHS[:10], *_SEATS[-5:]],
 }
-"""Looks of categories that are not simply of wood."""
+"""Looks of the categories that are not plain wood."""
 
 
 @cache
 def looks_of(category: str) -> tuple[Look, ...]:
-    """All looks that a category of pieces can have; wood where nothing else is said."""
+    """All possible looks of a category; wood is the default."""
     return tuple(_OF.get(category, _WOODS))

@@ -13,9 +13,9 @@ DOOR_WIDTH = 0.95
 CEILING = 2.6
 _RAILING = 0.95
 _MARGIN = 0.25
-"""A door keeps this far from the ends of the wall that two rooms share (metres)."""
+"""Least distance of a door from the ends of the wall that two rooms share (metres)."""
 _STUB, _SHORT_STUB = 0.3, 0.1
-"""Wall that stays at both ends where two rooms are one space, and where a corridor turns (metres)."""
+"""Length of the remaining wall at both ends where two rooms are one space, and where a corridor turns (metres)."""
 _NEAR_STAIR = 1.0
 _WINDOW, _NARROW_WINDOW = 1.3, 0.7
 
@@ -32,15 +32,15 @@ class Border(NamedTuple):
 
 
 class Partition(NamedTuple):
-    """The walls of a storey, and where rooms run into each other."""
+    """The walls of a storey, and the gaps between rooms that are one space."""
 
     walls: tuple[Wall, ...]
     gaps: tuple[Rect, ...]
-    """Lines without wall, as rectangles of no width."""
+    """Lines without wall, as rectangles without width."""
 
 
 def borders_of(rects: Sequence[Rect]) -> list[Border]:
-    """All wall lines between rooms and around them, sorted, cut where another room begins."""
+    """All wall lines between rooms and around them, sorted, and cut where another room begins."""
     found: list[Border] = []
     for is_along_x in (True, False):
         # (at low side, at high side, from, to) of each room across the lines' direction
@@ -56,7 +56,7 @@ def borders_of(rects: Sequence[Rect]) -> list[Border]:
 
 
 def door_spans(border: Border, stair: Stair | None) -> list[tuple[float, float]]:
-    """Where along a border a door can be: clear of its ends and of the stair."""
+    """Spans of a border that can hold a door: clear of its ends and of the stair."""
     low, high = border.span[0] + _MARGIN, border.span[1] - _MARGIN
     spans = [(low, high)]
     if stair is not None:
@@ -85,7 +85,7 @@ def draw_doors(layout: Layout, stair: Stair | None, rng: np.random.Generator) ->
         step = choices[int(rng.integers(len(choices)))]
         doors.append(step)
         joined.add(step[1])
-    if layout.is_winding and rng.random() < 0.5:  # a way round
+    if layout.is_winding and rng.random() < 0.5:  # a second way
         doors += _loop(doors, pairs, layout, rng)
     return doors
 
@@ -119,16 +119,16 @@ def build_partition(
     """The storey's walls.
 
     Args:
-        layout: Its rooms.
-        names: Of the rooms; bathrooms have narrow windows.
+        layout: The storey's rooms.
+        names: Names of the rooms; bathrooms have narrow windows.
         doors: Pairs of rooms that a door joins.
         storey: Index of the storey.
-        stair: No door or window is beside it.
-        rng: Draws where doors are.
+        stair: The stair; no door or window is beside it.
+        rng: Draws the places of doors.
     """
     wanted = {frozenset(door) for door in doors}
     is_open = {frozenset(pair) for pair in layout.open_pairs}
-    solids: list[tuple[bool, float, float, float, list[Opening]]] = []  # openings count from the line's origin
+    solids: list[tuple[bool, float, float, float, list[Opening]]] = []  # offsets of openings from the line's origin
     gaps: list[Rect] = []
     for border in borders_of(layout.rects):
         a, b = border.span

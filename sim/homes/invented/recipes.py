@@ -1,4 +1,4 @@
-"""What stands in which kind of room of an invented home: groups of pieces, and small things on top of them."""
+"""Furniture for each kind of room in an invented home: groups of pieces, and small things on top of them."""
 
 from typing import NamedTuple
 
@@ -6,26 +6,26 @@ from typing import NamedTuple
 class Member(NamedTuple):
     """One piece of a group; places follow from the pieces' sizes.
 
-    Pieces that stand at the wall stand side by side in the order of the group.
+    Pieces at the wall stand side by side in the order of the group.
     """
 
     category: str
     x: float = 0.0
-    """Along the wall, off the middle of the piece that it stands before, behind or on: a share of that one's width."""
+    """Offset along the wall from the middle of its `before`, `behind` or `on` member, as a share of that width."""
     before: int | None = None
-    """Index of the member before whose front it stands."""
+    """Index of the member in front of which it stands."""
     behind: int | None = None
-    """Index of the member between which and the wall it stands."""
+    """Index of the member behind which it stands, towards the wall."""
     gap: float = -0.1
-    """Metres between the two; below zero one is pushed under the other."""
+    """Metres between the two members; a negative gap pushes one under the other."""
     turned: bool = False
-    """Looks at the wall instead of into the room."""
+    """Whether it faces the wall instead of the room."""
     on: int | None = None
-    """Index of the member that it stands on."""
+    """Index of the member on which it stands."""
     hangs_at: float | None = None
     """Height of its middle when it hangs on the wall (metres)."""
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """Width, height and depth against the usual ones of its category."""
+    """Width, height and depth relative to the usual ones of its category."""
 
 
 class Small(NamedTuple):
@@ -33,7 +33,7 @@ class Small(NamedTuple):
 
     category: str
     supports: tuple[str, ...]
-    """Categories that it lies on, if the room has one."""
+    """Categories of pieces on which it may lie, if the room has one."""
     chance: float
 
 
@@ -98,21 +98,21 @@ GROUPS: dict[str, tuple[Member, ...]] = {
     "curtain": (Member("curtain", hangs_at=1.35),),
 }  # fmt: skip
 DISTANCES: dict[str, tuple[float, float]] = {"dining set": (1.1, 2.0), "rug": (0.4, 1.6)}
-"""Groups that stand free in the room: how far from a wall, at least and at most (metres)."""
+"""Groups that stand free in the room: least and largest distance from a wall (metres)."""
 BY_WINDOWS = {"curtain"}
 """Groups that hang beside a window."""
 INSTEAD: dict[str, str] = {
     "sofa set": "small couch", "bed set": "guest bed", "guest bed": "single bed", "kitchen row": "short kitchen row",
     "dining set": "small dining set", "wash place": "wash stand",
 }  # fmt: skip
-"""What a room gets where a group finds no place."""
+"""The group that replaces one without a place."""
 NEEDED: dict[str, tuple[str, ...]] = {
     "living room": ("couch",), "kitchen": ("stove", "refrigerator"), "dining room": ("dining table",),
     "main bedroom": ("bed",), "guest bedroom": ("bed",), "bathroom": ("toilet", "bathroom cabinet"), "study": ("desk",),
     "office": ("desk",), "laundry room": ("washing machine",), "library": ("bookshelf",),
     "dressing room": ("wardrobe",),
 }  # fmt: skip
-"""Categories without which a room is not what its name says."""
+"""Categories that each kind of room must have."""
 
 RECIPES: dict[str, tuple[tuple[str, float], ...]] = {
     "entrance hall": (
@@ -174,7 +174,7 @@ RECIPES: dict[str, tuple[tuple[str, float], ...]] = {
         ("towel", 0.7), ("stool", 0.3),
     ),
 }  # fmt: skip
-"""(group, chance) of each kind of room, in the order in which they find their places."""
+"""(group, chance) for each kind of room, in the order in which groups are placed."""
 
 _TABLES = ("coffee table", "table", "dining table", "sideboard", "dresser", "shelf", "tv stand")
 _COUNTERS = ("kitchen lower cabinet", "table", "sideboard")
@@ -234,10 +234,10 @@ SIZES: dict[str, tuple[float, float, float]] = {
     "basket": (0.42, 0.42, 0.42), "curtain": (0.5, 1.7, 0.12), "clothes rack": (0.95, 1.5, 0.45),
     "towel": (0.45, 0.7, 0.08), "sink": (0.5, 0.16, 0.38),
 }  # fmt: skip
-"""Width, height, depth of small and hanging things; the others are as large as usual (`look_of`)."""
+"""Width, height, depth of small and hanging things; others have their usual sizes (`look_of`)."""
 SEATS: dict[str, float] = {"couch": 0.52, "armchair": 0.52, "bed": 0.66, "bench": 1.0, "ottoman": 1.0}
-"""Where things lie on upholstery, as a share of its height; on all other pieces they lie on top."""
+"""Height at which things lie on upholstery, as a share of its height; on all other pieces they lie on top."""
 FLAT = {"rug"}
-"""One walks over these."""
+"""Pieces that people and robots walk over."""
 SIZED = {"picture", "rug", "plant", "vase", "mirror"}
-"""Categories that come in small, usual and large."""
+"""Categories with small, usual and large pieces."""

@@ -1,4 +1,4 @@
-"""What the rooms of an invented home are called and what their floors and walls are made of."""
+"""Names of the rooms of an invented home, and the materials of their floors and walls."""
 
 from collections.abc import Sequence
 
@@ -11,13 +11,13 @@ _SPACE: dict[str, float] = {
     "living room": 9, "main bedroom": 7, "dining room": 6, "playroom": 6, "kitchen": 5.5, "guest bedroom": 5,
     "library": 5, "study": 4, "office": 4, "dressing room": 3, "laundry room": 2.5, "bathroom": 2,
 }  # fmt: skip
-"""How much space a kind of room usually gets, as a rank."""
+"""Rank of each kind of room by its usual size."""
 _NEEDED = {
     (1, 0): ("living room", "kitchen", "main bedroom", "bathroom"),
     (2, 0): ("living room", "kitchen"),
     (2, 1): ("main bedroom", "bathroom"),
 }
-"""By number of storeys and storey."""
+"""Rooms that every home has, by number of storeys and storey."""
 _FURTHER = {
     (1, 0): ("guest bedroom", "study", "dining room", "laundry room", "office", "playroom"),
     (2, 0): ("dining room", "study", "library", "laundry room"),
@@ -25,9 +25,9 @@ _FURTHER = {
 }
 _HALLS = {(1, 0): "entrance hall", (2, 0): "entrance hall", (2, 1): "upper hall"}
 _LEAVES = ("bathroom", "laundry room", "dressing room")
-"""Rooms that lead nowhere else."""
+"""Rooms that lead to no other room."""
 _LARGEST_LEAF = 18.0
-"""Square metres; no bathroom is a hall."""
+"""Largest area of such a room, square metres."""
 
 _PALE: tuple[Rgb, ...] = (
     (226, 214, 188), (190, 208, 222), (200, 218, 186), (230, 198, 190), (212, 200, 226), (226, 224, 216),
@@ -46,11 +46,11 @@ def draw_names(
     """A name for every room of a storey, different ones; None where no bathroom is possible.
 
     Args:
-        given: What the layout says: "hall" becomes the storey's hall, "" is to be named.
+        given: Names from the layout: "hall" becomes the storey's hall, "" is a room without name.
         rects: The rooms, for their sizes.
-        degrees: How many doors and gaps each has; bathrooms and the like have one.
+        degrees: Number of doors and gaps of each room; bathrooms and similar rooms have one.
         storey: (number of storeys of the home, index of this one).
-        rng: Draws which rooms there are beyond those every home has.
+        rng: Draws the rooms beyond those that every home has.
     """
     names = [_HALLS[storey] if name == "hall" else name for name in given]
     if "upper" in _HALLS[storey]:
