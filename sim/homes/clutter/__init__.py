@@ -1,1 +1,1 @@
-"""The things that no caption names, as real homes are full of them."""
+"""Clutter: things without a caption, of which real homes are full."""

@@ -1,6 +1,6 @@
-"""Fills a planned home with the things that no caption names, as real homes are full of them, and closes no way.
+"""Fills a planned home with things without a caption, of which real homes are full, and blocks no way.
 
-HomePlan -> HomePlan; household.py says what is usual where, spare_space.py where there is space for it.
+HomePlan -> HomePlan; household.py knows the usual things of each room, spare_space.py finds space for them.
 """
 
 import zlib
@@ -28,26 +28,26 @@ from .household import (
 from .spare_space import SpareRoom, SpareStorey
 from .spare_storeys import spare_storeys
 
-"""`HomePlan.clutter`."""
+"""Level of clutter, as in `HomePlan.clutter`."""
 DENSITY: dict[ClutterLevel, float] = {1: 2.0, 2: 8.0}
-"""Things per square metre of room: 5 and 20 times as many as captions name in a home of the release (0.4)."""
+"""Things per square metre of room: 5 and 20 times as many as captioned things in a home of the release (0.4)."""
 DECOYS: dict[ClutterLevel, float] = {1: 0.5, 2: 1.5}
-"""... of the category of each captioned object in its room."""
+"""Decoys for each captioned object, of its category and in its room."""
 _AT_WALLS, _HUNG = 0.12, 0.2
-"""Shares of furniture and of what hangs on walls."""
+"""Shares of furniture and of hanging things."""
 _HUNG_EVERY = 1.3
 """Metres of wall for each thing that hangs there."""
 _TRIES = 8
 _MAX_FAILURES = 20
 """A room is full when this many things in a row found no place."""
 _APART = 60
-"""A colour differs from another where a channel differs by this (of 255)."""
+"""Two colours are different if one channel differs by this (of 255)."""
 _FINISHES = 16
 _TOPS = (0.3, 1.5)
 """Lowest and highest surfaces on which things are put (metres)."""
 _WET = ("sink", "bath", "vanity", "island")
 _LOWEST_HUNG, _HUNG_AT = 1.05, 1.3
-"""What hangs is over the robot's camera, its middle at least so high (metres)."""
+"""Hanging things are above the robot's camera: least height of their lower end and of their middle (metres)."""
 _SMALL = 0.45
 """Wider things stand at walls (metres)."""
 
@@ -56,7 +56,7 @@ _T = TypeVar("_T")
 
 
 class _Thing(NamedTuple):
-    """Something before it has a place."""
+    """A thing before it has a place."""
 
     category: str
     size: tuple[float, float, float]
@@ -66,26 +66,26 @@ class _Thing(NamedTuple):
 
 
 class _Goals(NamedTuple):
-    """What captions name."""
+    """The captioned pieces of a plan."""
 
     categories: frozenset[str]
     looks: dict[Family, list[Finish]]
-    """Finishes of captioned pieces by family: nothing added looks like one of them."""
+    """Finishes of captioned pieces by family: no added piece looks like one of them."""
 
 
 def with_clutter(plan: HomePlan, level: ClutterLevel, *, seed: int) -> HomePlan:
-    """A home with furniture and small things that no caption names, and decoys of those that captions name.
+    """A home with added furniture and small things without captions, and decoys of the captioned things.
 
-    No way becomes longer, and every captioned object stays in sight from where it was. Pieces whose category a caption
-    names have role `decoy` and another finish than all that is captioned; the rest has role `clutter`.
+    No way becomes longer, and every captioned object stays visible from the same places. Added pieces of a captioned
+    category have role `decoy` and another finish than all captioned pieces; the rest has role `clutter`.
 
     Args:
         plan: A home without clutter.
-        level: 0 = the plan as it is; 1 and 2 add about DENSITY things per square metre where there is space.
+        level: 0 = the plan unchanged; 1 and 2 add about DENSITY things per square metre where there is space.
         seed: The same plan, level and seed give the same home.
 
     Raises:
-        SceneError: The plan has clutter of another level, or its rooms cannot be walked to.
+        SceneError: The plan has clutter of another level, or some of its rooms cannot be reached.
     """
     if level == plan.clutter or level == 0:
         return plan
@@ -122,7 +122,7 @@ class _Home:
         self._rooms = [SpareRoom(self._storeys[room.storey], number) for number, room in enumerate(plan.rooms)]
 
     def add_decoys(self, share: float) -> None:
-        """Adds this many things for each captioned one, of its category and in its room."""
+        """Adds this many things for each captioned object, of its category and in its room."""
         numbers = {room.name: number for number, room in enumerate(self._plan.rooms)}
         for goal in [piece for piece in self._plan.furniture if piece.role == "captioned"]:
             count = int(share) + int(self._rng.random() < share - int(share))
@@ -160,7 +160,7 @@ class _Home:
         return self._put(self._one(household.on_floor), number)
 
     def _put(self, category: str, number: int, *, on_top: bool = False, seat: Furniture | None = None) -> bool:
-        """Whether such a thing found a place in a room: where such things usually are, or where it is told."""
+        """Whether a thing found a place in a room: at the usual places of its category, or at the given one."""
         finish = self._new_finish(category)
         family, mounting = look_of(category)[0], mounting_of(category)
         if finish is None or mounting == "ceiling" or family == "flat":
@@ -177,7 +177,7 @@ class _Home:
         return any(fits(thing) for _ in range(_TRIES))
 
     def _hosts(self, number: int, families: tuple[Family, ...]) -> list[Furniture]:
-        """Pieces of these families in a room on which something can lie."""
+        """Pieces of these families in a room on which things can lie."""
         floor_y = self._plan.storeys[self._plan.rooms[number].storey].floor_y
         return [
             piece
@@ -213,7 +213,7 @@ class _Home:
         return self._takes(thing, (x, floor_y + middle - thing.size[1] / 2, z), spot.yaw)
 
     def _stands(self, thing: _Thing) -> bool:
-        """Whether the thing fits on the floor of its room, with its back to a wall or, if it is small, anywhere."""
+        """Whether the thing fits on the floor of its room: with its back to a wall or, if it is small, anywhere."""
         room = self._rooms[thing.room]
         w, _, d = thing.size
         if max(w, d) > _SMALL or self._rng.random() < 0.5:
@@ -238,7 +238,7 @@ class _Home:
         on: Furniture | None = None,
         stands: bool = False,
     ) -> bool:
-        """Whether the thing fits with the middle of its bottom here; if so it is added."""
+        """Whether the thing fits with the middle of its bottom at this place; if so it is added."""
         x, y, z = (round(value, 4) for value in (foot[0], foot[1] + thing.size[1] / 2, foot[2]))
         piece = Furniture(
             name=f"{thing.category}_{self._first_number + len(self.added)}",
@@ -256,7 +256,7 @@ class _Home:
         return fits
 
     def _new_finish(self, category: str) -> Finish | None:
-        """A finish that no captioned piece of the family has; None where all drawn ones are too like one."""
+        """A finish unlike that of every captioned piece of the family; None where all drawn ones are too similar."""
         taken = self._goals.looks.get(look_of(category)[0], [])
         for _ in range(_FINISHES):
             finish = drawn_finish(category, self._rng)
@@ -279,7 +279,7 @@ def _top_of(piece: Furniture) -> float:
 
 
 def _storeys_of(plan: HomePlan) -> list[int]:
-    """Storey of each piece of a plan: that of its room, or else the highest one below it."""
+    """Storey of each piece of a plan: that of its room, else the highest one below it."""
     of_room = {room.name: room.storey for room in plan.rooms}
     floors = np.array([storey.floor_y for storey in plan.storeys])
     found = []

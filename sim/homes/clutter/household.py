@@ -1,4 +1,4 @@
-"""What homes are full of besides the things that captions name: by kind of room, and in which colours; for clutter."""
+"""Usual things of homes besides captioned ones: by kind of room, with sizes and colours; used for clutter."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -11,16 +11,16 @@ from ..plan import Finish
 
 
 class Household(NamedTuple):
-    """Categories that are usual in one kind of room; the more often one is named, the more often it comes."""
+    """Usual categories in one kind of room; a category listed more often is drawn more often."""
 
     at_walls: tuple[str, ...]
     """Furniture with its back to a wall."""
     hung: tuple[str, ...]
-    """On walls, at eye level or above."""
+    """Things on walls, at eye level or above."""
     on_tops: tuple[str, ...]
-    """On tables, cabinets and counters."""
+    """Things on tables, cabinets and counters."""
     on_floor: tuple[str, ...]
-    """In corners and along walls."""
+    """Things in corners and along walls."""
 
 
 _SHELVES = ("picture", "picture", "wall shelf", "clock")
@@ -81,7 +81,7 @@ HOUSEHOLDS: Mapping[str, Household] = {
         ("cabinet", "chair", "bookshelf"), _SHELVES, ("book", "vase", "bowl", "cup", "photo", "box"), _STAND,
     ),
 }  # fmt: skip
-"""By kind of room; `room` is what no word names."""
+"""Usual things by kind of room; `room` is for rooms of no known kind."""
 _KIND_WORDS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("bathroom", ("bath", "toilet", "shower", "restroom")),
     ("laundry room", ("laundry", "utility", "washing")),
@@ -95,20 +95,20 @@ _KIND_WORDS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("living room", ("living", "lounge", "family", "tv", "relax", "sitting")),
     ("hallway", ("hall", "corridor", "entrance", "foyer", "stair", "landing", "doorway")),
 )
-"""Kinds and the beginnings of words that mean them, in the order in which they count."""
+"""Kinds of rooms, each with beginnings of words that mean it; the first match counts."""
 ON_UPHOLSTERY: Mapping[Family, tuple[str, ...]] = {
     "sofa": ("cushion", "cushion", "cushion", "throw blanket", "plush toy", "book"),
     "armchair": ("cushion", "throw blanket", "book"),
     "bed": ("cushion", "cushion", "plush toy", "book", "throw blanket"),
     "bench": ("cushion", "bag", "box", "book"),
 }
-"""What lies on seats and beds, by their family."""
+"""Things on seats and beds, by family of the piece."""
 SEAT_HEIGHTS: Mapping[Family, float] = {"sofa": 0.5, "armchair": 0.5, "bed": 0.62, "bench": 1.0}
-"""Where things lie on a family's pieces, as a share of their height."""
+"""Height at which things lie on a family's pieces, as a share of the pieces' height."""
 TOP_FAMILIES: tuple[Family, ...] = (
     "table", "desk", "counter", "cabinet", "drawers", "wardrobe", "washing machine", "piano", "fireplace", "mantle",
 )  # fmt: skip
-"""Families whose pieces have a level top as high as they are."""
+"""Families whose pieces have a level top at their full height."""
 ONCE = (
     "clock",
     "calendar",
@@ -121,13 +121,13 @@ ONCE = (
     "toaster",
     "tv",
 )
-"""A room has at most one."""
+"""Categories of which a room has at most one thing."""
 UNMOVED: tuple[Family, ...] = (
     "stair", "railing", "window", "door", "column", "fireplace", "mantle", "shower", "shower fitting", "glass pane",
     "shutter", "radiator", "tub", "toilet", "sink", "bunk bed", "fan", "ceiling lamp", "electric box", "dial",
     "boiler", "extractor", "counter", "curtain",
 )  # fmt: skip
-"""Families that are part of the house or of its pipes: no second one is put anywhere."""
+"""Families that are part of the house or of its pipes: no further piece is added."""
 
 _WOODS = ("oak", "walnut", "white", "black", "wooden", "grey", "brown")
 _CLOTHS = ("red", "blue", "green", "yellow", "grey", "beige", "purple", "teal", "orange", "pink", "white", "brown")
@@ -150,11 +150,11 @@ _SIZES: Mapping[str, tuple[float, float, float]] = {
     "laundry basket": (0.38, 0.42, 0.3), "side table": (0.42, 0.5, 0.42), "kitchen shelf": (0.7, 0.4, 0.22),
     "wall shelf": (0.7, 0.35, 0.2), "clothes": (0.4, 0.8, 0.16), "towel": (0.4, 0.6, 0.06), "rack": (0.7, 0.9, 0.3),
 }  # fmt: skip
-"""Usual sizes of things that come smaller as clutter than where a caption names them; others are `look_of`'s."""
+"""Usual sizes of things that are smaller as clutter than with a caption; others have the sizes of `look_of`."""
 
 
 def household_of(room_name: str) -> Household:
-    """What is usual in a room of this name: of the words that it has, the first in order of kinds counts."""
+    """Usual things in a room of this name; of several kinds in its words, the first in order of kinds counts."""
     words = room_name.lower().replace("-", " ").split()
     for kind, beginnings in _KIND_WORDS:
         if any(word.startswith(beginning) for word in words for beginning in beginnings):
@@ -163,7 +163,7 @@ def household_of(room_name: str) -> Household:
 
 
 def drawn_size(category: str, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Width, height, depth of one such thing in metres, a little larger or smaller than usual."""
+    """Width, height, depth of a thing of the category in metres, a little larger or smaller than usual."""
     usual = _SIZES.get(category) or look_of(category)[1]
     scale = rng.uniform(0.82, 1.12, 3)
     if mounting_of(category) == "floor" and category not in _SIZES:
@@ -173,7 +173,7 @@ def drawn_size(category: str, rng: np.random.Generator) -> tuple[float, float, f
 
 
 def drawn_finish(category: str, rng: np.random.Generator) -> Finish:
-    """A finish that such things have, in a drawn colour."""
+    """A usual finish of the category in a random colour."""
     family = look_of(category)[0]
     words = _CLOTHS if family in _SOFT_FAMILIES else _HARD if family in _MACHINES else _WOODS
     return finish_from_text(f"{words[int(rng.integers(len(words)))]} {category}", category)

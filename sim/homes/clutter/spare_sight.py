@@ -1,4 +1,4 @@
-"""Lines of sight from where the robot can stand to what must stay in sight, and which of them a new thing would cut."""
+"""Lines of sight from the robot's places to objects that must stay visible; new things may not cut too many."""
 
 import math
 
@@ -9,7 +9,7 @@ from sim.compiled import njit
 from sim.types import Camera, GridSpec
 
 REACH = 3.7
-"""Nobody recorded an object from farther away (metres; the release's largest is 3.6)."""
+"""Largest distance of a line of sight (metres; the largest distance to an object in the release is 3.6)."""
 _STEP = 0.05
 _MAX_PLACES = 600
 """Standing places from which lines to one object are drawn."""
@@ -18,7 +18,7 @@ _KEPT = 0.6
 
 
 class Sights:
-    """The lines that nothing cuts yet; a line ends where it meets its object's box."""
+    """The lines that are still free; a line ends where it meets its object's box."""
 
     def __init__(
         self,
@@ -30,10 +30,10 @@ class Sights:
         """Draws lines to the middle of every object and towards its six sides.
 
         Args:
-            boxes: (K, 6) of the objects: lowest, then highest corner.
+            boxes: (K, 6) boxes of the objects: lowest, then highest corner.
             places: (N, 3) feet of the robot.
-            is_open: (rows, cols) what lines pass through.
-            grid: Of `is_open`.
+            is_open: (rows, cols) cells through which lines pass.
+            grid: Grid of `is_open`.
         """
         found = [_lines_to(box, places, is_open, grid) for box in boxes]
         self._lines = np.concatenate([np.zeros((0, 7)), *(lines for lines, _ in found)])
@@ -49,7 +49,7 @@ class Sights:
         self._is_cut = np.zeros(len(self._pair), bool)
 
     def cut(self, box: NDArray[np.float64]) -> bool:
-        """Whether a box (6,) leaves every place its view of every object; if so the lines through it are gone."""
+        """Whether every place keeps its view of every object past a box (6,); if so its cut lines are removed."""
         nearest = np.clip(self._centres[:, [0, 2]], box[[0, 2]], box[[3, 5]])
         near = np.hypot(*(nearest - self._centres[:, [0, 2]]).T) <= REACH
         met = [
@@ -70,7 +70,7 @@ class Sights:
 def _lines_to(
     box: NDArray[np.float64], places: NDArray[np.float64], is_open: NDArray[np.bool_], grid: GridSpec
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """(L, 7) lines to one object: eye, way to its box, length; and (L,) from which place each is, in order."""
+    """(L, 7) lines to one object: eye, way to its box, length; and (L,) the place of each, in order."""
     centre, half = (box[:3] + box[3:]) / 2, (box[3:] - box[:3]) / 2
     targets = centre + np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)]) * half * 0.7
     near = places[np.hypot(*(places[:, [0, 2]] - centre[[0, 2]]).T) <= REACH]
@@ -85,7 +85,7 @@ def _lines_to(
 
 @njit(cache=True, nogil=True)
 def _ends(eyes, ways, box, is_open, origin, cell):
-    """(N,) share of each way at which it reaches the box; 0 where something closed comes first."""
+    """(N,) share of each way at which it reaches the box; 0 where a closed cell comes first."""
     ends = np.zeros(len(eyes))
     for i in range(len(eyes)):
         enter, _ = _span(eyes[i], ways[i], box)
@@ -93,7 +93,7 @@ def _ends(eyes, ways, box, is_open, origin, cell):
         length = enter * math.sqrt(ways[i, 0] ** 2 + ways[i, 2] ** 2)
         steps = int(length / _STEP)
         is_free = True
-        for step in range(steps - 1):  # what carries an object may be closed
+        for step in range(steps - 1):  # the cells of a piece under the object may be closed
             share = enter * step / max(steps, 1)
             row = int((eyes[i, 2] + share * ways[i, 2] - origin[1]) / cell)
             col = int((eyes[i, 0] + share * ways[i, 0] - origin[0]) / cell)
@@ -107,7 +107,7 @@ def _ends(eyes, ways, box, is_open, origin, cell):
 
 @njit(cache=True, nogil=True)
 def _met(lines, is_cut, box):
-    """(L,) which lines, of those that nothing cuts, go through a box before they end."""
+    """(L,) whether each line that is still free goes through the box before its end."""
     met = np.zeros(len(lines), np.bool_)
     for i in range(len(lines)):
         if not is_cut[i]:
@@ -118,7 +118,7 @@ def _met(lines, is_cut, box):
 
 @njit(cache=True, nogil=True)
 def _span(eye, way, box):
-    """Between which shares of a way it is inside a box; the first is larger where it never is."""
+    """The two shares of a way between which it is inside a box; the first is larger where it never is."""
     enter, leave = -np.inf, np.inf
     for axis in range(3):
         step = way[axis] if abs(way[axis]) > 1e-9 else 1e-9

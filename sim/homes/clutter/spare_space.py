@@ -1,4 +1,4 @@
-"""Where a home has space for one thing more: what is taken, what must be seen, where nobody walks; for clutter.
+"""Space of a home for one more thing: free floor off the paths that hides no captioned object; used for clutter.
 
 Images are (rows, cols) of one storey's grid. spare_storeys.py makes them of plans.
 """
@@ -16,11 +16,11 @@ from .spare_sight import Sights
 
 Image = NDArray[np.bool_]
 _SLACK = 0.004
-"""Pieces may come this near to each other (metres)."""
+"""Least distance between pieces (metres)."""
 _RIM = 0.1
 _DRAWS = 8
 _SPOT, _BEFORE_WALL = 0.1, 0.15
-"""Places along walls are tried so far apart; which room they are in is asked so far before the wall (metres)."""
+"""Spacing of tried places along walls, and the distance before the wall at which their room is read (metres)."""
 
 
 class WallFace(NamedTuple):
@@ -28,13 +28,13 @@ class WallFace(NamedTuple):
 
     start: tuple[float, float]
     end: tuple[float, float]
-    """World (x, z)."""
+    """End of the face, world (x, z)."""
     out: tuple[float, float]
     """Unit vector into the room."""
 
     @property
     def length(self) -> float:
-        """Metres."""
+        """Length of the face, metres."""
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
     def at(self, along: float, out: float) -> tuple[float, float]:
@@ -50,11 +50,11 @@ class EmptyStorey(NamedTuple):
 
     grid: GridSpec
     inside: Image
-    """Rooms, from wall to wall, without the walls between them."""
+    """Cells of rooms, from wall to wall, without the walls between them."""
     walked: Image
-    """Where the robot comes by, with its sides."""
+    """Cells that the robot's body passes."""
     is_open: Image
-    """What lines of sight pass through."""
+    """Cells through which lines of sight pass."""
     floor_y: NDArray[np.float64]
     """Height of the floor, metres; nan where there is none."""
     room: NDArray[np.int64]
@@ -62,7 +62,7 @@ class EmptyStorey(NamedTuple):
     walls: tuple[WallFace, ...]
     ceiling_y: float
     places: NDArray[np.float64]
-    """(N, 3) where the robot can stand."""
+    """(N, 3) places where the robot can stand."""
     zones: NDArray[np.float64]
     """(Z, 6) boxes that stay free: doors and windows. Lowest, then highest corner."""
 
@@ -71,21 +71,21 @@ class SpareStorey:
     """One storey while things are added to it."""
 
     def __init__(self, storey: EmptyStorey, pieces: list[Furniture], seen: list[Furniture]) -> None:
-        """Takes the space of what is there.
+        """Takes the space of the existing pieces.
 
         Args:
             storey: The empty storey.
-            pieces: All that stands, lies or hangs there.
-            seen: Of these, what must stay in sight.
+            pieces: All standing, lying and hanging pieces.
+            seen: Those of the pieces that must stay visible.
         """
         self.storey = storey
         self._boxes = np.array([box_of(piece) for piece in pieces]).reshape(-1, 6)
         targets = np.array([box_of(piece) for piece in seen]).reshape(-1, 6)
         self._sights = Sights(targets, storey.places, storey.is_open, storey.grid)
         self.free = storey.inside & ~storey.walked
-        """(rows, cols) floor where nobody walks and nothing stands; not to be changed from outside."""
+        """(rows, cols) floor off the paths on which nothing stands; callers must not change it."""
         self.num_changes = 0
-        """How often `free` was changed."""
+        """Number of changes of `free`."""
         for piece in pieces:
             self._occupy(piece)
 
@@ -93,7 +93,7 @@ class SpareStorey:
         """Whether a piece fits: over no other piece, across no path and no line of sight. If so, its space is taken.
 
         Args:
-            piece: With its place, before a wall of its room or on something there.
+            piece: The piece with its place, before a wall of its room or on another piece.
             on: The piece on which it lies, and into whose box it may reach.
             stands: Whether it stands on the floor.
         """
@@ -121,7 +121,7 @@ class SpareStorey:
             self.num_changes += 1
 
     def _is_inside(self, rect: Rect) -> bool:
-        """Whether a rectangle is in its room; its rim may reach where walls were before they were straightened."""
+        """Whether a rectangle is in its room; its rim may reach places of walls before they were straightened."""
         width = min(rect.x1 - rect.x0, rect.z1 - rect.z0)
         cells = self._cells(rect.grown(-min(_RIM, 0.3 * width)))
         return cells is not None and bool(self.storey.inside[cells].all())
@@ -149,7 +149,7 @@ class WallSpot(NamedTuple):
 
     face: WallFace
     along: float
-    """Metres from the face's start."""
+    """Distance from the face's start, metres."""
 
     @property
     def yaw(self) -> float:
@@ -168,14 +168,14 @@ class SpareRoom:
         """Finds the room's walls.
 
         Args:
-            storey: That the room is on.
+            storey: The room's storey.
             number: Index into the plan's rooms.
         """
         self.storey = storey
         empty = storey.storey
         self._mine = mine = (empty.room == number) & empty.inside
         self.area = float(mine.sum()) * empty.grid.cell**2
-        """Square metres."""
+        """Area of the room, square metres."""
         self._away: tuple[int, NDArray[np.float64]] | None = None
         rows, cols = np.nonzero(mine)
         self._part = np.s_[rows.min(initial=0) : rows.max(initial=0) + 1, cols.min(initial=0) : cols.max(initial=0) + 1]
@@ -188,13 +188,13 @@ class SpareRoom:
 
     @property
     def wall_length(self) -> float:
-        """Metres of wall."""
+        """Total length of the room's walls, metres."""
         return _SPOT * len(self._spots)
 
     def wall_spot(self, width: float, rng: np.random.Generator, *, depth: float | None = None) -> WallSpot | None:
-        """A random place for something so wide, between both ends of a wall; None where no draw fits.
+        """A random place for a thing of this width, between both ends of a wall; None where no draw fits.
 
-        With `depth`, the floor must be free half so far before the wall.
+        With `depth`, the floor must be free at half this distance before the wall.
         """
         for pick in rng.integers(len(self._spots), size=_DRAWS).tolist() if self._spots else ():
             spot = self._spots[pick]
@@ -205,7 +205,7 @@ class SpareRoom:
         return None
 
     def floor_spot(self, radius: float, rng: np.random.Generator) -> tuple[float, float] | None:
-        """(x, z) of a random place with so much free floor around it; None where there is none."""
+        """(x, z) of a random place with this radius of free floor around it; None where there is none."""
         if self._away is None or self._away[0] != self.storey.num_changes:
             free = np.pad((self.storey.free & self._mine)[self._part], 1)
             away = np.asarray(ndimage.distance_transform_edt(free))[1:-1, 1:-1] * self.storey.storey.grid.cell
@@ -230,5 +230,5 @@ def box_of(piece: Furniture) -> NDArray[np.float64]:
 
 
 def _meets(box: NDArray[np.float64], boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N,) which boxes share space with one."""
+    """(N,) whether each of the boxes overlaps the given box."""
     return np.asarray(((boxes[:, :3] < box[3:] - _SLACK) & (boxes[:, 3:] > box[:3] + _SLACK)).all(axis=1))

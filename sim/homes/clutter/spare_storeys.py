@@ -1,4 +1,4 @@
-"""The spare space of planned homes: of schematic ones from their cells, of invented ones from their rooms."""
+"""The spare space of planned homes: from the cells of schematic homes, from the rooms of invented homes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,25 +18,25 @@ from ..plan import HomePlan, Opening, Rect, Wall
 from .spare_space import EmptyStorey, Image, WallFace
 
 _NEAR_STOREY = 1.3
-"""Places on stairs up to this far above or below a storey's floor look into it (metres)."""
+"""Places on stairs up to this far above or below a storey's floor see into it (metres)."""
 _BODY = 0.25
-"""Around the places where the robot's centre can be in an invented home nothing more stands (metres)."""
+"""Distance kept free around the places where the robot's centre can be in an invented home (metres)."""
 _DOOR_DEPTH = 0.6
 _WINDOW_DEPTH = 0.12
 _LEAST_WALL = 0.4
 
 
 def spare_storeys(plan: HomePlan) -> list[EmptyStorey]:
-    """Every storey of a home, with all but its furniture.
+    """Every storey of a home without its furniture.
 
     Raises:
-        SceneError: The rooms of an invented home cannot all be walked to.
+        SceneError: Some rooms of an invented home cannot be reached.
     """
     return _of_cells(plan) if plan.cells is not None else _of_rooms(plan)
 
 
 def _of_cells(plan: HomePlan) -> list[EmptyStorey]:
-    """Things stand where the open space of a schematic home is not walked on, not even by the robot's side."""
+    """Storeys of a schematic home: things may stand in its open space where the robot's body never passes."""
     assert plan.cells is not None
     layers = padded(floor_layers(plan.cells, plan.storeys), np.nan)
     plinths = padded(layer_heights(cells_from_runs(plan.cells.plinth), plan.cells.shape, plan.storeys), np.nan)
@@ -76,7 +76,7 @@ def _walls_across(storey: StoreyCells) -> Image:
 
 
 def _faces(storey: StoreyCells, line: Straight) -> list[WallFace]:
-    """Both sides of a straight wall, as far as rooms see them."""
+    """Both sides of a straight wall, where a room is beside them."""
     inside = storey.space.inside
     start, end = storey.xz(line.start), storey.xz(line.end)
     length = float(np.hypot(*(end - start)))
@@ -95,7 +95,7 @@ def _faces(storey: StoreyCells, line: Straight) -> list[WallFace]:
 
 
 def _of_rooms(plan: HomePlan) -> list[EmptyStorey]:
-    """Things stand where the robot cannot come in an invented home, so that all ways stay as they are."""
+    """Storeys of an invented home: things may stand where the robot cannot go, so that all ways stay unchanged."""
     ground = walkable_ground(plan)
     if ground is None:
         raise SceneError(
