@@ -1,1 +1,1 @@
-"""Schematic homes from episode files alone: floor where somebody stood, objects where they were recorded."""
+"""Schematic homes from episode files alone: floor at recorded standing places, objects at their recorded places."""

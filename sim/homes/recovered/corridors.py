@@ -1,8 +1,8 @@
-"""Guessed corridors of a schematic home, sought so that its paths are as long as the recorded ones.
+"""Guessed corridors of a schematic home, chosen so that its paths are as long as the recorded ones.
 
-A recorded length binds from both sides. Where our path is too long, something is missing: the cheapest way over
-unknown floor whose length fits is opened. Where it is too short, one of the corridors opened for others is a way
-through a wall: it is closed, and those who needed it look for another. Known floor is never closed.
+A recorded length is a bound on both sides. Where our path is too long, a corridor is missing: the cheapest way over
+unknown floor with a fitting length is opened. Where it is too short, a corridor that was opened for other records is a
+way through a wall: it is closed, and those records get another one. Known floor is never closed.
 """
 
 import math
@@ -25,7 +25,7 @@ CORRIDOR_RADIUS = 0.1
 """Half the width of a corridor for the robot's centre (metres)."""
 _RELUCTANCES = (50.0, 12.0, 4.0, 1.5, 0.6, 0.25, 0.1)
 _TOO_SHORT, _TOO_LONG = 0.975, 1.025
-_WRONG = 0.955  # a path this short is worth the search for what to close
+_WRONG = 0.955  # for a path this short, a corridor to close is searched
 _CUT = 1.25  # paths longer than this many times the record are not measured
 _ROUNDS = 2
 _CHOICES = 3
@@ -33,8 +33,8 @@ _LONGEST_WAY = 1.1
 _DETOUR_RADII = (0.3, 0.6, 0.9)
 _DETOUR_PRICE = 20.0
 _CLOSED_RADIUS = 0.2
-_CLOSED_PRICE = 2.0  # floor that proved wrong is dearer afterwards
-_CELL_COST = 2e-4  # misfit that a cell of corridor must be worth
+_CLOSED_PRICE = 2.0  # floor that proved wrong costs this many times as much afterwards
+_CELL_COST = 2e-4  # each cell of a corridor must reduce the misfit by this much
 _UNREACHED = 0.4
 
 Polyline = NDArray[np.float64]
@@ -42,7 +42,7 @@ Nodes = NDArray[np.int64]
 
 
 class _Opening(NamedTuple):
-    """Unknown floor that would become a corridor, and what that does."""
+    """Unknown floor that would become a corridor, and its effect."""
 
     nodes: Nodes
     gain: float
@@ -51,10 +51,10 @@ class _Opening(NamedTuple):
 
 
 def with_corridors(known: Cells, unknown: Cells, lengths: tuple[PathLength, ...], *, grid: GridSpec) -> Cells:
-    """The known cells and those unknown ones that the recorded lengths call for, the latter marked as guessed.
+    """The known cells and the unknown cells that the recorded lengths require, the latter marked as guessed.
 
     Args:
-        known: Floor that is certain, never closed; holds the ends of all lengths.
+        known: Certain floor, never closed; contains the ends of all lengths.
         unknown: Cells that may be floor.
         lengths: Records; impossible ones, those shorter than two cells and those that end off the floor are left out.
         grid: Place of the cells.
@@ -86,7 +86,7 @@ class _Search:
             )
         )
         straight = [math.dist(record.start, record.end) / self._cell for record in records]
-        # nearly straight paths leave least choice, so they come first
+        # nearly straight paths leave the least choice, so they come first
         tightness = np.array(self._lengths) / np.maximum(straight, 1e-6)
         self._order: list[int] = np.argsort(tightness, kind="stable").tolist()
         self._ratios = np.full(len(records), math.inf)
@@ -109,14 +109,14 @@ class _Search:
         return (polyline_length(path) / self._lengths[i], path) if len(path) else (math.inf, path)
 
     def _measure_anew(self, i: int) -> None:
-        """Measure a record of whose present path nothing is known."""
+        """Measures a record whose present path is unknown."""
         start, goal = self._ends[i]
         self._ratios[i], self._paths[i] = math.inf, np.empty((0, 3))
         if self._parts[start.node] == self._parts[goal.node]:
             self._ratios[i], self._paths[i] = self._measure(i)
 
     def _open(self, order: list[int]) -> None:
-        """For each record whose path is too long, the opening that gains most."""
+        """For each record whose path is too long, opens the corridor with the largest gain."""
         for i in order:
             if self._ratios[i] <= _TOO_LONG:
                 continue
@@ -142,7 +142,7 @@ class _Search:
         return [found[error] for error in sorted(found)[:_CHOICES]]
 
     def _add_way(self, i: int, path: Polyline, found: dict[float, Nodes]) -> float:
-        """Adds the unknown floor of a path to those found, by the error of its length; the ratio of its length."""
+        """Adds the unknown floor of a path to `found`, by the error of its length; returns its length's ratio."""
         ratio = polyline_length(path) / self._lengths[i]
         error = round(abs(ratio - 1), 3)
         if ratio <= _LONGEST_WAY and error not in found:
@@ -153,7 +153,7 @@ class _Search:
         return ratio
 
     def _add_detours(self, i: int, path: Polyline, found: dict[float, Nodes]) -> None:
-        """Adds ways around the unknown floor of a path that is too short, farther and farther round."""
+        """Adds longer and longer ways around the unknown floor of a path that is too short."""
         price = self.ground.price.copy()
         for radius in _DETOUR_RADII:
             nodes = self._near([path], radius)
@@ -174,7 +174,7 @@ class _Search:
         return np.flatnonzero(mark)
 
     def _tried(self, nodes: Nodes, least: float) -> _Opening | None:
-        """What opening `nodes` would gain; None as soon as it is certain to be no more than `least`."""
+        """The opening of `nodes` with its gain; None as soon as the gain is certainly no more than `least`."""
         concerned = self._concerned(nodes)
         self.ground.is_free[nodes] = True
         measured: dict[int, tuple[float, Polyline]] = {}
@@ -206,7 +206,7 @@ class _Search:
         return sorted(found, key=lambda j: -_misfit(self._ratios[j]))
 
     def _close(self) -> None:
-        """For each record whose path is too short, close the corridors it uses, unless that makes things worse."""
+        """For each record whose path is too short, closes the corridors that it uses, unless the fit gets worse."""
         for i in np.argsort(self._ratios, kind="stable").tolist():
             if self._ratios[i] >= _WRONG:
                 continue
@@ -224,7 +224,7 @@ class _Search:
                 self._parts = free_parts(self.ground)
 
     def _measure_again(self, closed: Nodes) -> None:
-        """Measure the records whose paths use closed nodes."""
+        """Measures the records whose paths use closed nodes."""
         self._parts = free_parts(self.ground)
         mark = np.zeros(len(self._is_known), bool)
         mark[closed] = True
@@ -234,13 +234,13 @@ class _Search:
 
 
 def _is_usable(record: PathLength, floor: FloorGrid) -> bool:
-    """Whether a record can tell something about the floor."""
+    """Whether a record gives information about the floor."""
     is_on_floor = all(floor.snap(np.array(place)) is not None for place in (record.start, record.end))
     return record.is_possible and record.length >= 2 * floor.grid.cell and is_on_floor
 
 
 def _misfit(ratio: float) -> float:
-    """How bad a path ratio is: its error, and a fine where it passes 5 % and 10 %."""
+    """Badness of a path ratio: its error, and a penalty above 5 % and above 10 %."""
     error = min(abs(ratio - 1), 0.3) if math.isfinite(ratio) else _UNREACHED
     fines = [min(max((error - limit + 0.02) / 0.04, 0.0), 1.0) for limit in (0.05, 0.1)]
     return error + 0.1 * sum(fines)

@@ -1,4 +1,4 @@
-"""What is known of a schematic home's floor: cells around recorded places and proven strips; and what may be floor.
+"""The known floor of a schematic home: cells around recorded places and proven strips; and the possible floor.
 
 `Recorded` -> `KnownFloor`, `unknown_cells`; used by `walkable`.
 """
@@ -19,19 +19,19 @@ from .corridors import PLAN_CLIMB
 from .recorded import Recorded
 
 LINK = 0.4
-"""Places this close see each other (metres): whatever stood between would be within 0.2 m of one of them, and Habitat's
-navmesh keeps that far from things (AGENT_RADIUS rounded up to its cells of 0.05 m)."""
+"""The way between places this close is free (metres): a thing between them would be within 0.2 m of one of them, and
+Habitat's navmesh keeps that distance from things (AGENT_RADIUS rounded up to its cells of 0.05 m)."""
 LAYER_GAP = PLAN_CLIMB + 0.03
 """Heights of one column closer than this are one floor (metres)."""
 MAX_LINK_DY = 0.25
 """Largest rise of a link and of a level strip (metres)."""
 PLACE_RADIUS = 0.15
-"""Floor around a recorded place (metres); as wide as the robot, paths would cut every corner."""
+"""Radius of floor around a recorded place (metres); with the robot's radius, paths would cut every corner."""
 STRIP_RADIUS = 0.12
 """Half the width of links and of proven strips (metres)."""
 UNKNOWN_REACH = 1.2
-"""Floor is guessed no farther than this from known floor (metres)."""
-_STRAIGHT = 1.003  # a recorded length this near to the straight line proves the line free
+"""Largest distance of guessed floor from known floor (metres)."""
+_STRAIGHT = 1.003  # a recorded length this near to the straight line's proves that the line is free
 _NEIGHBOURS = 6
 _COLUMN_GAP = 50_000.0  # metres; see cells.Metres
 
@@ -40,12 +40,12 @@ Pairs = NDArray[np.int64]
 
 
 class KnownFloor(NamedTuple):
-    """Floor on which the robot is known to fit."""
+    """Floor on which the robot certainly fits."""
 
     places: Points
-    """(N, 3) where its centre was."""
+    """(N, 3) recorded places of its centre."""
     cells: Cells
-    """Around places, along links and along proven strips."""
+    """Cells around places, along links and along proven strips."""
 
 
 def known_floor(recorded: Recorded, *, grid: CellGrid) -> KnownFloor:
@@ -59,7 +59,7 @@ def known_floor(recorded: Recorded, *, grid: CellGrid) -> KnownFloor:
         if record.is_possible and is_level and record.length < _STRAIGHT * math.dist(start, end):
             middles.append(along(start, end))
     strips = np.concatenate(middles)
-    # links are many and alike: one disc per half cell will do
+    # links are many and similar: one disc per half cell is enough
     strips = strips[np.sort(np.unique(np.round(strips / (CELL / 2)), axis=0, return_index=True)[1])]
     parts = (cells_of_discs(places, PLACE_RADIUS, grid=grid), cells_of_discs(strips, STRIP_RADIUS, grid=grid))
     return KnownFloor(places, merged(*parts))
@@ -77,7 +77,7 @@ def _links(places: Points) -> Pairs:
 
 
 def _connected_places(recorded: Recorded) -> Points:
-    """Standing places, and the extra ones that links join to one or to the end of a record.
+    """Standing places, and the extra places that links join to one of them or to the end of a record.
 
     Other extra places may be on tops of tables (they are islands of Habitat's navmesh too).
     """
@@ -95,8 +95,8 @@ def _connected_places(recorded: Recorded) -> Points:
 def cells_of_discs(discs: Points, radius: float, *, grid: CellGrid, rank: NDArray[np.int64] | None = None) -> Cells:
     """Cells whose centre is within `radius` of a disc's centre (N, 3), and the cells of the centres.
 
-    One cell per column and floor. The discs of the highest rank (N,) in a cell give its height: a ramp that leaves a
-    level floor stays a ramp.
+    There is one cell per column and floor. The discs with the highest rank (N,) in a cell give its height: a ramp that
+    leaves a level floor stays a ramp.
     """
     reach = math.ceil(radius / CELL)
     side = np.arange(-reach, reach + 1)
@@ -127,7 +127,7 @@ def _one_per_floor(
 
 
 def merged(first: Cells, second: Cells) -> Cells:
-    """All of the first, and those of the second that lie on no floor of the first; sorted by column and height."""
+    """All cells of the first, and those of the second outside its floors; sorted by column and height."""
     is_new = ~lies_on(second, first)
     rc, y = np.concatenate([first.rc, second.rc[is_new]]), np.concatenate([first.y, second.y[is_new]])
     order = np.lexsort((y, rc[:, 1], rc[:, 0]))
@@ -135,9 +135,9 @@ def merged(first: Cells, second: Cells) -> Cells:
 
 
 def lies_on(cells: Cells, floor: Cells) -> NDArray[np.bool_]:
-    """(N,) whether each cell has one of the floor's in its column at its height."""
+    """(N,) whether the floor has a cell in each cell's column at its height."""
     width = 1 + max(int(part.rc[:, 1].max(initial=0)) for part in (cells, floor))
-    # one axis for column and height: columns lie farther apart than any two heights
+    # one axis for column and height: columns are farther apart than any two heights
     at, at_floor = ((rc[:, 0] * width + rc[:, 1]) * _COLUMN_GAP + y for rc, y, _ in (cells, floor))
     ordered = np.concatenate([[-np.inf], np.sort(at_floor), [np.inf]])
     above = np.searchsorted(ordered, at)
@@ -147,7 +147,7 @@ def lies_on(cells: Cells, floor: Cells) -> NDArray[np.bool_]:
 def unknown_cells(known: KnownFloor, storeys: tuple[Storey, ...], *, grid: CellGrid) -> Cells:
     """Cells within UNKNOWN_REACH of a storey's known floor in columns where it has none, marked as guessed.
 
-    Their heights lie between those of the nearest places, so that half a storey is joined by a ramp.
+    Their heights are between those of the nearest places, so that a ramp joins half a storey.
     """
     floors = np.array([storey.floor_y for storey in storeys])
     cell_storey, place_storey = (

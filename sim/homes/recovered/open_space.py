@@ -1,6 +1,6 @@
-"""Open space of a schematic home that nobody walked on: low steps along every line of sight and below every object.
+"""Open space of a schematic home that is not walkable: low steps along every line of sight and below every object.
 
-Recorded view points and recovered objects -> `CellGrid.plinth`, for `recover`. What is neither floor nor step is wall.
+Recorded view points and recovered objects -> `CellGrid.plinth`, for `recover`. All other space is wall.
 """
 
 import math
@@ -21,17 +21,17 @@ from .recovered_objects import RecoveredObject
 from .sightlines import original_places
 
 STEP = 0.08
-"""Height of a step above the floor beside it (metres): plain to see, and lower than all that stands on the floor."""
+"""Height of a step above the floor beside it (metres): easy to see, and lower than everything on the floor."""
 LOW_STEP = 0.02
-"""... below objects and where a line of sight comes down to them."""
+"""Height of a step below objects, and where a line of sight comes down to them (metres)."""
 _OVER_STEP = 0.15
 """A line of sight passes at least this far above a step (metres)."""
 _BEHIND = 0.2
-"""Depth of the wall behind what hangs on it (metres)."""
+"""Depth of the wall behind a hanging object (metres)."""
 _BUILT_IN = 0.2
-"""What is less deep is the front of something in a wall: wardrobes and dishwashers of the release are (metres)."""
+"""An object with less depth is the front of a thing in a wall, as wardrobes and dishwashers of the release (metres)."""
 _SMALL_HOLE = 0.3
-"""Walls that stand alone in open space and are smaller (square metres) are only what nobody looked through: open."""
+"""Isolated walls in open space with less area (square metres) are only places without lines of sight: open."""
 _OWN_FLOOR = 0.6
 
 Masks = NDArray[np.bool_]
@@ -41,25 +41,25 @@ class _Open(NamedTuple):
     """Cells by storey (S, rows, cols)."""
 
     seen: Masks
-    """On a line of sight."""
+    """Cells on a line of sight."""
     low: Masks
-    """Where a step must be low."""
+    """Cells where a step must be low."""
     below: Masks
-    """Below an object."""
+    """Cells below an object."""
     wall: Masks
-    """Right behind something that hangs on a wall."""
+    """Cells right behind an object that hangs on a wall."""
 
 
 def step_cells(
     recorded: Recorded, objects: Sequence[RecoveredObject], storeys: Sequence[Storey], *, grid: CellGrid
 ) -> Cells:
-    """Cells that are open but no floor, with the heights of their steps.
+    """Cells that are open but not floor, with the heights of their steps.
 
     Args:
-        recorded: View points of the objects.
-        objects: Recovered ones; what hangs on a wall keeps one behind it where no line of sight passes.
+        recorded: Gives the view points of the objects.
+        objects: The recovered objects; one that hangs on a wall keeps a wall behind it where no line of sight passes.
         storeys: Levels of the plan.
-        grid: With its walkable cells.
+        grid: The grid with its walkable cells.
     """
     floor_y = np.array([storey.floor_y for storey in storeys])
     marks = _marks(recorded, objects, floor_y, grid)
@@ -71,7 +71,7 @@ def step_cells(
         opened |= _small_holes(opened | is_floor, marks.wall[k])
         rows, cols = np.nonzero(opened & ~is_floor)
         base = grown(floors[k], math.inf)[rows, cols]
-        # storeys whose floor is far (a void, a stair well) take their own floor, not a neighbour on the stairs
+        # far from a storey's floor (a void, a stair well) the storey's height is used, not a neighbour on the stairs
         y = np.where(np.abs(base - floor_y[k]) < _OWN_FLOOR, base, floor_y[k])
         low = _dilated(marks.low[k] | marks.below[k])[rows, cols]
         parts.append((np.stack([rows, cols], axis=1), np.round(y / 0.05) * 0.05 + np.where(low, LOW_STEP, STEP)))
@@ -135,7 +135,7 @@ def _dilated(mask: Masks) -> Masks:
 
 
 def _small_holes(opened: Masks, wall: Masks) -> Masks:
-    """Closed cells in small parts that touch neither the border nor a wall that carries something."""
+    """Closed cells in small parts that touch neither the border nor a wall with a hanging object."""
     parts = np.asarray(ndimage.label(~opened)[0], np.int64)  # type: ignore[index]
     keep = np.bincount(parts.ravel()) * CELL**2 >= _SMALL_HOLE
     for edge in (parts[0], parts[-1], parts[:, 0], parts[:, -1], parts[wall]):

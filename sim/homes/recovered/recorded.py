@@ -1,4 +1,4 @@
-"""What the episode files say about one scene: places where the robot stood, objects, captions and true path lengths.
+"""Facts about one scene in the episode files: standing places of the robot, objects, captions, true path lengths.
 
 Episode files -> `Recorded`, from which `recover` makes a schematic home.
 """
@@ -28,7 +28,7 @@ class PathLength(NamedTuple):
     end: Point
     """`view_points[0]` of the target."""
     length: float
-    """Metres on Habitat's navmesh."""
+    """Length in metres on Habitat's navmesh."""
 
     @property
     def is_possible(self) -> bool:
@@ -37,7 +37,7 @@ class PathLength(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """What the episode files say about one scene."""
+    """The facts about one scene in the episode files."""
 
     standing: NDArray[np.float64]
     """(N, 3) original view points and starts: places where the robot stood, sorted, each once."""
@@ -46,7 +46,7 @@ class Recorded(NamedTuple):
     on the storeys above and below; sorted, each once."""
     goals: dict[str, Goal]
     captions: dict[str, str]
-    """First caption of each object that some episode asks for."""
+    """First caption of each object that is a target of an episode."""
     lengths: tuple[PathLength, ...]
     """One per episode, in the order of the files."""
 
@@ -59,7 +59,7 @@ class Recorded(NamedTuple):
 def recorded_facts(dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...] = SPLITS) -> Recorded:
     """The facts of a scene in the named splits; the other splits' files are not read.
 
-    An object that several splits name counts as the first of them has it, with the extra view points of all.
+    An object in several splits is taken from the first of them, with the extra view points of all.
 
     Raises:
         DatasetError: The scene is unknown or its files are damaged.

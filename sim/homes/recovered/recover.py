@@ -1,4 +1,4 @@
-"""A schematic home from the episode files alone: where the robot stood is floor, where it looked is open, else wall.
+"""A schematic home from the episode files alone: floor where the robot stood, open space where it looked, else wall.
 
 Episode files -> HomePlan, kept on disk. Floor: walkable.py; objects: recovered_objects.py; rooms: recovered_rooms.py.
 """
@@ -32,12 +32,12 @@ MARGIN = 2.0
 """Empty border around the standing points (metres)."""
 _SAME_HEIGHT = 0.15
 _FEWEST = 10
-"""Points of a storey that is not the only one."""
+"""Least number of points of a storey, unless it is the only one."""
 _CEILING, _HIGHEST = 2.5, 3.4
 _ABOVE_TOP = 0.05
 _SLAB = 0.1
 _BESIDE = 2.2
-"""Storeys less far apart lie beside each other, as in a home on a slope (metres)."""
+"""Storeys with a smaller height difference are side by side, as in a home on a slope (metres)."""
 _FLOOR_LABELS = {"0": "ground floor", "1": "first floor", "2": "second floor", "-1": "basement"}
 
 
@@ -52,8 +52,8 @@ def recover_plan(
     Args:
         dataset: Released or other PersONAL episodes.
         scene: Name of the scene.
-        splits: Whose files are read; the others' are not.
-        clutter: How much furniture without a caption is added (`with_clutter`, seed 0).
+        splits: Splits whose files are read; other files are not read.
+        clutter: Amount of added furniture without a caption (`with_clutter`, seed 0).
 
     Raises:
         DatasetError: The scene is unknown or its files are damaged.
@@ -103,13 +103,13 @@ def _recovered(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) 
 
 
 def _nearest_goal(item: RecoveredObject, objects: Sequence[RecoveredObject]) -> str:
-    """Name of the recorded object itself, or of the one that a support stands at."""
+    """Name of the recorded object itself, or of the object nearest to a support."""
     own = [other for other in objects if other.piece.role == "captioned"]
     return min(own, key=lambda other: (math.dist(other.piece.centre, item.piece.centre), other.piece.name)).piece.name
 
 
 def _storeys(recorded: Recorded) -> tuple[Storey, ...]:
-    """Floors at the heights where most points are, at least STOREY_GAP apart."""
+    """Floors at the most frequent heights of points, at least STOREY_GAP apart."""
     left = np.sort(recorded.standing[:, 1])
     found: list[float] = []
     while len(left):
@@ -128,7 +128,7 @@ def _storeys(recorded: Recorded) -> tuple[Storey, ...]:
 
 
 def _with_ceilings(storeys: tuple[Storey, ...], objects: Sequence[RecoveredObject]) -> tuple[Storey, ...]:
-    """The storeys with walls as high as what stands in them, and below the next storey."""
+    """The storeys with walls as high as their objects, and below the next storey."""
     found = []
     for k, storey in enumerate(storeys):
         tops = [

@@ -1,6 +1,6 @@
-"""The objects of a scene as furniture: at their recorded centres, on floors, walls or each other, facing who sees them.
+"""The objects of a scene as furniture at their recorded centres, on floors, walls or each other, facing viewers.
 
-`Recorded` -> `RecoveredObject`s, for `recover`. Sizes: recovered_sizes.py; nothing hides another: unhidden.py.
+`Recorded` -> `RecoveredObject`s, for `recover`. Sizes: recovered_sizes.py; unhidden.py makes all of them visible.
 """
 
 import math
@@ -20,9 +20,9 @@ from .sightlines import original_places
 
 Stand = Literal["floor", "wall", "ceiling", "on"]
 _SAME_FLOOR = 0.17
-"""A floor this near to the storey's is the storey's (metres; cell_mesh.py draws it so)."""
+"""A floor this near to the storey's floor counts as the same (metres; cell_mesh.py draws it that way)."""
 _LOW = 0.1
-"""Share of the view points that may lie below what counts as the floor of an object."""
+"""Share of the view points that may be below the assumed floor of an object."""
 _TALLEST = 3.2
 _TALLER = 1.7
 """A thing may be this many times as high as usual before it must hang or lie on something."""
@@ -34,43 +34,43 @@ _ON_TOP = 0.25
 _HANGING_LAMP = 1.55
 _LOW_SCREEN = 1.15
 _SURFACES: dict[Family, float] = {"bed": 0.62, "bunk bed": 0.5, "sofa": 0.5, "armchair": 0.5, "chair": 0.5, "crib": 0.4}
-"""Where things lie on a piece, as a share of its height; 1 for all others."""
+"""Height at which things lie on a piece, as a share of its height; 1 for all other families."""
 _MATTRESS = 0.52
-"""However high a bed's headboard is, its mattress is no higher (metres; furniture/beds.py)."""
+"""Largest height of a bed's mattress, even with a high headboard (metres; furniture/beds.py)."""
 _RIM = 0.06
 """A piece reaches this far above places on top of it (metres)."""
 _LIE_IF_HIGH: tuple[Family, ...] = ("box", "basket", "bin", "plant", "stove", "washing machine", "suitcase")
-"""What stands on something else, not on a wall, where it is too high to stand on the floor."""
+"""Families that stand on another piece, not on a wall, where they are too high to stand on the floor."""
 _ALWAYS_STAND: tuple[Family, ...] = ("stair", "bed", "bunk bed", "wardrobe")
 _LEAN: tuple[Family, ...] = ("mirror", "picture", "board", "wall shelf", "wall cabinet", "clothes", "shutter")
-"""What usually hangs but also stands on the floor."""
+"""Families that usually hang but also stand on the floor."""
 _SUPPORTS: tuple[tuple[float, str], ...] = ((0.7, "side table"), (1.3, "console table"), (math.inf, "wall shelf"))
-"""What carries a thing whose support no episode names, by the height of its top above the floor."""
+"""Piece that carries a thing without a recorded support, by the height of its top above the floor."""
 _SOFT: tuple[Family, ...] = ("pillow", "blanket")
 _SOFT_GAP = 0.42
-"""Pillows lean and blankets hang: their centres may be this far above what carries them (metres)."""
+"""Pillows lean and blankets hang: their centres may be this far above their support (metres)."""
 _STRETCH = 2.4
-"""A thing may be this many times as high as usual to reach down to what carries it."""
+"""A thing may be this many times as high as usual to reach down to its support."""
 _ON_CABINET: tuple[Family, ...] = ("tv", "monitor", "stove", "microwave", "coffee machine", "speaker")
 _ON_WALL = 1.2
 """A microwave above this height without anything below hangs on a wall (metres)."""
 
 
 class RecoveredObject(NamedTuple):
-    """A piece and how it stays where it is."""
+    """A piece, and whether it stands, hangs or lies."""
 
     piece: Furniture
     stand: Stand
 
 
 class _Facts(NamedTuple):
-    """What is known of one goal."""
+    """The facts about one goal."""
 
     goal: Goal
     family: Family
     usual: tuple[float, float, float]
     ground: float
-    """Height of the floor below it."""
+    """Height of the floor below the goal."""
     stand: Stand
 
     @property
@@ -108,7 +108,7 @@ def _facts(goal: Goal, storeys: Sequence[Storey]) -> _Facts:
 
 
 def _stand(family: Family, mounting: Stand, above: float, height: float) -> Stand:
-    """How a thing with its centre this far above the floor stays there."""
+    """Whether a thing with its centre this far above the floor stands, hangs or lies."""
     tall = 2 * above
     if mounting == "ceiling" or (family == "lamp" and above > _HANGING_LAMP):
         return "ceiling"
@@ -133,7 +133,7 @@ def _piece(fact: _Facts, recorded: Recorded) -> RecoveredObject:
     elif fact.stand == "floor":
         top = min(_LEAST_TOP, usual_h)
         height = 2 * fact.above if fact.above >= top / 2 else 2 * (top - fact.above)
-        # the floor that people stood on there must not cover it
+        # the recorded floor at this place must not cover it
         height = max(height, 2 * (_walked_on_y(fact, recorded) + _RIM - fact.goal.position[1]))
     elif fact.stand == "wall":
         height = max(0.1, min(usual_h, 2 * fact.above))
@@ -141,7 +141,7 @@ def _piece(fact: _Facts, recorded: Recorded) -> RecoveredObject:
 
 
 def _walked_on_y(fact: _Facts, recorded: Recorded) -> float:
-    """Height of the highest place on top of a piece; -inf where nobody stood on it."""
+    """Height of the highest recorded place on top of a piece; -inf where there is none."""
     (x, y, z), (width, height, depth) = fact.goal.position, fact.usual
     away = np.abs(recorded.places - (x, y, z))
     on_it = (away[:, [0, 2]].max(axis=1) < min(width, depth) / 2) & (recorded.places[:, 1] > fact.ground + _ON_TOP / 2)
@@ -210,7 +210,7 @@ def surface_y(piece: Furniture) -> float:
 
 
 def _lying(fact: _Facts, recorded: Recorded, below: Furniture | None) -> Furniture:
-    """A thing that reaches down to what carries it; without such it keeps its usual height."""
+    """A thing that reaches down to its support; without a support it keeps its usual height."""
     usual_h, y = fact.usual[1], fact.goal.position[1]
     height = min(usual_h, 2 * fact.above)
     if below is not None:
@@ -220,7 +220,7 @@ def _lying(fact: _Facts, recorded: Recorded, below: Furniture | None) -> Furnitu
 
 
 def _within(footprint: Footprint, goal: Goal, on: Furniture, *, is_soft: bool) -> Footprint:
-    """The footprint cut to what carries it; soft things are spread over it and take its direction."""
+    """The footprint cut to its support; soft things are spread over the support and take its direction."""
     rect, (x, _, z) = on.rect, goal.position
     room = np.maximum([min(x - rect.x0, rect.x1 - x), min(z - rect.z0, rect.z1 - z)], 0.1) + 0.01
     yaw = on.yaw if is_soft else footprint.yaw
@@ -231,7 +231,7 @@ def _within(footprint: Footprint, goal: Goal, on: Furniture, *, is_soft: bool) -
 
 
 def _new_support(fact: _Facts, piece: Furniture, recorded: Recorded, *, number: int) -> RecoveredObject | None:
-    """A small piece below a thing that nothing carries; None where it is on the floor or no piece fits."""
+    """A small piece below a thing without support; None where it is on the floor or no piece fits."""
     x, y, z = piece.centre
     top = y - piece.size[1] / 2
     if top - fact.ground < 0.12:

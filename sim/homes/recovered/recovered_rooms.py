@@ -1,4 +1,4 @@
-"""Rooms of a schematic home: every open cell belongs to the room of the nearest objects, on foot rather than straight.
+"""Rooms of a schematic home: every open cell belongs to the room of the nearest objects by walking distance.
 
 Room words of texts and open cells -> `Room`s with names, areas and finishes, for `recover`. Words: room_words.py.
 """
@@ -20,11 +20,11 @@ from .room_regions import Seed, cell_graph, distance_at, groups_of, places_of, s
 from .room_words import RoomName, room_name, usual_room
 
 _NEAR_NAMED = 2.5
-"""An object without a text names a room only farther than this from all that have one (metres, weighted)."""
+"""An object without a text names a room only farther than this from all objects with one (metres, weighted)."""
 
 
 class RecoveredRooms(NamedTuple):
-    """The rooms of a plan and which of them each object is in."""
+    """The rooms of a plan, and the room of each object."""
 
     rooms: tuple[Room, ...]
     room_of: dict[str, str]
@@ -36,7 +36,7 @@ class _Region(NamedTuple):
 
     storey: int
     room: RoomName | None
-    """None for the part of a storey that nothing names."""
+    """Name of the room; None for the part of a storey without a name."""
     mask: NDArray[np.bool_]
 
 
@@ -46,10 +46,10 @@ def recovered_rooms(
     """The rooms of a home; each open cell (walkable, under the robot's body, or plinth) belongs to one of its storey.
 
     Args:
-        texts: How often texts put an object into a room, by `object_name` (`room_texts`).
+        texts: Counts of the rooms in which texts put each object, by `object_name` (`room_texts`).
         goals: All objects.
         storeys: Levels of the plan.
-        grid: With its walkable cells and plinths.
+        grid: The grid with its walkable cells and plinths.
     """
     masks = open_cells(grid, storeys)
     floor_y = np.array([storey.floor_y for storey in storeys])
@@ -70,7 +70,7 @@ def recovered_rooms(
 
 
 def open_cells(grid: CellGrid, storeys: Sequence[Storey]) -> NDArray[np.bool_]:
-    """(S, rows, cols) where a storey has floor or plinth; stairs belong to the storey from which they rise."""
+    """(S, rows, cols) cells where a storey has floor or plinth; stairs belong to the storey from which they rise."""
     floors = floor_layers(grid, tuple(storeys))
     plinths = layer_heights(cells_from_runs(grid.plinth), grid.shape, tuple(storeys))
     is_open = ~np.isnan(floors) | ~np.isnan(plinths)
@@ -110,7 +110,7 @@ def _regions(
 
 
 def _room_of_texts(counted: Counter[str] | None) -> RoomName | None:
-    """The room that most texts name; of equally many the first by name."""
+    """The room that most texts name; of equal counts the first by name."""
     rooms = [(-count, text, room) for text, count in (counted or {}).items() if (room := room_name(text))]
     return min(rooms, key=lambda entry: entry[:2])[2] if rooms else None
 
@@ -122,7 +122,7 @@ def _common_name(rooms: Sequence[RoomName]) -> RoomName | None:
 
 
 def _names(regions: Sequence[_Region], storeys: Sequence[Storey]) -> list[str]:
-    """A name for each region, with a number where another has it already."""
+    """A name for each region, with a number where another region has the same name."""
     taken: set[str] = set()
     names = []
     for region in regions:
@@ -153,7 +153,7 @@ def _rooms_of(
     names: Sequence[str],
     grid: CellGrid,
 ) -> dict[str, str]:
-    """Each object is in the room where most places are that see it, else in its storey's largest."""
+    """The room of each object: the one with most places that see it, else the largest of its storey."""
     label = np.full((max(storey_of.values(), default=0) + 1, *grid.shape), -1, np.int64)
     for index, region in enumerate(regions):
         if region.storey < len(label):

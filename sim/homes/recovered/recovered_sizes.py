@@ -1,6 +1,6 @@
-"""How wide, deep and high a recorded object is and where its front looks, judged by the places that see it.
+"""Width, depth, height and direction of a recorded object, estimated from the places that see it.
 
-View points of the release lie within REACH of the object's box, and nobody stands inside it: both bound its size.
+View points of the release are within REACH of the object's box, but never inside it: both facts bound its size.
 """
 
 import math
@@ -15,7 +15,7 @@ REACH = 1.0
 """Largest planar distance from a view point to the object's box (metres; GOAT's view points, DATA_FORMAT.md)."""
 _LATTICE = 0.25
 _LARGEST, _SMALLEST = 1.6, 0.6
-"""How far the places may stretch or shrink the usual width and depth."""
+"""Most and least factors by which the places may change the usual width and depth."""
 _THINNEST = 0.04
 _BESIDE = 0.3
 _SIDES = (0.0, math.pi / 2, math.pi, -math.pi / 2)
@@ -24,10 +24,10 @@ Points = NDArray[np.float64]
 
 
 class Footprint(NamedTuple):
-    """What an object covers on the floor plane, about its recorded centre."""
+    """The area of an object on the floor plane, around its recorded centre."""
 
     yaw: float
-    """Radians about +y, a multiple of 90 degrees; at 0 the front looks along +z."""
+    """Yaw about +y in radians, a multiple of 90 degrees; at 0 the front faces +z."""
     width: float
     depth: float
 
@@ -35,14 +35,14 @@ class Footprint(NamedTuple):
 def fitted_footprint(
     offsets: Points, others: Points, *, usual: tuple[float, float], blocked: Points, is_thin: bool = False
 ) -> Footprint:
-    """The footprint whose front looks at the view points and that fits them best.
+    """The footprint whose front faces the view points and that fits them best.
 
     Args:
         offsets: (V, 2) view points along x and z from the object's centre.
-        others: (N, 2) the other known places near the object, likewise.
-        usual: Width and depth of such things.
-        blocked: (B, 2) places where a robot's centre must stay free, likewise.
-        is_thin: It hangs on a wall: only its front counts, and its depth stays as usual.
+        others: (N, 2) the other known places near the object, in the same form.
+        usual: Usual width and depth of such objects.
+        blocked: (B, 2) places where a robot's centre must stay free, in the same form.
+        is_thin: Whether it hangs on a wall: then only its front counts, and its depth stays as usual.
     """
     distance = np.linalg.norm(offsets, axis=1)
     middle = (offsets / np.maximum(distance, 1e-6)[:, None]).mean(axis=0) if len(offsets) else np.zeros(2)
@@ -78,7 +78,7 @@ def clipped(half: Points, blocked: Points) -> Points:
 
 
 def in_the_way(places: Points, *, bottom: float, top: float) -> NDArray[np.bool_]:
-    """(N,) where a robot's body at places (N, 3) would meet something that reaches from `bottom` to `top`."""
+    """(N,) whether a robot's body at each place (N, 3) would meet a thing that reaches from `bottom` to `top`."""
     return (places[:, 1] < top - 0.1) & (places[:, 1] + CAMERA_HEIGHT > bottom)
 
 
@@ -96,7 +96,7 @@ def _lost(half: Points, blocked: Points) -> float:
 
 
 def _stretched(half: Points, offsets: Points, others: Points) -> Points:
-    """Half extents (2,) such that view points beside the box are within REACH, and other places there are not."""
+    """Half extents (2,) that put view points beside the box within REACH, and other places beside it outside REACH."""
     found = half.copy()
     for axis in (0, 1):
         beside = np.abs(offsets[np.abs(offsets[:, 1 - axis]) <= max(_BESIDE, half[1 - axis]), axis])

@@ -46,13 +46,13 @@ _PAINTS: tuple[Rgb, ...] = (
 )  # fmt: skip
 _TILED: tuple[RoomKind, ...] = ("bathroom", "laundry room")
 _TOUCH = 8
-"""Rooms that come this near each other share a wall (cells)."""
+"""Rooms this near each other share a wall (cells)."""
 _OF_FLOOR = re.compile(r"\b(\w+) (?:floor|carpet)")
 _OF_WALL = re.compile(r"\b(\w+) (?:walls?|bedroom|bathroom|room)\b")
 
 
 class RoomFinishes(NamedTuple):
-    """What a room is made of."""
+    """Materials of a room."""
 
     floor: Finish
     wall: Finish
@@ -61,10 +61,10 @@ class RoomFinishes(NamedTuple):
 def room_finishes(
     rooms: Sequence[RoomName | None], masks: Sequence[NDArray[np.bool_]], storeys: Sequence[int]
 ) -> list[RoomFinishes]:
-    """Floors and walls of rooms (None = nothing names it) with their cells (rows, cols), in order.
+    """Floors and walls of rooms (None = a room without name) with these cells (rows, cols), in order.
 
     Rooms of one storey that share a wall get different paint, and different floors where their kind has several.
-    Colours that a text names ("bathroom with blue floor") count.
+    Colours in a text ("bathroom with blue floor") are used.
     """
     grown = [np.asarray(ndimage.binary_dilation(mask, iterations=_TOUCH), bool) for mask in masks]
     found: list[RoomFinishes] = []

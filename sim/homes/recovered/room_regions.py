@@ -1,6 +1,6 @@
-"""Which seeds (objects of known rooms) the open cells of a storey belong to, and which seeds are in one room.
+"""Assigns the open cells of a storey to seeds (objects of known rooms), and groups seeds of one room.
 
-Cells and seeds -> labels, for recovered_rooms.py. Ways are weighted: near walls, so in doors, they count longer.
+Cells and seeds -> labels, for recovered_rooms.py. Ways are weighted: near walls, and so in doors, they count longer.
 """
 
 from collections.abc import Sequence
@@ -22,21 +22,21 @@ _CLEAR, _NARROW = 0.5, 4.0
 """Cells nearer than _CLEAR to a wall (metres) count up to 1 + _NARROW times as long: doors hold labels back."""
 _SAME_ROOM = 2.0
 _SAME_TEXT = 8.0
-"""Rooms of one kind, and rooms of one text, are one where their objects are this near (metres, weighted)."""
+"""Rooms of one kind, and rooms with one text, are one room if their objects are this near (metres, weighted)."""
 _FAR = 6.0
-"""What is farther than this from every object (metres, weighted) is no room's, but the storey's."""
+"""Cells farther than this from every object (metres, weighted) belong to the storey, not to a room."""
 _SMALLEST = 1.8
 """Smallest room (square metres)."""
-_SMOOTH = 9  # cells: regions take the majority of such squares
+_SMOOTH = 9  # cells: side of the squares whose majority a region takes
 _SINGLE: tuple[RoomKind, ...] = ("kitchen", "garage", "dining room", "laundry room", "utility room", "attic")
-"""A storey has one of these, whatever texts call its parts."""
+"""A storey has only one of each of these, even if texts give its parts different names."""
 _FILLERS = frozenset(("of", "the", "with", "a", "an", "in", "near", "next", "to", "before", "and", "its", "on", "part"))
 
 Labels = NDArray[np.int64]
 
 
 class Seed(NamedTuple):
-    """An object that says what the room around it is."""
+    """An object that gives the room around it."""
 
     goal: Goal
     room: RoomName
@@ -72,7 +72,7 @@ def cell_graph(mask: NDArray[np.bool_], cell: float) -> CellGraph:
 
 
 def spread(graph: CellGraph, seeds: Sequence[Seed], grid: CellGrid) -> tuple[NDArray[np.float64], Labels]:
-    """For each cell (rows, cols) the weighted way to the nearest seed (inf without), and which one it is (-1).
+    """For each cell (rows, cols) the weighted way to the nearest seed (inf without), and that seed's index (-1).
 
     The way goes through a place that sees the seed's object, so that it does not lead through a wall.
     """
@@ -110,7 +110,7 @@ def spread(graph: CellGraph, seeds: Sequence[Seed], grid: CellGrid) -> tuple[NDA
 
 
 def places_of(goal: Goal) -> NDArray[np.float64]:
-    """(V, 3) places around an object: those that see it or, where none is known, those added on its storey."""
+    """(V, 3) places around an object: those that see it or, where none is known, the extra ones on its storey."""
     places = original_places(goal)
     if len(places):
         return places
@@ -124,7 +124,7 @@ def distance_at(goal: Goal, distance: NDArray[np.float64], grid: CellGrid) -> fl
 
 
 def groups_of(seeds: Sequence[Seed], distance: NDArray[np.float64], nearest: Labels) -> Labels:
-    """(N,) which seeds are in one room: those of one text or kind whose cells touch near enough, as a seed's index."""
+    """(N,) index of one seed for all seeds of a room: those with one text or kind whose cells touch near enough."""
     num = len(seeds)
     if not num:
         return np.zeros(0, np.int64)
@@ -166,7 +166,7 @@ def _is_one_room(a: Seed, b: Seed, way: float) -> bool:
 
 
 def settled(labels: Labels, distance: NDArray[np.float64], mask: NDArray[np.bool_], *, num: int, cell: float) -> Labels:
-    """Labels of all open cells: smoothed, without small regions; `num` is what nothing names."""
+    """Labels of all open cells: smoothed, without small regions; `num` labels cells without a room's name."""
     labels = np.where(mask & np.isinf(distance), -1, labels)
     far = mask & (labels >= 0) & (distance > _FAR)
     labels = np.where(far, num, labels)
@@ -183,7 +183,7 @@ def settled(labels: Labels, distance: NDArray[np.float64], mask: NDArray[np.bool
 
 
 def _filled(labels: Labels, mask: NDArray[np.bool_], *, rest: int) -> Labels:
-    """Open cells without a label (-1) take that of the nearest cell that has one; `rest` where no cell has."""
+    """Open cells without a label (-1) get that of the nearest labelled cell; `rest` where there is none."""
     has = mask & (labels >= 0)
     if not has.any():
         return np.where(mask, rest, -1)

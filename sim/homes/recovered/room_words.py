@@ -1,4 +1,4 @@
-"""What texts call the rooms of recorded objects, and what kind of room a name means; for recovered_rooms.py."""
+"""Names of recorded objects' rooms in texts, and the kind of room of a name; for recovered_rooms.py."""
 
 import re
 from collections import Counter
@@ -29,9 +29,9 @@ _WORDS: Mapping[str, RoomKind] = {
     "playroom": "game room", "gym": "game room", "staircase": "stairs", "stairs": "stairs", "stair region": "stairs",
     "stiars": "stairs", "attic": "attic", "utility room": "utility room",
 }  # fmt: skip
-"""Words that texts use (typing errors of the release included) and the kind that they mean."""
+"""Words in texts (typing errors of the release included) and their kinds of rooms."""
 _TURNS = re.compile(r"\b(?:of|near|next to|close to|with|without|before|between|from|front|on|connected|where)\b|[(,]")
-"""What follows says where a room is or what stands in it, not what it is."""
+"""The words after these give a room's place or content, not its kind."""
 _SPELLING = {"closeth": "closet", "dinign": "dining", "edroom": "bedroom", "mastrt": "master", "bathrom": "bathroom"}
 _PATTERN = re.compile(r"\b(?:" + "|".join(sorted(map(re.escape, _WORDS), key=lambda w: (-len(w), w))) + r")s?\b")
 _VAGUE = re.compile(r"^(?:near|corner) | (?:part|area|region|section)$")
@@ -47,23 +47,23 @@ _USUAL: tuple[tuple[RoomKind, str], ...] = (
     ("studio", "desk office computer"),
     ("stairs", "stair stairs"),
 )
-"""Where things with these words in their category usually are; counts only where no text names a room."""
+"""Usual rooms of things with these words in their category; used only where no text names a room."""
 
 
 class RoomName(NamedTuple):
-    """A room as a text calls it."""
+    """A room's name in a text."""
 
     kind: RoomKind
     name: str
     """Short and in lower case: "master bedroom"."""
     text: str
-    """All that the text says, normalised: rooms with equal texts are one room if they are near."""
+    """The whole text, normalised: rooms with equal texts are one room if they are near."""
 
 
 def room_texts(dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...]) -> dict[str, Counter[str]]:
-    """How often the ownership sentences put each target of a scene into which room, by `object_name`.
+    """Counts of the rooms in which ownership sentences put each target of a scene, by `object_name`.
 
-    Of the owner's sentences the one whose words are most like the target's caption and category counts.
+    The owner's sentence whose words are most like the target's caption and category counts.
 
     Raises:
         DatasetError: The scene is unknown, its files are damaged, or a sentence cannot be parsed.
@@ -88,7 +88,7 @@ def _words(text: str) -> set[str]:
 
 
 def room_name(text: str) -> RoomName | None:
-    """The room that a text names; None where no word for a kind of room is in it."""
+    """The room in a text; None where the text has no word for a kind of room."""
     plain = " ".join(_SPELLING.get(word, word) for word in normalise_phrase(text.replace("-", " ")).split())
     plain = re.sub(r"\bthe\b|\b(?:an?|its)\b", " ", plain)
     plain = " ".join(plain.split())
@@ -109,6 +109,6 @@ def _kind(word: str) -> RoomKind:
 
 
 def usual_room(category: str) -> RoomKind | None:
-    """The kind of room in which such things usually are; None for things of any room."""
+    """The usual kind of room for things of this category; None for things of any room."""
     words = set(category.split())
     return next((kind for kind, names in _USUAL if words & set(names.split())), None)

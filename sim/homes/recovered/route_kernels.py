@@ -15,18 +15,18 @@ from sim.walk.heap import pop, push
 
 _TIE = 1e-9
 SAME_HEIGHT = 5.0
-"""A node this near to a polyline's height lies on it (cells)."""
+"""A node this near to a polyline's height is on it (cells)."""
 _STEP = 0.5  # cells between the samples of a polyline
 
 
 class Ground(NamedTuple):
-    """Free and unknown floor; `price` and `is_free` change while corridors are sought."""
+    """Free and unknown floor; `price` and `is_free` change during the search for corridors."""
 
     cells: Cells
     is_free: NDArray[np.bool_]
-    """(N,)."""
+    """(N,) whether each node is free floor."""
     price: NDArray[np.float64]
-    """(N,) what a cell's length of unknown floor costs beside the length itself, before `reluctance`."""
+    """(N,) cost of unknown floor per cell length, in addition to the length, before `reluctance`."""
 
 
 class Work(NamedTuple):
@@ -74,7 +74,7 @@ def _rate_along(ground, reluctance, u, v, node, end_u, end_v, end_node):
     du, dv = end_u - u, end_v - v
     side_u, side_v = (0 if du > 0 else 2), (1 if dv > 0 else 3)
     corner = 4 + (side_u if (side_u + 1) % 4 == side_v else side_v)
-    # shares of the segment at which it next crosses a border of either kind, and between two of a kind
+    # shares of the segment at its next border of either kind, and between two borders of one kind
     every_u, every_v = (1 / abs(du) if du != 0 else math.inf), (1 / abs(dv) if dv != 0 else math.inf)
     at_u = ((cells.col[node] + 1 - u) if du > 0 else (u - cells.col[node])) * every_u if du != 0 else math.inf
     at_v = ((cells.row[node] + 1 - v) if dv > 0 else (v - cells.row[node])) * every_v if dv != 0 else math.inf
@@ -113,7 +113,7 @@ def _anchor(cells, work, node, goal):
 
 @njit(cache=True, nogil=True)
 def _relax(ground, work, counts, node, start, goal, reluctance, limit):
-    """Offer the way over `node` to its neighbours, straight from its parent where that is no dearer."""
+    """Offers the way over `node` to its neighbours, straight from its parent where that costs no more."""
     cells = ground.cells
     size, touched = counts
     u, v, h = cells.col[node] + 0.5, cells.row[node] + 0.5, cells.h[node]
@@ -163,7 +163,8 @@ def _last_leg(ground, work, node, start, goal, reluctance):
 def route(ground, work, start, goal, reluctance, limit):
     """Cheapest polyline (K, 3) of u, v, h from start to goal inside the ellipse whose string has length `limit`.
 
-    Any-angle A*. `reluctance` is the price of unknown floor; inf keeps to free floor. K = 0 if there is no way.
+    It uses any-angle A*. `reluctance` is the price of unknown floor; inf allows only free floor. K = 0 if there is no
+    way.
     """
     cells = ground.cells
     u, v, h = cells.col[goal.node] + 0.5, cells.row[goal.node] + 0.5, cells.h[goal.node]
@@ -204,7 +205,7 @@ def route(ground, work, start, goal, reluctance, limit):
 
 @njit(cache=True, nogil=True)
 def free_parts(ground):
-    """(N,) number of the connected part of free floor that each node is on, -1 on unknown floor."""
+    """(N,) number of each node's connected part of free floor, -1 on unknown floor."""
     links = ground.cells.links
     parts = np.full(len(links), -1, np.int32)
     queue = np.empty(len(links), np.int32)
@@ -230,7 +231,7 @@ def free_parts(ground):
 
 @njit(cache=True, nogil=True)
 def mark_near(cells, polyline, radius, mark):
-    """Set `mark` (N,) at the nodes whose centre is within `radius` of a polyline (K, 3) and that lie at its height."""
+    """Sets `mark` (N,) at the nodes whose centre is within `radius` of a polyline (K, 3) and at its height."""
     reach = math.ceil(radius)
     for i in range(len(polyline) - 1):
         move = polyline[i + 1] - polyline[i]

@@ -1,4 +1,4 @@
-"""Which recorded view points of a home can be stood on and see their object; for `personal-viz homes` and tests.
+"""Checks that recorded view points of a home are standable and see their object; for `personal-viz homes` and tests.
 
 standing, seeing = sights_of(scene_from_plan(plan), dataset.goals(plan.name))["couch_12"]
 """
@@ -18,13 +18,13 @@ from sim.walk.object_surface import object_ids_at, object_surface
 from ...mesh import Scene, TriangleMesh
 
 SAMPLES = 64
-"""Points of an object's surface to which lines of sight are drawn."""
+"""Number of points of an object's surface to which lines of sight are drawn."""
 _STEEPEST = TURN_STEP + math.atan(Camera().height / 2 / Camera().focal)
 """Rise or fall of a line of sight that one look up or down still shows (radians)."""
 
 
 class Sights(NamedTuple):
-    """What is known of the original view points of one object, in their order."""
+    """Checks of the original view points of one object, in their order."""
 
     standable: NDArray[np.bool_]
     """(V,) whether the robot can stand there."""
@@ -33,23 +33,23 @@ class Sights(NamedTuple):
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """(V,) which of them are standable and see something of the object."""
+        """(V,) whether each view point is standable and sees a part of the object."""
         return self.standable & (self.visible_share > 0)
 
 
 def view_points_ok(scene: Scene, goals: Mapping[str, Goal]) -> tuple[int, int]:
-    """How many original view points (with `iou`) of the goals are standable and see their object, and how many are.
+    """(number of the goals' original view points that are standable and see their object, number of all).
 
     Args:
-        scene: A home that holds the goals' objects under their names.
-        goals: By `object_name`, as `PersonalDataset.goals` gives them.
+        scene: A home that contains the goals' objects under their names.
+        goals: Goals by `object_name`, from `PersonalDataset.goals`.
     """
     sights = sights_of(scene, goals).values()
     return int(sum(found.ok.sum() for found in sights)), sum(len(found.ok) for found in sights)
 
 
 def sights_of(scene: Scene, goals: Mapping[str, Goal]) -> dict[str, Sights]:
-    """What each goal's original view points see, by the goals' names; an object that the scene lacks is not seen."""
+    """The views from each goal's original view points, by the goal's name; a missing object is not seen."""
     caster = Raycaster(scene.mesh)
     ids = {item.name: item.instance_id for item in scene.objects}
     found: dict[str, Sights] = {}
@@ -80,7 +80,7 @@ def visible_shares(
 ) -> NDArray[np.float64]:
     """(V,) share of the lines from the camera above each place (V, 3) to targets (S, 3) that meet the object first.
 
-    Lines that rise or fall more steeply than one look up or down shows do not count as seen.
+    Lines too steep for one look up or down do not count as seen.
     """
     if not len(places) or not len(targets):
         return np.zeros(len(places))

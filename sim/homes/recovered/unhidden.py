@@ -1,6 +1,6 @@
 """Recovered objects changed so that none hides another from the places that see it; after recovered_objects.py.
 
-Only sizes change, and supports that nobody recorded may go. Walls do not matter: they stand in no line of sight.
+Only sizes change, and unrecorded supports may be removed. Walls do not matter: they are in no line of sight.
 """
 
 import math
@@ -25,28 +25,28 @@ from .sightlines import original_places
 
 _ROUNDS = 6
 _ENOUGH = 0.97
-"""Share of an object's view points that must see it; below, whatever hides it gives way."""
+"""Share of an object's view points that must see it; with fewer, the pieces that hide it are changed."""
 _SAMPLES = 32
 _SHRUNK = 0.8
 _SMALLEST, _LEAST_SHARE = 0.08, 0.55
-"""A blocker shrinks neither below this width and depth (metres) nor below this share of its first ones."""
+"""Least width and depth of a shrunk blocker (metres), and their least share of the original ones."""
 _LIP = 0.01
-"""How far a thing inside another one reaches out of it (metres)."""
+"""Distance by which a thing inside another one reaches out of it (metres)."""
 _FARTHEST_OUT = 0.4
 
 
 class _Hidden(NamedTuple):
-    """An object that too few places see, and what stands in front."""
+    """An object that too few places see, and the pieces in front of it."""
 
     index: int
     by: Counter[int]
-    """Lines of sight that other pieces cut, by their index."""
+    """Number of lines of sight that each other piece cuts, by index."""
 
 
 def unhidden(found: Sequence[RecoveredObject], goals: Mapping[str, Goal]) -> tuple[RecoveredObject, ...]:
-    """The objects with sizes such that (nearly) all original view points of each see some of it past the others.
+    """The objects with sizes at which (nearly) all original view points of each see a part of it past the others.
 
-    Names, centres and yaws stay; supports (role `clutter`) are left out where they hide something.
+    Names, centres and yaws stay; supports (role `clutter`) are left out where they hide an object.
     """
     objects = list(found)
     for _ in range(_ROUNDS):
@@ -74,7 +74,7 @@ def unhidden(found: Sequence[RecoveredObject], goals: Mapping[str, Goal]) -> tup
 def made_way(
     piece: Furniture, blocker: Furniture, *, least: tuple[float, float] = (_SMALLEST, _SMALLEST)
 ) -> tuple[Furniture, Furniture]:
-    """The hidden piece and what hides it, one of them with another size.
+    """The hidden piece and the blocker, one of them with a new size.
 
     A piece whose centre lies inside the other reaches a little out of its front or top, as an oven in a cabinet or a
     blanket on a bed; else the blocker shrinks, at most to `least` metres of width and depth.
@@ -95,7 +95,7 @@ def made_way(
 
 
 def _gaps(piece: Furniture, blocker: Furniture) -> tuple[float, float]:
-    """Metres from the piece's centre to where its front direction and the opposite one leave the blocker's bounds."""
+    """Metres from the piece's centre to the ends of the blocker's bounds, in its front direction and backwards."""
     (x, _, z), rect = piece.centre, blocker.rect
     sin, cos = math.sin(piece.yaw), math.cos(piece.yaw)
     ends = (rect.x1 - x, x - rect.x0) if abs(sin) > abs(cos) else (rect.z1 - z, z - rect.z0)

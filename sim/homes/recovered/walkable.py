@@ -1,4 +1,4 @@
-"""Where the robot can walk in a schematic home: known floor, corridors that fit the recorded lengths, and bridges."""
+"""Walkable cells of a schematic home: known floor, corridors that fit the recorded lengths, and bridges."""
 
 import math
 
@@ -28,10 +28,10 @@ Pairs = NDArray[np.int64]
 def walkable_cells(recorded: Recorded, storeys: tuple[Storey, ...], *, grid: CellGrid) -> Cells:
     """Cells where the robot's centre can be.
 
-    Known are the cells around recorded places and between two that are at most LINK apart, and those along the straight
-    line of a record whose length proves it free. `guessed` is all else: corridors without which a recorded length
-    could not be met, and bridges, which join all islands that a straight ramp of at most 40 degrees can join; a storey
-    without room for one stays an island of its own.
+    Known cells are those around recorded places, between two places at most LINK apart, and along the straight line of
+    a record whose length proves that it is free. All others are `guessed`: corridors that a recorded length requires,
+    and bridges, which join all islands that a straight ramp of at most 40 degrees can join; a storey without space for
+    a bridge stays an island of its own.
     """
     known = known_floor(recorded, grid=grid)
     unknown = unknown_cells(known, storeys, grid=grid)
@@ -42,7 +42,7 @@ def walkable_cells(recorded: Recorded, storeys: tuple[Storey, ...], *, grid: Cel
 
 
 def _without_crumbs(cells: Cells, grid: CellGrid) -> Cells:
-    """The cells of islands of some size: single cells at the rim of a ramp are cut off from it."""
+    """The cells without tiny islands, which are single cells at the rim of a ramp."""
     order = np.lexsort((cells.y, cells.rc[:, 1], cells.rc[:, 0]))
     rc, y, guessed = cells.rc[order], cells.y[order], cells.guessed[order]
     islands = FloorGrid.from_cells(rc, y, grid=grid.grid, max_climb=PLAN_CLIMB).islands
@@ -51,7 +51,7 @@ def _without_crumbs(cells: Cells, grid: CellGrid) -> Cells:
 
 
 def _bridges(places: Points, cells: Cells, storeys: tuple[Storey, ...], *, grid: CellGrid) -> Cells | None:
-    """Straight strips that join all islands, guessed where they leave known floor; None if nothing is left to join."""
+    """Straight strips that join all islands, guessed where they leave known floor; None if no islands can be joined."""
     floor = FloorGrid.from_cells(cells.rc, cells.y, grid=grid.grid, max_climb=PLAN_CLIMB)
     islands = np.array([floor.island(place) for place in places])
     square = np.column_stack([islands, np.floor(places / _THINNED)])
