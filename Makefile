@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
 
-.PHONY: demo test release check lint fast bench screenshots docs locked tag clean
+.PHONY: demo test release check lint fast bench screenshots figures docs locked tag clean
 
 demo: $(VENV)/.demo
 	@exec $(BIN)/personal-viz demo
@@ -47,6 +47,10 @@ bench: $(VENV)/.test
 screenshots: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests
 	$(BIN)/python -m personal_viz.screenshots.make
+
+# The tables of docs/figures.md, from what `personal-viz bench WHAT --json docs/figures/WHAT.json` wrote.
+figures: $(VENV)/.test
+	@$(BIN)/python -m personal_viz.bench.page docs/figures docs/figures.md
 
 docs: $(VENV)/.test
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet && echo "Written to build/docs/index.html"

@@ -38,7 +38,7 @@ _UNITS = {
     "_mb": "MB",
     "_megabytes": "MB",
 }
-"""Unit by the end of a name; the first that fits."""
+"""Unit by the end of a name, or of its case; the first that fits."""
 
 
 class Target(NamedTuple):
@@ -132,7 +132,7 @@ class Plan(NamedTuple):
     references: Mapping[str, str] = {}
     """By the end of a figure's name: the end of the name, in the same case, of what it is compared with."""
     units: Mapping[str, str] = {}
-    """By the end of a name, where the name does not tell."""
+    """By the end of a name, or by its case, where these do not tell."""
 
 
 def report_of(
@@ -178,7 +178,7 @@ def machine(**versions: str) -> Machine:
 def tables(report: Report) -> Iterator[tuple[str, list[list[str]]]]:
     """(title, rows with their heads first): the targets, then the figures, a column per case.
 
-    Cases with the same figures share a table.
+    Cases with the same figures share a table; one of which nothing was measured has none.
     """
     targets = [figure for figure in report.figures if figure.target]
     words = {True: "yes", False: "NO", None: "not measured"}
@@ -190,7 +190,8 @@ def tables(report: Report) -> Iterator[tuple[str, list[list[str]]]]:
         cases.setdefault(figure.case, {})[figure.name.rpartition(".")[2]] = figure
     groups: dict[tuple[str, ...], list[str]] = {}
     for case, figures in cases.items():
-        groups.setdefault(tuple(figures), []).append(case)
+        if any(figure.value is not None for figure in figures.values()):
+            groups.setdefault(tuple(figures), []).append(case)
     for names, alike in groups.items():
         first = cases[alike[0]]
         body = [[name, first[name].unit, *(number(cases[case][name].value) for case in alike)] for name in names]
@@ -347,7 +348,7 @@ def _figure(name: str, found: Mapping[str, float | None], plan: Plan) -> Figure:
     case, _, end = name.rpartition(".")
     target, value = plan.targets.get(name), found.get(name)
     reference = f"{case}.{plan.references[end]}".lstrip(".") if end in plan.references else ""
-    unit = plan.units.get(end) or next((unit for suffix, unit in _UNITS.items() if end.endswith(suffix)), "")
+    unit = plan.units.get(case) or plan.units.get(end) or _unit_of(end) or _unit_of(case)
     return Figure(
         name=name,
         value=value,
@@ -357,6 +358,10 @@ def _figure(name: str, found: Mapping[str, float | None], plan: Plan) -> Figure:
         target=target.words if target else "",
         met=None if target is None or value is None else target.is_met_by(value),
     )
+
+
+def _unit_of(name: str) -> str:
+    return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix)), "")
 
 
 def _cpu_model() -> str:

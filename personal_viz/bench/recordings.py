@@ -1,10 +1,12 @@
 """What recordings cost: an episode logged live beside a loop that only encodes its pictures, and a big comparison."""
 
+import contextlib
 import io
 import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from recordings.observer import RerunObserver
 from recordings.replay import log_comparison
 from recordings.sinks import LiveSink
+from recordings.viewer.web import serve_file
 from sim.errors import MissingDependencyError
 from sim.homes.labels import renderer_of
 from sim.mesh import Scene
@@ -24,8 +27,10 @@ from sim.types import Observation
 
 from ..browser import open_chromium
 from .harness import Plan, Progress, Report, Target, Timing, interleaved, machine, report_of
-from .opening import recording_opening_s
 from .walkers import RecordedHome, recorded_home, walked
+
+if TYPE_CHECKING:
+    from playwright.sync_api import BrowserContext
 
 PLAN = Plan(
     targets={
@@ -39,6 +44,33 @@ PLAN = Plan(
     references={"steps_per_s": "encode_only_steps_per_s"},
     units=dict.fromkeys(("mb_with_pixels", "mb_without", "compare_mb"), "MB"),
 )
+
+_WATCH_VIEWER = """
+window.viewerAtRest = new Promise((rest, never) => {
+  const [width, height, restful, longestMs] = [320, 200, 30, 180000];
+  const pixels = new OffscreenCanvas(width, height).getContext("2d", {willReadFrequently: true});
+  pixels.imageSmoothingEnabled = false;
+  const next = window.requestAnimationFrame.bind(window);
+  const frames = [];
+  let idle = 0;
+  window.requestAnimationFrame = (callback) => next((at) => {
+    const before = performance.now();
+    callback(at);
+    const canvas = document.getElementById("the_canvas_id");
+    if (!canvas || !canvas.width || idle > restful) return;
+    idle = performance.now() - before < 2 ? idle + 1 : 0;
+    if (idle === 0) {
+      pixels.drawImage(canvas, 0, 0, width, height);
+      const colours = new Set(new Uint32Array(pixels.getImageData(0, 0, width, height).data.buffer)).size;
+      frames.push([performance.now(), colours]);
+    } else if (idle === restful) frames.length ? rest(frames) : idle = 0;
+  });
+  setTimeout(() => never(Error(`the viewer still draws after ${longestMs} ms`)), longestMs);
+});
+"""
+"""Notes after how many milliseconds each frame was there (reading waits for it) and its colours, until none comes."""
+_FILLED = 0.9
+"""A recording is shown when the picture has this share of the colours that it has at rest."""
 
 
 class RecordingSettings(BaseModel):
@@ -100,7 +132,7 @@ def measure_recordings(settings: RecordingSettings, *, quick: bool, progress: Pr
         progress(f"{settings.num_people} people and {settings.num_agents} agents in one recording")
         build_s = _build_s(home, runs, renderer, folder / "compare.rrd")
         compared = (folder / "compare.rrd").stat().st_size
-        open_s = _open_s(folder / "compare.rrd", repeats=settings.repeats)
+        open_s = _median_opening_s(folder / "compare.rrd", repeats=settings.repeats)
     log, encode, fast = timings["log"], timings["encode"], timings["encode fast"]
     pictures = sum(len(run.episodes[0].poses) for run in runs)
     values = {
@@ -189,13 +221,23 @@ def _build_s(home: RecordedHome, runs: list[Run], renderer: Renderer, out: Path)
     return time.perf_counter() - before
 
 
-def _open_s(rrd: Path, *, repeats: int) -> float | None:
+def _median_opening_s(rrd: Path, *, repeats: int) -> float | None:
     """Median seconds to open it, each time in a browser that knows nothing."""
     seconds = []
     try:
         for _ in range(repeats):
             with open_chromium() as browser:
-                seconds.append(recording_opening_s(browser, rrd))
+                seconds.append(_opening_s(browser, rrd))
     except MissingDependencyError:
         return None
     return float(np.median(seconds))
+
+
+def _opening_s(browser: "BrowserContext", rrd: Path) -> float:
+    """Seconds after which Rerun's web viewer, asked for a recording, shows it with all its pictures and stays so."""
+    with serve_file(rrd) as site, contextlib.closing(browser.new_page()) as page:
+        page.add_init_script(_WATCH_VIEWER)
+        page.goto(f"{site.of_file(rrd.name)}&renderer=webgl")
+        frames = page.evaluate("window.viewerAtRest")
+    unfilled = [at for at, (_, colours) in enumerate(frames) if colours < _FILLED * frames[-1][1]]
+    return frames[unfilled[-1] + 1 if unfilled else 0][0] / 1000

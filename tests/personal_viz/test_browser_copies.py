@@ -1,5 +1,6 @@
 """Real Chromium shows a home's browser copy: its colours, its textures, no ceiling; and Rerun shows the same."""
 
+import contextlib
 import io
 import itertools
 from collections.abc import Callable, Iterator
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import BrowserContext, Page
 
-from personal_viz.bench.opening import opening
 from personal_viz.bench.sim.scenes import bench_mesh
 from personal_viz.screenshots.rerun_page import screenshot_rrd
 from personal_viz.study_app.home.scene_view import SceneView, StoreyCopies
@@ -26,6 +26,30 @@ from sim.walk.floor_grid import floor_grid_from_mesh
 pytestmark = pytest.mark.browser
 GREEN, BLUE, MAGENTA = (60, 160, 60), (60, 60, 170), (255, 0, 255)
 RED_TEXTURE, GREY = (170, 50, 50), (128, 128, 128)
+
+WATCH_CANVAS = """
+(() => {
+  const draw = WebGL2RenderingContext.prototype.drawElements;
+  let canvas = null;
+  WebGL2RenderingContext.prototype.drawElements = function (mode, count, ...rest) {
+    if (count >= 3000) canvas = this;
+    return draw.call(this, mode, count, ...rest);
+  };
+  const next = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (callback) => next((at) => {
+    callback(at);
+    if (canvas === null || window.homeShownMs !== undefined) return;
+    const number = canvas.drawingBufferWidth * canvas.drawingBufferHeight;
+    const pixels = new Uint8Array(4 * number);
+    canvas.readPixels(0, 0, canvas.drawingBufferWidth, canvas.drawingBufferHeight,
+                      canvas.RGBA, canvas.UNSIGNED_BYTE, pixels);
+    const colours = new Set();
+    for (let k = 0; k < 4 * number; k += 388) colours.add(pixels[k] << 16 | pixels[k + 1] << 8 | pixels[k + 2]);
+    if (colours.size >= 20) window.homeShownMs = performance.now();
+  });
+})();
+"""
+"""Notes after how many milliseconds a frame with a large mesh first had many colours; reading waits for the frame."""
 
 
 def room() -> Scene:
@@ -167,9 +191,27 @@ def test_rerun_shows_vertex_colours_and_flat_colours_alike(tmp_path: Path) -> No
     assert np.ptp(greys) <= 2
 
 
+def opening_s(browser: BrowserContext, copies: StoreyCopies, *, storey: int) -> float:
+    """Seconds until a new page of a running viser server shows a storey, as participants get it."""
+    with contextlib.ExitStack() as stack:
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        stack.callback(server.stop)
+        server.scene.set_up_direction("+y")
+
+        @server.on_client_connect
+        def _(client: viser.ClientHandle) -> None:
+            SceneView(client, copies).show_storey(storey)
+
+        page = browser.new_page()
+        stack.callback(page.close)
+        page.add_init_script(WATCH_CANVAS)
+        page.goto(f"http://127.0.0.1:{server.get_port()}/")
+        return page.wait_for_function("window.homeShownMs", polling=50).json_value() / 1000
+
+
 @pytest.mark.bench
 def test_a_million_triangles_open_within_five_seconds(browser: BrowserContext) -> None:
     mesh = bench_mesh(1_000_000, cluttered=True)
     copies = StoreyCopies(Scene("Bench", "scan", mesh, (), floor_grid_from_mesh(mesh), mesh.digest()))
-    seconds = sorted(opening(browser, copies, storey=1).shown_s for _ in range(5))
+    seconds = sorted(opening_s(browser, copies, storey=1) for _ in range(5))
     assert seconds[2] <= 5.0, seconds

@@ -54,6 +54,7 @@ PLAN = Plan(
         "rss_mb": "trimesh_rss_mb",
     },
     units={
+        "growth": "exponent",
         **dict.fromkeys(("raw_ms", "depth_ms", "rgbd_ms", "nearest_ms", "mipmap_ms", "open3d_rays_ms"), "core-ms"),
         **dict.fromkeys(("raw_256_ms", "rgbd_256_ms", "field_ms"), "core-ms"),
         **dict.fromkeys(("tree_s", "build_s", "load_s", "load_parse_s", "trimesh_s", "trimesh_parse_s"), "core-s"),
