@@ -8,7 +8,7 @@ import viser
 
 from personal_viz.study_app.home.scene_view import VIEW_ANGLE
 
-from .homes import OpenHome
+from .library import OpenHome
 
 _MARGIN = 1.12
 """Room around a storey, as a factor."""

@@ -1,17 +1,21 @@
 """An episode, its runs and the list as HTML for the panels. Pure; everything that comes from files is escaped."""
 
+import base64
 import html
 import re
 from collections.abc import Collection, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sim.episodes.ownership import OwnershipGraph
 from sim.episodes.schema import Episode
+from sim.render.renderer import jpeg_bytes
 from sim.tasks.run_files import Answer, EpisodeRun
 
 from .catalogue import Catalogue, ListPage
 from .graph_svg import color_of_person
-from .layer_choice import LayerChoice
-from .shown_runs import Shown
+from .shown import LayerChoice, Shown
 
 STYLE = """
 <style>
@@ -170,6 +174,15 @@ def runs_html(shown: Sequence[Shown], *, hidden: Collection[str], walked: str | 
         heads = '<th>answer</th><th>success</th><th>top 3</th><th class="n">points</th><th class="n">off by</th>'
         parts.append(f'<table class="answers"><tr><th></th>{heads}</tr>{rows}</table>')
     return f'<div class="bw">{"".join(parts)}</div>'
+
+
+def picture_html(rgb: NDArray[np.uint8], *, step: int, caption: str) -> str:
+    """What a robot sees, (H, W, 3), as an inline JPEG with a line below it."""
+    data = base64.b64encode(jpeg_bytes(rgb)).decode()
+    return (
+        f'<div class="bw"><img alt="What the robot saw" data-step="{step}" src="data:image/jpeg;base64,{data}" '
+        f'style="width:100%;height:auto;border-radius:6px"><p class="dim">{html.escape(caption)}</p></div>'
+    )
 
 
 def _row(catalogue: Catalogue, number: int, *, is_here: bool) -> str:

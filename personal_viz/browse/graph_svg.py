@@ -1,6 +1,6 @@
 """The ownership graph as a drawing: people left, objects right, an edge for each thing owned. Pure: text in, SVG out.
 
-Nodes carry `data-hover` and `data-click`, which channel.py turns into messages; everything from files is escaped.
+Nodes carry `data-hover` and `data-click`, which messages.py turns into messages; everything from files is escaped.
 """
 
 import html

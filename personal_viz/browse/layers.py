@@ -6,18 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from sim.episodes.schema import Episode, Goal
-from sim.frames import T_world_camera
+from sim.frames import T_world_camera, forward_from_yaw
 from sim.tasks.rules import success_region
 from sim.types import Camera, Pose
+from sim.walk.storeys import same_storey
 
-from . import shapes
-from .homes import OpenHome
-from .layer_choice import LayerChoice
+from .library import OpenHome
 from .object_links import ObjectLink
-from .shown_runs import Rgb, Shown
+from .shown import LayerChoice, Rgb, Shown
 
+Array = NDArray[np.float32]
+_EDGES = np.array([(a, b) for a in range(8) for b in range(8) if a < b and (a ^ b) in (1, 2, 4)])
+_CORNERS = np.array([[(k >> 2) & 1, (k >> 1) & 1, k & 1] for k in range(8)], np.float32) - 0.5
+HEADING_VERTICES = np.array([[0, 0, -0.5], [0.3, 0, 0.35], [0, 0, 0.15], [-0.3, 0, 0.35], [0, 0.12, 0.1]], np.float32)
+"""(5, 3) a dart that points along -z at yaw 0, one metre long; its spine is a little higher, so that light shows it."""
+HEADING_FACES = np.array([[0, 4, 1], [0, 3, 4], [1, 4, 2], [3, 2, 4], [0, 1, 2], [0, 2, 3]], np.uint32)
 TARGET_RGB: Rgb = (214, 30, 60)
 OBJECT_RGB: Rgb = (70, 90, 130)
 MARKED_RGB: Rgb = (255, 170, 0)
@@ -121,7 +128,7 @@ class Layers:
         for number, (centre, size, text) in enumerate(objects):
             grown = np.asarray(size) + 2.5 * _GROWN
             name = f"/mark{number}"
-            edges = shapes.box_edges(centre, grown)
+            edges = box_edges(centre, grown)
             top = (centre[0], centre[1] + grown[1] / 2 + 0.45, centre[2])
             self._mark += [
                 scene.add_line_segments(name, edges, MARKED_RGB, thickness=6.0, thickness_units="screen"),
@@ -141,7 +148,7 @@ class Layers:
         if not self._walker:
             scene = self._client.scene
             dart = scene.add_mesh_simple(
-                "/walker", shapes.HEADING_VERTICES, shapes.HEADING_FACES, color=rgb, side="double", scale=0.6
+                "/walker", HEADING_VERTICES, HEADING_FACES, color=rgb, side="double", scale=0.6
             )
             fov = 2 * math.atan(Camera().height / 2 / Camera().focal)
             frustum = scene.add_camera_frustum(
@@ -149,8 +156,8 @@ class Layers:
             )
             self._walker = [dart, frustum]
         dart, frustum = self._walker
-        dart.position, dart.wxyz = (x, y + 0.15, z), shapes.quat_wxyz_from_yaw(pose.yaw)
-        frustum.position, frustum.wxyz = T_camera[:3, 3], shapes.quat_wxyz_from_matrix(T_camera[:3, :3])
+        dart.position, dart.wxyz = (x, y + 0.15, z), quat_wxyz_from_yaw(pose.yaw)
+        frustum.position, frustum.wxyz = T_camera[:3, 3], quat_wxyz_from_matrix(T_camera[:3, :3])
 
     def clear(self) -> None:
         """Takes everything away."""
@@ -195,7 +202,7 @@ class Layers:
             self._listen(box, index)
             edges = scene.add_line_segments(
                 f"/episode/object{index}/edges",
-                shapes.box_edges((0, 0, 0), grown),
+                box_edges((0, 0, 0), grown),
                 rgb,
                 thickness=_THICK,
                 thickness_units="screen",
@@ -214,10 +221,10 @@ class Layers:
             await self._on_object(index)
 
     def _add_start(self, start: Pose, floor_y: float) -> None:
-        if not shapes.on_storey(np.array([start.position]), floor_y)[0]:
+        if not on_storey(np.array([start.position]), floor_y)[0]:
             return
         scene = self._client.scene
-        line = shapes.nose(start, height=0.25, length=0.8)[None]
+        line = nose(start, height=0.25, length=0.8)[None]
         arrow = scene.add_arrows(
             "/episode/start", line, START_RGB, shaft_radius=0.06, head_radius=0.15, head_length=0.28
         )
@@ -226,7 +233,7 @@ class Layers:
         self._nodes += [arrow, label]
 
     def _add_region(self, region: np.ndarray, floor_y: float) -> None:
-        here = shapes.thinned(region[shapes.on_storey(region, floor_y)], REGION_CELL)
+        here = thinned(region[on_storey(region, floor_y)], REGION_CELL)
         if not len(here):
             return
         self._nodes.append(
@@ -244,7 +251,7 @@ class Layers:
         """One batched node of darts: larger and bluer with more `iou`, small and grey for extra points."""
         points = [point for goal in targets for point in goal.view_points]
         positions = np.array([point.agent_state.position for point in points], np.float32).reshape(-1, 3)
-        here = np.flatnonzero(shapes.on_storey(positions, floor_y))
+        here = np.flatnonzero(on_storey(positions, floor_y))
         if not len(here):
             return
         most = max((point.iou or 0.0 for point in points), default=0.0) or 1.0
@@ -256,8 +263,8 @@ class Layers:
         self._nodes.append(
             self._client.scene.add_batched_meshes_simple(
                 "/episode/view_points",
-                shapes.HEADING_VERTICES,
-                shapes.HEADING_FACES,
+                HEADING_VERTICES,
+                HEADING_FACES,
                 batched_wxyzs=quats_xyzw[:, [3, 0, 1, 2]],
                 batched_positions=positions[here] + np.array([0, 0.08, 0], np.float32),
                 batched_scales=np.where(is_extra, 0.14, 0.16 + 0.14 * shares).astype(np.float32),
@@ -274,11 +281,11 @@ class Layers:
         """A run's path over the floor with a ball at its end, or an answer's points; `lift` keeps paths apart."""
         if one.run is not None:
             positions = np.array([pose.position for pose in one.run.poses])
-            pieces = shapes.path_segments(positions, floor_y, lift=lift)
+            pieces = path_segments(positions, floor_y, lift=lift)
             if len(pieces):
                 self._lines(f"{name}/path", pieces, one.rgb, 4.0)
             end = one.run.poses[-1]
-            if shapes.on_storey(np.array([end.position]), floor_y)[0]:
+            if on_storey(np.array([end.position]), floor_y)[0]:
                 x, y, z = end.position
                 self._nodes.append(
                     self._client.scene.add_icosphere(
@@ -314,6 +321,49 @@ def box_of(goal: Goal, home: OpenHome) -> tuple[tuple[float, float, float], tupl
     """Centre and extents of a goal's object, metres; extents are UNKNOWN_SIZE where the home does not know it."""
     item = home.objects.get(goal.object_name)
     return (goal.position, UNKNOWN_SIZE) if item is None else (item.centre, item.size)
+
+
+def box_edges(centre: Sequence[float], size: Sequence[float] | NDArray[np.floating]) -> Array:
+    """(12, 2, 3) edges of an upright box."""
+    return (np.asarray(centre, np.float32) + _CORNERS * np.asarray(size, np.float32))[_EDGES].astype(np.float32)
+
+
+def quat_wxyz_from_yaw(yaw: float) -> tuple[float, float, float, float]:
+    """viser's order."""
+    return (math.cos(yaw / 2), 0.0, math.sin(yaw / 2), 0.0)
+
+
+def quat_wxyz_from_matrix(R_world_node: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """viser's order, of a rotation (3, 3)."""
+    x, y, z, w = Rotation.from_matrix(R_world_node).as_quat()
+    return (float(w), float(x), float(y), float(z))
+
+
+def path_segments(positions: NDArray[np.floating], floor_y: float, *, lift: float) -> Array:
+    """(K, 2, 3) pieces of a polyline (N, 3) that lie on a storey, lifted over its floor so that they can be seen."""
+    lifted = np.asarray(positions, np.float32) + np.array([0, lift, 0], np.float32)
+    pieces = np.stack([lifted[:-1], lifted[1:]], axis=1)
+    moved = np.linalg.norm(pieces[:, 1] - pieces[:, 0], axis=1) > 1e-6
+    return pieces[moved & same_storey(pieces[:, :, 1].mean(axis=1) - lift, floor_y)]
+
+
+def on_storey(points: NDArray[np.floating], floor_y: float) -> NDArray[np.bool_]:
+    """(N,) which points (N, 3) stand on the storey's floor."""
+    return same_storey(np.asarray(points)[:, 1], floor_y)
+
+
+def nose(pose: Pose, *, height: float, length: float) -> Array:
+    """(2, 3) a line from over the robot's feet along its heading."""
+    start = np.array(pose.position, np.float32) + np.array([0, height, 0], np.float32)
+    return np.stack([start, start + length * forward_from_yaw(pose.yaw).astype(np.float32)])
+
+
+def thinned(points: NDArray[np.floating], cell: float) -> NDArray[np.floating]:
+    """One of the points (N, 3) per square of the floor: regions are dense, and browsers draw each point."""
+    if not len(points):
+        return points
+    _, first = np.unique(np.floor(points[:, [0, 2]] / cell).astype(np.int64), axis=0, return_index=True)
+    return points[np.sort(first)]
 
 
 def _three(values) -> tuple[float, float, float]:

@@ -12,8 +12,7 @@ from sim.types import SPLITS, Split
 
 from . import episode_texts, graph_svg
 from .catalogue import Wanted
-from .channel import open_channel
-from .messages import Filtered, Message, Said, Slid, Stepped
+from .messages import Filtered, Message, Said, Slid, Stepped, open_channel
 
 LIST_WIDTH, EPISODE_WIDTH, WALK_WIDTH = 290, 470, 340
 """Pixels of the three panels."""
@@ -25,9 +24,11 @@ _HIDE_VISER_CONTROLS = (
     '<style>button:has(svg[class*="icon-adjustments"]),button:has(svg[class*="icon-list-search"])'
     "{display:none !important} .mantine-Notification-root{display:none !important}</style>"
 )
+Part = Literal["list", "head", "home", "story", "graph", "facts", "runs", "picture"]
+"""What the panels hold as HTML; `home` is also for notices: that a home loads, or what is wrong."""
+_EPISODE_PARTS: tuple[Part, ...] = ("head", "home", "story", "graph", "facts", "runs")
+"""From above."""
 _KEYS: tuple[tuple[str, Literal["P", "N"], int], ...] = (("Previous episode", "P", -1), ("Next episode", "N", 1))
-
-
 Put = Callable[[Message], None]
 
 
@@ -44,6 +45,7 @@ class Panels:
             has_runs: Whether any run was given.
         """
         self._client, self._put = client, put
+        self._html: dict[Part, viser.GuiHtmlHandle] = {}
         gui = client.gui
         gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False)
         gui.set_panel_label("Episode")
@@ -62,33 +64,9 @@ class Panels:
         for label, key, by in _KEYS:
             self._listen_to_key(label, key, by)
 
-    def show_list(self, content: str) -> None:
-        """HTML of `episode_texts.list_html`."""
-        self._list.content = content
-
-    def show_head(self, content: str) -> None:
-        """HTML of `episode_texts.head_html`."""
-        self._head.content = content
-
-    def show_home(self, content: str) -> None:
-        """HTML of `episode_texts.home_html` or a notice: what the home is, that it loads, or what is wrong."""
-        self._home.content = content
-
-    def show_story(self, content: str) -> None:
-        """HTML of `episode_texts.story_html`."""
-        self._story.content = content
-
-    def show_facts(self, content: str) -> None:
-        """HTML of `episode_texts.facts_html`."""
-        self._facts.content = content
-
-    def show_graph(self, content: str) -> None:
-        """HTML of `graph_svg.graph_html`."""
-        self._graph.content = content
-
-    def show_runs(self, content: str) -> None:
-        """HTML of `episode_texts.runs_html`."""
-        self._runs.content = content
+    def show(self, part: Part, content: str) -> None:
+        """Shows a part's new HTML, made by `episode_texts` or `graph_svg`."""
+        self._html[part].content = content
 
     def show_walk(self, steps: int | None) -> None:
         """The slider along a run of so many steps, at its start; None hides the panel."""
@@ -98,10 +76,6 @@ class Panels:
                 self._slider.value = 0
                 self._slider.max = max(1, steps)
 
-    def show_picture(self, content: str) -> None:
-        """What the robot sees, as HTML."""
-        self._picture.content = content
-
     def _build_list(self, scenes: Sequence[str], has_runs: bool) -> None:
         gui = self._client.gui
         split = gui.add_dropdown("Split", (ALL, *SPLITS))
@@ -109,7 +83,7 @@ class Panels:
         words = gui.add_text("Search", "", hint="Words in the description, query, owner, object or episode key.")
         only = gui.add_checkbox("With runs", False, hint="Only episodes of which a run or an answer is given.")
         only.visible = has_runs
-        self._list = gui.add_html("")
+        self._html["list"] = gui.add_html("")
 
         async def changed(_: object) -> None:
             wanted = Wanted(
@@ -126,17 +100,13 @@ class Panels:
     def _build_episode(self) -> None:
         gui = self._client.gui
         gui.add_html(_HIDE_VISER_CONTROLS + episode_texts.STYLE + graph_svg.STYLE + _FOR_RESEARCHERS)
-        self._head = gui.add_html("")
-        self._home = gui.add_html("")
-        self._story = gui.add_html("")
-        self._graph = gui.add_html("")
-        self._facts = gui.add_html("")
-        self._runs = gui.add_html("")
+        for part in _EPISODE_PARTS:
+            self._html[part] = gui.add_html("")
         open_channel(self._client, self._told)
 
     def _build_walk(self) -> None:
         gui = self._client.gui
-        self._picture = gui.add_html("")
+        self._html["picture"] = gui.add_html("")
         self._slider = gui.add_slider("Step", 0, 1, 1, 0)
 
         @self._slider.on_update

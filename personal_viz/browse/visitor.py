@@ -18,15 +18,12 @@ from sim.types import Camera
 
 from . import cameras, episode_texts, graph_svg
 from .catalogue import PAGE, Wanted, list_page, neighbour
-from .homes import OpenHome
-from .layer_choice import LayerChoice
 from .layers import Layers, Outlined, box_of
-from .library import Library
+from .library import Library, OpenHome
 from .messages import BoxClicked, Filtered, HomeOpened, Message, MessageQueue, Said, Slid, Stepped
 from .object_links import ObjectLink, object_links
 from .panels import Panels
-from .pictures import picture_html
-from .shown_runs import Shown
+from .shown import LayerChoice, Shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +77,10 @@ class Visitor:
             work()
             self._client.flush()
         except PersonalVizError as error:
-            self._panels.show_home(episode_texts.notice_html(str(error), is_warning=True))
+            self._panels.show("home", episode_texts.notice_html(str(error), is_warning=True))
         except Exception:
             traceback.print_exc(file=sys.stderr)
-            self._panels.show_home(episode_texts.notice_html("A bug: see the terminal.", is_warning=True))
+            self._panels.show("home", episode_texts.notice_html("A bug: see the terminal.", is_warning=True))
 
     def _handle(self, message: Message) -> None:
         match message:
@@ -156,8 +153,8 @@ class Visitor:
         if self._home is not None and self._home.scene.name != self._shown.episode.key.scene:
             self._home = None
         self._draw_head()
-        self._panels.show_story(episode_texts.story_html(self._shown.episode, self._shown.graph))
-        self._panels.show_facts(episode_texts.facts_html(self._shown.episode))
+        self._panels.show("story", episode_texts.story_html(self._shown.episode, self._shown.graph))
+        self._panels.show("facts", episode_texts.facts_html(self._shown.episode))
         self._draw_graph()
         self._draw_list()
         self._draw_runs()
@@ -176,7 +173,7 @@ class Visitor:
         if future.done() and not future.cancelled():
             self._enter(future.result())
             return
-        self._panels.show_home(episode_texts.notice_html(f"Opening the home {scene} …"))
+        self._panels.show("home", episode_texts.notice_html(f"Opening the home {scene} …"))
         future.add_done_callback(lambda done: self._queue.put(HomeOpened(scene, done)))
 
     def _enter(self, home: OpenHome) -> None:
@@ -201,8 +198,8 @@ class Visitor:
             return
         shown, home = self._shown, self._home
         count = len(home.copies.storeys)
-        self._panels.show_home(
-            episode_texts.home_html(home.scene.label, storeys=count, storey=self._storey, choice=self._choice)
+        self._panels.show(
+            "home", episode_texts.home_html(home.scene.label, storeys=count, storey=self._storey, choice=self._choice)
         )
         self._layers.show_home(self._home, self._storey, names=self._choice.names)
         self._layers.show_episode(
@@ -229,23 +226,23 @@ class Visitor:
     def _draw_list(self) -> None:
         page = list_page(self._matching, self._page)
         self._page = page.first // PAGE
-        self._panels.show_list(episode_texts.list_html(self._library.catalogue, page, self._shown.number))
+        self._panels.show("list", episode_texts.list_html(self._library.catalogue, page, self._shown.number))
 
     def _draw_head(self) -> None:
         number = self._shown.number
         place = self._matching.index(number) if number in self._matching else None
-        self._panels.show_head(episode_texts.head_html(self._shown.episode, place=place, total=len(self._matching)))
+        self._panels.show("head", episode_texts.head_html(self._shown.episode, place=place, total=len(self._matching)))
 
     def _draw_graph(self) -> None:
         shown = self._shown
         drawing = graph_svg.GraphDrawing(shown.graph, shown.links, shown.episode.record.owner, self._storey_notes())
-        self._panels.show_graph(graph_svg.graph_html(drawing, marked=self._marked))
+        self._panels.show("graph", graph_svg.graph_html(drawing, marked=self._marked))
 
     def _draw_runs(self) -> None:
         shown = self._shown
         walked = None if self._walked is None else shown.runs[self._walked].label
         content = episode_texts.runs_html(shown.runs, hidden=self._hidden, walked=walked, notes=self._run_notes())
-        self._panels.show_runs(content)
+        self._panels.show("runs", content)
 
     def _storey_notes(self) -> tuple[str, ...]:
         if self._home is None or len(self._home.copies.storeys) < 2:
@@ -343,4 +340,6 @@ class Visitor:
         bumped = ", bumped" if step and one.run.steps[step - 1].collided else ""
         where = f", storey {storey + 1}" if len(self._home.copies.storeys) > 1 else ""
         caption = f"{one.label}: step {step} of {len(poses) - 1} ({action}{bumped}{where})"
-        self._panels.show_picture(picture_html(self._home.picture(poses[step], Camera()), step=step, caption=caption))
+        self._panels.show(
+            "picture", episode_texts.picture_html(self._home.picture(poses[step], Camera()), step=step, caption=caption)
+        )

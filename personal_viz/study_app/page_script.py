@@ -1,6 +1,6 @@
 """The script in a participant's page and the messages that it sends: `static/page.js`, typed on this side.
 
-viser offers no way to run a script or to hear of a page's focus; like `browse.channel` we put a script into an HTML
+viser offers no way to run a script or to hear of a page's focus; like `browse.messages` we put a script into an HTML
 element and let it type into a hidden text input. What arrives is checked here; nothing in it is trusted.
 """
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from personal_viz.browse.graph_svg import GraphDrawing, graph_svg, link_counts
-from personal_viz.browse.homes import Homes
+from personal_viz.browse.layers import box_edges, path_segments, thinned
+from personal_viz.browse.library import Homes
 from personal_viz.browse.object_links import ObjectLink, SceneTexts, object_links
-from personal_viz.browse.shapes import box_edges, path_segments, thinned
 from sim.episodes.ownership import OwnershipGraph, ownership_graph
 
 from .browse_worlds import CAPTIONS, episode, goal

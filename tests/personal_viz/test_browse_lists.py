@@ -3,7 +3,7 @@
 from personal_viz.browse.catalogue import PAGE, Catalogue, ListPage, Wanted, list_page, neighbour
 from personal_viz.browse.episode_texts import facts_html, head_html, list_html, runs_html, story_html
 from personal_viz.browse.messages import MessageQueue, Said, Slid, Stepped
-from personal_viz.browse.shown_runs import RunIndex
+from personal_viz.browse.shown import RunIndex
 from recordings.traces import RUN_COLORS
 from sim.episodes.ownership import ownership_graph
 

@@ -1,4 +1,4 @@
-"""Runs and answers by episode: run folders -> what the browser shows of each episode, in the runs' colours."""
+"""What is shown of an episode: runs and answers of run folders in their colours, and layers that can be switched."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -7,6 +7,16 @@ from dataclasses import dataclass
 from recordings.traces import RUN_COLORS, Rgb
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey, SceneKind
+
+
+@dataclass(frozen=True, slots=True)
+class LayerChoice:
+    """One flag per layer that can be switched."""
+
+    view_points: bool = True
+    region: bool = True
+    names: bool = False
+    """Category names over all objects."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +30,6 @@ class Shown:
     rgb: Rgb
     scene_kind: SceneKind | str
     """Where it was made; `oracle-map` for grounders that saw no home."""
-    clutter: str
-    """Level on which it was made, "0" without."""
     run: EpisodeRun | None = None
     answer: Answer | None = None
 
@@ -63,7 +71,6 @@ class RunIndex:
                     kind=run.info.who_kind,
                     rgb=RUN_COLORS[place % len(RUN_COLORS)],
                     scene_kind=run.info.scene_kind,
-                    clutter=str(run.info.config.get("clutter", 0)),
                     run=part if isinstance(part, EpisodeRun) else None,
                     answer=part if isinstance(part, Answer) else None,
                 )
