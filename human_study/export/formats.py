@@ -1,9 +1,9 @@
-"""One table in three formats, the same bytes for the same rows: JSON lines, CSV and Parquet."""
+"""One table in three formats, the same bytes for the same rows: JSON lines, CSV and Parquet; and any table as CSV."""
 
 import io
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
@@ -27,6 +27,7 @@ def table_bytes(model: type[BaseModel], rows: Sequence[BaseModel]) -> dict[str, 
         rows: In the order in which they are written.
     """
     columns = columns_of(model)
+    names = [column.name for column in columns]
     nested = [column.name for column in columns if column.type == "JSON"]
     values = []
     for row in rows:
@@ -34,15 +35,14 @@ def table_bytes(model: type[BaseModel], rows: Sequence[BaseModel]) -> dict[str, 
         values.append(value | {name: _json(value[name]) for name in nested if value[name] is not None})
     return {
         "jsonl": "".join(f"{row.model_dump_json()}\n" for row in rows).encode(),
-        "csv": _csv_bytes(columns, values),
+        "csv": csv_lines(names, [[value[name] for name in names] for value in values]).encode(),
         "parquet": _parquet_bytes(columns, values),
     }
 
 
-def _csv_bytes(columns: Sequence[Column], rows: Sequence[dict[str, Any]]) -> bytes:
-    lines = [",".join(column.name for column in columns)]
-    lines += [",".join(_quoted(_csv_cell(row[column.name])) for column in columns) for row in rows]
-    return "".join(f"{line}\n" for line in lines).encode()
+def csv_lines(heads: Iterable[str], lines: Iterable[Sequence[object]]) -> str:
+    """CSV text with cells that a spreadsheet takes for what they are; empty where there is no value."""
+    return "".join(",".join(_quoted(_csv_cell(value)) for value in line) + "\n" for line in (list(heads), *lines))
 
 
 def _quoted(text: str) -> str:

@@ -8,7 +8,7 @@ from pandas import concat
 from sim.homes.kind import scene_label, scene_labels
 from sim.types import SPLITS, TaskKind
 
-from ..export.csv_cells import csv_lines
+from ..export.formats import csv_lines
 from .trials import Frame, TrialGroup, is_first_condition
 
 COLUMNS = (

@@ -7,7 +7,7 @@ from sim.tasks.run_files import FAR_FROM_VIEW
 from sim.types import SPLITS, EndReason, TaskKind
 
 from ..design.analysis import LEVEL
-from ..export.csv_cells import csv_lines
+from ..export.formats import csv_lines
 from .blocks import Block, Heading, Table, Text
 from .report import StudyReport
 from .rows import TOTAL, ReportRow

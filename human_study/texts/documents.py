@@ -5,7 +5,6 @@ from typing import Any
 
 from ..design.plan import StudyPlan
 from ..design.study import StudyConfig
-from .data_flow import data_items
 from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S
 from .preregistration import preregistration_text
 from .sample import Sample, TaskShare, people_text, range_text, sample_of
@@ -49,7 +48,6 @@ def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | No
         "practice": ", ".join(practice) if any(getattr(config.practice, task) for task in config.task) else "",
         "is_counterbalanced": any(len(config.conditions(task)) > 1 for task in config.task),
         "pay_sentence": pay if pay.endswith((".", "!", "]")) else f"{pay}.",
-        "items": data_items(config, retention=words["retention_date"]),
     }
 
 

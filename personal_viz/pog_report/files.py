@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from grounding.report.sources import PAPER_IS
 from grounding.report.table import TOTAL, PogReport, PogTable
-from human_study.export.csv_cells import csv_lines
+from human_study.export.formats import csv_lines
 from human_study.report.blocks import html_text, markdown_text
 from human_study.report.tables import tex, tex_lines
 from sim.homes.kind import scene_label

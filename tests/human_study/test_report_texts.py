@@ -6,7 +6,7 @@ import io
 import pytest
 
 from human_study.design.study import StudyEthics
-from human_study.export.csv_cells import csv_lines
+from human_study.export.formats import csv_lines
 from human_study.report.blocks import Heading, Picture, Table, Text, html_text, markdown_text
 from human_study.report.checklist import NOT_IN_FILE, checklist
 from human_study.report.effects import memory_effects
