@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from human_study.export.study_export import export_study
 from human_study.report.report import StudyReport, study_report
 from human_study.report.sections import markdown
 from human_study.report.source import read_source
@@ -43,6 +44,12 @@ def test_a_study_folder_is_read_without_an_export(tmp_path: Path) -> None:
     assert "no human baseline for PersONAL" in text
     assert "| Human (home and text together) | 100.0 [20.7, 100.0] 1/1 |" in text
     assert CANARY not in text + found.model_dump_json()
+
+
+def test_a_study_and_its_export_give_the_same_report(tmp_path: Path) -> None:
+    study_with_trials(tmp_path / "study")
+    export_study(tmp_path / "study", tmp_path / "export")
+    assert of_study(tmp_path / "study").model_dump_json() == of_study(tmp_path / "export").model_dump_json()
 
 
 def test_exclusions_and_verifications_of_the_store_are_in_the_report(tmp_path: Path) -> None:
