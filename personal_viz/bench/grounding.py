@@ -13,15 +13,15 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict
+from torch import Tensor
 
 from grounding.encoders.by_name import make_encoder
-from grounding.methods.rpg import RegionGated, one_thread, rpg_dense, rpg_packed
+from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions, grown, nms_peaks, one_thread, rpg_dense, rpg_packed
 from grounding.phrases.rules import RulePhrases
 from sim.authoring.generation import invent_dataset
 
 from .grounding_inputs import RELEASE, MapBatch, SceneInputs, random_map, scene_inputs, solve_batch
 from .harness import Plan, Progress, Report, Target, empty_cache, interleaved, machine, report_of
-from .literal_rpg import literal_rpg
 
 PLAN = Plan(
     targets={
@@ -41,6 +41,8 @@ PLAN = Plan(
     references={"packed_ms": "packed_bound_ms", "batch_ms": "bound_ms", "literal_ms": "bound_ms"},
 )
 """GROUNDING.md, section 7.1."""
+
+_SHORTEST = 1e-12
 
 
 class GroundingSettings(BaseModel):
@@ -197,6 +199,31 @@ def scenes_case(
         "literal_over_packed": ms["literal_ms"] / ms["packed_ms"],
         **ms,
     }
+
+
+def literal_rpg(
+    features: Tensor, phrases: Tensor, queries: Tensor, *, options: RpgOptions = PRESETS["paper"]
+) -> Tensor:
+    """Flat index (B,) of each episode's answer by Algorithm 1 as it is printed, for comparison only.
+
+    Every episode normalises its map and copies it under the gate.
+
+    Args:
+        features: F (B, H, W, E), zero vectors in empty cells.
+        phrases: D (B, K, E).
+        queries: q (B, E).
+        options: top_k, nms_r, nhood; empty cells take part and cells outside the gate score 0, as printed.
+    """
+    batch, height, width, _ = features.shape
+    rc = torch.cartesian_prod(torch.arange(height), torch.arange(width))
+    unit = features / features.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST)
+    phrases = phrases / phrases.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST)
+    queries = queries / queries.norm(dim=-1, keepdim=True).clamp(min=_SHORTEST)
+    similarity = torch.einsum("bhwe,bke->bkhw", unit, phrases).flatten(0, 1).flatten(1)
+    peaks = nms_peaks(similarity, rc, top_k=options.top_k, nms_r=options.nms_r)
+    gate = grown(peaks, rc, nhood=options.nhood).reshape(batch, -1, height, width).any(dim=1)
+    masked = unit * gate[..., None]
+    return torch.einsum("bhwe,be->bhw", masked, queries).flatten(1).argmax(dim=1)
 
 
 def cold_start(encoder: str, *, method: str) -> tuple[float, int]:

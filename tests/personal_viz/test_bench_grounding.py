@@ -11,9 +11,8 @@ from grounding.encoders.by_name import make_encoder
 from grounding.methods.rpg import RpgOptions, rpg_dense
 from personal_viz.bench import grounding as bench
 from personal_viz.bench import grounding_inputs as inputs
-from personal_viz.bench.grounding import GroundingSettings
+from personal_viz.bench.grounding import GroundingSettings, literal_rpg
 from personal_viz.bench.grounding_inputs import random_map, scene_inputs, solve_batch
-from personal_viz.bench.literal_rpg import literal_rpg
 from personal_viz.cli.bench import Bench
 
 TINY = GroundingSettings(

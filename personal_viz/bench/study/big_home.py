@@ -30,8 +30,7 @@ from ...study_app.study_files import plan_study
 from ..harness import Progress, Values
 from .big_scan import BIG_HOME, write_big_scan
 from .crowd import Crowd, crowd
-from .processes import held_by
-from .server import Server
+from .server import Server, held_by
 
 
 class BigHomeSettings(BaseModel):

@@ -12,8 +12,8 @@ from ...bots.run import quantile
 from ...bots.site import cpu_seconds
 from ..harness import Progress, Values
 from .crowd import staffed
-from .processes import held_by
 from .records import missing_steps
+from .server import held_by
 
 
 class PeopleSettings(BaseModel):

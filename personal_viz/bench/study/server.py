@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import time
+from collections import Counter
 from pathlib import Path
 
 import psutil
@@ -14,6 +15,7 @@ from sim.errors import StudyError
 
 from ...bots.site import Site
 from ...study_app.operator.served import ServedStudy, free_port, serve_command
+from ..harness import peak_mb
 
 _DASHBOARD = re.compile(r"for you only: (\S+)")
 
@@ -119,3 +121,23 @@ class Server:
         began_s = time.perf_counter()
         self.study.end(number)
         return time.perf_counter() - began_s
+
+
+def held_by(pid: int) -> dict[str, float]:
+    """What a serving process and its workers hold now; a process that ends meanwhile counts for nothing.
+
+    Returns:
+        Sums: `processes`, `fds` (open file descriptors), `threads`, `clients` (established TCP connections of the
+        workers: viser's clients), `rss_mb` (resident memory, MB of 10^6 bytes; pages that processes share count in
+        each), `peak_mb` (the largest that each of the processes ever had).
+    """
+    held = Counter[str](processes=0, fds=0, threads=0, clients=0)
+    with contextlib.suppress(psutil.NoSuchProcess):
+        serving = psutil.Process(pid)
+        for process in (serving, *serving.children()):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                connections = process.net_connections("tcp") if process.pid != pid else []
+                established = sum(connection.status == psutil.CONN_ESTABLISHED for connection in connections)
+                held.update(processes=1, fds=process.num_fds(), threads=process.num_threads(), clients=established)
+                held.update(rss_mb=process.memory_info().rss / 1e6, peak_mb=peak_mb(process))  # pyright: ignore
+    return dict(held)

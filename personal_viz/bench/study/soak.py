@@ -11,9 +11,8 @@ from pydantic import BaseModel, ConfigDict
 from ...bots.records import BotKind, count_bots
 from ..harness import Progress, Values
 from .crowd import staffed
-from .processes import held_by
 from .records import missing_steps
-from .server import Server
+from .server import Server, held_by
 
 _SETTLE_S = 30.0
 """Longest wait until the server has noticed that somebody left."""
