@@ -5,7 +5,7 @@ import re
 LEVEL = 0.95
 """Level of all intervals."""
 NUM_RESAMPLES = 10_000
-"""Resamples of a bootstrap."""
+"""Number of resamples of a bootstrap."""
 ALPHA = 0.05
 """Error rate of all hypotheses together (family-wise)."""
 
@@ -13,7 +13,7 @@ HYPOTHESIS_NAME = re.compile(
     r"^(?:(?P<task>pan|pog)_)?(?:human(?:_(?P<condition>[a-z0-9_]+?))?_minus_(?P<agent>.+)|(?P<memory>[a-z0-9_]+)_effect)"
     r"_(?P<measure>SR|SPL|SoftSPL|DTG|steps|time)$"
 )
-"""How `primary` in the study file names hypotheses.
+"""Pattern of the hypotheses' names in `primary` of the study file.
 
 `human_minus_agent_SR` (or an agent's name), `human_memory_topdown_minus_agent_SR`, `memory_effect_SR`, `pog_...`.
 """
@@ -23,7 +23,7 @@ def require_hypothesis(name: str) -> str:
     """The name itself.
 
     Raises:
-        ValueError: The report could not test it.
+        ValueError: The report cannot test such a hypothesis.
     """
     if HYPOTHESIS_NAME.match(name) is None:
         raise ValueError(

@@ -11,13 +11,13 @@ def flow_of(edges: Sequence[tuple[str, str, int]], *, source: str, sink: str) ->
     """A largest possible flow, the same one for the same edges in the same order.
 
     Args:
-        edges: (tail, head, capacity > 0), each pair once; which flow is chosen among equals depends on the order in
-            which nodes first appear.
+        edges: (tail, head, capacity > 0), each pair once; the choice among equal flows depends on the order in which
+            nodes first appear.
         source: Node where all flow begins.
         sink: Node where all flow ends.
 
     Returns:
-        (tail, head) to the amount, edges without flow left out.
+        (tail, head) to the amount, without edges that have no flow.
     """
     numbers: dict[str, int] = {}
     for name in (source, sink, *(name for edge in edges for name in edge[:2])):

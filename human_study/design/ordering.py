@@ -1,4 +1,4 @@
-"""The order of a person's trials: random, splits interleaved, no two neighbours in one home where that is possible."""
+"""The order of a person's trials: random, with splits interleaved, and if possible no home twice in a row."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -12,11 +12,11 @@ T = TypeVar("T")
 
 
 def in_order(items: Sequence[T], rng: np.random.Generator, *, key: Callable[[T], EpisodeKey]) -> list[T]:
-    """The items in a random order in which each split is as far along as the others at every place.
+    """The items in a random order in which all splits progress evenly.
 
     Args:
-        items: In an order of their own that does not matter to chance (sort them first).
-        rng: Used up.
+        items: The items in a fixed order, so that only `rng` decides (sort them first).
+        rng: Draws the order.
         key: The episode of an item.
     """
     left = [items[place] for place in rng.permutation(len(items))]
@@ -29,7 +29,7 @@ def in_order(items: Sequence[T], rng: np.random.Generator, *, key: Callable[[T],
         must = next((home for home, count in homes.items() if home != last and count > len(left) // 2), None)
 
         def cost(item: T, last: str = last, must: str | None = must) -> tuple[bool, bool, float]:
-            """The same home again; leaving a home that must be every second one from here on; a split that is ahead."""
+            """Costs of the same home again, of not choosing a home that must be every second one, of a split ahead."""
             episode = key(item)
             return (
                 episode.scene == last,

@@ -1,4 +1,4 @@
-"""`plan.json`: who does which trials in which order, made offline from a seed. Holds no secret."""
+"""`plan.json`: the trials of each person in order, made offline from a seed. Holds no secret."""
 
 import hashlib
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ PRACTICE_FOLDER = "practice"
 """Dataset of the practice homes, in the study's folder."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 Phase = Literal["practice", "check", "main"]
-"""`practice` is never counted, `check` shows attention, `main` is the study."""
+"""`practice` is never counted, `check` tests attention, `main` is the study."""
 
 
 class StudyScene(BaseModel):
@@ -29,7 +29,7 @@ class StudyScene(BaseModel):
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     kind: SceneKind
     clutter: ClutterLevel = 0
-    """How much furniture without a caption stands in it."""
+    """Amount of furniture without a caption in the home."""
     group: int = Field(default=0, ge=0)
     """Homes of one group have one condition for a person; 0 where there is one condition."""
 
@@ -47,7 +47,7 @@ class PlannedTrial(BaseModel):
     scene: str
     episode_id: str
     rep: int = Field(default=0, ge=0)
-    """Which of the people that do this episode in this condition, from 1; 0 outside `main`."""
+    """Number of the person among those who do this episode in this condition, from 1; 0 outside `main`."""
 
     @property
     def key(self) -> EpisodeKey:
@@ -60,12 +60,12 @@ class PlannedParticipant(BaseModel):
 
     model_config = _MODEL
     code: str = Field(pattern=r"^p[0-9]{2,}$")
-    """Public: p01, p02, ..."""
+    """Public code: p01, p02, ..."""
     task: TaskKind
     arm: int = Field(default=0, ge=0)
-    """Shifts which group of homes has which condition."""
+    """Shifts the conditions over the groups of homes."""
     trials: tuple[PlannedTrial, ...]
-    """A spare person has none of phase `main`: those that others leave are given out later."""
+    """The trials in order. A spare person has none of phase `main`, and later gets those that others leave."""
 
 
 class StudyPlan(BaseModel):
@@ -96,7 +96,7 @@ class StudyPlan(BaseModel):
         return self.model_dump_json(exclude=None if self.changes else {"changes"})
 
     def scene(self, name: str) -> StudyScene:
-        """One of the plan's homes, also of practice.
+        """One of the plan's homes, practice homes included.
 
         Raises:
             StudyError: The plan does not have the home.
@@ -125,13 +125,13 @@ class StudyPlan(BaseModel):
 
 
 def with_groups(config: StudyConfig, scenes: Sequence[StudyScene], order: Sequence[int]) -> tuple[StudyScene, ...]:
-    """The homes, dealt out to as many groups as the task with the most conditions has, in the given order."""
+    """The homes, dealt in the given order into as many groups as the task with the most conditions has conditions."""
     num_groups = max(len(config.conditions(task)) for task in config.task)
     return tuple(scenes[place].model_copy(update={"group": number % num_groups}) for number, place in enumerate(order))
 
 
 def save_plan(folder: Path, plan: StudyPlan) -> Path:
-    """Write `plan.json`; returns its path.
+    """Writes `plan.json`; returns its path.
 
     Raises:
         StudyError: The folder cannot be written.
@@ -142,11 +142,11 @@ def save_plan(folder: Path, plan: StudyPlan) -> Path:
 
 
 MAX_BYTES, MAX_VALUES = 256 << 20, 10_000_000
-"""Limits of `plan.json`; a thousand participants with 150 trials each need a tenth of them."""
+"""Limits of `plan.json`; a thousand participants with 150 trials each need a tenth of this."""
 
 
 def load_plan(folder: Path, config: StudyConfig) -> StudyPlan:
-    """Read `plan.json` of a study folder.
+    """Reads `plan.json` of a study folder.
 
     Raises:
         StudyError: The file is missing, not valid, or made for another study.

@@ -1,4 +1,4 @@
-"""Makes the plan of a study: who meets which episode under which condition, in which order. Offline, from the seed."""
+"""Makes the plan of a study from the seed, offline: episodes, conditions and order of the trials of each person."""
 
 import math
 from collections import Counter, defaultdict
@@ -16,7 +16,7 @@ from .plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, with_
 from .study import Condition, StudyConfig
 
 _MORE_PEOPLE = 200
-"""So many more people than the least are tried before a plan counts as impossible."""
+"""This many people more than the minimum are tried before a plan counts as impossible."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +25,9 @@ class Practice:
 
     scenes: tuple[StudyScene, ...] = ()
     keys: tuple[EpisodeKey, ...] = ()
-    """For practice, easiest first; taken in turns."""
+    """Practice episodes, easiest first; used in turns."""
     check_keys: tuple[EpisodeKey, ...] = ()
-    """For attention trials: the target is in plain view; taken in turns."""
+    """Episodes of attention trials, whose target is in plain view; used in turns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,21 +47,21 @@ def make_plan(
     practice: Practice | None = None,
     is_pilot: bool = False,
 ) -> StudyPlan:
-    """The plan: the same one for the same arguments, in whatever order scenes and episodes come.
+    """The plan; it does not depend on the order of scenes and episodes.
 
-    With several conditions of a task, homes are dealt out to as many groups, and a person's arm says which group has
-    which condition; so conditions are mixed over a person's order and need no blocks.
+    With several conditions of a task, homes are dealt into as many groups, and a person's arm gives each group its
+    condition; so conditions are mixed over a person's order and need no blocks.
 
     Args:
         config: The study.
-        scenes: Its homes with their kinds.
-        episodes: Its episodes (`sampling.sample_episodes`).
+        scenes: The study's homes with their kinds.
+        episodes: The study's episodes (`sampling.sample_episodes`).
         practice: Practice and attention trials.
-        is_pilot: Whether it may be served without an ethics id.
+        is_pilot: Whether the study may be served without an ethics id.
 
     Raises:
-        StudyError: The episodes are none, repeated or outside the homes; the design is not possible; practice or
-            attention trials are asked for but there is no episode for them.
+        StudyError: There are no episodes, or they are repeated or outside the homes; the design is not possible; the
+            study needs practice or attention trials but there is no episode for them.
     """
     keys, practice = sorted(set(episodes)), practice or Practice()
     _require_plannable(config, scenes, episodes, practice)
@@ -142,7 +142,7 @@ def _house_once(
     groups: dict[str, int],
     rng: np.random.Generator,
 ) -> list[list[_Slot]]:
-    """Slots of each person, nobody in one home twice: as few people as a maximum flow finds enough, and most evenly.
+    """Slots of each person, never twice in one home: the fewest people that a maximum flow allows, as even as possible.
 
     Raises:
         StudyError: No number of people is enough.
@@ -215,7 +215,7 @@ def _trials(
 def _require_plannable(
     config: StudyConfig, scenes: Sequence[StudyScene], episodes: Sequence[EpisodeKey], practice: Practice
 ) -> None:
-    """Raises StudyError unless each episode is named once, in one of the homes, and what is asked for exists."""
+    """Raises StudyError unless each episode is named once, in one of the homes, and the needed trials exist."""
     if not episodes or len(set(episodes)) != len(episodes):
         raise StudyError(
             f"study {config.study}: found {len(episodes)} episodes, {len(set(episodes))} of them different; "

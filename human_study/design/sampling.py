@@ -1,4 +1,4 @@
-"""Which episodes a study uses: drawn from the dataset by the study's seed, as evenly over the homes as asked for."""
+"""Draws a study's episodes from the dataset by the study's seed, as evenly over the homes as the study wants."""
 
 import math
 from collections import defaultdict
@@ -17,11 +17,11 @@ def sample_episodes(config: StudyConfig, pool: Sequence[EpisodeKey]) -> tuple[Ep
     """The study's episodes, sorted.
 
     Args:
-        config: Says how many of each split, and how many of one home at most.
+        config: Gives the number of episodes per split, and the limit per home.
         pool: All episodes of the dataset; their order does not matter.
 
     Raises:
-        StudyError: The pool has too few, names one twice, or the limit per home leaves too few.
+        StudyError: The pool has too few episodes or a repeated one, or the limit per home leaves too few.
     """
     wanted_scenes = set(config.dataset.scenes) or {key.scene for key in pool}
     left = sorted(key for key in set(pool) if key.scene in wanted_scenes)
@@ -43,10 +43,10 @@ def sample_episodes(config: StudyConfig, pool: Sequence[EpisodeKey]) -> tuple[Ep
 def _counts(
     config: StudyConfig, groups: dict[tuple[Split, str], list[EpisodeKey]], rng: np.random.Generator
 ) -> dict[tuple[Split, str], int]:
-    """How many episodes of each (split, home): the most even choice that the limits allow.
+    """Number of episodes of each (split, home): the most even choice that the limits allow.
 
-    The smallest bound per (split, home), and under it the smallest per home, under which a maximum flow fills all
-    splits; raises StudyError when none does.
+    It uses the smallest bound per (split, home), and then the smallest bound per home, with which a maximum flow fills
+    all splits; raises StudyError when there is none.
     """
     wanted = {
         split: sum(len(keys) for (of, _), keys in groups.items() if of == split) if count == "all" else count

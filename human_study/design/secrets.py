@@ -21,9 +21,9 @@ class StudySecrets(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     tokens: dict[str, str] = {}
-    """Personal token of each participant, in clear."""
+    """Personal token of each participant, as plain text."""
     key: str = ""
-    """Key of all keyed hashes of this study: 32 bytes as base64."""
+    """Key for all keyed hashes of this study: 32 bytes as base64."""
 
     @property
     def key_bytes(self) -> bytes:
@@ -49,7 +49,7 @@ def load_secrets(folder: Path) -> StudySecrets:
 
 
 def make_secrets(folder: Path, codes: Sequence[str]) -> StudySecrets:
-    """The study's secrets with a token for each participant, on disk when this returns; known ones stay.
+    """The study's secrets with a token for each participant, on disk when this returns; existing tokens stay.
 
     Raises:
         StudyError: The file is damaged or cannot be written.

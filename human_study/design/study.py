@@ -1,4 +1,4 @@
-"""`study.yaml`: what a study asks of people. Frozen once planned; its hash names every record made under it."""
+"""`study.yaml`: the choices of a study. Frozen after planning; its hash names every record of the study."""
 
 import dataclasses
 import datetime
@@ -34,7 +34,7 @@ from .study_yaml import json_from_yaml
 
 STUDY_FILE = "study.yaml"
 MAX_STUDY_NAME = 32
-"""Characters of a study's name."""
+"""Most characters of a study's name."""
 _MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _ADVICE = "Correct the field; personal-viz study init writes a valid file."
 OTHER_PROGRAM = "It was written by another version of personal-viz: use that one."
@@ -43,9 +43,9 @@ Count = Annotated[int, Field(ge=0)]
 PanCondition = Literal["none", "topdown", "glb"]
 PogCondition = Literal["map_first", "map_open", "map_2d"]
 Condition = PanCondition | PogCondition
-"""What a participant sees of the home besides the task itself: `none`, or before walking its `topdown` map or its 3-D
-model (`glb`); pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on the
-agents' own top-down map (`map_2d`)."""
+"""A participant's view of the home besides the task itself. PAN: `none`, or before walking its `topdown` map or its 3-D
+model (`glb`). POG: pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on
+the agents' own top-down map (`map_2d`)."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
 
 
@@ -56,31 +56,31 @@ def _as_tuple(value: object) -> object:
 
 
 def _require_order(least_s: float, most_s: float | None, least: str, most: str) -> None:
-    """Raises ValueError for a look that would have to be longer than it can be."""
+    """Raises ValueError for a look whose shortest time exceeds its longest time."""
     if most_s is not None and least_s > most_s:
         raise ValueError(f"{least} at most {most}, found {least_s:g} and {most_s:g}")
 
 
 class StudyDataset(BaseModel):
-    """Which episodes are drawn."""
+    """Rules for drawing the episodes."""
 
     model_config = _MODEL
     sha256: str = Field(min_length=1)
     """Digest of the dataset (`PersonalDataset.digest`)."""
     splits: dict[Split, Annotated[int, Field(ge=1)] | Literal["all"]] = dict.fromkeys(SPLITS, 50)
-    """How many episodes of each split."""
+    """Number of episodes of each split."""
     scenes: tuple[str, ...] = ()
-    """Only these homes; () = all."""
+    """Homes that are used; () = all."""
     stratify: Literal["scene", "none"] = "scene"
     """`scene`: as evenly over the homes as possible."""
     max_per_scene: Annotated[int, Field(ge=1)] | None = 5
     """Most episodes of one home, over all splits; None = any number."""
     seed: Count = 0
-    """Of the draw, and of everything else in the plan."""
+    """Seed of the draw, and of everything else in the plan."""
 
 
 class StudyDesign(BaseModel):
-    """Who does which episode."""
+    """Rules for distributing episodes over people."""
 
     model_config = _MODEL
     kind: Literal["house-once", "crossed"] = "house-once"
@@ -90,16 +90,16 @@ class StudyDesign(BaseModel):
     trials_per_person: Annotated[int, Field(ge=1)] | None = None
     """Counted trials; None = as many as the design gives (crossed: all)."""
     overbook: Annotated[float, Field(ge=1, le=3)] = 1.0
-    """1.15 makes 15 % more links than needed; the people behind them take what others leave."""
+    """1.15 makes 15 % more links than needed; these people get the trials that others leave."""
 
 
 class StudyMemory(BaseModel):
-    """What PAN participants see of a home before they walk in it."""
+    """PAN participants' look at a home before they walk in it."""
 
     model_config = _MODEL
     arms: Annotated[tuple[PanCondition, ...], Field(min_length=1)] = ("none",)
     by: Literal["scene_half"] = "scene_half"
-    """Homes are split into as many groups as arms; which group has which arm is counterbalanced over people."""
+    """Homes are split into as many groups as arms; the arms of the groups are counterbalanced over people."""
     min_s: Seconds = 0.0
     """Shortest look at the map."""
     max_s: Annotated[float, Field(gt=0)] | None = 60.0
@@ -112,15 +112,15 @@ class StudyMemory(BaseModel):
 
 
 class StudyPog(BaseModel):
-    """How POG participants see the home and the text."""
+    """POG participants' view of the home and the text."""
 
     model_config = _MODEL
     conditions: Annotated[tuple[PogCondition, ...], Field(min_length=1)] = ("map_first",)
     look_min_s: Seconds = 0.0
     look_max_s: Annotated[float, Field(gt=0)] | None = 120.0
-    """Of `map_first`: the look at the home before the text."""
+    """Longest look at the home before the text, in `map_first`; None = no limit."""
     answer_max_s: Annotated[float, Field(gt=0)] | None = None
-    """From the text to the confirmed mark; then the trial ends as `timeout`."""
+    """Longest time from the text to the confirmed mark; then the trial ends as `timeout`."""
 
     @model_validator(mode="after")
     def _can_be_left(self) -> "StudyPog":
@@ -137,27 +137,27 @@ class StudyPractice(BaseModel):
 
 
 class StudyChecks(BaseModel):
-    """Trials with a target in plain view that show whether somebody pays attention."""
+    """Trials with a target in plain view, which test attention."""
 
     model_config = _MODEL
     every: Annotated[int, Field(ge=2)] | None = 15
-    """One after so many counted trials; None = none."""
+    """One attention trial after this many counted trials; None = none."""
 
 
 class StudyBreaks(BaseModel):
-    """Rests."""
+    """Breaks of participants."""
 
     model_config = _MODEL
     every: Annotated[int, Field(ge=1)] | None = 10
-    """A break is offered after so many counted trials."""
+    """A break is offered after this many counted trials."""
     sitting_max: Annotated[int, Field(ge=1)] | None = 30
-    """After so many in one sitting the participant is asked to come back later."""
+    """After this many counted trials in one sitting the participant is asked to come back later."""
     sitting_gap_s: Seconds = 3600.0
-    """How much later."""
+    """Least time before the next sitting."""
 
 
 class StudyAggregate(BaseModel):
-    """How the report averages."""
+    """Averaging rules of the report."""
 
     model_config = _MODEL
     total: Literal["mean_of_splits", "pooled", "dataset_weighted"] = "mean_of_splits"
@@ -165,18 +165,18 @@ class StudyAggregate(BaseModel):
 
 
 class StudyPrivacy(BaseModel):
-    """What is kept about people."""
+    """Rules for keeping data about people."""
 
     model_config = _MODEL
     platform_id: Literal["none", "hmac"] = "none"
     retention: datetime.date | None = None
-    """When the records are deleted."""
+    """Day on which the records are deleted."""
     on_withdraw: Literal["delete", "keep"] = "delete"
     """`delete` shreds the key of everything that the person did."""
 
 
 class StudyRecruit(BaseModel):
-    """Where people come from."""
+    """Recruitment of participants."""
 
     model_config = _MODEL
     kind: Literal["local", "link", "prolific"] = "local"
@@ -184,7 +184,7 @@ class StudyRecruit(BaseModel):
 
 
 class StudyEthics(BaseModel):
-    """What the sheets for participants and the ethics board say; `irb` must be filled to serve a main study."""
+    """Facts for the sheets for participants and the ethics board; a main study is served only with an `irb`."""
 
     model_config = _MODEL
     irb: str = ""
@@ -193,11 +193,11 @@ class StudyEthics(BaseModel):
     contact: str = ""
     pay: str = ""
     duration_min: Annotated[int, Field(ge=1)] | None = None
-    """Announced to participants; None = estimated from the plan."""
+    """Duration announced to participants, minutes; None = estimated from the plan."""
 
 
 class StudyCamera(BaseModel):
-    """What the robot's camera shows to people."""
+    """The robot's camera for people."""
 
     model_config = _MODEL
     width: Annotated[int, Field(ge=16, le=4096)] = 640
@@ -213,49 +213,49 @@ class StudyConfig(BaseModel):
     study: str = Field(pattern=rf"^[A-Za-z0-9_-]{{1,{MAX_STUDY_NAME}}}$")
     """Public name, part of every run id."""
     version: Literal[1] = 1
-    """Of this format."""
+    """Version of this format."""
     dataset: StudyDataset
     task: Annotated[tuple[TaskKind, ...], BeforeValidator(_as_tuple), Field(min_length=1)]
     """`pan`, `pog`, or both: then every participant does one of them, in turns."""
     actions: Literal["paper4", "paper6"] = "paper4"
-    """What people can do in PAN (HUMAN_STUDY.md, section 1, row 1)."""
+    """Actions that people have in PAN (HUMAN_STUDY.md, section 1, row 1)."""
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS)] = MAX_STEPS
     pan_max_s: Annotated[float, Field(gt=0)] | None = None
     """Longest PAN trial; then it ends as `timeout`."""
     query_index: Count = 0
-    """Which paraphrase of the query everybody reads."""
+    """Index of the query's paraphrase that everybody reads."""
     success: SuccessRule = "paper"
     """The rule that the report shows first; all are stored."""
     design: StudyDesign = StudyDesign()
     memory: StudyMemory = StudyMemory()
     pog: StudyPog = StudyPog()
     flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz")
-    """What comes before practice, in this order."""
+    """Pages before practice, in this order."""
     practice: StudyPractice = StudyPractice()
     checks: StudyChecks = StudyChecks()
     breaks: StudyBreaks = StudyBreaks()
     confidence: bool = False
-    """Whether one key after each trial says how sure the participant is."""
+    """Whether participants rate after each trial, with one key, how sure they are."""
     resume_within_s: Seconds = 600.0
-    """Who comes back later than this finds the trial ended as `abandoned`."""
+    """After a longer absence the trial has ended as `abandoned`."""
     hidden_max_s: Seconds | None = 60.0
-    """A trial whose page was in the background for longer is flagged, and still counts; None = none is."""
+    """A trial whose page was in the background for longer is flagged, and still counts; None = no flags."""
     lease_s: Annotated[float, Field(gt=0)] = 900.0
-    """Who has been away for longer, in the middle of the study, gives the rest to others."""
+    """After a longer absence in the middle of the study, the remaining trials go to others."""
     camera: StudyCamera = StudyCamera()
     clutter: ClutterLevel = 0
-    """How much furniture without a caption stands in schematic and invented homes."""
+    """Amount of furniture without a caption in schematic and invented homes."""
     transition: Literal["none"] = "none"
-    """Pictures between two poses: there are none, people see what an agent sees."""
+    """Pictures between two poses: there are none, so that people see the same pictures as an agent."""
     display_scale: Annotated[float, Field(gt=0, le=4)] = 2.0
     """The robot's picture fills the window up to this many times its size."""
     information: tuple[Literal["rgb", "compass", "depth", "map"], ...] = ("rgb",)
-    """What people have to go by, printed beside every comparison with agents."""
+    """Information that people have, printed beside every comparison with agents."""
     aggregate: StudyAggregate = StudyAggregate()
     exclusions: dict[str, str] = {}
-    """Rules of your own that leave trials or people out: id to what it says, written down before data."""
+    """Your own rules that leave trials or people out: id to text, written down before the first trial."""
     primary: Annotated[tuple[Annotated[str, AfterValidator(require_hypothesis)], ...], Field(max_length=3)] = ()
-    """At most three hypotheses, named before the first trial as `analysis` says."""
+    """At most three hypotheses, named before the first trial in the form of `analysis`."""
     privacy: StudyPrivacy = StudyPrivacy()
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()
@@ -286,7 +286,7 @@ class StudyConfig(BaseModel):
 
     @property
     def robot_camera(self) -> Camera:
-        """The camera as the simulator takes it."""
+        """The camera as a `Camera` of the simulator."""
         return Camera(self.camera.width, self.camera.height, self.camera.hfov_deg, self.camera.mount_height)
 
     def conditions(self, task: TaskKind) -> tuple[Condition, ...]:
@@ -294,16 +294,15 @@ class StudyConfig(BaseModel):
         return self.memory.arms if task == "pan" else self.pog.conditions
 
     def canonical_json(self) -> str:
-        """The same text for the same choices: sorted keys, no spaces, only what differs from the defaults.
+        """The same text for the same choices: sorted keys, no spaces, only values that differ from the defaults.
 
-        So a field that a later version adds leaves the hash of a running study alone; a default that a later version
-        changes does not.
+        So a new field in a later version does not change the hash of a running study; a changed default does.
         """
         choices = self.model_dump(mode="json", exclude_defaults=True)
         return json.dumps(choices, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
     def task_for(self, episode: Episode, kind: TaskKind) -> Task:
-        """What a participant may see of the episode.
+        """The part of the episode that a participant may see.
 
         Raises:
             StudyError: The episode has no query with the study's `query_index`.
@@ -319,7 +318,7 @@ class StudyConfig(BaseModel):
 
 
 def save_study(folder: Path, config: StudyConfig) -> Path:
-    """Write `study.yaml` once; the same study again changes nothing. Returns its path.
+    """Writes `study.yaml` once; writing the same study again changes nothing. Returns its path.
 
     Raises:
         StudyError: The folder holds another study, or cannot be written.
@@ -340,7 +339,7 @@ def save_study(folder: Path, config: StudyConfig) -> Path:
 
 
 def load_study(folder: Path) -> StudyConfig:
-    """Read `study.yaml` of a study folder.
+    """Reads `study.yaml` of a study folder.
 
     Raises:
         StudyError: The file is missing or not a valid study.
@@ -365,7 +364,7 @@ def load_study(folder: Path) -> StudyConfig:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file that is never half-written. Makes the folder.
+    """Writes a text file that is never half-written, and makes its folder.
 
     Raises:
         StudyError: The folder cannot be written.

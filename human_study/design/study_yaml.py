@@ -1,4 +1,4 @@
-"""A YAML file that a person wrote, as JSON text for a model to check: whatever is wrong with it is one line."""
+"""Reads a YAML file that a person wrote as JSON text for a model to check; each error is one line."""
 
 import json
 from pathlib import Path
@@ -12,22 +12,22 @@ from sim.files import bounded_bytes
 MAX_BYTES = 128 << 10
 """Largest file; a study has 3 kB, and reading a megabyte takes seconds."""
 MAX_NODES = 20_000
-"""Values of a file, those that an alias repeats included."""
+"""Most values in a file, including those that an alias repeats."""
 _LONGEST_SHOWN = 40
-"""Characters of a bad value in a message."""
+"""Most characters of a bad value in a message."""
 
 
 def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
     """The fields of a YAML file as a JSON object.
 
     Args:
-        path: Of the file.
-        expected: Fields that the file should have, for a message.
-        advice: What to do, a full sentence.
+        path: Path of the file.
+        expected: Expected fields, for a message.
+        advice: Advice to the user, a full sentence.
 
     Raises:
         OSError: The file cannot be read.
-        StudyError: It is not YAML, names a field twice, has keys that are no text, or values that JSON cannot hold.
+        StudyError: The file is not YAML, repeats a field, has keys that are no text, or values that JSON cannot hold.
     """
     content = bounded_bytes(path, MAX_BYTES)
     try:
@@ -41,7 +41,7 @@ def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
         raise StudyError(f"{path}{line}: is not YAML ({getattr(error, 'problem', error)}). {advice}") from None
     except RecursionError:
         raise StudyError(f"{path}: is nested too deeply; expected {expected}. {advice}") from None
-    except ValueError as error:  # JSON has no list that holds itself, and Python prints no endless number
+    except ValueError as error:  # JSON cannot hold a list that contains itself, and Python does not print huge integers
         problem = str(error).partition(";")[0]
         raise StudyError(
             f"{path}: holds a value that cannot be used ({problem}); expected {expected}. {advice}"
@@ -49,13 +49,13 @@ def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """YAML without what is taken in silence otherwise: a field that stands twice, a key that is no text."""
+    """YAML that refuses duplicate keys and keys that are no text."""
 
     def get_single_node(self) -> yaml.Node | None:
-        """The whole document, if it is no larger than a person writes.
+        """The whole document, unless it has too many values.
 
         Raises:
-            yaml.YAMLError: Its aliases make it larger than that.
+            yaml.YAMLError: With its aliases, the document has more than MAX_NODES values.
         """
         document = super().get_single_node()
         if document is not None and _num_nodes(document, {}) > MAX_NODES:
@@ -69,7 +69,7 @@ class _StrictLoader(yaml.SafeLoader):
         """The mapping.
 
         Raises:
-            yaml.YAMLError: A key stands twice, or is no text.
+            yaml.YAMLError: A key is repeated, or is no text.
         """
         seen: set[str] = set()
         for key_node, _ in node.value if isinstance(node, yaml.MappingNode) else ():
@@ -91,7 +91,7 @@ class _StrictLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep=deep)
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        """The value of a node; one that is none, such as the 32nd of May, is named with its line."""
+        """The value of a node; an impossible value, such as the 32nd of May, is reported with its line."""
         try:
             return super().construct_object(node, deep=deep)
         except ValueError:
@@ -102,9 +102,9 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 def _num_nodes(node: yaml.Node, known: dict[int, int]) -> int:
-    """How many values a node is when every alias is written out; `known` holds those that were counted before."""
+    """Number of values in a node with every alias written out; `known` holds the nodes that were counted before."""
     if id(node) not in known:
-        known[id(node)] = 1  # of a list that holds itself, which JSON refuses
+        known[id(node)] = 1  # for a list that contains itself, which JSON refuses
         inner = node.value if isinstance(node, yaml.CollectionNode) else ()
         parts = [part for item in inner for part in (item if isinstance(item, tuple) else (item,))]
         known[id(node)] = 1 + sum(_num_nodes(part, known) for part in parts)
