@@ -1,1 +1,1 @@
-"""One trial as a state machine: commands and the time in, events and a view out, and what it came to."""
+"""One trial as a state machine: commands and the time in, events and a view out, and the trial's outcome."""

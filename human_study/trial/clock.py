@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from sim.errors import TaskStateError
 
 SHORTEST_PRESS_S = 0.05
-"""Presses and clicks that follow an accepted one sooner than this are dropped (HUMAN_STUDY.md, section 4)."""
+"""Presses and clicks sooner than this after an accepted one are dropped (HUMAN_STUDY.md, section 4)."""
 SHOWN_STEPS_S = (60, 10)
-"""The time left is shown in whole steps of the first, and in the last minute of the second (seconds)."""
+"""The remaining time is shown in steps of the first value, in the last minute in steps of the second (seconds)."""
 
 
 class TrialClock:
-    """Seconds since the trial's start, on whatever steady clock the caller uses; stands still while nobody is there."""
+    """Seconds since the trial's start, on the caller's steady clock; it stands still while the participant is away."""
 
     def __init__(self, *, already_s: float | None = None) -> None:
         """A clock of a new trial, or of one that has run for `already_s`."""
@@ -23,7 +23,7 @@ class TrialClock:
         self._accepted_s = -math.inf
 
     def begin(self, now_s: float, *, is_start: bool) -> None:
-        """Run from here on; raises TaskStateError where Start and Resume are mixed up."""
+        """Starts the clock; raises TaskStateError where Start and Resume are mixed up."""
         if is_start == self._has_begun:
             found, expected = ("Start", "Resume") if is_start else ("Resume", "Start")
             raise TaskStateError(
@@ -44,29 +44,29 @@ class TrialClock:
         return t_s - self._accepted_s < SHORTEST_PRESS_S
 
     def accept(self, t_s: float) -> None:
-        """Note an accepted press."""
+        """Stores the time of an accepted press."""
         self._accepted_s = t_s
 
 
 @dataclass(frozen=True, slots=True)
 class TimeLimit:
-    """How long something may take."""
+    """A limit of time."""
 
     began_s: float
     limit_s: float
 
     def is_up(self, t_s: float) -> bool:
-        """Whether it has taken that long."""
+        """Whether the time is up."""
         return t_s - self.began_s >= self.limit_s
 
     def shown_s(self, t_s: float) -> int:
-        """Seconds left as they are shown: rounded up to SHOWN_STEPS_S."""
+        """Remaining seconds for display: rounded up to SHOWN_STEPS_S."""
         left = max(0.0, self.began_s + self.limit_s - t_s)
         step = _step_of(left)
         return step * math.ceil(left / step)
 
     def moments(self, t_s: float) -> list[float]:
-        """Times at which it is up, or at which other seconds are shown."""
+        """Times at which the limit is reached or the displayed seconds change."""
         end_s, shown = self.began_s + self.limit_s, self.shown_s(t_s)
         return [end_s, end_s - (shown - _step_of(shown))]
 

@@ -24,7 +24,7 @@ class Resume:
     away_s: float = 0.0
     """Seconds since the trial's last event (`Trial.away_s`)."""
     took_over: bool = False
-    """Whether another tab still showed it."""
+    """Whether another tab still showed the trial."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class PressStop:
 
 @dataclass(frozen=True, slots=True)
 class GiveUp:
-    """End the trial without an answer; asks once again: the second press within GIVE_UP_WITHIN_S ends it."""
+    """End the trial without an answer; only a second press within GIVE_UP_WITHIN_S ends it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +95,9 @@ class Click:
 
     ray: ClickRay
     hit: Vector3 | None
-    """Where the caller's ray met the shown storey; None = nothing was hit."""
+    """Point where the caller's ray met the shown storey; None = nothing was hit."""
     pixel: MapPixel | None = None
-    """Where on the picture from above, whose `point` is the hit; None for the 3-D home."""
+    """Place on the picture from above, whose `point` is the hit; None for the 3-D home."""
     t_cli_ms: float | None = None
 
 
@@ -114,7 +114,7 @@ class Rate:
     """1 = guessed, 5 = certain."""
 
     def __post_init__(self) -> None:
-        """Five keys, nothing else."""
+        """Refuses values other than 1 to 5."""
         assert self.value in RATINGS
 
 

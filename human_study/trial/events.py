@@ -1,4 +1,4 @@
-"""All that can happen in a trial, as a closed list of typed events: sessions make them, the store keeps them for good.
+"""All events of a trial, as a closed list of types: sessions make them, the store keeps them for ever.
 
 A view, an outcome and a resumed session are all rebuilt from these alone. No event holds ground truth.
 """
@@ -24,7 +24,7 @@ MapKind = Literal["topdown", "glb", "home"]
 
 
 class Open(TrialEvent):
-    """First event of each trial: what the participant is asked to do, and where."""
+    """First event of each trial: the task and its home."""
 
     kind: Literal["open"] = "open"
     task: TaskKind
@@ -35,11 +35,11 @@ class Open(TrialEvent):
     max_steps: int
     actions: tuple[Action, ...]
     condition: Condition | None = None
-    """The home as shown besides the task; None in records of the first version: `none`, or `map_open`."""
+    """The view of the home besides the task; None in records of the first version: `none`, or `map_open`."""
     position: Vector3 | None = None
-    """PAN: where the robot starts, world metres."""
+    """PAN: start of the robot, world metres."""
     yaw: Finite | None = None
-    """PAN: radians."""
+    """PAN: yaw at the start, radians."""
 
     @property
     def key(self) -> EpisodeKey:
@@ -60,7 +60,7 @@ class Shown(TrialEvent):
     frame_hash: str | None
     """sha256 of the (H, W, 3) bytes; None when the environment does not render."""
     blocked: bool = False
-    """Whether it came with the sign that the step before was blocked; older programs had neither sign nor field."""
+    """Whether a sign showed that the last step was blocked; older programs had neither the sign nor this field."""
 
 
 class Key(TrialEvent):
@@ -71,7 +71,7 @@ class Key(TrialEvent):
     """`KeyboardEvent.code`, or the button's name."""
     action: Action
     repeat: bool = False
-    """Sent again by a held key."""
+    """Whether a held key sent it again."""
 
 
 class Dropped(TrialEvent):
@@ -93,7 +93,7 @@ class Act(TrialEvent):
 
     @property
     def step(self) -> Step:
-        """The same as a line of a run file."""
+        """The step as a line of a run file."""
         return Step(
             action=self.action,
             position=self.position,
@@ -117,7 +117,7 @@ class Stop(TrialEvent):
 
 
 class Cam(TrialEvent):
-    """Where somebody looks at the 3-D home from; at most two a second."""
+    """Camera of a participant who looks at the 3-D home; at most two a second."""
 
     kind: Literal["cam"] = "cam"
     position: Vector3
@@ -125,20 +125,20 @@ class Cam(TrialEvent):
 
 
 class ShownStorey(TrialEvent):
-    """Somebody who sees the home chose the storey to see."""
+    """A participant who sees the home chose another storey."""
 
     kind: Literal["storey"] = "storey"
     storey_y: Finite
 
 
 class MapPixel(BaseModel):
-    """A place on a storey's picture from above, with all that makes it a place in the world."""
+    """A place on a storey's picture from above, with the values that turn it into a place in the world."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     uv: tuple[Finite, Finite]
     """(columns, rows) from the picture's top left corner, with fractions; (0.5, 0.5) is the first pixel's centre."""
     origin_xz: tuple[Finite, Finite]
-    """World (x, z) of that corner, metres."""
+    """World (x, z) of the top left corner, metres."""
     pixel_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     """Side of a pixel, metres."""
     shape: tuple[int, int]
@@ -161,11 +161,11 @@ class Clicked(TrialEvent):
     kind: Literal["click"] = "click"
     ray: ClickRay
     hit: Vector3 | None
-    """Where the server's ray met the shown storey, world metres; None = it met nothing."""
+    """Point where the server's ray met the shown storey, world metres; None = it met nothing."""
     pixel: MapPixel | None = None
-    """Where on the picture from above; None for clicks on the 3-D home."""
+    """Place on the picture from above; None for clicks on the 3-D home."""
     provisional: bool = True
-    """Whether it can still be changed before `confirm`."""
+    """Whether the mark can still be changed before `confirm`."""
 
 
 class Confirmed(TrialEvent):
@@ -199,13 +199,13 @@ class MapOn(TrialEvent):
     kind: Literal["map_on"] = "map_on"
     what: MapKind
     min_s: Finite
-    """It cannot be left earlier."""
+    """Shortest look."""
     max_s: Finite | None
-    """It goes away by itself; None = it stays."""
+    """Longest look, after which it closes by itself; None = no limit."""
 
 
 class Looking(TrialEvent):
-    """The map is still shown; now and then, so that a look that is cut off keeps its time."""
+    """The map is still shown; repeated now and then, so that an interrupted look keeps its time."""
 
     kind: Literal["looking"] = "looking"
 
@@ -216,17 +216,17 @@ class MapOff(TrialEvent):
     kind: Literal["map_off"] = "map_off"
     what: MapKind
     reason: Literal["left", "time"]
-    """`left`: by the participant; `time`: after the longest look."""
+    """`left`: closed by the participant; `time`: after the longest look."""
     look_s: Finite
-    """How long it was shown, without time away."""
+    """Seconds for which it was shown, without absences."""
 
 
 class Confidence(TrialEvent):
-    """How sure the participant is of the answer, told after the end."""
+    """The participant's confidence in the answer, given after the end."""
 
     kind: Literal["confidence"] = "confidence"
     value: Annotated[int, Field(ge=1, le=5)] | None
-    """1 = guessed, 5 = certain; None = did not say in time."""
+    """1 = guessed, 5 = certain; None = no answer in time."""
 
 
 class Reconnect(TrialEvent):
@@ -235,7 +235,7 @@ class Reconnect(TrialEvent):
     kind: Literal["reconnect"] = "reconnect"
     epoch: int
     away_s: Finite
-    """Seconds since the event before."""
+    """Seconds since the last event."""
 
 
 class Superseded(TrialEvent):
@@ -245,7 +245,7 @@ class Superseded(TrialEvent):
 
 
 class Abandoned(TrialEvent):
-    """The participant came back too late, or never; the store writes the latter, without a time. The trial is over."""
+    """The participant came back too late, or never (then the store writes it, without a time). The trial is over."""
 
     kind: Literal["abandoned"] = "abandoned"
     away_s: Finite
@@ -305,10 +305,10 @@ def event_from_json(text: str | bytes, *, where: str = "event") -> Event:
     """The event of one JSON object.
 
     Args:
-        where: What the message names as the place of a bad event.
+        where: Place of the event, for messages.
 
     Raises:
-        StudyError: It is not JSON, of no known kind, or a field is missing, unknown or out of range.
+        StudyError: The text is not JSON, its kind is unknown, or a field is missing, unknown or out of range.
     """
     try:
         return _ADAPTER.validate_json(text, strict=True)

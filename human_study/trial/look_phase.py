@@ -1,4 +1,4 @@
-"""The look at a home before the task: for how long, what is logged of it, what it shows."""
+"""The look at a home before the task: its times, its events and its view."""
 
 import math
 from collections.abc import Sequence
@@ -9,11 +9,11 @@ from .terms import Look
 from .views import LookView
 
 LOOKING_EVERY_S = 5.0
-"""A look that is cut off loses at most this much of its time."""
+"""An interrupted look loses at most this much of its time."""
 
 
 class LookPhase:
-    """One look; all times are the trial's, which stand still while nobody is there."""
+    """One look; all times are on the trial's clock, which stands still during absences."""
 
     def __init__(self, look: Look) -> None:
         """A look that begins at 0 unless `rebuild` says otherwise."""
@@ -23,30 +23,30 @@ class LookPhase:
         self._logged_s = 0.0
 
     def on(self, t_s: float) -> MapOn:
-        """The event of its being shown, for the first time or again."""
+        """The event of showing the home, for the first time or again."""
         return MapOn(t_s=t_s, what=self.what, min_s=self._look.min_s, max_s=self._look.max_s)
 
     def off(self, reason: Literal["left", "time"], t_s: float) -> MapOff:
-        """The event of its end."""
+        """The event of the look's end."""
         return MapOff(t_s=t_s, what=self.what, reason=reason, look_s=t_s - self._began_s)
 
     def may_leave(self, t_s: float) -> bool:
-        """Whether it has been shown for the shortest time."""
+        """Whether the shortest time is over."""
         return t_s - self._began_s >= self._look.min_s
 
     def is_up(self, t_s: float) -> bool:
-        """Whether it has been shown for the longest time."""
+        """Whether the longest time is over."""
         return self._look.max_s is not None and t_s - self._began_s >= self._look.max_s
 
     def log(self, t_s: float) -> tuple[Looking, ...]:
-        """Now and then an event that says that it is still shown."""
+        """An event, now and then, that the home is still shown."""
         if t_s - self._logged_s < LOOKING_EVERY_S:
             return ()
         self._logged_s = t_s
         return (Looking(t_s=t_s),)
 
     def moments(self, t_s: float) -> list[float]:
-        """Times at which something happens by itself or the seconds shown change."""
+        """Times at which the look ends by itself or the displayed seconds change."""
         limits = [self._look.min_s] if self._look.max_s is None else [self._look.min_s, self._look.max_s]
         next_second = self._began_s + math.floor(t_s - self._began_s) + 1
         return [*(self._began_s + limit for limit in limits), self._logged_s + LOOKING_EVERY_S, next_second]

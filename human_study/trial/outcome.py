@@ -19,7 +19,7 @@ from .events import Abandoned, Act, Clicked, Confirmed, Error, Event, GaveUp, Ma
 Outcome = EpisodeEnd | Answer
 """The outcome that the store keeps: a PAN run's end (its steps are the events), or a whole POG answer."""
 HIT_TOLERANCE = 1e-6
-"""Metres between a stored point on a map and the one that its pixel gives: rounding, nothing else."""
+"""Largest distance between a stored point on a map and its pixel's point, metres: only rounding."""
 
 
 def opening(events: Sequence[Event]) -> Open:
@@ -36,12 +36,12 @@ def opening(events: Sequence[Event]) -> Open:
 
 
 def has_begun(events: Sequence[Event]) -> bool:
-    """Whether the trial has its first event; one that failed before, or that nobody opened, has no figures."""
+    """Whether the trial has its first event; a trial that failed earlier or was never opened has no figures."""
     return bool(events) and isinstance(events[0], Open)
 
 
 def end_reason(events: Sequence[Event]) -> EndReason | None:
-    """Why the trial is over; None while it is running.
+    """The reason why the trial is over; None while it is running.
 
     Raises:
         StudyError: The trial does not begin with `open`.
@@ -51,7 +51,7 @@ def end_reason(events: Sequence[Event]) -> EndReason | None:
 
 
 def trial_end(events: Sequence[Event]) -> tuple[Event, EndReason] | None:
-    """The event that ended the trial, and why; None while it is running. What follows it changes no result.
+    """The event that ended the trial, and the reason; None while it is running. Later events change no result.
 
     Raises:
         StudyError: The trial does not begin with `open`.
@@ -67,7 +67,7 @@ def trial_end(events: Sequence[Event]) -> tuple[Event, EndReason] | None:
 
 
 def _ends(event: Event, *, is_last_step: bool) -> EndReason | None:
-    """Why this event ends its trial; None when it does not."""
+    """The reason why this event ends its trial; None when it does not."""
     match event:
         case GaveUp():
             return "giveup"
@@ -90,16 +90,16 @@ def _ends(event: Event, *, is_last_step: bool) -> EndReason | None:
 def pan_outcome(
     events: Sequence[Event], episode: Episode, *, navigation: NavigationMap, participant: str
 ) -> EpisodeRun:
-    """The finished PAN trial with its measures; without any after a failure of ours, and where nobody came back.
+    """The finished PAN trial; it has measures unless we failed or the participant never came back.
 
     Args:
         events: All events of the trial, in order.
         episode: The trial's episode, with its targets.
-        navigation: Of the scene on which the trial was done.
+        navigation: Navigation map of the trial's scene.
         participant: Public code.
 
     Raises:
-        StudyError: The trial is not over, is of POG, or of another episode.
+        StudyError: The trial is not over, is a POG trial, or has another episode.
     """
     opened, reason = _finished(events, "pan", episode)
     run = episode_run(events, end=EpisodeEnd(reason=reason), participant=participant)
@@ -121,7 +121,7 @@ def pog_outcome(
 ) -> Answer:
     """The finished POG trial with its measures; without candidates unless the participant confirmed a point.
 
-    Without measures after a failure of ours, and where nobody came back.
+    It has no measures if we failed or the participant never came back.
 
     Args:
         events: All events of the trial, in order.
@@ -130,7 +130,7 @@ def pog_outcome(
         participant: Public code.
 
     Raises:
-        StudyError: The trial is not over, is of PAN, or of another episode, or a point on the map is not its pixel's.
+        StudyError: The trial is not over, is a PAN trial, or has another episode, or a map point is not its pixel's.
     """
     opened, reason = _finished(events, "pog", episode)
     for event in events:
@@ -158,7 +158,7 @@ def pog_outcome(
 
 
 def technical_outcome(key: EpisodeKey, task: TaskKind, *, participant: str) -> Outcome:
-    """The end of a trial that a failure of ours stopped: no measures, counted nowhere."""
+    """The end of a trial that our failure stopped: without measures, never counted."""
     return unscored_outcome(key, task, reason="technical", participant=participant)
 
 
@@ -180,7 +180,7 @@ def episode_run(events: Sequence[Event], *, end: EpisodeEnd, participant: str) -
     """A PAN trial's events as a run with the given end.
 
     Raises:
-        StudyError: The trial does not begin with `open`, or is of POG.
+        StudyError: The trial does not begin with `open`, or is a POG trial.
     """
     opened = opening(events)
     if opened.position is None or opened.yaw is None:
@@ -197,9 +197,9 @@ def episode_run(events: Sequence[Event], *, end: EpisodeEnd, participant: str) -
 
 
 def task_began_s(events: Sequence[Event]) -> float:
-    """When the task itself began, on the trial's clock: the robot's first picture (PAN) or the texts (POG).
+    """Start of the task itself, on the trial's clock: the robot's first picture (PAN) or the texts (POG).
 
-    Before that a map or the home was shown, where the condition asks for it; without one it is 0.
+    In some conditions a look at a map or the home comes first; without a look the start is 0.
     """
     for event in events:
         if isinstance(event, MapOff | Shown) and event.t_s is not None:
@@ -208,21 +208,21 @@ def task_began_s(events: Sequence[Event]) -> float:
 
 
 def walked_steps(events: Sequence[Event]) -> tuple[Step, ...]:
-    """The robot's steps; their `t_s` counts from the first picture, so that a look at the map before is no walking."""
+    """The robot's steps; their `t_s` counts from the first picture, so that an earlier look at the map is left out."""
     began_s = task_began_s(events)
     steps = (event.step for event in events if isinstance(event, Act))
     return tuple(step.model_copy(update={"t_s": max(0.0, step.t_s - began_s)}) for step in steps)
 
 
 def largest_click_error(events: Sequence[Event], cast: Callable[[float, Vector3, Vector3], Vector3 | None]) -> float:
-    """How far the stored points of clicks on the 3-D home are from those that their rays give, metres.
+    """Largest distance of the stored points of clicks on the 3-D home from the points of their rays, metres.
 
     Args:
-        events: All of a POG trial.
-        cast: (storey's floor height, ray's origin, direction) -> world point, None = meets nothing.
+        events: All events of a POG trial.
+        cast: (storey's floor height, ray's origin, direction) -> world point, None = the ray meets nothing.
 
     Returns:
-        inf where only one of the two met anything; 0 without such clicks.
+        inf where only one of the two points exists; 0 without such clicks.
     """
     errors = [0.0]
     for event in events:
@@ -239,7 +239,7 @@ def last_marked(events: Sequence[Event]) -> Clicked | None:
 
 
 def _require_own_point(event: Clicked, opened: Open) -> None:
-    """Raises StudyError when a point on the map is not the one of its pixel."""
+    """Raises StudyError when a point on the map is not its pixel's point."""
     if event.pixel is None:
         return
     found = event.pixel.point(event.ray.storey_y)
@@ -267,9 +267,10 @@ def _finished(events: Sequence[Event], task: TaskKind, episode: Episode) -> tupl
 
 
 def _is_unscored(events: Sequence[Event]) -> bool:
-    """Whether the end is no result: a failure of ours, or somebody who never came back.
+    """Whether the end is no result: our failure, or a participant who never came back.
 
-    The store writes the latter, without a time; it knows no targets. Who comes back too late is scored as all others.
+    For the latter the store writes the end, without a time; it knows no targets. Participants who come back too late
+    are scored like all others.
     """
     end = trial_end(events)
     if end is None:

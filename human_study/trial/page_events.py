@@ -9,7 +9,7 @@ Finite = Annotated[float, AllowInfNan(False)]
 SIZE_STEP = 50
 """Pixels to which a page's size is rounded."""
 MAX_SIDE = 100_000
-"""Pixels; larger pages are said to be this large."""
+"""Largest side of a page that is stored, pixels; larger pages are stored with this side."""
 
 
 class TrialEvent(BaseModel):
@@ -17,9 +17,9 @@ class TrialEvent(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     t_s: Finite | None = None
-    """Seconds since the trial's start on the session's clock; time away is not counted. None: the store made it."""
+    """Seconds since the trial's start on the session's clock, without absences. None: the store made the event."""
     t_cli_ms: Finite | None = None
-    """The browser's own `performance.now`, where it told one."""
+    """The browser's own `performance.now`, where it sent one."""
 
 
 class Focused(TrialEvent):
@@ -35,7 +35,7 @@ class Blurred(TrialEvent):
 
 
 class Hidden(TrialEvent):
-    """The page is not on screen any more: another tab, a minimised window."""
+    """The page is no longer on screen: another tab, a minimised window."""
 
     kind: Literal["hidden"] = "hidden"
 
@@ -47,30 +47,30 @@ class Visible(TrialEvent):
 
 
 class Resized(TrialEvent):
-    """The window has another size."""
+    """The window changed its size."""
 
     kind: Literal["resize"] = "resize"
     width: Annotated[int, Field(ge=0, le=MAX_SIDE)]
     height: Annotated[int, Field(ge=0, le=MAX_SIDE)]
-    """Pixels of the page, rounded so that they tell nobody apart."""
+    """Height of the page in pixels; like the width it is rounded, so that it identifies nobody."""
 
 
 class Net(TrialEvent):
-    """How long the way to the browser and back took."""
+    """Duration of a round trip to the browser."""
 
     kind: Literal["net"] = "net"
     round_trip_ms: Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class ContextLost(TrialEvent):
-    """The browser lost its WebGL context: nothing 3-D is shown any more."""
+    """The browser lost its WebGL context and can no longer show 3-D scenes."""
 
     kind: Literal["context_lost"] = "context_lost"
 
 
 @dataclass(frozen=True, slots=True)
 class PageChanged:
-    """Command: what the browser tells of the page itself."""
+    """Command: the browser reports a change of the page itself."""
 
     what: Literal["focus", "blur", "hidden", "visible", "context_lost"]
     t_cli_ms: float | None = None

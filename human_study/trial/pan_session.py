@@ -1,4 +1,4 @@
-"""PAN as a state machine: maybe a look at the map, then the walk; the pose is the environment's."""
+"""PAN as a state machine: an optional look at the map, then the walk; the environment owns the pose."""
 
 import hashlib
 import math
@@ -17,7 +17,7 @@ from .trial_session import JUST_AFTER_S, TrialSession
 from .views import PanView, SessionUpdate
 
 STOP_WITHIN_S = 2.0
-"""The second press of STOP counts this long after the first (DESIGN.md, keys)."""
+"""The second press of STOP counts up to this long after the first (DESIGN.md, keys)."""
 _NO_TERMS = TrialTerms()
 
 
@@ -40,12 +40,12 @@ class PanSession(TrialSession[PanView]):
         Args:
             env: The episode's environment; the session owns it from now on. Its `max_steps` must be the task's.
             key: The episode.
-            task: What the participant is told, and the allowed actions.
-            scene_digest: Of the scene that `env` walks in.
-            storeys: Floor height of each storey, ascending; of use where `terms` asks for a look only.
-            terms: What comes before the walk, and the limits.
-            looks_later: A step's events come without its picture, so that they can be stored while it is rendered;
-                `look` brings the picture after that.
+            task: The participant's texts, and the allowed actions.
+            scene_digest: Digest of the scene of `env`.
+            storeys: Floor height of each storey, ascending; used only where `terms` has a look.
+            terms: The look before the walk, and the limits.
+            looks_later: Whether a step's events come without its picture, so that they can be stored while it is
+                rendered; `look` gives the picture after that.
         """
         assert env.max_steps == task.max_steps, (env.max_steps, task.max_steps)
         super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
@@ -53,16 +53,16 @@ class PanSession(TrialSession[PanView]):
         self._armed_s = -math.inf
         self._observation: Observation | None = None
         self._was_blocked = False
-        """Whether something was in the way of the last step; forgotten when somebody comes back."""
+        """Whether the last step was blocked; forgotten after an absence."""
 
     @property
     def observation(self) -> Observation | None:
-        """The robot's observation now, for a researcher who watches; None before `Start`. Participants get the view."""
+        """The robot's observation now, for a watching researcher; None before `Start`. Participants get the view."""
         return self._observation
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is now."""
+        """The robot's present pose."""
         return self._env.pose
 
     @property
@@ -72,17 +72,17 @@ class PanSession(TrialSession[PanView]):
 
     @property
     def needs_look(self) -> bool:
-        """Whether the last step's picture is still to come (`looks_later`): call `look` when the step is stored."""
+        """Whether the last step's picture is missing (`looks_later`): call `look` when the step is stored."""
         return self._observation is None and bool(self._env.steps)
 
     def look(self, now_s: float) -> SessionUpdate[PanView]:
-        """The picture of the last step, and the event that it was handed out; none after the end, when none is."""
+        """The picture of the last step, and the event of handing it out; after the end there is neither."""
         self._observation = self._env.observe()
         events = self._show_task(self._clock.read(now_s)) if self.phase == "task" else ()
         return SessionUpdate(events, self.view(now_s))
 
     def handle(self, command: Command, now_s: float, *, busy: bool = False) -> SessionUpdate[PanView]:
-        """As `TrialSession.handle`; an absence disarms STOP and ends the sign that a step was blocked."""
+        """Like `TrialSession.handle`; an absence also disarms STOP and removes the sign of a blocked step."""
         if isinstance(command, Resume):
             self._armed_s, self._was_blocked = -math.inf, False
         return super().handle(command, now_s, busy=busy)
@@ -171,11 +171,11 @@ def pan_session_from_events(
 ) -> PanSession:
     """The session after these stored events: same phase, step and pose. Its next command is `Resume`.
 
-    Args: as PanSession's; `events` are all of the trial, in order.
+    Args: as those of PanSession; `events` are all events of the trial, in order.
 
     Raises:
         StudyError: The events do not begin with `open`.
-        TaskStateError: They are of another episode or scene.
+        TaskStateError: The events belong to another episode or scene.
     """
     session = PanSession(
         env, key=key, task=task, scene_digest=scene_digest, storeys=storeys, terms=terms, looks_later=looks_later

@@ -1,4 +1,4 @@
-"""POG as a state machine: maybe a look at the home, then the texts; place a mark, move it, confirm it."""
+"""POG as a state machine: an optional look at the home, then the texts; place a mark, move it, confirm it."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ class PogSession(TrialSession[PogView]):
         scene_digest: str,
         terms: TrialTerms = _NO_TERMS,
     ) -> None:
-        """Nothing is shown before `Start`; arguments as TrialSession's."""
+        """Shows nothing before `Start`; the arguments are those of TrialSession."""
         super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
         self._marker: Vector3 | None = None
 
@@ -87,11 +87,11 @@ def pog_session_from_events(
 ) -> PogSession:
     """The session after these stored events: same phase, storey and mark. Its next command is `Resume`.
 
-    Args: as PogSession's; `events` are all of the trial, in order.
+    Args: as those of PogSession; `events` are all events of the trial, in order.
 
     Raises:
         StudyError: The events do not begin with `open`.
-        TaskStateError: They are of another episode or scene.
+        TaskStateError: The events belong to another episode or scene.
     """
     session = PogSession(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
     session._rebuild(events)

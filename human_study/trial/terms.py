@@ -15,9 +15,9 @@ class Look:
 
     what: MapKind
     min_s: float = 0.0
-    """It cannot be left earlier."""
+    """Shortest look."""
     max_s: float | None = None
-    """It ends by itself; None = only when the participant begins the task."""
+    """Longest look; None = it ends only when the participant begins the task."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +25,15 @@ class TrialTerms:
     """The limits of one trial."""
 
     condition: Condition | None = None
-    """None: records of the first version of studies."""
+    """The trial's condition; None in records of the first version of studies."""
     look: Look | None = None
     """The look before the task; None = there is none."""
     task_max_s: float | None = None
-    """Longest walk, from the first picture, or longest answer, from the texts; None = any time."""
+    """Longest walk, from the first picture, or longest answer, from the texts; None = no limit."""
     resume_within_s: float = RESUME_WITHIN_S
     """A longer absence ends the trial as `abandoned`."""
     asks_confidence: bool = False
-    """Whether who has answered (STOP, a confirmed mark) says how sure the answer is."""
+    """Whether participants rate their confidence after an answer (STOP, a confirmed mark)."""
 
 
 def terms_of(config: StudyConfig, condition: Condition) -> TrialTerms:

@@ -37,15 +37,15 @@ from .terms import TrialTerms
 from .views import LookView, RateView, SessionUpdate, TaskViewT
 
 GIVE_UP_WITHIN_S = 5.0
-"""The second press of giving up counts this long after the first."""
+"""The second press of giving up counts up to this long after the first..."""
 GIVE_UP_AFTER_S = 0.5
-"""It does not count sooner: a double click is one press."""
+"""...but not sooner than this: a double click is one press."""
 CAMERA_EVERY_S = 0.5
 """Camera poses are kept at most twice a second (HUMAN_STUDY.md, section 2)."""
 RATE_WITHIN_S = 60.0
-"""After this long the question of how sure the answer is closes, because the outcome waits for it."""
+"""The question about confidence closes after this long, because the outcome waits for it."""
 JUST_AFTER_S = 0.01
-"""Ticks come this long after a moment up to which, itself included, a press counts."""
+"""Ticks come this long after the moment at which a press counts for the last time."""
 Phase = Literal["look", "task", "rate", "done"]
 
 
@@ -55,14 +55,14 @@ class TrialSession(ABC, Generic[TaskViewT]):
     def __init__(
         self, *, key: EpisodeKey, task: Task, storeys: tuple[float, ...], scene_digest: str, terms: TrialTerms
     ) -> None:
-        """Nothing is shown before `Start`.
+        """Shows nothing before `Start`.
 
         Args:
             key: The episode.
-            task: What the participant is told.
+            task: The participant's texts.
             storeys: Floor height of each storey, ascending (`NavigationMap.storey_heights`).
-            scene_digest: Of the scene.
-            terms: What comes before and after the task, and the limits.
+            scene_digest: Digest of the scene.
+            terms: The look before the task, the question after it, and the limits.
         """
         self._key, self._task, self._storeys, self._scene_digest = key, task, storeys, scene_digest
         self._terms = terms
@@ -73,7 +73,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         self._storey = 0
         self._camera_s = -math.inf
         self._new_camera: LookFrom | None = None
-        """The newest pose, until it is stored."""
+        """The newest camera pose, until it is stored."""
         self._handled_s = 0.0
         self._giving_up_s = -math.inf
         self._ended: EndReason | None = None
@@ -82,22 +82,22 @@ class TrialSession(ABC, Generic[TaskViewT]):
 
     @property
     def end_reason(self) -> EndReason | None:
-        """Why the task is over; None while it is running."""
+        """The reason why the task is over; None while it is running."""
         return self._ended
 
     @property
     def is_over(self) -> bool:
-        """Whether the task takes no more commands; there may be a question left."""
+        """Whether the task takes no more commands; a question may still be open."""
         return self._ended is not None
 
     @property
     def is_done(self) -> bool:
-        """Whether nothing is left to do: the outcome can be stored."""
+        """Whether the trial is complete, so that the outcome can be stored."""
         return self.phase == "done"
 
     @property
     def phase(self) -> Phase:
-        """Which screen is to be shown."""
+        """The present screen."""
         if self._ended is not None:
             return "rate" if self._ended in ("stop", "click") and not self._is_rated else "done"
         return "look" if self._task_began_s is None else "task"
@@ -115,17 +115,17 @@ class TrialSession(ABC, Generic[TaskViewT]):
                 return self._task_view(t_s)
 
     def wait_s(self, now_s: float) -> float | None:
-        """Seconds until a `Tick` is due, which something happens or looks different at; 0 = now, None = never."""
+        """Seconds until the next `Tick`, at which something happens or looks different; 0 = now, None = never."""
         moments = [moment for moment in self._moments(self._handled_s) if moment > self._handled_s]
         return max(0.0, min(moments) - self._clock.read(now_s)) if moments else None
 
     def handle(self, command: Command, now_s: float, *, busy: bool = False) -> SessionUpdate[TaskViewT]:
-        """Take one command; after the end none has an effect but `Rate`.
+        """Handles one command; after the end only `Rate` has an effect.
 
         Args:
-            command: What the participant did.
+            command: The participant's command.
             now_s: Seconds on a steady clock, the same one for the whole life of this object.
-            busy: The picture of an earlier action is still under way: presses are dropped and logged.
+            busy: Whether the picture of an earlier action is still being sent: presses are then dropped and logged.
 
         Raises:
             TaskStateError: The first command is not Start (Resume for a rebuilt session), or Start comes again.
@@ -179,7 +179,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return t_s - self._giving_up_s <= GIVE_UP_WITHIN_S and not self.is_over
 
     def _left_s(self, t_s: float) -> int | None:
-        """Seconds of the task that are left, as they are shown."""
+        """Remaining seconds of the task, rounded for display."""
         return self._limit.shown_s(t_s) if self._limit is not None else None
 
     def _moments(self, t_s: float) -> list[float]:
@@ -308,7 +308,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return (ShownStorey(t_s=t_s, storey_y=self._storeys[storey]),)
 
     def _camera_events(self, t_s: float) -> tuple[Event, ...]:
-        """The newest pose, once it may be kept: also the one in which the camera came to rest, however soon it came."""
+        """The newest camera pose as soon as it may be kept, so that the final pose of each movement is always kept."""
         look = self._new_camera
         if look is None or not self._sees_home or t_s < self._camera_s + CAMERA_EVERY_S:
             return ()
@@ -324,7 +324,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
 
         Raises:
             StudyError: The events do not begin with `open`.
-            TaskStateError: They are of another episode or scene.
+            TaskStateError: The events belong to another episode or scene.
         """
         opened = opening(events)
         if (opened.key, opened.scene_digest) != (self._key, self._scene_digest):

@@ -14,7 +14,7 @@ from .events import Event, MapKind
 
 @dataclass(frozen=True, slots=True)
 class LookView:
-    """All that may be seen before the task: a map or the home, and no text."""
+    """The view before the task: a map or the home, without texts."""
 
     what: MapKind
     storeys: tuple[float, ...]
@@ -22,18 +22,18 @@ class LookView:
     storey: int
     """Index of the shown one."""
     wait_s: int
-    """Whole seconds until it can be left; 0 = now."""
+    """Whole seconds until the participant may leave it; 0 = now."""
     left_s: int | None
-    """Whole seconds until it goes away by itself; None = it stays."""
+    """Whole seconds until it closes by itself; None = no limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class PanView:
-    """All that a walking PAN participant may see; holds no ground truth."""
+    """The view of a walking PAN participant; holds no ground truth."""
 
     task: Task
     rgb: NDArray[np.uint8] | None
-    """(H, W, 3) what the robot sees; None when the environment does not render."""
+    """(H, W, 3) the robot's picture; None when the environment does not render."""
     step: int
     """Actions taken so far."""
     is_armed: bool
@@ -44,12 +44,12 @@ class PanView:
     left_s: int | None = None
     """Seconds until the time is up, in coarse steps; None = there is no limit."""
     is_blocked: bool = False
-    """Whether the picture is one after a step that something was in the way of: a sign comes with it."""
+    """Whether the last step was blocked, which a sign beside the picture shows."""
 
 
 @dataclass(frozen=True, slots=True)
 class PogView:
-    """All that a pointing POG participant may see; holds no ground truth and never says whether a point is right."""
+    """The view of a pointing POG participant; holds no ground truth and never says whether a point is right."""
 
     task: Task
     storeys: tuple[float, ...]
@@ -67,7 +67,7 @@ class PogView:
 
 @dataclass(frozen=True, slots=True)
 class RateView:
-    """The question how sure the answer is."""
+    """The question about confidence in the answer."""
 
     choices: tuple[int, ...]
     """From guessed to certain."""
