@@ -1,1 +1,1 @@
-"""What a study keeps: one writer, people and their stages, leases, and records that nobody can change."""
+"""The records of a study: one writer, people and their stages, leases, and append-only tables."""

@@ -1,6 +1,6 @@
 """Assigns episodes while a study runs: trials that are due, episodes given back, and who does those instead.
 
-Functions of one write transaction: all that they decide is decided again by nobody else at the same time. The database
+All functions run inside one write transaction, so nobody else decides the same thing at the same time. The database
 itself refuses a second live holder (trigger `one_holder`).
 """
 
@@ -27,7 +27,7 @@ _SPENT = (
     " AND held.scene = assignment.scene AND held.episode_id = assignment.episode_id AND held.rep = assignment.rep)"
     f" >= {MOST_FAILURES})"
 )
-"""Whether the episode of a row of `assignment` failed too often, over all who had it."""
+"""Whether the episode of a row of `assignment` failed too often, counted over all its holders."""
 
 
 class Slot(NamedTuple):
@@ -40,7 +40,7 @@ class Slot(NamedTuple):
 
 
 def assign(database: sqlite3.Connection, code: str, trial: PlannedTrial, *, made_by: str = "plan") -> None:
-    """Give a trial to a participant."""
+    """Gives a trial to a participant."""
     database.execute(
         "INSERT INTO assignment(assignment_id, code, order_no, task, split, scene, episode_id, phase, condition, rep,"
         " made_by, at_ns) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -62,7 +62,7 @@ def assign(database: sqlite3.Connection, code: str, trial: PlannedTrial, *, made
 def due_order_no(database: sqlite3.Connection, code: str) -> int | None:
     """Place of the participant's first trial that is neither given back nor ended; None when there is none.
 
-    A trial whose last attempt has no outcome is due, also after an earlier attempt that failed for technical reasons.
+    A trial whose last attempt has no outcome is due, even after an earlier attempt that failed for technical reasons.
     """
     row = database.execute(
         f"SELECT min(order_no) FROM assignment WHERE code = ? AND {_LIVE} AND NOT EXISTS("
@@ -76,14 +76,14 @@ def due_order_no(database: sqlite3.Connection, code: str) -> int | None:
 def release(
     database: sqlite3.Connection, code: str, reason: str, *, also_done: bool = False, also_tried: bool = True
 ) -> int:
-    """Give back the participant's counted trials that are still to do; returns how many.
+    """Gives back the participant's unfinished counted trials; returns their number.
 
     Args:
-        database: In a write transaction.
+        database: Connection in a write transaction.
         code: The participant.
-        reason: Is kept.
-        also_done: Those with a result, too. What failed twice for technical reasons stays: nobody gets it again.
-        also_tried: Those that wait for another attempt, too.
+        reason: The stored reason.
+        also_done: Whether to give back trials with a result too. Trials that failed twice for technical reasons stay.
+        also_tried: Whether to give back trials that wait for another attempt too.
     """
     ended = (
         "NOT EXISTS(SELECT 1 FROM trial JOIN outcome USING(trial_id)"
@@ -101,13 +101,13 @@ def release(
 
 
 def is_spent(database: sqlite3.Connection, assignment_id: str) -> bool:
-    """Whether the episode failed twice for technical reasons, whoever had it: nobody gets it again."""
+    """Whether the episode failed twice for technical reasons, with any holders; then nobody gets it again."""
     row = database.execute(f"SELECT {_SPENT} FROM assignment WHERE assignment_id = ?", (assignment_id,)).fetchone()
     return bool(row[0])
 
 
 def others_can_take(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> bool:
-    """Whether what one person leaves can go to another: where everybody does everything, only to a spare person."""
+    """Whether one person's trials can go to another; in a crossed design only to a spare person."""
     if config.design.kind == "house-once":
         return True
     people = (person for person in plan.participants if person.task == task)
@@ -115,16 +115,16 @@ def others_can_take(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> boo
 
 
 def release_one(database: sqlite3.Connection, assignment_id: str, reason: str) -> None:
-    """Give back one trial; once given back it stays so."""
+    """Gives back one trial, for good."""
     database.execute("INSERT OR IGNORE INTO release VALUES (?, ?, ?)", (assignment_id, reason, time.time_ns()))
 
 
 def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, code: str) -> bool:
-    """Give the participant one episode that nobody has (any more); False when there is none to give.
+    """Gives the participant one episode that nobody holds (any more); False when there is none.
 
-    The participant's own of the plan first, in its order; else the one with the fewest other people, in a home that the
-    participant has never met (`house-once`) or at least an episode that the participant has not done. After each
-    `checks.every` counted trials an attention trial comes, too.
+    The participant's own episodes in the plan come first, in its order; then the one with the fewest other people, in a
+    home that the participant has never met (`house-once`), or at least an episode that the participant has not done.
+    After each `checks.every` counted trials an attention trial is given too.
     """
     slot = free_slot(database, config, plan, code)
     if slot is None:
@@ -170,7 +170,7 @@ def free_slot(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan
     planned = {(trial.task, trial.condition, trial.key, trial.rep): trial.order_no for trial in person.trials}
 
     def preference(slot: Slot) -> tuple[float, int, str]:
-        """The own ones come first, in the plan's order; then the rarest, in an order that knows no difficulty."""
+        """The participant's own episodes first, in the plan's order; then the rarest, in no order of difficulty."""
         mixed = hashlib.sha256(f"{code}/{slot}".encode()).hexdigest()
         return planned.get(slot, math.inf), _num_holders(database, slot), mixed
 
@@ -212,7 +212,7 @@ def _met(database: sqlite3.Connection, code: str) -> set[EpisodeKey]:
 
 
 def _num_holders(database: sqlite3.Connection, slot: Slot) -> int:
-    """How many people have or did the episode in this condition."""
+    """Number of people who have or did the episode in this condition."""
     return database.execute(
         "SELECT count(*) FROM assignment WHERE phase = 'main' AND task = ? AND condition = ? AND split = ?"
         f" AND scene = ? AND episode_id = ? AND {_LIVE}",

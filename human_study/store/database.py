@@ -1,4 +1,4 @@
-"""Open a study's database file for writing: the lock, SQLite's settings, numbered migrations, the study's own row."""
+"""Opens a study's database file for writing: the lock, SQLite's settings, numbered migrations, the study's own row."""
 
 import fcntl
 import hashlib
@@ -24,16 +24,16 @@ from .records import DATABASE_FILE, require_known_version, store_error
 LOCK_FILE = "study.lock"
 BACKUP_FOLDER = "backups"
 _PART = ".part"
-"""Ends the name of a copy that is not finished."""
+"""Suffix of an unfinished copy."""
 MIN_FREE_MB = 500
-"""Room that a study needs to be served: thousands of trials and the copies of them take less."""
+"""Free space that is needed to serve a study: thousands of trials and their copies take less."""
 
 
 class StudyInUseError(StudyError):
     """Another process has the study open for writing."""
 
     def __init__(self, folder: Path, holder: str) -> None:
-        """Names the study's folder and the process that holds it."""
+        """Takes the study's folder and the process that holds it."""
         super().__init__(
             f"{folder}: is in use by process {holder}; expected a study that no other process serves. "
             "Stop that process first."
@@ -42,10 +42,11 @@ class StudyInUseError(StudyError):
 
 
 def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.Connection:
-    """The database, up to date and in autocommit mode, for use by one thread at a time; makes it when there is none.
+    """The database, up to date and in autocommit mode, for one thread at a time; it is made when there is none.
 
     Raises:
-        StudyError: It cannot be written, is damaged, of another program, of a newer version or of another study.
+        StudyError: The file cannot be written, is damaged, or belongs to another program, a newer version or another
+            study.
     """
     try:
         _private_database(path)
@@ -69,10 +70,10 @@ def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.C
 
 
 def bring_up_to_date(folder: Path) -> list[int]:
-    """Migrate a study's database of an earlier version; returns the versions that were passed through, () for none.
+    """Migrates a study's database of an earlier version; returns the versions that it passed, () for none.
 
     Raises:
-        StudyError: There is none, another process uses it, or a step failed and the database is as it was.
+        StudyError: There is no database, another process uses it, or a step failed and the database is unchanged.
     """
     path = folder / DATABASE_FILE
     if not path.is_file():
@@ -89,7 +90,7 @@ def bring_up_to_date(folder: Path) -> list[int]:
 
 
 def free_mb(folder: Path) -> int:
-    """Room on the disk of a folder, MB. Raises StudyError where the folder cannot be asked."""
+    """Free space on the disk of a folder, MB. Raises StudyError where it cannot be read."""
     try:
         return shutil.disk_usage(folder).free // 2**20
     except OSError as error:
@@ -114,7 +115,7 @@ def require_free_space(folder: Path, *, least_mb: int = MIN_FREE_MB) -> None:
 
 
 def take_lock(folder: Path) -> IO[str]:
-    """The open lock file; closing it, or dying, lets go. Raises StudyInUseError when another process holds it."""
+    """The open lock file; closing it or ending the process releases it. Raises StudyInUseError if it is held."""
     path = folder / LOCK_FILE
     try:
         private_folder(folder)
@@ -138,7 +139,7 @@ def take_lock(folder: Path) -> IO[str]:
 
 
 def close_to_others(folder: Path) -> None:
-    """Makes a study's folder 0700, and its database, plan, lock and backups 0600, as earlier versions did not.
+    """Sets a study's folder to mode 0700, and its database, plan, lock and backups to 0600; earlier versions did not.
 
     SQLite gives `-wal` and `-shm` the database's mode when it makes them.
     """
@@ -149,7 +150,7 @@ def close_to_others(folder: Path) -> None:
 
 
 def _private_database(path: Path) -> None:
-    """An empty file that only its owner can read, where there is none; SQLite takes it for a new database."""
+    """Makes an empty file that only its owner can read, if there is none; SQLite treats it as a new database."""
     os.close(os.open(path, os.O_CREAT | os.O_RDWR, PRIVATE_FILE))
     make_private(path)
 
@@ -178,7 +179,7 @@ def _apply_settings(database: sqlite3.Connection, path: Path) -> None:
 
 
 def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyConfig, plan: StudyPlan) -> None:
-    """Write the study's row into a new database; raises StudyError when it holds another study's."""
+    """Writes the study's row into a new database; raises StudyError when it holds another study's row."""
     row = database.execute("SELECT study_version, plan FROM study").fetchone()
     if row is None:
         version, at_ns = package_version("personal-viz"), time.time_ns()
@@ -199,14 +200,14 @@ def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyC
 
 
 def migrate(database: sqlite3.Connection, path: Path, *, steps: Sequence[str] = MIGRATIONS) -> list[int]:
-    """Bring a database up to date, each step whole or not at all; returns the versions that were passed through.
+    """Brings a database up to date, each step whole or not at all; returns the versions that it passed.
 
-    A database that holds something is copied to `backups/` beside it first.
+    A database with content is first copied to `backups/` beside it.
 
     Args:
-        database: Connection without an open transaction, of a known version.
-        path: Of the database.
-        steps: The numbered SQL.
+        database: Connection without an open transaction, to a database of a known version.
+        path: Path of the database.
+        steps: The numbered SQL steps.
 
     Raises:
         StudyError: A step failed; the database is as it was before that step.
@@ -233,14 +234,14 @@ def migrate(database: sqlite3.Connection, path: Path, *, steps: Sequence[str] = 
 
 
 def backup(database: sqlite3.Connection, path: Path) -> None:
-    """Copy the whole database to a new file, also while it is used; one copy at a time. There is never half a copy.
+    """Copies the whole database to a new file, even during use; one copy at a time, and never half a copy.
 
     Raises:
-        OSError: The folder cannot be made, or the copy not be given its name.
+        OSError: The folder cannot be made, or the copy cannot be renamed.
         sqlite3.Error: The copy cannot be written.
     """
     private_folder(path.parent)
-    for left in path.parent.glob(f"*{_PART}*"):  # of a copy that broke off
+    for left in path.parent.glob(f"*{_PART}*"):  # remains of an interrupted copy
         left.unlink(missing_ok=True)
     beside = path.with_name(path.name + _PART)
     try:
@@ -249,9 +250,9 @@ def backup(database: sqlite3.Connection, path: Path) -> None:
             database.backup(copy)
         os.replace(beside, path)
     finally:
-        beside.unlink(missing_ok=True)  # a copy that failed leaves its room to the study
+        beside.unlink(missing_ok=True)  # frees the space of a failed copy
 
 
 def audit(database: sqlite3.Connection, action: str, target: str) -> None:
-    """Note that somebody did something to the study as a whole."""
+    """Stores that somebody changed the study as a whole."""
     database.execute("INSERT INTO audit(at_ns, action, target) VALUES (?, ?, ?)", (time.time_ns(), action, target))

@@ -19,8 +19,8 @@ STANDARD_RULES: dict[str, str] = {
     "disturbed": "The person reported having been disturbed or helped during the trial.",
     "unverified": "Doing the trial again does not give the stored steps or outcome.",
 }
-"""Rules that every study writes down before its first trial (preregistration), by id; `attention` where it has such
-trials. `technical` and `abandoned` apply by themselves; the others are applied with `personal-viz study exclude`."""
+"""Rules that every study writes down before its first trial (preregistration), by id; `attention` only in studies with
+attention trials. `technical` and `abandoned` apply by themselves, the others through `personal-viz study exclude`."""
 _RULE_ID = re.compile(r"[a-z][a-z0-9_-]{0,39}")
 _TRIAL = re.compile(r"(p[0-9]{2,})/([0-9]+)")
 
@@ -42,10 +42,10 @@ def rules_before_data(config: StudyConfig) -> dict[str, str]:
 
 
 def require_rule_id(rule_id: str) -> str:
-    """The rule id, if it can be one.
+    """The rule id, checked for its form.
 
     Raises:
-        StudyError: It is not of small letters, digits, - and _.
+        StudyError: It has other characters than small letters, digits, - and _, or is too long.
     """
     if not _RULE_ID.fullmatch(rule_id):
         known = ", ".join(STANDARD_RULES)
@@ -60,12 +60,12 @@ def find_target(reader: StudyReader, *, trial: str | None, participant: str | No
     """The person, or the attempts at one trial.
 
     Args:
-        reader: Of the study.
+        reader: Reader of the study.
         trial: `p03/12`: the participant's code and the place in the order, as `study status` prints them.
         participant: A participant's code.
 
     Raises:
-        StudyError: Not exactly one of the two is given, or there is no such thing.
+        StudyError: Not exactly one of the two is given, or the trial or participant does not exist.
     """
     if (trial is None) == (participant is None):
         raise StudyError(

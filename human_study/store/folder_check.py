@@ -1,4 +1,4 @@
-"""Whether a study's files still fit its database: the study and plan that it began with, and keys that open it."""
+"""Checks that a study's files still fit its database: the original study and plan, and keys that open it."""
 
 from sim.errors import StudyError
 
@@ -9,10 +9,10 @@ from .vault import KEYS_FILE, Vault
 
 
 def require_same_files(reader: StudyReader) -> None:
-    """Refuses a folder whose `study.yaml` or `plan.json` was changed after the start; one that has none has no say.
+    """Refuses a folder whose `study.yaml` or `plan.json` was changed after the start; a missing file is ignored.
 
     Raises:
-        StudyError: A file is damaged, of another version of the format, or not the one that the study began with.
+        StudyError: A file is damaged, has another format version, or is not the original one.
     """
     if not (reader.folder / STUDY_FILE).is_file():
         return
@@ -24,12 +24,12 @@ def require_same_files(reader: StudyReader) -> None:
 
 
 def require_keys(reader: StudyReader) -> None:
-    """Refuses a folder whose `keys.json` does not open what each participant did, unless that was deleted.
+    """Refuses a folder whose `keys.json` does not open each participant's records, unless they were deleted.
 
-    Studies of the first version, whose records are in clear, need no keys.
+    Studies of the first version need no keys, because their records are plain text.
 
     Raises:
-        StudyError: The file is missing or damaged, or a participant's key is missing or another one.
+        StudyError: The file is missing or damaged, or a participant's key is missing or wrong.
     """
     vault, codes = Vault(reader.folder), reader.codes()
     of_trial = "JOIN trial USING(trial_id) JOIN assignment USING(assignment_id)"

@@ -1,6 +1,6 @@
 """The database's schema as numbered steps: step n leads from version n - 1 to n. Never edit a released step.
 
-Every table is append-only by trigger: what changes is a new row. An id is a ULID; `*_ns` is the server's wall clock,
+Every table is append-only by trigger: a change is a new row. An id is a ULID; `*_ns` is the server's wall clock,
 `*_mono_ns` its monotonic clock, comparable within one `boot_id`.
 """
 

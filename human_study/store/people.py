@@ -24,16 +24,16 @@ from .vault import Vault
 from .writer import GroupWriter
 
 KEPT_BACKUPS = 10
-"""The oldest are deleted when there are more."""
+"""Number of kept backups; older ones are deleted."""
 
 
 class PeopleWrites:
-    """The part of the store that is about participants; blocking, from any thread, as all of the store."""
+    """The part of the store about participants; like the whole store it blocks, and any thread may call it."""
 
     def __init__(
         self, folder: Path, config: StudyConfig, plan: StudyPlan, writer: GroupWriter, vault: Vault, *, boot_id: str
     ) -> None:
-        """Writes through a writer that somebody else closes; `boot_id` names this machine's boot."""
+        """Takes a writer that the caller closes; `boot_id` names this machine's boot."""
         self.folder = folder
         self.config = config
         self.plan = plan
@@ -48,14 +48,14 @@ class PeopleWrites:
             return reader.participant(code)
 
     def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
-        """Note that a participant reached a stage; after `finished` the database is backed up if there is room.
+        """Stores that a participant reached a stage; after `finished` the database is backed up if there is space.
 
-        Who is screened out gives the trials to others.
+        The trials of a participant who is screened out go to others.
 
         Args:
             code: The participant.
-            stage: Repeats are kept too.
-            detail: Answers and the like; JSON, under 4 kB. Nothing that tells who the person is.
+            stage: The stage; repeats are stored too.
+            detail: Answers and similar facts; JSON, under 4 kB, without anything that identifies the person.
 
         Raises:
             StudyError: There is no such participant, or the detail is too long.
@@ -72,11 +72,11 @@ class PeopleWrites:
 
         self._writer.write(job)
         if stage == "finished":
-            with suppress(StudyError):  # the stage is stored; whoever serves the study backs it up later, and tells
+            with suppress(StudyError):  # the stage is stored; the serving process backs it up later and reports it
                 self.back_up()
 
     def give_consent(self, code: str, text: str, *, given: bool) -> None:
-        """Store a participant's answer to the text that was shown.
+        """Stores a participant's answer to the consent text that was shown.
 
         Raises:
             StudyError: There is no such participant.
@@ -96,10 +96,10 @@ class PeopleWrites:
         self._writer.write(job)
 
     def claim_person(self, ext_hash: str | None) -> str | None:
-        """A place for somebody who comes through an open link; None when the study is full.
+        """A place for a person who comes through an open link; None when the study is full.
 
         Args:
-            ext_hash: Keyed hash of the recruiting platform's id; the same one gets the same place again.
+            ext_hash: Keyed hash of the recruiting platform's id; the same hash gets the same place again.
         """
 
         def job(database: sqlite3.Connection) -> str | None:
@@ -119,10 +119,10 @@ class PeopleWrites:
         return self._writer.write(job)
 
     def drop_out(self, code: str, reason: str) -> int:
-        """Give the counted trials that a participant has not finished to others; returns how many.
+        """Gives a participant's unfinished counted trials to others; returns their number.
 
-        The one that was under way ends as `abandoned` (HUMAN_STUDY.md, section 4). A participant who comes back gets
-        what is then left. Nothing happens to one who has nothing left to do.
+        A running trial ends as `abandoned` (HUMAN_STUDY.md, section 4). A participant who comes back gets the trials
+        that are then left. A participant without unfinished trials is not changed.
         """
         now = self._now()
 
@@ -130,7 +130,7 @@ class PeopleWrites:
             self._require_known(database, code)
             task = self.plan.participant(code).task
             num_left = abandon_running(database, self._vault, self.config, self.plan, code, now=now)
-            # what waits for another attempt stays with the only person who could make it
+            # trials that wait for another attempt stay with the only person who could make it
             num_left += release(database, code, reason, also_tried=others_can_take(self.config, self.plan, task))
             if num_left:
                 _add_stage(database, code, "dropped_out", json.dumps({"reason": reason, "released": num_left}))
@@ -140,11 +140,11 @@ class PeopleWrites:
         return self._writer.write(job)
 
     def withdraw(self, code: str) -> None:
-        """The participant withdraws: open trials go to others, and with `on_withdraw: delete` all data is shredded.
+        """Withdraws the participant: open trials go to others, and with `on_withdraw: delete` all data is shredded.
 
         Raises:
-            StudyError: There is no such participant, or the keys cannot be written (the withdrawal itself is stored and
-                is finished at the next start).
+            StudyError: There is no such participant, or the keys cannot be written (then the withdrawal is stored, and
+                finished at the next start).
         """
         is_deleted = self.config.privacy.on_withdraw == "delete"
 
@@ -159,7 +159,7 @@ class PeopleWrites:
             self._vault.shred(code)
 
     def finish_withdrawals(self) -> None:
-        """Delete keys of participants who withdrew just before the program ended."""
+        """Deletes the keys of participants who withdrew just before the program ended."""
         if self.config.privacy.on_withdraw != "delete":
             return
         with read_study(self.folder) as reader:
@@ -168,7 +168,7 @@ class PeopleWrites:
             self._vault.shred(code)
 
     def add_verification(self, entry: VerificationEntry) -> None:
-        """Store what doing a trial again found."""
+        """Stores the result of doing a trial again."""
 
         def job(database: sqlite3.Connection) -> None:
             database.execute(
@@ -188,7 +188,7 @@ class PeopleWrites:
         self._writer.write(job)
 
     def exclude(self, target_kind: Literal["trial", "participant"], target: str, *, rule_id: str, reason: str) -> str:
-        """Leave a trial or a participant out of the figures; returns the exclusion's id. Nothing is deleted.
+        """Leaves a trial or a participant out of the figures; returns the exclusion's id. Nothing is deleted.
 
         Raises:
             StudyError: There is no such trial or participant.
@@ -209,7 +209,7 @@ class PeopleWrites:
         return exclusion_id
 
     def undo_exclusion(self, exclusion_id: str) -> None:
-        """Count an excluded trial or participant again; twice is once.
+        """Counts an excluded trial or participant again; a second call changes nothing.
 
         Raises:
             StudyError: There is no such exclusion.
@@ -224,11 +224,11 @@ class PeopleWrites:
         self._writer.write(job)
 
     def mark_pilot(self) -> None:
-        """Say for ever that the study was served without an ethics id; its figures are a pilot's."""
+        """Records for ever that the study was served without an ethics id: its figures are those of a pilot."""
         self._writer.write(lambda database: audit(database, AUDIT_PILOT, self.config.study))
 
     def back_up(self) -> Path:
-        """Copy the database to `backups/`; the newest KEPT_BACKUPS stay. Holds ciphertext only, never a key.
+        """Copies the database to `backups/`; the newest KEPT_BACKUPS stay. Copies hold ciphertext only, never a key.
 
         Raises:
             StudyError: The copy cannot be written.
@@ -251,7 +251,7 @@ class PeopleWrites:
             return path
 
     def _next_backup_ns(self) -> int:
-        """Names a backup: now, or just after the newest one where the wall clock went back."""
+        """Time in a backup's name: now, or just after the newest backup if the wall clock went back."""
         names = [path.stem.removeprefix("study-") for path in (self.folder / BACKUP_FOLDER).glob("study-[0-9]*.db")]
         return max([time.time_ns(), *(int(name) + 1 for name in names if name.isdecimal())])
 
@@ -259,7 +259,7 @@ class PeopleWrites:
         return Now(time.time_ns(), time.monotonic_ns(), self._boot_id)
 
     def _has_work(self, database: sqlite3.Connection, code: str) -> bool:
-        """Whether there is something for the participant to do that counts."""
+        """Whether the participant still has counted trials to do."""
         person = database.execute("SELECT 1 FROM assignment WHERE code = ? AND phase = 'main'", (code,)).fetchone()
         if person:
             return due_order_no(database, code) is not None

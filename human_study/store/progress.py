@@ -1,7 +1,7 @@
-"""How a study goes while it runs: who is where, how much is done, what is free. Never how well anybody did.
+"""The progress of a running study: places of participants, finished and free trials. It never shows any results.
 
-Outcomes stay hidden until the collection is over, so that nobody stops it at a moment that suits (HUMAN_STUDY.md,
-section 8). Ages are of the server's wall clock: for people to read, nothing is decided by them.
+Outcomes stay hidden until the collection is over, so that nobody stops it at a convenient moment (HUMAN_STUDY.md,
+section 8). Ages use the server's wall clock: people read them, no code decides by them.
 """
 
 from collections import defaultdict
@@ -18,46 +18,46 @@ from .progress_rows import PersonRow, person_rows
 from .records import DATABASE_FILE, StudyReader
 
 MOST_TIMES = 120
-"""Points of the timeline."""
+"""Most points of the timeline."""
 
 
 @dataclass(frozen=True, slots=True)
 class SlotCount:
-    """Episodes of one split in one condition, each as often as the plan wants it."""
+    """Counts of the planned trials of one split in one condition."""
 
     task: TaskKind
     condition: Condition
     split: Split
     num_done: int
     num_held: int
-    """Somebody has it, and has still to do it."""
+    """Trials that a participant holds and has not finished."""
     num_free: int
-    """Given back, and waiting for somebody."""
+    """Trials that were given back and have no new holder."""
     num_failed: int
-    """Ended twice by a failure of ours, or left twice where nobody else can take it; nobody gets it again."""
+    """Trials that our failures ended twice, or that were left twice without another taker; nobody gets them again."""
 
     @property
     def num_all(self) -> int:
-        """All of them."""
+        """Number of all planned trials."""
         return self.num_done + self.num_held + self.num_free + self.num_failed
 
 
 @dataclass(frozen=True, slots=True)
 class TimePoint:
-    """How far the collection was."""
+    """State of the collection at one time."""
 
     at_ns: int
     num_done: int
-    """Counted trials."""
+    """Counted trials that were over."""
 
 
 @dataclass(frozen=True, slots=True)
 class DiskState:
-    """Room for the study, and copies of it."""
+    """Disk space of the study, and its backups."""
 
     free_mb: int
     used_mb: float
-    """By the database and its log."""
+    """Space used by the database and its log, MB."""
     num_backups: int
     last_backup_s: float | None
     """Seconds since the newest backup; None = there is none."""
@@ -65,7 +65,7 @@ class DiskState:
 
 @dataclass(frozen=True, slots=True)
 class StudyProgress:
-    """How a study goes; holds no outcome of any trial."""
+    """The progress of a study; holds no outcome of any trial."""
 
     study: str
     study_version: str
@@ -74,15 +74,15 @@ class StudyProgress:
     num_done: int
     """Counted trials that are over."""
     num_all: int
-    """Counted trials that the plan wants."""
+    """Counted trials in the plan."""
     people: tuple[PersonProgress, ...]
     slots: tuple[SlotCount, ...]
     timeline: tuple[TimePoint, ...]
-    """Oldest first; at most MOST_TIMES."""
+    """Points in time, oldest first; at most MOST_TIMES."""
     disk: DiskState
 
     def num_in(self, *states: State) -> int:
-        """How many participants are in one of these states."""
+        """Number of participants in any of these states."""
         return sum(person.state in states for person in self.people)
 
 
@@ -92,7 +92,7 @@ def study_progress(reader: StudyReader, *, now_ns: int, stuck_after_s: float = S
     Args:
         reader: One snapshot.
         now_ns: The server's wall clock.
-        stuck_after_s: Who stores nothing for so long in a trial is stuck.
+        stuck_after_s: A participant in a trial without stored events for this long is stuck.
     """
     config = reader.config
     rows = person_rows(reader)
@@ -112,7 +112,7 @@ def study_progress(reader: StudyReader, *, now_ns: int, stuck_after_s: float = S
 
 
 def _slots(rows: Sequence[PersonRow]) -> tuple[SlotCount, ...]:
-    """One count for each task, condition and split that the plan has."""
+    """One count for each task, condition and split in the plan."""
     holders = defaultdict(list)
     for row in rows:
         for trial in row.person.trials:
@@ -130,7 +130,7 @@ def _slots(rows: Sequence[PersonRow]) -> tuple[SlotCount, ...]:
 
 
 def _timeline(rows: Sequence[PersonRow]) -> tuple[TimePoint, ...]:
-    """Counted trials over time, thinned out; the last one is always there."""
+    """Counted trials over time, thinned out; the last point is always kept."""
     ends = sorted(
         trial.ended_ns
         for row in rows

@@ -1,4 +1,4 @@
-"""Whether somebody should look after a participant, from what is stored alone."""
+"""The state of each participant, from stored records alone, so that an operator sees who needs help."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -10,14 +10,14 @@ from ..journey import GONE, Place, journey_of
 from .progress_rows import PersonRow
 
 STUCK_AFTER_S = 180.0
-"""Nothing stored for so long in a trial: the participant may need help."""
+"""Seconds without stored events in a trial after which the participant may need help."""
 State = Literal["not_arrived", "active", "stuck", "away", "finished", "out"]
-"""`active`: something was stored within `lease_s`; `stuck`: in a trial, but silent; `away`: silent for longer."""
+"""`active`: an event was stored within `lease_s`; `stuck`: in a trial, but silent; `away`: silent for longer."""
 
 
 @dataclass(frozen=True, slots=True)
 class PersonProgress:
-    """Where one participant is."""
+    """The progress of one participant."""
 
     code: str
     task: TaskKind
@@ -28,29 +28,29 @@ class PersonProgress:
     num_planned: int
     """Counted trials that the participant has, done or not."""
     trial_no: int | None
-    """Which of them is next or under way, from 1; None outside the trials."""
+    """Number of the next or running counted trial, from 1; None outside the trials."""
     order_no: int | None
-    """The same over all phases, as `study exclude` names trials: `p03/12`."""
+    """Number of this trial over all phases, as in `study exclude`: `p03/12`."""
     is_in_trial: bool
     """Whether a trial is open."""
     last_activity_s: float | None
-    """Seconds since anything was stored; None = nothing was."""
+    """Seconds since the last stored record; None = there is none."""
     num_reconnects: int
-    """How often a trial was opened again."""
+    """Number of times a trial was opened again."""
     num_technical: int
-    """Trials that ended by a failure of ours."""
+    """Trials that our failures ended."""
     num_abandoned: int
     """Trials to which the participant came back too late, or never."""
 
 
 def person_progress(config: StudyConfig, row: PersonRow, *, now_ns: int, stuck_after_s: float) -> PersonProgress:
-    """How far one participant is.
+    """The progress of one participant.
 
     Args:
         config: The study.
-        row: What is stored.
+        row: The stored facts.
         now_ns: The server's wall clock.
-        stuck_after_s: Who stores nothing for so long in a trial is stuck.
+        stuck_after_s: A participant in a trial without stored events for this long is stuck.
     """
     person = row.person
     journey = journey_of(config, person)
@@ -76,7 +76,7 @@ def person_progress(config: StudyConfig, row: PersonRow, *, now_ns: int, stuck_a
 
 
 def _state(config: StudyConfig, place: Place, silent_s: float | None, stuck_after_s: float | None) -> State:
-    """In a word; `stuck_after_s` is None outside a trial."""
+    """The participant's state; `stuck_after_s` is None outside a trial."""
     if place == "finished":
         return "finished"
     if place in GONE:

@@ -1,4 +1,4 @@
-"""What the database says about how far people are, without decrypting anything and without how well a trial went.
+"""Reads the progress of people from the database, without decrypting anything and without results of trials.
 
 Of the reasons for a trial's end only `technical` and `abandoned` leave the database; all others read `done`.
 """
@@ -18,14 +18,14 @@ _END = "CASE WHEN end_reason IS NULL OR end_reason IN ('technical', 'abandoned')
 
 @dataclass(frozen=True, slots=True)
 class PersonRow:
-    """What is stored about one participant, with what an operator looks at."""
+    """The stored facts about one participant, with those for the operator."""
 
     person: Person
     num_reconnects: int
     num_technical: int
     num_abandoned: int
     last_ns: int | None
-    """The newest thing that is stored of the participant, by the server's wall clock; None = nothing."""
+    """Time of the participant's newest record, by the server's wall clock; None = there is none."""
 
 
 def stored_person(reader: StudyReader, code: str) -> Person:
@@ -60,7 +60,7 @@ def person_rows(reader: StudyReader) -> list[PersonRow]:
     ]
 
 
-# The newest event is looked up in trials that run: an outcome is newer than the events before it.
+# The newest event is read only for running trials: an outcome is newer than the events before it.
 _LATEST = """
 SELECT code, max(at_ns) FROM (
     SELECT code, at_ns FROM stage
@@ -79,7 +79,7 @@ SELECT code, max(at_ns) FROM (
 
 
 def _people(reader: StudyReader, code: str | None = None) -> list[Person]:
-    """All participants, p01 first, or only this one."""
+    """All participants, p01 first, or only the given one."""
     only, values = ("", ()) if code is None else (" WHERE code = ?", (code,))
     stages: dict[str, list[StageEntry]] = defaultdict(list)
     for owner, stage, detail, at_ns in reader.rows(
@@ -125,7 +125,7 @@ def _trials(reader: StudyReader, only: str, values: tuple[str, ...]) -> dict[str
 
 
 def _ends(reader: StudyReader) -> dict[tuple[str, str], int]:
-    """How many attempts of each participant failed for technical reasons or were abandoned."""
+    """Number of each participant's attempts that failed for technical reasons or were abandoned."""
     rows = reader.rows(
         "SELECT code, end_reason, count(*) FROM outcome JOIN trial USING(trial_id) JOIN assignment USING(assignment_id)"
         " WHERE end_reason IN ('technical', 'abandoned') GROUP BY code, end_reason"

@@ -16,7 +16,7 @@ VerificationStatus = Literal["verified", "drift", "failed", "unsupported"]
 
 @dataclass(frozen=True, slots=True)
 class StoredEvent:
-    """An event with what the server added."""
+    """An event with the server's additions."""
 
     seq: int
     """Place in the trial, from 1, without gaps."""
@@ -24,7 +24,7 @@ class StoredEvent:
     """Epoch of the tab that sent it."""
     event: Event
     t_srv_ns: int
-    """Server's wall clock; a label only."""
+    """Server's wall clock; only a label."""
     t_srv_mono_ns: int
     """Server's monotonic clock; comparable within one boot."""
 
@@ -42,32 +42,32 @@ class TrialStatus:
     condition: Condition
     key: EpisodeKey
     rep: int
-    """Which of the people with this episode and condition, from 1; 0 outside `main`."""
+    """Number of the person among those with this episode and condition, from 1; 0 outside `main`."""
     made_by: Literal["plan", "fill"]
     """`fill`: given out while the study ran."""
     attempt: int
-    """From 1; 0 = never opened."""
+    """Number of the attempt, from 1; 0 = never opened."""
     trial_id: str | None
-    """None while it was never opened."""
+    """Id of the attempt; None if it was never opened."""
     outcome: Outcome | None
-    """None while it has not ended, and when the participant withdrew."""
+    """The outcome; None until the trial has ended, and when the participant withdrew."""
     has_ended: bool
     is_released: bool
     """Whether the participant gave the episode back to others."""
     is_shredded: bool
-    """Whether the participant withdrew and what was done is deleted."""
+    """Whether the participant withdrew and the trial's data is deleted."""
     opened_ns: int | None
     prior_visits_scene: int | None
-    """Attempts of this participant at trials in this home before this one, of any phase and however they ended; None
-    for records of the first version."""
+    """Earlier attempts of this participant at trials in this home, of any phase and with any end; None in records of
+    the first version."""
     prior_visits_split: int | None
-    """Those of them in the same split."""
+    """Those of these attempts that are in the same split."""
     secs_in_scene_before: float | None
-    """Seconds that the participant had spent in this home before."""
+    """Seconds that the participant spent in this home before."""
 
     @property
     def is_due(self) -> bool:
-        """Whether the participant has still to do, or finish, it."""
+        """Whether the participant still has to do or finish the trial."""
         return not self.has_ended and not self.is_released
 
 
@@ -86,14 +86,14 @@ class ParticipantRecord:
     """One participant."""
 
     code: str
-    """Public: p01."""
+    """Public code, such as p01."""
     task: TaskKind
     arm: int
     created_ns: int
     is_claimed: bool
-    """Whether somebody came with this link, or took it from an open one."""
+    """Whether a person used this link, or got this place through an open link."""
     is_shredded: bool
-    """Whether what the participant did is deleted."""
+    """Whether the participant's data is deleted."""
     stages: tuple[StageEntry, ...]
     consents: tuple[ConsentEntry, ...]
 
@@ -104,7 +104,7 @@ class ParticipantRecord:
 
     @property
     def is_out(self) -> bool:
-        """Whether the participant will do nothing more: left for good, or dropped out and did not return."""
+        """Whether the participant left for good, or dropped out and did not return."""
         return way_out(self.stages) is not None or has_dropped_out(self.stages)
 
 
@@ -114,14 +114,14 @@ class VerificationEntry:
 
     trial_id: str
     run_id: str
-    """Id of the verification that looked."""
+    """Id of the verification."""
     status: VerificationStatus
     max_position_error: float
-    """Metres."""
+    """Largest error of a position, metres."""
     first_bad_step: int | None
     detail: str
     sim_hash: str
-    """Hash of the program and the scene with which it was done again."""
+    """Hash of the program and the scene of the repetition."""
     at_ns: int
 
 

@@ -38,11 +38,11 @@ class StudyReader:
     """Reads one snapshot of a study; made by `read_study`."""
 
     def __init__(self, database: sqlite3.Connection, path: Path) -> None:
-        """Reads through a connection that somebody else closes.
+        """Takes a connection that the caller closes.
 
         Args:
             database: Connection with an open read transaction.
-            path: Of the database, for messages.
+            path: Path of the database, for messages.
         """
         self._database, self._path = database, path
 
@@ -52,12 +52,12 @@ class StudyReader:
         return self._path.parent
 
     def rows(self, query: str, *values: str) -> list[tuple]:
-        """Rows of a query of ours, for summaries that need nothing of what people did decrypted."""
+        """Rows of one of our queries, for summaries without decrypted data."""
         return self._all(query, *values)
 
     @property
     def config(self) -> StudyConfig:
-        """The study that the records were made under."""
+        """The study of these records."""
         try:
             return StudyConfig.model_validate_json(self._one("SELECT config FROM study")[0], strict=True)
         except ValidationError as error:
@@ -65,7 +65,7 @@ class StudyReader:
 
     @property
     def study_version(self) -> str:
-        """Hash of the study as it was frozen; all chains begin with it."""
+        """Hash of the frozen study; all chains begin with it."""
         return self._one("SELECT study_version FROM study")[0]
 
     @property
@@ -83,7 +83,7 @@ class StudyReader:
 
     @property
     def created_ns(self) -> int:
-        """When the study was made: nanoseconds since 1970."""
+        """Time at which the study was made: nanoseconds since 1970."""
         return self._one("SELECT created_ns FROM study")[0]
 
     @property
@@ -96,7 +96,7 @@ class StudyReader:
         return tuple(row[0] for row in self._all("SELECT code FROM participant ORDER BY code"))
 
     def code_of_token(self, token: str) -> str | None:
-        """The participant who holds this personal token; None if nobody does."""
+        """Code of the participant with this personal token; None if there is none."""
         found = None
         for code, stored in self._all("SELECT code, token_hash FROM participant ORDER BY code"):
             found = code if token_matches(token, stored) else found
@@ -174,7 +174,7 @@ class StudyReader:
         """All events of a trial in order; () for an unknown trial, and where the participant's key is deleted.
 
         Raises:
-            StudyError: An event is not one that this version knows.
+            StudyError: An event is unknown to this version.
         """
         code = self._code_of_trial(trial_id)
         if code is None or self._is_shredded(code):
@@ -188,7 +188,7 @@ class StudyReader:
         )
 
     def outcome(self, trial_id: str) -> Outcome | None:
-        """How the trial ended; None while it has not, and where the participant's key is deleted."""
+        """The trial's outcome; None until it has ended, and where the participant's key is deleted."""
         rows = self._all("SELECT payload FROM outcome WHERE trial_id = ?", trial_id)
         code = self._code_of_trial(trial_id)
         if not rows or code is None or self._is_shredded(code):
@@ -204,7 +204,7 @@ class StudyReader:
         )
 
     def exclusions(self) -> tuple[ExclusionEntry, ...]:
-        """All exclusions, oldest first, undone ones too."""
+        """All exclusions, oldest first, including undone ones."""
         rows = self._all(
             "SELECT exclusion_id, target_kind, target, rule_id, reason, exclusion.at_ns, exclusion_undone.at_ns IS NOT"
             " NULL FROM exclusion LEFT JOIN exclusion_undone USING(exclusion_id) ORDER BY exclusion.rowid"
@@ -212,20 +212,20 @@ class StudyReader:
         return tuple(ExclusionEntry(*row[:6], is_undone=bool(row[6])) for row in rows)
 
     def num_events(self, code: str) -> int:
-        """How many events a participant's trials have."""
+        """Number of events in a participant's trials."""
         query = "SELECT count(*) FROM event JOIN trial USING(trial_id) JOIN assignment USING(assignment_id)"
         return self._all(f"{query} WHERE code = ?", code)[0][0]
 
     def head_hash(self, trial_id: str) -> str | None:
-        """Hash of the trial's last event, which stands for all before it; None without events."""
+        """Hash of the trial's last event, which covers all events before it; None without events."""
         rows = self._all("SELECT hash FROM event WHERE trial_id = ? ORDER BY seq DESC LIMIT 1", trial_id)
         return rows[0][0] if rows else None
 
     def check(self) -> int:
-        """Check SQLite's own structure and every trial's hash chain; returns the number of events.
+        """Checks SQLite's own structure and every trial's hash chain; returns the number of events.
 
         Raises:
-            StudyError: Something was damaged or changed; names the first place.
+            StudyError: A record was damaged or changed; the message names the first place.
         """
         found = self._one("PRAGMA integrity_check")[0]
         if found != "ok":
@@ -263,7 +263,7 @@ class StudyReader:
         return Vault(self._path.parent)
 
     def _is_shredded(self, code: str) -> bool:
-        """Whether the participant's data was deleted; a key that was lost is an error when something is read."""
+        """Whether the participant's data was deleted; a lost key is an error when data is read."""
         if self._vault.has_key(code):
             return False
         withdrew = self._all("SELECT 1 FROM stage WHERE code = ? AND stage = 'withdrawn'", code)
@@ -297,10 +297,10 @@ class StudyReader:
 
 @contextmanager
 def read_study(folder: Path) -> Iterator[StudyReader]:
-    """One consistent snapshot of a study, also while another process writes to it.
+    """One consistent snapshot of a study, even while another process writes to it.
 
     Raises:
-        StudyError: There is no database, or it cannot be read by this version.
+        StudyError: There is no database, or this version cannot read it.
     """
     path = folder / DATABASE_FILE
     if not path.is_file():
@@ -327,10 +327,10 @@ def read_study(folder: Path) -> Iterator[StudyReader]:
 
 
 def require_known_version(database: sqlite3.Connection, path: Path) -> int:
-    """Schema version of a database of ours; 0 = empty.
+    """Schema version of one of our databases; 0 = empty.
 
     Raises:
-        StudyError: Another program's database, or written by a newer version.
+        StudyError: The database belongs to another program, or was written by a newer version.
     """
     application = database.execute("PRAGMA application_id").fetchone()[0]
     version = database.execute("PRAGMA user_version").fetchone()[0]
@@ -349,7 +349,7 @@ def require_known_version(database: sqlite3.Connection, path: Path) -> int:
 
 
 def store_error(path: Path, error: sqlite3.Error) -> StudyError:
-    """An error of SQLite as one line that says what to do."""
+    """An error of SQLite as one line with advice."""
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
     if code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
         return StudyError(f"{path}: found a damaged file ({error}); expected a study's database. {_RESTORE}")
@@ -365,6 +365,6 @@ def first_hash(study_version: str, trial_id: str) -> str:
 
 
 def event_hash(prev_hash: str, row: tuple) -> str:
-    """sha256 over the hash before and (trial_id, seq, epoch, kind, t_srv_ns, t_srv_mono_ns, boot_id, payload)."""
+    """sha256 over the previous hash and (trial_id, seq, epoch, kind, t_srv_ns, t_srv_mono_ns, boot_id, payload)."""
     text = json.dumps([prev_hash, *row], separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,7 +1,7 @@
-"""Changes that a researcher asks of a study, also while another process serves it: that one finds them in its folder.
+"""A researcher's changes to a study, even while another process serves it, through files in the study's folder.
 
-`change_study` writes into `requests/` and waits; whoever serves the study calls `take_requests` now and then. A file
-is `ID.json` (asked), `ID.taken` (being done) and `ID.done` (the answer: nothing, or why not), and then it is gone.
+`change_study` writes into `requests/` and waits; the serving process calls `take_requests` now and then. A file is
+`ID.json` (asked), `ID.taken` (being done) and `ID.done` (the answer: empty, or the refusal), and then it is removed.
 """
 
 import os
@@ -23,13 +23,13 @@ from .store import StudyStore, open_store
 
 REQUEST_FOLDER = "requests"
 WAIT_S = 60.0
-"""How long an answer is waited for; whoever serves a study looks every 15 s."""
+"""Longest wait for an answer; the serving process looks every 15 s."""
 _LOOK_EVERY_S = 0.1
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
 class Withdrawal(BaseModel):
-    """A participant asked the researcher to be withdrawn."""
+    """A participant asked the researcher to withdraw."""
 
     model_config = _MODEL
     kind: Literal["withdrawal"] = "withdrawal"
@@ -65,12 +65,12 @@ class _Request(BaseModel):
 
 
 def change_study(folder: Path, changes: Sequence[Change], *, wait_s: float = WAIT_S) -> None:
-    """Make changes to a study; by the process that serves it, if there is one. On disk when this returns.
+    """Makes changes to a study, through the serving process if there is one. They are on disk when this returns.
 
     Args:
-        folder: Of the study.
-        changes: In order.
-        wait_s: How long the process that serves it may take.
+        folder: Folder of the study.
+        changes: The changes, in order.
+        wait_s: Longest wait for the serving process.
 
     Raises:
         StudyError: A change is refused, or another process has the study open and does not answer.
@@ -84,10 +84,10 @@ def change_study(folder: Path, changes: Sequence[Change], *, wait_s: float = WAI
 
 
 def take_requests(store: StudyStore) -> list[str]:
-    """Do what was asked of a study that this process serves; returns a line per request for the terminal.
+    """Does the requested changes to a study that this process serves; returns a line per request for the terminal.
 
     Raises:
-        StudyError: An answer cannot be written; it is done again the next time.
+        StudyError: An answer cannot be written; the request is done again the next time.
     """
     folder = store.folder / REQUEST_FOLDER
     told = []
@@ -96,7 +96,7 @@ def take_requests(store: StudyStore) -> list[str]:
         try:
             os.replace(path, taken)
         except FileNotFoundError:
-            continue  # whoever asked has given up waiting
+            continue  # the other process stopped waiting
         try:
             request = _Request.model_validate_json(taken.read_bytes(), strict=True)
             _apply(store, request.changes)
@@ -133,7 +133,7 @@ def _described(change: Change) -> str:
 
 
 def _ask(folder: Path, changes: Sequence[Change], in_use: StudyInUseError, wait_s: float) -> None:
-    """Leave a request and wait for its answer."""
+    """Leaves a request and waits for its answer."""
     asked = folder / REQUEST_FOLDER / f"{new_id()}.json"
     try:
         asked.parent.mkdir(mode=0o700, exist_ok=True)
@@ -146,7 +146,7 @@ def _ask(folder: Path, changes: Sequence[Change], in_use: StudyInUseError, wait_
     if not _is_answered(asked, wait_s):
         try:
             asked.unlink()
-        except FileNotFoundError:  # it was taken up in the last moment
+        except FileNotFoundError:  # it was taken at the last moment
             if _is_answered(asked, wait_s):
                 return
             raise StudyError(
@@ -161,7 +161,7 @@ def _ask(folder: Path, changes: Sequence[Change], in_use: StudyInUseError, wait_
 
 
 def _is_answered(asked: Path, wait_s: float) -> bool:
-    """Whether the answer came in time. Raises StudyError where it is a refusal."""
+    """Whether the answer came in time. Raises StudyError if it is a refusal."""
     done = asked.with_suffix(".done")
     end_s = time.monotonic() + wait_s
     while not done.exists():

@@ -1,4 +1,4 @@
-"""Where a participant is in the study: an append-only list of stages, from which every page is derived."""
+"""Stages of a participant in the study: an append-only list, from which every page is derived."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class StageEntry:
 
     stage: Stage
     detail: dict[str, Any]
-    """Answers of the quiz, the coarse profile of the device and the like."""
+    """Answers of the quiz, the coarse profile of the device and similar facts."""
     at_ns: int
     """Server's wall clock."""
 
@@ -45,7 +45,7 @@ def has_reached(entries: Sequence[StageEntry], stage: Stage) -> bool:
 
 
 def way_out(entries: Sequence[StageEntry]) -> Stage | None:
-    """The stage by which the participant left for good; None while there is none."""
+    """The stage by which the participant left for good; None if there is none."""
     return next((entry.stage for entry in entries if entry.stage in OUT), None)
 
 

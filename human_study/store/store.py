@@ -1,4 +1,4 @@
-"""The study's one writer: what it acknowledged is committed, synced to disk and can never be changed.
+"""The study's one writer: an acknowledged write is committed, synced to disk and can never be changed.
 
 One process holds `study.lock`; one thread owns the only write connection and commits waiting writes together. Every
 method may be called from any thread and blocks until its write is on disk.
@@ -49,7 +49,7 @@ class TrialEndedError(StudyError):
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """The right to write to a trial until somebody opens it again."""
+    """The right to write to a trial until it is opened again."""
 
     trial_id: str
     code: str
@@ -60,9 +60,9 @@ class Trial:
     condition: Condition
     key: EpisodeKey
     attempt: int
-    """From 1; more after a failure of ours."""
+    """Number of the attempt, from 1; higher after our failures."""
     epoch: int
-    """1 when first opened; pass it with every append."""
+    """1 at the first opening, then higher; pass it with every append."""
     away_s: float
     """Seconds since the trial's last event; 0 without events."""
 
@@ -73,35 +73,35 @@ class StudyStore(PeopleWrites):
     def __init__(
         self, folder: Path, config: StudyConfig, plan: StudyPlan, database: sqlite3.Connection, lock: IO[str]
     ) -> None:
-        """Takes over a database that is up to date and a lock that is held."""
+        """Takes over an up-to-date database and a held lock."""
         path = folder / DATABASE_FILE
         super().__init__(folder, config, plan, GroupWriter(database, path), Vault(folder), boot_id=_boot_id())
         self._path = path
         self._database = database
         self._lock = lock
         self._connections: dict[str, int] = {}
-        """The newest connection of each participant that has opened a trial; only the writer's thread looks."""
+        """Each participant's newest connection that has opened a trial; used only by the writer's thread."""
 
     def __enter__(self) -> "StudyStore":
         """The store itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Closes it."""
+        """Closes the store."""
         self.close()
 
     def close(self) -> None:
-        """Finish waiting writes, close the database and let go of the lock; twice is once."""
+        """Finishes waiting writes, closes the database and releases the lock; a second call does nothing."""
         self._writer.close()
         self._database.close()
         self._lock.close()
 
     def add_participant(self, person: PlannedParticipant, token_hash: str) -> None:
-        """Register a participant with the planned trials.
+        """Registers a participant with the planned trials.
 
         Raises:
-            StudyError: The code or the token is taken, two trials share a place in the order, or somebody else has one
-                of the episodes.
+            StudyError: The code or the token is taken, two trials share a place in the order, or another participant
+                has one of the episodes.
         """
 
         def job(database: sqlite3.Connection) -> None:
@@ -132,9 +132,9 @@ class StudyStore(PeopleWrites):
         self._writer.write(job)
 
     def next_trial(self, code: str) -> TrialStatus | None:
-        """The participant's trial that is due; gives one out that others left when all planned ones are done.
+        """The participant's next trial; when all planned ones are done, it is one that others left.
 
-        Asked again before that trial has ended, the answer is the same. None when there is nothing (more) to do.
+        Until that trial has ended, further calls return the same one. None when there is nothing (more) to do.
 
         Raises:
             StudyError: There is no such participant, or the participant has left for good.
@@ -159,19 +159,19 @@ class StudyStore(PeopleWrites):
             return next(trial for trial in reversed(reader.trials(code)) if trial.order_no == number)
 
     def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
-        """Begin a planned trial, or take it over: the newest opening writes, older ones are refused from now on.
+        """Begins a planned trial or takes it over: the newest opening may write, older ones are refused from now on.
 
         A trial that already has events gets the event `reconnect`.
 
         Args:
             code: The participant.
-            order_no: Of the trial.
+            order_no: Place of the trial in the participant's order.
             connection: Number of the participant's connection, higher for each later one since the store was opened. A
-                home takes long to open: an older connection that gets so far later must not take over from a newer one.
+                home takes long to open: an older connection that comes later must not take over from a newer one.
 
         Raises:
             SupersededError: A newer connection has opened a trial.
-            TrialEndedError: It has its outcome.
+            TrialEndedError: The trial has its outcome.
             StudyError: The participant has no such trial.
         """
         now = self._now()
@@ -210,11 +210,11 @@ class StudyStore(PeopleWrites):
         return self._writer.write(job)
 
     def append(self, trial_id: str, epoch: int, event: Event) -> int:
-        """Store one event; returns its number in the trial. Raises as `append_many`."""
+        """Stores one event; returns its number in the trial. Raises the errors of `append_many`."""
         return self.append_many(trial_id, epoch, (event,))[0]
 
     def append_many(self, trial_id: str, epoch: int, events: Sequence[Event]) -> tuple[int, ...]:
-        """Store events together, all or none; returns their numbers in the trial.
+        """Stores events together, all or none; returns their numbers in the trial.
 
         Raises:
             SupersededError: The trial was opened again after `epoch`.
@@ -238,13 +238,13 @@ class StudyStore(PeopleWrites):
         return self._writer.write(job) if events else ()
 
     def note_error(self, code: str, message: str) -> None:
-        """Keep something that went wrong outside the trial with the participant's running one; without one, nothing.
+        """Stores an error outside the trial with the participant's running trial; does nothing if none is running.
 
-        A trial that was opened and has no first event yet is none: every trial begins with `open`.
+        An opened trial without its first event does not count: every trial begins with `open`.
 
         Args:
             code: The participant.
-            message: What happened, without anything that tells who the person is; cut at 500 characters.
+            message: The error, without anything that identifies the person; cut at 500 characters.
         """
         now = self._now()
 
@@ -264,10 +264,10 @@ class StudyStore(PeopleWrites):
         self._writer.write(job)
 
     def finish_trial(self, trial_id: str, outcome: Outcome) -> Outcome:
-        """Store how a trial ended and close it for good; returns what is stored, which is the first answer ever given.
+        """Stores a trial's outcome and closes it for good; returns the stored outcome, which is the first one given.
 
         Args:
-            trial_id: Of an open trial with at least one event.
+            trial_id: Id of an open trial with at least one event.
             outcome: `EpisodeEnd` with measures for PAN, the whole `Answer` for POG.
 
         Raises:
@@ -305,17 +305,17 @@ class StudyStore(PeopleWrites):
             return reader.trials(code)
 
     def code_of_token(self, token: str) -> str | None:
-        """The participant who holds this personal token; None if nobody does."""
+        """Code of the participant with this personal token; None if there is none."""
         with read_study(self.folder) as reader:
             return reader.code_of_token(token)
 
     def check(self) -> int:
-        """Check the database and all hash chains; returns the number of events. Raises StudyError on damage."""
+        """Checks the database and all hash chains; returns the number of events. Raises StudyError on damage."""
         with read_study(self.folder) as reader:
             return reader.check()
 
     def _require_consent(self, database: sqlite3.Connection, code: str) -> None:
-        """Raises StudyError where the study asks for consent and the last answer is not yes."""
+        """Raises StudyError where the study needs consent and the last answer is not yes."""
         if "consent" not in self.config.flow:
             return
         row = database.execute("SELECT given FROM consent WHERE code = ? ORDER BY seq DESC LIMIT 1", (code,)).fetchone()
@@ -327,7 +327,7 @@ class StudyStore(PeopleWrites):
     def _latest_attempt(
         self, database: sqlite3.Connection, code: str, assignment_id: str, key: EpisodeKey, now_ns: int
     ) -> tuple[str, int]:
-        """(id, attempt) of the trial to go on with; makes the first one, with what the participant knew before."""
+        """(id, attempt) of the trial to continue; makes the first one, with the participant's earlier visits."""
         row = database.execute(
             "SELECT trial_id, attempt FROM trial WHERE assignment_id = ? ORDER BY attempt DESC LIMIT 1",
             (assignment_id,),
@@ -363,11 +363,11 @@ class StudyStore(PeopleWrites):
 
 
 def open_store(folder: Path, config: StudyConfig, plan: StudyPlan) -> StudyStore:
-    """Open a study's store for writing; makes it when the folder has none.
+    """Opens a study's store for writing; makes it when the folder has none.
 
     Raises:
-        StudyError: The folder cannot be written, another process has the store open, the file is damaged, of another
-            program, of a newer version or of another study, or stored events were changed.
+        StudyError: The folder cannot be written, another process has the store open, stored events were changed, or
+            the file is damaged or belongs to another program, a newer version or another study.
     """
     with ExitStack() as opened:
         lock = opened.enter_context(take_lock(folder))
@@ -381,7 +381,7 @@ def open_store(folder: Path, config: StudyConfig, plan: StudyPlan) -> StudyStore
 
 
 def _boot_id() -> str:
-    """Names this machine's boot; where the system has no such name, this process."""
+    """A name of this machine's boot; where the system has none, a name of this process."""
     with suppress(OSError):
         return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
     return str(uuid.uuid4())

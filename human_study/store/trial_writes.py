@@ -1,4 +1,4 @@
-"""Pieces of the store's transactions about one trial: its last event, a new attempt, what follows a failed one."""
+"""Parts of the store's transactions about one trial: its last event, a new attempt, the end of a failed one."""
 
 import sqlite3
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ SELECT sum(passed_ns) FROM (
     END AS passed_ns FROM event WHERE event.trial_id = trial.trial_id
 )
 """
-"""How long somebody was in a trial: by the steady clock of each boot, without what passed before each return."""
+"""Time that a participant was in a trial: by the steady clock of each boot, without the time before each return."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Now:
 
 
 def code_of(database: sqlite3.Connection, trial_id: str) -> str:
-    """The participant of a trial that exists."""
+    """The participant of an existing trial."""
     query = "SELECT code FROM trial JOIN assignment USING(assignment_id) WHERE trial_id = ?"
     return database.execute(query, (trial_id,)).fetchone()[0]
 
@@ -43,7 +43,7 @@ def code_of(database: sqlite3.Connection, trial_id: str) -> str:
 def new_trial(
     database: sqlite3.Connection, code: str, assignment_id: str, attempt: int, key: EpisodeKey, now_ns: int
 ) -> str:
-    """Id of a new attempt, stored with how often and how long the participant was in this home before."""
+    """Id of a new attempt, stored with the number and duration of the participant's earlier visits to this home."""
     visits = database.execute(
         f"SELECT split, ({_PRESENT_NS}) FROM trial JOIN assignment USING(assignment_id) WHERE code = ? AND scene = ?",
         (code, key.scene),
@@ -73,9 +73,9 @@ def last_event(database: sqlite3.Connection, trial_id: str) -> tuple[int, str | 
 
 
 def seconds_since_last_event(database: sqlite3.Connection, trial_id: str, now: Now) -> float | None:
-    """Seconds since the participant's last event; None without events. Reloading alone does not restart the count.
+    """Seconds since the participant's last event; None without events. Reloading the page does not restart the count.
 
-    Within one boot the monotonic clock counts; across boots only the wall clock is left.
+    Within one boot the monotonic clock is used; across boots only the wall clock is available.
     """
     row = database.execute(
         "SELECT t_srv_ns, t_srv_mono_ns, boot_id FROM event WHERE trial_id = ? AND kind <> 'reconnect'"
@@ -99,7 +99,7 @@ def insert_events(
     events: Sequence[Event],
     now: Now,
 ) -> tuple[int, ...]:
-    """Continue a trial's chain; returns the events' numbers in the trial."""
+    """Continues a trial's chain; returns the events' numbers in the trial."""
     code = code_of(database, trial_id)
     last_seq, head = last_event(database, trial_id)
     prev = head or first_hash(study_version, trial_id)
@@ -115,7 +115,7 @@ def insert_events(
 
 
 def insert_outcome(database: sqlite3.Connection, vault: Vault, trial_id: str, outcome: Outcome, *, now_ns: int) -> None:
-    """Close a trial that has events and no outcome."""
+    """Closes a trial that has events and no outcome."""
     _, head = last_event(database, trial_id)
     payload = vault.seal(code_of(database, trial_id), outcome.model_dump_json(), where=f"{trial_id}/outcome")
     database.execute("INSERT INTO outcome VALUES (?, ?, ?, ?, ?)", (trial_id, outcome.reason, payload, head, now_ns))
@@ -124,10 +124,10 @@ def insert_outcome(database: sqlite3.Connection, vault: Vault, trial_id: str, ou
 def abandon_running(
     database: sqlite3.Connection, vault: Vault, config: StudyConfig, plan: StudyPlan, code: str, *, now: Now
 ) -> int:
-    """End the counted trial that a participant left for good as `abandoned`; returns how many there were.
+    """Ends the counted trial that a participant left for good as `abandoned`; returns the number of such trials.
 
-    Without measures: the store knows no targets. A trial that had its end and only waited for its outcome stays as it
-    is, and so does one that nobody began.
+    The end has no measures, because the store knows no targets. A trial that has its end and only waits for its outcome
+    is not changed, and neither is one that was never begun.
     """
     rows = database.execute(
         "SELECT trial_id, max(epoch) FROM sitting JOIN trial USING(trial_id) JOIN assignment USING(assignment_id)"
@@ -164,8 +164,9 @@ def queue_again(
 ) -> None:
     """Gives back the episode of a counted trial that ended without a result (HUMAN_STUDY.md, section 4).
 
-    Failed for technical reasons: once more, by the same person in a crossed design, by somebody else where nobody may
-    meet a home twice. Abandoned: somebody else gets it; where nobody else could, the same person does, once.
+    After a technical failure it is done once more: by the same person in a crossed design, by another one where nobody
+    may meet a home twice. An abandoned one goes to another person; where nobody else can take it, to the same person,
+    once.
     """
     assignment_id, phase, attempt, code, task, *names = database.execute(
         "SELECT assignment_id, phase, attempt, code, task, split, scene, episode_id FROM trial"

@@ -1,4 +1,4 @@
-"""Encrypts what a participant did with a key of their own, so that deleting the key deletes the data everywhere.
+"""Encrypts each participant's data with a key of its own, so that deleting the key deletes the data everywhere.
 
 The keys are in `keys.json` beside the database, never in backups or exports. A hash chain over the ciphertext still
 verifies after a key is gone.
@@ -18,17 +18,17 @@ from ..private_files import write_private
 
 KEYS_FILE = "keys.json"
 _NONCE_BYTES = 12
-"""Modes of a study's records and of its folder: their owner's only, whatever the umask is."""
+"""Modes of a study's records and of its folder: for the owner only, with any umask."""
 
 
 class Vault:
     """The keys of one study's participants."""
 
     def __init__(self, folder: Path) -> None:
-        """Reads the keys that are there.
+        """Reads the existing keys.
 
         Args:
-            folder: Of the study.
+            folder: Folder of the study.
 
         Raises:
             StudyError: The file is damaged.
@@ -46,15 +46,15 @@ class Vault:
             ) from None
 
     def has_key(self, code: str) -> bool:
-        """Whether what the participant did can be read."""
+        """Whether the participant's data can be read."""
         return code in self._ciphers
 
     def is_shredded(self, code: str) -> bool:
-        """Whether the participant's key was deleted for good; a key that is merely missing was lost."""
+        """Whether the participant's key was deleted for good; a missing key without the mark was lost."""
         return code in self._keys and self._keys[code] is None
 
     def add(self, code: str) -> None:
-        """Make a key for a new participant; on disk when this returns. An existing key stays.
+        """Makes a key for a new participant; it is on disk when this returns. An existing key stays.
 
         Raises:
             StudyError: The file cannot be written.
@@ -65,9 +65,9 @@ class Vault:
             self._ciphers[code] = AESGCM(key)
 
     def shred(self, code: str) -> None:
-        """Delete a participant's key; what it encrypted cannot be read by anybody from now on.
+        """Deletes a participant's key; nobody can read the encrypted data from now on.
 
-        A mark stays in its place: so a database from before the deletion, put back from a backup, is understood.
+        A mark stays in its place, so that a restored older backup of the database is understood.
 
         Raises:
             StudyError: The file cannot be written.
@@ -77,7 +77,7 @@ class Vault:
             self._ciphers.pop(code, None)
 
     def seal(self, code: str, text: str, *, where: str) -> str:
-        """The text as a JSON string of ciphertext, bound to the place where it is kept.
+        """The text as a JSON string of ciphertext, bound to its place in the database.
 
         Raises:
             StudyError: The participant has no key (any more).
@@ -87,7 +87,7 @@ class Vault:
         return json.dumps(base64.b64encode(sealed).decode())
 
     def open(self, code: str, payload: str, *, where: str) -> str:
-        """The text of a payload. Payloads of the first schema version are JSON objects in clear and come back as is.
+        """The text of a payload. Payloads of the first schema version are plain JSON objects, returned unchanged.
 
         Raises:
             StudyError: The key is gone or the payload was changed.

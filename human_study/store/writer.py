@@ -1,4 +1,4 @@
-"""The one thread that writes to a study's database; it commits writes that wait at the same time together."""
+"""The one thread that writes to a study's database; it commits waiting writes together."""
 
 import sqlite3
 from collections import deque
@@ -12,11 +12,11 @@ from sim.errors import StudyError
 from .records import store_error
 
 _LARGEST_BATCH = 256
-"""Writes in one commit (HUMAN_STUDY.md, section 5)."""
+"""Most writes in one commit (HUMAN_STUDY.md, section 5)."""
 _NO_SPACE = sqlite3.SQLITE_FULL
 _LATER = (
     sqlite3.SQLITE_IOERR,
-    sqlite3.SQLITE_READONLY,  # a disk with errors, which the system then lets nobody write
+    sqlite3.SQLITE_READONLY,  # a disk with errors, which the system then mounts read-only
     sqlite3.SQLITE_CANTOPEN,
     sqlite3.SQLITE_NOMEM,
     sqlite3.SQLITE_BUSY,  # another program holds the file for longer than busy_timeout
@@ -28,11 +28,11 @@ T = TypeVar("T")
 
 
 class StoreFullError(StudyError):
-    """The disk is full or cannot be written: nothing of this write was stored; the same write works once it can."""
+    """The disk is full or cannot be written: nothing of this write was stored; it can be tried again later."""
 
 
 class _Write(Generic[T]):
-    """One waiting write and, later, its answer."""
+    """One waiting write and, later, its result."""
 
     def __init__(self, job: Callable[[sqlite3.Connection], T]) -> None:
         self.job = job
@@ -42,14 +42,14 @@ class _Write(Generic[T]):
 
 
 class GroupWriter:
-    """Runs writes of any thread, one after the other, in transactions that may hold several."""
+    """Runs writes from any thread, one after the other, in transactions that may hold several."""
 
     def __init__(self, database: sqlite3.Connection, path: Path) -> None:
         """Starts the thread.
 
         Args:
-            database: Connection in autocommit mode that any thread may use; only this writer does from now on.
-            path: Of the database, for messages.
+            database: Connection in autocommit mode that any thread may use; only this writer uses it from now on.
+            path: Path of the database, for messages.
         """
         self._database, self._path = database, path
         self._waiting: deque[_Write] = deque()
@@ -57,14 +57,14 @@ class GroupWriter:
         self._is_open = True
 
     def close(self) -> None:
-        """Finish waiting writes and end the thread; twice is once."""
+        """Finishes waiting writes and ends the thread; a second call does nothing."""
         self._is_open = False
         self._thread.shutdown(wait=True)
 
     def write(self, job: Callable[[sqlite3.Connection], T]) -> T:
-        """Run a write in the writer's thread, together with others that wait; returns when it is on disk.
+        """Runs a write in the writer's thread, together with other waiting ones; returns when it is on disk.
 
-        What the job raises is raised here, and nowhere else: the others are stored.
+        An error of the job is raised only here: the other writes are stored.
         """
         if not self._is_open:
             raise StudyError(f"{self._path}: found a store that is closed; expected an open one. Open it again.")
@@ -97,7 +97,7 @@ class GroupWriter:
                     self._database.execute("ROLLBACK")
 
     def _run(self, write: _Write) -> None:
-        """One write inside the transaction; a refused one leaves no trace and does not stop the others."""
+        """Runs one write inside the transaction; a refused write leaves no trace and does not stop the others."""
         self._database.execute("SAVEPOINT one_write")
         try:
             write.answer.append(write.job(self._database))
@@ -106,13 +106,13 @@ class GroupWriter:
                 raise
             self._database.execute("ROLLBACK TO one_write")
             write.error = store_error(self._path, error)
-        except Exception as error:  # a plug-in call: whose job it is hears of it, and nobody else of the same commit
+        except Exception as error:  # a plug-in call: only the job's own caller gets the error
             self._database.execute("ROLLBACK TO one_write")
             write.error = error
         self._database.execute("RELEASE one_write")
 
     def _concerns_all(self, error: sqlite3.Error) -> bool:
-        """Whether no write of the transaction can be stored: the disk, not this write, is the reason."""
+        """Whether no write of the transaction can be stored, because the disk is the reason and not this write."""
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         return code == _NO_SPACE or code in _LATER or not self._database.in_transaction
 
