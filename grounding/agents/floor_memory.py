@@ -78,7 +78,7 @@ class Ground(NamedTuple):
 
 
 class FloorMemory:
-    """What the robot has seen of the floor since the episode began."""
+    """The floor that the robot has seen since the episode began."""
 
     def __init__(self, *, bump_steps: int) -> None:
         """Starts empty.

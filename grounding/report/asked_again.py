@@ -89,7 +89,7 @@ class AskAgain:
         return AnswerAgain(self._made[where].memory(episode), grounding, map_file)
 
     def _folders(self, info: RunInfo, scene: str) -> MapFolders | None:
-        """Where a run's map of a scene is; None for oracle maps and where it is missing."""
+        """The folders of a run's map of a scene; None for oracle maps and where the map is missing."""
         maps = info.config.get("maps")
         if not isinstance(maps, str):
             return None
