@@ -348,7 +348,7 @@ def load_study(folder: Path) -> StudyConfig:
     if not path.exists() and (folder / "study.json").exists():
         raise StudyError(
             f"{folder / 'study.json'}: is of an earlier version; expected {STUDY_FILE}. Its records can be read: "
-            "personal-viz study check-db, then export and report. Go on in a new study."
+            "personal-viz study check-db, then export and report. Continue in a new study."
         )
     try:
         text = json_from_yaml(path, expected="fields such as study: and task:", advice=_ADVICE)

@@ -75,7 +75,7 @@ class GroupWriter:
         if write.error is not None:
             raise write.error
         if not write.is_stored:
-            raise StudyError(f"{self._path}: the write beside this one broke off; nothing was stored. Try again.")
+            raise StudyError(f"{self._path}: another write of the same commit failed; nothing was stored. Try again.")
         return write.answer[0]
 
     def _commit_waiting(self) -> None:
