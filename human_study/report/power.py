@@ -297,7 +297,6 @@ class _Model:
         return np.tile(who, number), where, split
 
 
-@functools.lru_cache(maxsize=16)
 def power_markdown(report: PowerReport) -> str:
     """Tables by spread of people, and what they say."""
     told = report.assumptions
@@ -341,6 +340,7 @@ def _advice(report: PowerReport) -> str:
     )
 
 
+@functools.lru_cache(maxsize=16)
 def _memory_design(
     design: PowerDesign,
 ) -> tuple[WithinDesign, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
