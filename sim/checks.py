@@ -10,7 +10,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,16 @@ from sim.errors import AgentError
 from sim.homes.invented.invent import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.mesh import Scene
+from sim.plugins import made_of, second_answer
 from sim.render.raycast import Raycaster
-from sim.tasks.agents import Agent, load_agent
+from sim.tasks.agents import Agent
 from sim.tasks.pan import PanEnv
 from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Observation, Pose, Task
 
-STEPS = 20
-"""Actions of each of the agent's trial episodes, unless it stops before."""
+STEPS = 40
+"""Actions of each of the agent's trial episodes, unless it stops before: a look around, which takes 12, and a walk."""
+METHODS = ("reset", "act")
+"""What an agent offers."""
 SLOW_S = 2.0
 """A mean time per action above this is worth a note: 500 steps then take a quarter of an hour."""
 _HOME_SEED = 1
@@ -51,8 +54,9 @@ def check_agent(
 
     What is checked: `reset` and `act` exist and take their arguments; every answer is an `Action` of the task, with six
     actions and with four; observation arrays stay as they were; the same task, seed and observations give the same
-    actions, also after another episode (nothing is kept without `keep_memory`); nothing is raised. A slow agent breaks
-    no rule: it causes a `UserWarning`.
+    actions, also after another episode (nothing is kept without `keep_memory`), and in a second process, where Python's
+    `hash()` gives other numbers; nothing is raised. A slow agent breaks no rule: it causes a `UserWarning`. The second
+    process is left out for what cannot be sent there, such as a class of a script.
 
     Args:
         agent: An agent, a function without arguments that makes one, or its name as package.module:factory. With a
@@ -65,12 +69,9 @@ def check_agent(
         One sentence per violation; empty = the contract is kept.
     """
     try:
-        first = _made(agent)
+        first = made_of(agent, methods=METHODS, kind="agent")
     except AgentError as error:
         return [str(error)]
-    missing = [method for method in ("reset", "act") if not callable(getattr(first, method, None))]
-    if missing:
-        return [f"found no method {method}(); expected an Agent (sim.tasks.agents)." for method in missing]
     scene = check_home()
     six, four = check_trials(scene)
     checkup = _Checkup(scene, camera, steps)
@@ -81,7 +82,30 @@ def check_agent(
         fresh = None if first is agent else checkup.actions_of_new(agent, six)
         checkup.problems += _differences(six, before, again=again, fresh=fresh)
         checkup.actions_of(first, six, keep_memory=True)
+    if before is not None and not checkup.problems:
+        checkup.problems += _in_second_process(agent, six, before, camera=camera, steps=steps)
     return list(dict.fromkeys(checkup.problems))
+
+
+def _in_second_process(
+    agent: Agent | Callable[[], Agent] | str, trial: Trial, before: list[Action], *, camera: Camera, steps: int
+) -> list[str]:
+    """What is wrong with the same trial in a new process, where Python's `hash()` gives other numbers."""
+    try:
+        second = second_answer(agent, partial(_actions, camera=camera, steps=steps), methods=METHODS)
+    except AgentError as error:
+        return [str(error)]
+    if second is None or second[0] == before:
+        return []
+    return [
+        _difference(trial, before, second[0], "a second process does something else", "the same seed to decide all")
+    ]
+
+
+def _actions(agent: Agent, *, camera: Camera, steps: int) -> list[Action]:
+    """What an agent does in the trial with six actions."""
+    scene = check_home()
+    return _Checkup(scene, camera, steps).actions_of(agent, check_trials(scene)[0]) or []
 
 
 @cache
@@ -143,7 +167,7 @@ class _Checkup:
     def actions_of_new(self, agent: Agent | Callable[[], Agent] | str, trial: Trial) -> list[Action] | None:
         """The actions of another agent of this kind; None when it cannot be made, or a violation ended it."""
         try:
-            made = _made(agent)
+            made = made_of(agent, methods=METHODS, kind="agent")
         except AgentError as error:
             self.problems.append(f"{trial.name}, a second agent: {error}")
             return None
@@ -155,19 +179,6 @@ class _Checkup:
                 self.problems.append(
                     f"act() changed the array observation.{name}; expected it to be left as it is. Work on a copy."
                 )
-
-
-def _made(agent: Agent | Callable[[], Agent] | str) -> Agent:
-    """The agent itself, or a new one.
-
-    Raises:
-        AgentError: It cannot be imported or built.
-    """
-    if isinstance(agent, str):
-        return load_agent(agent)
-    if isinstance(agent, type) or (callable(agent) and not hasattr(agent, "act")):
-        return _called("the factory", agent)
-    return agent  # type: ignore[return-value] - whatever it is, its methods are looked at next
 
 
 def _called(name: str, method: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:

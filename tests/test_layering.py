@@ -18,7 +18,7 @@ ALLOWED = {
 }
 ROOMS = {
     "sim": """
-        public_names types errors extras files cache compiled frames walk.navigation_map mesh
+        public_names types errors extras plugins files cache compiled frames walk.navigation_map mesh
         words render walk episodes scans
         homes.cells homes.plan_versions homes.plan homes.kind homes.furniture homes.building homes.house homes.portrait
         homes.invented homes.clutter homes.recovered homes

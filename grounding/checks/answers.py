@@ -1,19 +1,23 @@
 """Checks that users run on their own encoders, map builders and grounders; our own pass the same ones."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
+from sim.plugins import problems_of
 from sim.types import GridSpec, Task
 
-from ..encoders.protocol import TextEncoder
+from ..encoders.by_name import make_encoder
+from ..encoders.protocol import EncoderName, TextEncoder
 from ..maps.home_map import Memory, ObjectInstance, ObjectMap
 from ..methods.by_name import Grounder
 from ..methods.object_matching import objects_grid
+from ..phrases.sources import PhraseSource
 from ..types import TIE, FeatureMap, Grounding, map_from_cells
 
 _TEXTS = ("red wooden chair beside the window", "large white sofa", "oval mirror with a golden frame")
@@ -23,11 +27,27 @@ _TOLERANCE = 1e-3
 """Allowed difference of vectors that should be equal; half-precision models stay below it."""
 
 
-def check_encoder(encoder: TextEncoder) -> None:
-    """Whether an encoder keeps the contract of `TextEncoder`.
+def check_encoder(encoder: TextEncoder | Callable[[], TextEncoder] | str) -> list[str]:
+    """How an encoder breaks the contract of `TextEncoder`, here and in a second process.
+
+    Args:
+        encoder: The object, a factory, or its name as package.module:factory.
+
+    Returns:
+        The first breach; empty = the contract is kept.
+    """
+    return problems_of(encoder, require_encoder, methods=("encode_texts",), again=_text_rows, kind="encoder")
+
+
+def _text_rows(encoder: TextEncoder) -> NDArray[np.float32]:
+    return encoder.encode_texts(_TEXTS)
+
+
+def require_encoder(encoder: TextEncoder) -> None:
+    """The contract of `TextEncoder` in this process.
 
     Raises:
-        AgentError: It does not; the message names the first breach.
+        AgentError: It is broken; the message names the first breach.
     """
     where = f"encoder {encoder.name!r}"
     _require(bool(encoder.name), "encoder", "name", encoder.name, "a name that is unique to its vector space")
@@ -47,16 +67,63 @@ def check_encoder(encoder: TextEncoder) -> None:
     _require(min(abs(empty), abs(empty - 1)) <= _TOLERANCE, where, "length for an empty text", empty, "0 or 1")
 
 
-def check_grounder(grounder: Grounder, encoder: TextEncoder) -> None:
-    """Whether a grounder keeps the contract of `Grounder`.
+def check_grounder(
+    grounder: Grounder | Callable[[TextEncoder], Grounder] | str, encoder: TextEncoder | EncoderName = "hashed"
+) -> list[str]:
+    """How a grounder breaks the contract of `Grounder`, here and in a second process.
 
     Args:
-        grounder: The plug-in.
-        encoder: The encoder that it was made with; small maps are built in its space.
+        grounder: The object, a factory, or its name as package.module:factory; the factory gets the encoder.
+        encoder: Of the maps, or its name; small maps are built in its space.
 
-    Raises:
-        AgentError: It does not; the message names the first breach.
+    Returns:
+        The first breach; empty = the contract is kept.
     """
+    eye = make_encoder(encoder) if isinstance(encoder, str) else encoder
+    return problems_of(
+        grounder,
+        partial(_require_grounder, encoder=eye),
+        methods=("ground",),
+        again=partial(_answers, encoder=eye),
+        arguments=(eye,),
+        kind="grounder",
+    )
+
+
+def check_phrases(source: PhraseSource | Callable[[], PhraseSource] | str) -> list[str]:
+    """How a phrase source breaks the contract of `PhraseSource`, here and in a second process.
+
+    Args:
+        source: The object, a factory, or its name as package.module:factory.
+
+    Returns:
+        The first breach; empty = the contract is kept.
+    """
+    return problems_of(source, _require_phrases, methods=("phrases",), again=_phrases_of_task, kind="phrase source")
+
+
+def _require_phrases(source: PhraseSource) -> None:
+    where = f"phrase source {source.name!r}"
+    _require(bool(source.name), "phrase source", "name", source.name, "a name, which every row of results shows")
+    _require(isinstance(source.num_fallbacks, int), where, "num_fallbacks", source.num_fallbacks, "a whole number")
+    for task in (_TASK, replace(_TASK, description="")):
+        found = source.phrases(task)
+        texts = isinstance(found, tuple) and all(isinstance(phrase, str) for phrase in found)
+        _require(texts, where, "answer", found, "a tuple of texts")
+        _require(len(set(found)) == len(found), where, "answer", found, "each phrase once")
+        _require(source.phrases(task) == found, where, "second answer", "another one", "the same phrases every time")
+
+
+def _phrases_of_task(source: PhraseSource) -> tuple[str, ...]:
+    return source.phrases(_TASK)
+
+
+def _answers(grounder: Grounder, *, encoder: TextEncoder) -> list[tuple[tuple[float, ...], float]]:
+    found = grounder.ground(_small_maps(encoder, grounder)[0], _TASK, _PHRASES).candidates
+    return [(tuple(candidate.position), round(candidate.score, 3)) for candidate in found]
+
+
+def _require_grounder(grounder: Grounder, *, encoder: TextEncoder) -> None:
     where = f"grounder {grounder.name!r}"
     memory, empty = _small_maps(encoder, grounder)
     before = _features(memory).copy()

@@ -1,32 +1,43 @@
 """The check that users run on their own image encoder; ours pass the same one."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
+from sim.plugins import problems_of
 
 from ..encoders.protocol import DenseEncoder, TextImageEncoder
 from ..types import Intrinsics, PosedFrame
-from .answers import check_encoder
+from .answers import require_encoder
 
 _TOLERANCE = 1e-3
 """Allowed difference of vectors that should be equal."""
 _HEIGHT, _WIDTH = 96, 128
 
 
-def check_image_encoder(encoder: TextImageEncoder | DenseEncoder) -> None:
-    """Whether an encoder keeps the contract of `TextImageEncoder`, and of `DenseEncoder` if it has `encode_patches`.
+def check_image_encoder(encoder: TextImageEncoder | Callable[[], TextImageEncoder] | str) -> list[str]:
+    """How an encoder breaks the contract of `TextImageEncoder`, and of `DenseEncoder` if it has `encode_patches`.
 
     Args:
-        encoder: The plug-in. Its pictures show two kinds of random pattern, with instance ids 1 and 2.
+        encoder: The object, a factory, or its name as package.module:factory. Its pictures show two kinds of random
+            pattern, with instance ids 1 and 2.
 
-    Raises:
-        AgentError: It does not; the message names the first breach.
+    Returns:
+        The first breach, here or in a second process; empty = the contract is kept.
     """
-    check_encoder(encoder)
+    methods = ("encode_texts", "encode_images")
+    return problems_of(encoder, _require_image_encoder, methods=methods, again=_picture_rows, kind="encoder")
+
+
+def _picture_rows(encoder: TextImageEncoder) -> NDArray[np.float32]:
+    return encoder.encode_images([_halves(across=True)])
+
+
+def _require_image_encoder(encoder: TextImageEncoder) -> None:
+    require_encoder(encoder)
     frames = [_halves(across=True), _halves(across=False), _halves(across=True, first=2)]
     before = [frame.rgb.copy() for frame in frames]
     vectors = _check_rows(encoder, "encode_images", frames, encoder.encode_images(frames), (len(frames), encoder.dim))

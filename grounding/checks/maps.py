@@ -1,12 +1,14 @@
 """The check that users run on their own map builders, in a room whose every surface is known (room.py)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from sim.errors import AgentError
+from sim.plugins import problems_of
 from sim.tasks.observers import FREE, OCCUPIED
 from sim.types import CAMERA_HEIGHT
 
@@ -24,23 +26,43 @@ _SOME = 200
 """Fewer free or blocked cells of 5 cm are no occupancy of a room of 30 m2."""
 _DIFFERENT = 1e-3
 """Difference of a unit vector's number that counts; less is rounding."""
+_EVERYWHERE = np.array([[-1e3, -1e3], [1e3, 1e3]])
 _MOVED = np.array([[0.0, 0, 1, 3], [0, 1, 0, 0.5], [-1, 0, 0, -2], [0, 0, 0, 1]])
 """T_map_room of the second pass: a quarter turn to the left, 3 m, half a metre up, -2 m."""
 
 
-def check_map_builder(builder: MapBuilder, encoder: TextEncoder) -> None:
-    """Whether a builder keeps the contract of `MapBuilder`, and puts things where they are.
+def check_map_builder(
+    builder: MapBuilder | Callable[[TextEncoder], MapBuilder] | str, encoder: TextEncoder
+) -> list[str]:
+    """How a builder breaks the contract of `MapBuilder`, or puts things where they are not.
 
     The views show a room with a red and a blue box (`instance_ids` 1 and 2), then the same with everything turned and
     moved, then with the boxes' colours exchanged.
 
     Args:
-        builder: The plug-in, made for cameras 0.88 m above the feet and without heights of floors.
+        builder: The object, a factory, or its name as package.module:factory; the factory gets the encoder. It is made
+            for cameras 0.88 m above the feet and without heights of floors.
         encoder: The encoder that it was made with, which must say something of the boxes, and not the same.
 
-    Raises:
-        AgentError: It does not; the message names the first breach.
+    Returns:
+        The first breach, here or in a second process; empty = the contract is kept.
     """
+    return problems_of(
+        builder,
+        partial(_require_builder, encoder=encoder),
+        methods=("reset", "add", "finish"),
+        again=_stored,
+        arguments=(encoder,),
+        kind="map builder",
+    )
+
+
+def _stored(builder: MapBuilder) -> list[NDArray[np.floating]]:
+    """The vectors of a map of the room."""
+    return [_around(storey.memory, _EVERYWHERE) for storey in _built(builder, check_views()).storeys]
+
+
+def _require_builder(builder: MapBuilder, *, encoder: TextEncoder) -> None:
     where = f"map builder {builder.name!r}"
     builder.reset()
     empty = builder.finish()

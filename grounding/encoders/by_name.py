@@ -2,12 +2,16 @@
 
 import re
 from functools import lru_cache
+from typing import Any
 
 from sim.errors import AgentError
+from sim.plugins import build_plugin, is_plugin, own_name, require_methods
 
 from .protocol import (
     MODEL_FAMILIES,
     ORACLE_SUFFIX,
+    PLUGIN,
+    SPACES,
     TEXT_ENCODERS,
     CachedTextEncoder,
     DenseEncoder,
@@ -43,14 +47,16 @@ def make_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> T
         from .minilm import stored_minilm  # torch, transformers
 
         return CachedTextEncoder(stored_minilm())
+    if space == PLUGIN:
+        return CachedTextEncoder(_plugin(source))
     return CachedTextEncoder(_model(space, source, options or ModelOptions()))
 
 
 def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> DenseEncoder:
-    """The real model of this name, for building maps from pictures.
+    """The real model of this name, or a user's own, for building maps from pictures.
 
     Raises:
-        AgentError: The name is not that of a model, or the model cannot be loaded.
+        AgentError: The encoder does not see, or cannot be loaded.
         MissingDependencyError: Extra `models` is not installed.
     """
     space, source = parse_encoder_name(name)
@@ -59,20 +65,26 @@ def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None
             f"encoder {name!r}: cannot see; expected {_families()}. Name a model, or use "
             "grounding.perception.oracle_perception.OraclePerception, which needs the home's captions."
         )
+    if space == PLUGIN:
+        return require_methods(_plugin(source), ("encode_images",), where=name, need="a map of pictures")
     return _model(space, source, options or ModelOptions())
 
 
 def parse_encoder_name(name: EncoderName) -> tuple[str, str]:
-    """The text encoder or family, and the model id or folder ("" for text encoders); loads nothing.
+    """The text encoder, family or `PLUGIN`, and the model id, folder or plug-in ("" for text encoders); loads nothing.
 
     Raises:
         AgentError: The name is unknown.
     """
-    space, colon, source = name.removesuffix(ORACLE_SUFFIX).partition(":")
+    plain = plain_name(name).removesuffix(ORACLE_SUFFIX)
+    space, colon, source = plain.partition(":")
+    if space not in (*MODEL_FAMILIES, *TEXT_ENCODERS) and is_plugin(plain):
+        return PLUGIN, plain
     if (space in TEXT_ENCODERS and not colon) or (space in MODEL_FAMILIES and source):
         return space, source
     raise AgentError(
-        f"encoder {name!r}: is not known; expected {', '.join(TEXT_ENCODERS)}, or {_families()}. "
+        f"encoder {name!r}: is not known; expected {', '.join(TEXT_ENCODERS)}, or {_families()}, or your own as "
+        "package.module:factory. "
         "Example: clip:openai/clip-vit-large-patch14."
     )
 
@@ -84,6 +96,38 @@ def is_model(name: EncoderName) -> bool:
         AgentError: No encoder has this name.
     """
     return parse_encoder_name(name)[0] in MODEL_FAMILIES and not name.endswith(ORACLE_SUFFIX)
+
+
+def sees(name: EncoderName) -> bool:
+    """Whether an encoder makes vectors of pictures too: a real model's does, a user's own when it has `encode_images`.
+
+    Raises:
+        AgentError: It is no encoder's name, or the plug-in cannot be built.
+    """
+    space, source = parse_encoder_name(name)
+    if space == PLUGIN and not name.endswith(ORACLE_SUFFIX):
+        return hasattr(_plugin(source), "encode_images")
+    return is_model(name)
+
+
+def plain_name(name: EncoderName) -> EncoderName:
+    """The name with `hashed` or `minilm` for the names of their spaces, which map files carry."""
+    suffix = ORACLE_SUFFIX if name.endswith(ORACLE_SUFFIX) else ""
+    plain = name.removesuffix(ORACLE_SUFFIX)
+    return SPACES.get(plain, plain) + suffix
+
+
+def encoder_called(name: EncoderName) -> str:
+    """How runs and tables call an encoder: by its option, a user's own by its `name`.
+
+    Raises:
+        AgentError: It is no encoder's name, or the plug-in cannot be built.
+    """
+    space, source = parse_encoder_name(name)
+    suffix = ORACLE_SUFFIX if name.endswith(ORACLE_SUFFIX) else ""
+    if space == PLUGIN:
+        return own_name(_plugin(source), source) + suffix
+    return f"{space}:{source}{suffix}" if source else space + suffix
 
 
 def require_no_model_options(where: str, options: ModelOptions) -> None:
@@ -113,12 +157,20 @@ def encoder_slug(name: EncoderName) -> str:
     """
     space, source = parse_encoder_name(name)
     suffix = ORACLE_SUFFIX.replace("+", "-") if name.endswith(ORACLE_SUFFIX) else ""
+    if space == PLUGIN:
+        return re.sub(r"[^A-Za-z0-9_.-]", "-", own_name(_plugin(source), source))[:_MAX_SLUG] + suffix
     last = re.sub(r"[^A-Za-z0-9_.-]", "-", source.rstrip("/").rsplit("/", 1)[-1])
     return f"{space}{'-' if last else ''}{last[:_MAX_SLUG]}{suffix}"
 
 
 def _families() -> str:
     return f"one of {', '.join(f'{family}:' for family in MODEL_FAMILIES)} and a model id or a folder"
+
+
+@lru_cache(maxsize=1)
+def _plugin(name: str) -> Any:
+    """Keeps the last one, as `_model` does."""
+    return build_plugin(name, option="--encoder", methods=("encode_texts",))
 
 
 @lru_cache(maxsize=1)

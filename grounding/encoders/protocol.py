@@ -10,9 +10,14 @@ from numpy.typing import NDArray
 from ..types import PosedFrame
 
 EncoderName = str
-"""`hashed`, `minilm`, or `clip:`, `siglip:`, `blip2-itc256:`, `blip2-hidden768:` and a model id or a folder; with the
-suffix `+oracle-perception` it encodes the queries to maps that oracle perception made in that space."""
+"""`hashed`, `minilm`, `clip:`, `siglip:`, `blip2-itc256:`, `blip2-hidden768:` and a model id or a folder, or a user's
+own as `package.module:factory`. With the suffix `+oracle-perception` it encodes the queries to maps that oracle
+perception made in that space. Names of map files, such as `hashed-words-768`, stand for `hashed` and `minilm` too."""
 TEXT_ENCODERS = ("hashed", "minilm")
+SPACES = {"hashed-words-768": "hashed", "minilm-l6-v2-384": "minilm"}
+"""Names of vector spaces, as map files carry them, and the encoders that make them."""
+PLUGIN = "plug-in"
+"""What `parse_encoder_name` calls a user's own."""
 MODEL_FAMILIES = ("clip", "siglip", "blip2-itc256", "blip2-hidden768")
 ORACLE_SUFFIX = "+oracle-perception"
 _MAX_CACHED_TEXTS = 50_000

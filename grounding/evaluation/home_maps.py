@@ -20,7 +20,7 @@ from sim.mesh import Scene
 from sim.types import Camera
 
 from ..agents.progress_notes import Say, scene_note
-from ..encoders.by_name import is_model, make_encoder, make_image_encoder
+from ..encoders.by_name import encoder_called, make_encoder, make_image_encoder, sees
 from ..encoders.protocol import ORACLE_SUFFIX, ModelOptions, TextEncoder
 from ..maps.files import MapSource, load_memory, read_map_header, save_memory
 from ..maps.home_map import HomeMemory, Memory, merged_storeys
@@ -203,7 +203,10 @@ def make_home_map(
             done += 1
             say(f"mapping {done} of {total} views")
     source = MapSource(
-        scene=scene.name, kind=scene.kind, digest=scene.digest, builder=f"{builder.name} by {settings.map_encoder}"
+        scene=scene.name,
+        kind=scene.kind,
+        digest=scene.digest,
+        builder=f"{builder.name} by {encoder_called(settings.map_encoder)}",
     )
     save_memory(folders.map_file(scene_name), builder.finish(), source)
 
@@ -258,7 +261,7 @@ def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, m
 def _image_encoder(
     dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions
 ) -> "DenseEncoder":
-    if is_model(settings.encoder):
+    if sees(settings.encoder):
         return make_image_encoder(settings.encoder, options=model)
     from ..maps.oracle_map import object_texts
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal
 from sim.errors import AgentError
 from sim.types import ClutterLevel
 
-from ..encoders.by_name import is_model
+from ..encoders.by_name import encoder_called, is_model, sees
 from ..encoders.protocol import ORACLE_SUFFIX, Autocast
-from ..methods.by_name import GrounderName
+from ..methods.by_name import require_method, takes_objects
 from ..perception.paraphrase import ParaphraseLevel
 from ..phrases.sources import PhraseSourceName
 
@@ -35,7 +35,8 @@ _PERCEIVED = ("view_noise", "object_noise", "confusion", "background", "paraphra
 class GroundSettings:
     """Settings of an evaluation; the same settings always give the same answers. Flat, as in run.json."""
 
-    method: GrounderName
+    method: str
+    """Of `GrounderName`, or a user's own."""
     map: MapName = "oracle"
     encoder: str = "hashed"
     seed: int = 0
@@ -92,7 +93,8 @@ class GroundSettings:
                 f"--layout is {self.layout!r} on oracle maps; expected grid: they have 1 m cells (GROUNDING.md, "
                 "section 0). Give --map explore, or leave --layout out."
             )
-        if self.method.startswith("object-") != (self.layout == "objects"):
+        require_method(self.method)
+        if takes_objects(self.method) != (self.layout == "objects"):
             raise AgentError(
                 f"--method {self.method} with --layout {self.layout}; expected object-phrase or object-dual with "
                 "--layout objects, and the other methods with grid or fine. Change one of them."
@@ -101,16 +103,16 @@ class GroundSettings:
     def _require_meaning(self) -> None:
         """Refuses options that would be ignored: the run's file would suggest that they had an effect."""
         map_text = "--map PATH, whose maps are made" if self.map == "files" else f"--map {self.map}"
-        has_model = is_model(self.encoder)
+        has_eyes = sees(self.encoder)
         encoder_text = f"--encoder {self.encoder}"
         self._refuse(self.map != "oracle", _ORACLE_ONLY, map_text, "--map oracle")
         self._refuse(self.map != "explore", _EXPLORED_ONLY, map_text, "--map explore")
         self._refuse(self.map == "files", ("object_noise",), map_text, "--map oracle or explore")
         self._refuse(
-            self.map == "explore" and has_model, _PERCEIVED, encoder_text, "oracle perception: --encoder hashed, minilm"
+            self.map == "explore" and has_eyes, _PERCEIVED, encoder_text, "oracle perception: --encoder hashed, minilm"
         )
         self._refuse(self.layout == "objects", ("features",), "--layout objects", "--layout grid or fine")
-        self._refuse(not has_model, ("autocast",), encoder_text, "a model's encoder")
+        self._refuse(not is_model(self.encoder), ("autocast",), encoder_text, "a model's encoder")
 
     def _refuse(self, is_other: bool, names: tuple[str, ...], found: str, where: str) -> None:
         defaults = {field.name: field.default for field in fields(self)}
@@ -124,7 +126,7 @@ class GroundSettings:
     @property
     def map_encoder(self) -> str:
         """Name of the space of map and queries; it says so where a text encoder uses oracle perception on a walk."""
-        is_seen = self.map == "oracle" or is_model(self.encoder) or self.encoder.endswith(ORACLE_SUFFIX)
+        is_seen = self.map == "oracle" or sees(self.encoder) or self.encoder.endswith(ORACLE_SUFFIX)
         return self.encoder if is_seen else self.encoder + ORACLE_SUFFIX
 
     @property
@@ -165,7 +167,7 @@ class GroundSettings:
             if field.name not in _SAID_ELSEWHERE and getattr(self, field.name) != field.default
         ]
         features = ["whole pictures"] if self.features == "images" else []
-        return ", ".join([f"{self.map} map", f"{self.map_encoder} encoder", *features, *changed])
+        return ", ".join([f"{self.map} map", f"{encoder_called(self.map_encoder)} encoder", *features, *changed])
 
 
 def _option(name: str) -> str:

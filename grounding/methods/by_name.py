@@ -1,10 +1,13 @@
 """The grounders known by name. A grounder sees a map, a `Task` and phrases, never an `Episode`."""
 
 from collections.abc import Sequence
-from typing import Literal, Protocol
+from typing import Literal, Protocol, get_args
 
+from sim.errors import AgentError
+from sim.plugins import build_plugin, is_plugin
 from sim.types import Task
 
+from ..encoders.hashed import HashedWords
 from ..encoders.protocol import TextEncoder
 from ..maps.home_map import Memory, MemoryKind
 from ..types import Grounding
@@ -63,14 +66,40 @@ class Grounder(Protocol):
         ...
 
 
-def make_grounder(name: GrounderName, encoder: TextEncoder, *, seed: int = 0) -> Grounder:
-    """The grounder of this name with the paper's parameters.
+def takes_objects(name: str) -> bool:
+    """Whether the method of this name answers on maps of objects, not on grid maps.
+
+    Raises:
+        AgentError: There is none of this name, or a plug-in cannot be built.
+    """
+    return name in OBJECT_MATCHERS or (is_plugin(name) and make_grounder(name, HashedWords()).takes == "objects")
+
+
+def require_method(name: str) -> None:
+    """Refuses what is no method's name.
+
+    Raises:
+        AgentError: It is neither one of ours nor of the form of a plug-in.
+    """
+    if name not in get_args(GrounderName) and not is_plugin(name):
+        raise AgentError(
+            f"--method is {name!r}; expected {', '.join(get_args(GrounderName))}, or your own as "
+            "package.module:factory."
+        )
+
+
+def make_grounder(name: GrounderName | str, encoder: TextEncoder, *, seed: int = 0) -> Grounder:
+    """The grounder of this name with the paper's parameters, or a user's own.
 
     Args:
-        name: The grounder's name.
+        name: Of `GrounderName`, or package.module:factory, whose factory gets the encoder.
         encoder: The map's encoder; `random` and `center` do not use it.
         seed: Seed of `random`'s draws.
+
+    Raises:
+        AgentError: There is none of this name, or a plug-in cannot be built.
     """
+    require_method(name)
     match name:
         case "random":
             return RandomCell(seed=seed)
@@ -91,3 +120,5 @@ def make_grounder(name: GrounderName, encoder: TextEncoder, *, seed: int = 0) ->
             return JointMatcher(encoder)
         case "object-phrase" | "object-dual":
             return ObjectMatcher(encoder, name=name, temperature=OBJECT_MATCHERS[name])
+        case _:
+            return build_plugin(name, encoder, option="--method", methods=("ground",))

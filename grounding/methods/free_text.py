@@ -8,8 +8,7 @@ from ..encoders.by_name import make_encoder
 from ..encoders.protocol import ORACLE_SUFFIX, EncoderName, TextEncoder
 from ..maps.files import load_memory
 from ..maps.home_map import HomeMemory, ObjectMap, merged_storeys
-from ..phrases.rules import RulePhrases
-from ..phrases.sources import PhraseSource
+from ..phrases.sources import PhraseSource, PhraseSourceName, make_phrases
 from ..types import Grounding
 from .by_name import GrounderName, make_grounder
 
@@ -19,8 +18,8 @@ def ground(
     *,
     description: str,
     query: str,
-    method: GrounderName | None = None,
-    phrases: PhraseSource | None = None,
+    method: GrounderName | str | None = None,
+    phrases: PhraseSource | PhraseSourceName = "rules",
     encoder: TextEncoder | EncoderName = "hashed",
     storey_y: float | None = None,
 ) -> Grounding:
@@ -30,8 +29,9 @@ def ground(
         map: A map made by `build_map`, or its `.npz` file.
         description: The paragraph about the owners; may be empty.
         query: The object to find, such as "Lily's backpack".
-        method: Name of a grounder; None = `joint`, on maps of objects `object-dual`.
-        phrases: Source that reads the description; None = by rules.
+        method: Name of a grounder, or your own as package.module:factory; None = `joint`, on maps of objects
+            `object-dual`.
+        phrases: Source that reads the description, or its name; `dataset` needs episodes and is refused.
         encoder: The one that the map was built with, or its name.
         storey_y: Height of the storey that is searched, metres; None = all storeys.
 
@@ -47,5 +47,6 @@ def ground(
         encoder = make_encoder(encoder + ORACLE_SUFFIX if is_perceived else encoder)
     grounder = make_grounder(name, encoder)
     task = Task("pog", description=description, queries=(query,))
-    found = (phrases or RulePhrases()).phrases(task) if grounder.uses_phrases else ()
+    source = make_phrases(phrases) if isinstance(phrases, str) else phrases
+    found = source.phrases(task) if grounder.uses_phrases else ()
     return grounder.ground(memory, task, found)

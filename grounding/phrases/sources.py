@@ -1,20 +1,22 @@
 """The sources of a grounder's phrases ("X owns Y in Z"). Every row of results prints the source's name."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
+from sim.plugins import build_plugin, is_plugin, own_name
 from sim.types import Task
 
 if TYPE_CHECKING:
     from .llm import LlmOptions
 
-PhraseSourceName = Literal["dataset", "rules", "llm"]
+PhraseSourceName = str
+"""`dataset`, `rules`, `llm`, or a user's own as `package.module:factory`."""
 
 
 class PhraseSource(Protocol):
-    """Takes short phrases about owners and their things from a task."""
+    """Takes short phrases of who owns what from a task. `grounding.checks.check_phrases` tests a plug-in."""
 
     @property
     def name(self) -> str:
@@ -66,12 +68,12 @@ def make_phrases(
     """The phrase source of this name.
 
     Args:
-        name: `dataset` knows the phrases, `rules` and `llm` read the description.
+        name: `dataset` knows the phrases; `rules`, `llm` and a user's own read the description.
         episodes: The episodes whose phrases `dataset` knows; the others never see an episode.
         llm: Address of the model for `llm`.
 
     Raises:
-        AgentError: `llm` without options, or its key is missing.
+        AgentError: The name is none, `llm` has no options or its key is missing, or a plug-in cannot be built.
         MissingDependencyError: `llm` without the extra of that name.
     """
     match name:
@@ -89,6 +91,21 @@ def make_phrases(
             from .llm import ChatPhrases  # openai
 
             return ChatPhrases(llm)
+        case _ if is_plugin(name):
+            return build_plugin(name, option="--phrases", methods=("phrases",))
+        case _:
+            raise AgentError(
+                f"--phrases is {name!r}; expected dataset, rules, llm, or your own as package.module:factory."
+            )
+
+
+def phrases_called(name: PhraseSourceName) -> str:
+    """How runs and tables call a phrase source: by its option, a user's own by its `name`.
+
+    Raises:
+        AgentError: The name is none, or the plug-in cannot be built.
+    """
+    return own_name(make_phrases(name), name) if name not in ("dataset", "rules", "llm") else name
 
 
 def without_owner(phrase: str) -> str:

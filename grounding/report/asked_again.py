@@ -3,7 +3,8 @@
 The grounder answers with the settings in `run.json` and must give the same points.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -13,8 +14,10 @@ from pydantic import TypeAdapter, ValidationError
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
+from sim.plugins import is_plugin
 from sim.tasks.run_files import Answer, RunInfo
 
+from ..encoders.by_name import PLUGIN, parse_encoder_name
 from ..evaluation.evaluate import SceneGrounder
 from ..evaluation.home_maps import MapFolders
 from ..evaluation.settings import GroundSettings
@@ -47,12 +50,21 @@ def settings_of(info: RunInfo) -> GroundSettings | None:
     config = {name: value for name, value in info.config.items() if name in names}
     if config.get("phrases") == "none":  # the method uses none
         del config["phrases"]
-    if any(name not in config for name in _NEEDED):
+    config["method"] = info.config.get("method", info.who)  # a run may have a name of its own
+    if any(name not in config for name in _NEEDED) or _names_plugin(config):
         return None
     try:
-        return _SETTINGS.validate_python({"method": info.who, "seed": info.seed, **config})
+        return _SETTINGS.validate_python({"seed": info.seed, **config})
     except (ValidationError, AgentError):
         return None
+
+
+def _names_plugin(config: Mapping[str, object]) -> bool:
+    """Whether a run was made with a user's own code, which a file that is only looked at must not start."""
+    with suppress(AgentError):
+        if parse_encoder_name(str(config["encoder"]))[0] == PLUGIN:
+            return True
+    return any(is_plugin(str(config.get(name, ""))) for name in ("method", "phrases"))
 
 
 class AskAgain:

@@ -19,7 +19,7 @@ RADII = np.round(np.arange(0.0, 10.01, 0.25), 2)
 """(R,) metres of the curves over distance."""
 _METHODS = ("random", "center", "qs", "rpg")
 """The paper's methods in its order; others follow, sorted by name."""
-_OF_ROW = ("phrases", "layout", "features", "frame")
+_OF_ROW = ("phrases", "layout", "features", "frame", "method")
 """Config keys that say how a method works; the others describe the map."""
 _MAP_FOLDER = "maps"
 """Config key of the folder of map files: it tells maps apart where they were made elsewhere."""
@@ -115,7 +115,7 @@ def variant_of(info: RunInfo) -> MapVariant:
     shown = {
         name: value
         for name, value in info.config.items()
-        if name not in _OF_ROW and (name in always or value != _DEFAULTS.get(name, ""))
+        if name not in _OF_ROW and not name.endswith("_code") and (name in always or value != _DEFAULTS.get(name, ""))
         if name != _MAP_FOLDER or info.config.get("map") == "files"
     }
     shown.setdefault("map", info.condition)  # for runs of another program
@@ -125,7 +125,8 @@ def variant_of(info: RunInfo) -> MapVariant:
 def _encoder_text(options: dict[str, ConfigValue]) -> str:
     """The encoder of the map's vectors; a walk with a pure text encoder used oracle perception."""
     encoder = str(options.get("encoder", "unknown"))
-    text_encoder = _TEXT_ENCODERS.get(encoder.removesuffix(ORACLE_SUFFIX))
+    plain = encoder.removesuffix(ORACLE_SUFFIX)
+    text_encoder = _TEXT_ENCODERS.get(plain, plain if plain != encoder else None)
     if options.get("map") in ("explore", "files") and text_encoder is not None:
         return f"oracle perception ({text_encoder})"
     return f"{encoder} encoder"

@@ -58,7 +58,7 @@ def _words_line(options: Mapping[str, object]) -> str:
     text_encoder = encoder.removesuffix(ORACLE_SUFFIX)
     if options.get("map") == "oracle":
         words = "captions of the same episode files (circular)"
-    elif text_encoder in TEXT_ENCODERS:
+    elif text_encoder in TEXT_ENCODERS or text_encoder != encoder:
         words = f"captions of the same episode files for what the camera saw (oracle perception, {text_encoder})"
     else:
         words = f"none, vectors of pictures (encoder {encoder})"

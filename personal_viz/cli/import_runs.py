@@ -100,9 +100,8 @@ class Import:
             PersonalVizError: Options of pose files stand without the frame, which they all need; the rounding is no
                 rounding, or the episode's name is none.
         """
+        from sim.episodes.dataset import key_from_text
         from sim.exchange.pose_files import MAX_ROUNDING, PoseReading
-
-        from ..study_app.checked_options import key_from_text
 
         free = self._free_motion()
         if not 0 < self.rounding <= MAX_ROUNDING:
@@ -127,7 +126,7 @@ class Import:
             rows=self.rows,
             stopped=None if self.stopped is None else self.stopped == "yes",
             allow_sliding=self.allow_sliding,
-            episode=None if self.episode is None else key_from_text(self.episode),
+            episode=None if self.episode is None else key_from_text(self.episode, where="--episode"),
             rounding=self.rounding,
             free=free,
         )

@@ -1,11 +1,10 @@
 """Options that several verbs share."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from grounding.encoders.protocol import Autocast, Device
 from sim.types import ClutterLevel, Split
 
 Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
@@ -22,9 +21,15 @@ SampleSeed = Annotated[int, arg(help="Draws other episodes with --limit; the sam
 Clutter = Annotated[
     ClutterLevel, arg(help="How much furniture and small things without a caption stand in homes without a scan.")
 ]
-ModelDevice = Annotated[Device, arg(help="Where a real model runs.")]
-ModelAutocast = Annotated[Autocast, arg(help="A real model's arithmetic; float16 on cuda only.")]
+ModelDevice = Annotated[Literal["cpu", "cuda"], arg(help="Where a real model runs.")]
+ModelAutocast = Annotated[
+    Literal["off", "bfloat16", "float16"], arg(help="A real model's arithmetic; float16 on cuda only.")
+]
 ModelBatch = Annotated[int, arg(help="Pictures or texts that a real model encodes together.")]
+Label = Annotated[
+    str | None,
+    arg(help="Row name in tables instead of its own name, such as one per version of yours."),
+]
 RunId = Annotated[str | None, arg(help="Folder name below --out; made from the options by default.")]
 Rerun = Annotated[
     str | None,

@@ -34,15 +34,13 @@ class Replay:
         from recordings.replay import log_comparison
         from recordings.traces import common_episode
         from recordings.viewer.window import open_file
-        from sim.episodes.dataset import PersonalDataset
+        from sim.episodes.dataset import PersonalDataset, key_from_text
         from sim.homes.labels import renderer_of
         from sim.homes.open_home import open_scene
         from sim.tasks.run_files import read_run
 
-        from ..study_app.checked_options import key_from_text
-
         read = [read_run(folder) for folder in self.runs]
-        key = common_episode(read) if self.episode is None else key_from_text(self.episode)
+        key = common_episode(read) if self.episode is None else key_from_text(self.episode, where="--episode")
         episodes = PersonalDataset(self.dataset)
         found = episodes.episode(key)
         scene = open_scene(episodes, key.scene, scenes_dir=self.scenes_dir, clutter=_common_clutter(read))

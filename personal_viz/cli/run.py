@@ -13,7 +13,7 @@ from tyro.conf import arg
 from sim.errors import AgentError, PersonalVizError
 from sim.types import SPLITS, EpisodeKey, SceneKind, SuccessRule
 
-from .options import Clutter, Dataset, Limit, Rerun, RunId, SampleSeed, Scenes, ScenesDir, Splits, WithPixels
+from .options import Clutter, Dataset, Label, Limit, Rerun, RunId, SampleSeed, Scenes, ScenesDir, Splits, WithPixels
 
 if TYPE_CHECKING:
     from sim.episodes.dataset import PersonalDataset
@@ -44,6 +44,7 @@ class Run:
     seed: int = 0
     jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
     run_id: RunId = None
+    label: Label = None
     clutter: Clutter = 0
     episode: Annotated[str | None, arg(help="SPLIT/SCENE/ID: this episode only, instead of --scene and --split.")] = (
         None
@@ -64,7 +65,7 @@ class Run:
         from ..study_app.checked_options import check_options, require_no_scan
         from .progress import counted
 
-        made_for = _made_for(self.agent, self.rule)
+        made_for, who, code = self._agent()
         check_options(
             run_id=self.run_id, limit=self.limit, jobs=self.jobs, seed=self.seed, sample_seed=self.sample_seed
         )
@@ -73,7 +74,7 @@ class Run:
         kind = common_kind(episodes, {item.key.scene for item in chosen}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
         by_scene = _by_scene(chosen, self.scenes_dir)
-        info = self._info(episodes, kind, made_for)
+        info = self._info(episodes, kind, made_for, who=who, code=code)
         folder = self.out / info.run_id
         writer = RunWriter(folder, info)
         left = [item.key for item in chosen if item.key not in writer.done]
@@ -89,10 +90,10 @@ class Run:
 
     def _chosen(self, episodes: PersonalDataset) -> list[Episode]:
         """The named episode, or a sample of splits and scenes; raises PersonalVizError where these hold none."""
-        from ..study_app.checked_options import key_from_text
+        from sim.episodes.dataset import key_from_text
 
         if self.episode is not None:
-            return [episodes.episode(key_from_text(self.episode))]
+            return [episodes.episode(key_from_text(self.episode, where="--episode"))]
         scenes, splits = self.scene or None, self.split or SPLITS
         chosen = episodes.sample(splits=splits, scenes=scenes, per_split=self.limit, seed=self.sample_seed)
         if not chosen:
@@ -101,13 +102,36 @@ class Run:
             )
         return chosen
 
-    def _info(self, episodes: PersonalDataset, kind: SceneKind, made_for: SuccessRule | None) -> RunInfo:
+    def _agent(self) -> tuple[SuccessRule | None, str, dict[str, str]]:
+        """The rule that the agent walks for, its row name, and the digest of a user's own.
+
+        Raises:
+            AgentError: There is no such agent, or a user's own cannot be built.
+        """
+        from sim.plugins import own_name, plugin_digest
+        from sim.tasks.agents import load_agent
+
+        made_for = _made_for(self.agent, self.rule)
+        who = self.agent if made_for in (None, "paper") else f"{self.agent}-{made_for}"
+        if ":" not in self.agent:
+            return made_for, self.label or who, {}
+        own = own_name(load_agent(self.agent), who)
+        return made_for, self.label or own, {"agent_code": f"{self.agent}@{plugin_digest(self.agent)}"}
+
+    def _info(
+        self,
+        episodes: PersonalDataset,
+        kind: SceneKind,
+        made_for: SuccessRule | None,
+        *,
+        who: str,
+        code: dict[str, str],
+    ) -> RunInfo:
         """What run.json says."""
         from sim.tasks.provenance import make_run_info
         from sim.tasks.run_files import fitting_name, fitting_run_id
 
         level = f"-clutter{self.clutter}" if self.clutter else ""
-        who = self.agent if made_for in (None, "paper") else f"{self.agent}-{made_for}"
         return make_run_info(
             self.run_id or fitting_run_id(f"{who.replace(':', '.')}-{kind}{level}-seed{self.seed}"),
             who=fitting_name(who),
@@ -116,7 +140,7 @@ class Run:
             scene_kind=kind,
             dataset_digest=episodes.digest(),
             seed=self.seed,
-            config={"actions": "paper6", "clutter": self.clutter},
+            config={"actions": "paper6", "clutter": self.clutter, **code},
             made_for=made_for,
         )
 
@@ -148,9 +172,11 @@ class Run:
 
 def _made_for(agent: str, rule: SuccessRule | None) -> SuccessRule | None:
     """The success rule that the agent walks for; None where it knows no goal. Raises AgentError for other names."""
+    from sim.plugins import is_plugin
+
     if agent == "shortest-path":
         return rule or "paper"
-    if agent not in ("random", *SHORT_NAMES) and ":" not in agent:
+    if agent not in ("random", *SHORT_NAMES) and not is_plugin(agent):
         raise AgentError(
             f"--agent is {agent!r}; expected random, random-frontier, shortest-path, or your own as "
             "package.module:factory."

@@ -1,9 +1,12 @@
 """The command line: one dataclass per verb, parsed by tyro; what is heavy is imported only when a verb works."""
 
-from typing import Annotated
+from dataclasses import replace
+from types import NoneType, UnionType
+from typing import Annotated, Union, get_args
 
 import tyro
 from tyro.conf import subcommand
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from .bench import Bench
 from .browse import Browse
@@ -66,4 +69,26 @@ def parse(arguments: list[str] | None = None) -> Verb:
         description="3-D visualization and human baselines for the PersONAL benchmark.",
         args=arguments,
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+        registry=_registry(),
     )
+
+
+def _registry() -> ConstructorRegistry:
+    """Reads `X | None` as X: nobody types None, and help need not name it; an option that is left out stays None."""
+    registry = ConstructorRegistry()
+
+    @registry.primitive_rule
+    def without_none(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
+        inner = [part for part in get_args(info.type) if part is not NoneType]
+        if info.type_origin not in (Union, UnionType) or len(inner) != 1 or len(get_args(info.type)) != 2:
+            return None
+        spec = ConstructorRegistry.get_primitive_spec(PrimitiveTypeInfo.make(inner[0], info.markers))
+        if not isinstance(spec, PrimitiveConstructorSpec):
+            return None
+        return replace(
+            spec,
+            is_instance=lambda value: value is None or spec.is_instance(value),
+            str_from_instance=lambda value: ["none"] if value is None else spec.str_from_instance(value),
+        )
+
+    return registry

@@ -67,7 +67,7 @@ _INSTRUCTIONS: dict[Condition, str] = {
 """File in `static` that shows a condition, as the templates of `human_study.texts` name it."""
 _PAIRS: tuple[tuple[Condition, Condition], ...] = (("none", "map_open"), ("topdown", "map_first"), ("glb", "map_2d"))
 """Conditions of PAN and POG that are served together."""
-_EXPLORER = "personal_viz.examples.example_1_explaining_agent:make"
+_EXPLORER = "personal_viz.examples.example_2_your_own_agent:make"
 _KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "d"}
 """What a participant presses; STOP is Enter twice."""
 _METHODS = ("center", "qs", "rpg", "phrase", "joint")

@@ -2,13 +2,12 @@
 
 import re
 from collections.abc import Mapping
-from typing import cast
 
 from pydantic import ValidationError
 
 from sim.errors import PersonalVizError, line_from_validation_error
 from sim.tasks.run_files import RUN_ID
-from sim.types import SPLITS, EpisodeKey, SceneKind, Split
+from sim.types import SceneKind
 
 
 def check_options(
@@ -71,15 +70,3 @@ def require_no_scan(kind: SceneKind, *, clutter: int) -> None:
         raise PersonalVizError(
             f"--clutter is {clutter} beside --scenes-dir; expected 0 in scans. Leave one of the two out."
         )
-
-
-def key_from_text(text: str) -> EpisodeKey:
-    """The key that `SPLIT/SCENE/ID` names.
-
-    Raises:
-        PersonalVizError: The text is something else.
-    """
-    parts = text.split("/")
-    if len(parts) != 3 or parts[0] not in SPLITS or not all(parts):
-        raise PersonalVizError(f"--episode: found {text!r}; expected SPLIT/SCENE/ID, SPLIT one of {', '.join(SPLITS)}.")
-    return EpisodeKey(cast(Split, parts[0]), parts[1], parts[2])

@@ -122,12 +122,13 @@ class PersonalDataset:
         drawn = set(sample_keys([episode.key for episode in found], per_split=per_split, seed=seed))
         return [episode for episode in found if episode.key in drawn]
 
-    def episode(self, key: EpisodeKey) -> Episode:
-        """One episode by its key.
+    def episode(self, key: EpisodeKey | str) -> Episode:
+        """One episode by its key, or by what a person types for it, such as "easy/TEEsavR23oF/240".
 
         Raises:
-            DatasetError: There is no such episode.
+            DatasetError: There is no such episode, or the text is no key.
         """
+        key = key_from_text(key) if isinstance(key, str) else key
         for episode in self.episodes(splits=(key.split,), scenes=(key.scene,)):
             if episode.key == key:
                 return episode
@@ -156,6 +157,22 @@ class PersonalDataset:
             total.update(f"{split}/{scene}\n".encode())
             total.update(read_bytes(path))
         return total.hexdigest()
+
+
+def key_from_text(text: str, *, where: str = "episode") -> EpisodeKey:
+    """The key that `SPLIT/SCENE/ID` names.
+
+    Args:
+        text: As a person types it.
+        where: What it was given as, for the error.
+
+    Raises:
+        DatasetError: The text is something else.
+    """
+    split, scene, episode_id = (*text.strip().split("/"), "", "", "")[:3]
+    if text.count("/") != 2 or split not in SPLITS or not (scene and episode_id):
+        raise DatasetError(f"{where}: found {text!r}; expected SPLIT/SCENE/ID, SPLIT one of {', '.join(SPLITS)}.")
+    return EpisodeKey(split, scene, episode_id)
 
 
 def sample_keys(keys: Sequence[EpisodeKey], *, per_split: int | None, seed: int) -> list[EpisodeKey]:

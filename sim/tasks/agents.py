@@ -1,10 +1,7 @@
 """The agent protocol, and the agents that need no perception: random, and shortest path (ground truth)."""
 
-import importlib
-import os
-import sys
 from collections.abc import Iterator
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +9,7 @@ from numpy.typing import NDArray
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.frames import T_world_agent, forward_from_yaw, wrap_angle
+from sim.plugins import build_plugin, is_plugin
 from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation, SuccessRule, Task
 from sim.walk.navigation_map import NavigationMap
 
@@ -140,33 +138,14 @@ class ShortestPathAgent:
         return self._navigation.distances(positions, self._region)
 
 
-def build_plugin(name: str) -> Any:
-    """The object from a user's `package.module:factory`, also from the present folder; the factory gets no arguments.
-
-    Raises:
-        AgentError: The module cannot be imported, or the factory failed.
-    """
-    module, _, factory = name.partition(":")
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())  # `python -m` has it there; an installed program does not
-    try:
-        return getattr(importlib.import_module(module), factory)()
-    except Exception as error:  # the plug-in door: any error of the user's code is named
-        raise AgentError(f"{name}: {type(error).__name__} while it was built: {error}. Correct the plug-in.") from error
-
-
 def load_agent(name: str) -> Agent:
     """A user's agent named `package.module:factory`, from the present folder too; the factory gets no arguments.
 
     Raises:
         AgentError: The name has another form, or the plug-in cannot be imported or built.
     """
-    if not name.partition(":")[2]:
+    if not is_plugin(name):
         raise AgentError(
             f"--agent is {name!r}; expected random, shortest-path, or your own agent as package.module:factory."
         )
-    agent = build_plugin(name)
-    for method in ("reset", "act"):
-        if not callable(getattr(agent, method, None)):
-            raise AgentError(f"{name}: found no method {method}(); expected an Agent (sim.tasks.agents).")
-    return agent
+    return build_plugin(name, option="--agent", methods=("reset", "act"))

@@ -82,6 +82,12 @@ class RunWriter:
             was, now = getattr(found, field), getattr(wanted, field)
             if isinstance(was, dict):
                 was, now = _differing(was, now)
+            if isinstance(was, dict) and was.keys() | now.keys() and all(key.endswith("_code") for key in was | now):
+                names = ", ".join(sorted(key.removesuffix("_code") for key in was | now))
+                raise RunFileError(
+                    f"{self.folder / 'run.json'}: the run was made with other code of your {names}; expected the same "
+                    "to go on. Give --label NAME to keep both versions in one table, or another --run-id or --out."
+                )
             if was != now:
                 raise RunFileError(
                     f"{self.folder / 'run.json'}: {field} is {was!r}, this run has {now!r}; "

@@ -1,31 +1,37 @@
 """The checks for plug-ins: ours pass, and each breach of a contract is named."""
 
+import re
 from dataclasses import replace
 from typing import get_args
 
 import numpy as np
 import pytest
 
-from grounding.checks import check_encoder, check_grounder
+from grounding.checks import check_encoder, check_grounder, check_phrases
 from grounding.encoders.hashed import HashedWords
 from grounding.maps.home_map import MemoryKind
 from grounding.methods.baselines import QueryScoring
 from grounding.methods.by_name import GrounderName, make_grounder
 from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions
+from grounding.phrases.rules import RulePhrases
 from grounding.types import Grounding
-from sim.errors import AgentError
 
 WORDS = HashedWords()
 
 
 @pytest.mark.parametrize("name", get_args(GrounderName))
 def test_our_grounders_keep_the_contract(name) -> None:
-    check_grounder(make_grounder(name, WORDS), WORDS)
+    assert check_grounder(lambda encoder: make_grounder(name, encoder), WORDS) == []
+
+
+def test_ours_answer_alike_in_another_process() -> None:
+    assert check_grounder(make_grounder("joint", WORDS), WORDS) == []
+    assert check_phrases(RulePhrases) == []
 
 
 @pytest.mark.parametrize("options", [PRESETS["authors"], RpgOptions(literal=True)])
 def test_rpg_keeps_the_contract_with_other_options(options: RpgOptions) -> None:
-    check_grounder(RegionGated(WORDS, options=options), WORDS)
+    assert check_grounder(RegionGated(WORDS, options=options), WORDS) == []
 
 
 class LongVectors(HashedWords):
@@ -80,8 +86,35 @@ class MeanOfBatch(HashedWords):
     ],
 )
 def test_a_broken_encoder_is_named(encoder: HashedWords, message: str) -> None:
-    with pytest.raises(AgentError, match=message):
-        check_encoder(encoder)
+    (problem,) = check_encoder(encoder)
+    assert re.search(message, problem)
+
+
+class Hashes(HashedWords):
+    """Its vectors come from Python's hash of a word, which is another one in each process."""
+
+    name = "hashes-8"
+    dim = 8
+
+    def encode_texts(self, texts):
+        rows = [np.random.default_rng(abs(hash(text))).normal(size=8) for text in texts]
+        vectors = np.array(rows, np.float32).reshape(len(texts), 8)
+        return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def test_an_encoder_that_differs_between_processes_is_named() -> None:
+    for encoder in (Hashes(), Hashes, "tests.grounding.test_grounding_checks:Hashes"):
+        (problem,) = check_encoder(encoder)
+        assert "encoder 'hashes-8': a second process gives another answer to the same question" in problem
+
+
+def test_what_is_no_plug_in_is_one_line() -> None:
+    assert check_encoder("hashes") == [
+        "encoder is 'hashes'; expected your own as package.module:factory. See --help for others."
+    ]
+    assert check_encoder(object()) == [
+        "encoder: found no method encode_texts(); expected one, as the contract needs. Correct the plug-in."
+    ]
 
 
 class Changed:
@@ -111,8 +144,8 @@ class Changed:
     ],
 )
 def test_a_broken_grounder_is_named(edit, message: str) -> None:
-    with pytest.raises(AgentError, match=message):
-        check_grounder(Changed(edit), WORDS)
+    (problem,) = check_grounder(Changed(edit), WORDS)
+    assert re.search(message, problem)
 
 
 def test_a_grounder_that_changes_its_mind_is_named() -> None:
@@ -124,5 +157,5 @@ def test_a_grounder_that_changes_its_mind_is_named() -> None:
             found = super().ground(memory, task, phrases)
             return Grounding(found.candidates[: 1 + self.calls % 2])
 
-    with pytest.raises(AgentError, match="expected the same answer to the same inputs"):
-        check_grounder(Moody(lambda found: found), WORDS)
+    (problem,) = check_grounder(Moody(lambda found: found), WORDS)
+    assert re.search("expected the same answer to the same inputs", problem)

@@ -128,4 +128,4 @@ def test_many_writers_do_not_hinder_each_other(tmp_path: Path) -> None:
 
 
 def test_stored_vectors_keep_the_encoders_contract(tmp_path: Path) -> None:
-    check_encoder(stored(tmp_path, HashedWords()))
+    assert check_encoder(stored(tmp_path, HashedWords())) == []

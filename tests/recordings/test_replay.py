@@ -16,9 +16,9 @@ import rerun_cli
 from PIL import Image
 from rerun.chunk import RrdReader
 
-from personal_viz.study_app.checked_options import key_from_text
 from recordings.paths import escape_part
 from recordings.replay import log_comparison
+from sim.episodes.dataset import key_from_text
 from sim.episodes.schema import Episode
 from sim.errors import PersonalVizError, RecordingError
 from sim.mesh import Scene

@@ -132,6 +132,18 @@ def test_each_breach_is_named_and_nothing_else(agent: type, found: str) -> None:
     assert found in problems[0]
 
 
+class Hashes(Walker):
+    """Walks as Python's hash of a word says, which is another one in each process."""
+
+    def act(self, observation):
+        return self.task.actions[1 + hash(f"{observation.step} words") % 3]
+
+
+def test_an_agent_that_differs_between_processes_is_named() -> None:
+    (problem,) = check_agent(Hashes, **QUICK)
+    assert "a second process does something else" in problem
+
+
 def test_an_instance_that_repeats_itself_badly_is_named_without_guessing_why() -> None:
     for agent in (Counts(), OwnDice()):
         problems = check_agent(agent, **{**QUICK, "steps": 20})
@@ -142,13 +154,12 @@ def test_an_instance_that_repeats_itself_badly_is_named_without_guessing_why() -
 
 def test_missing_methods_and_broken_factories_are_named() -> None:
     assert check_agent(object()) == [
-        "found no method reset(); expected an Agent (sim.tasks.agents).",
-        "found no method act(); expected an Agent (sim.tasks.agents).",
+        "agent: found no method reset(); expected one, as the contract needs. Correct the plug-in."
     ]
     assert check_agent(lambda: 1 / 0) == [
         "the factory() raised ZeroDivisionError: division by zero. Correct the agent."
     ]
-    assert "expected random, shortest-path, or your own agent as package.module:factory" in check_agent("walker")[0]
+    assert "agent is 'walker'; expected your own as package.module:factory" in check_agent("walker")[0]
     (problem,) = check_agent("no_such_package.agent:make")
     assert "ModuleNotFoundError" in problem
 

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
 
-from grounding.evaluation.settings import MapLayout
-from grounding.methods.by_name import GrounderName
 from sim.errors import AgentError, PersonalVizError
 from sim.types import SPLITS
 
@@ -21,6 +19,7 @@ from ..options import (
     Clutter,
     Dataset,
     Json,
+    Label,
     Limit,
     ModelAutocast,
     ModelBatch,
@@ -56,7 +55,14 @@ class Ground:
     """Ground POG episodes on oracle maps, on maps of homes that our explorer walks, or on maps made before."""
 
     dataset: Dataset
-    method: GrounderName
+    method: Annotated[
+        str,
+        arg(
+            help="random, center, qs, rpg, rpg-authors, rpg-literal, phrase, dual, dual-smooth, dual-smooth-point or "
+            "joint; object-phrase or object-dual on maps of objects; or your own as package.module:factory, which "
+            "gets the map's encoder."
+        ),
+    ]
     map: Annotated[
         str,
         arg(help="oracle (texts of the episode files), explore (walk each home, map it), or a folder of <Scene>.npz."),
@@ -65,19 +71,22 @@ class Ground:
         str,
         arg(
             help="hashed, minilm (on explored maps: oracle perception in their space), or clip:, siglip:, "
-            "blip2-itc256:, blip2-hidden768: and a model id or a folder."
+            "blip2-itc256:, blip2-hidden768: and a model id or a folder; or your own as package.module:factory."
         ),
     ] = "hashed"
     phrases: Annotated[
-        Literal["dataset", "rules", "llm"],
-        arg(help="Who owns what: the dataset's own (ground truth), parsed from the text by rules, or asked of an LLM."),
+        str,
+        arg(
+            help="Who owns what: dataset (its own, ground truth), rules (that parse the text), llm (asked of one), or "
+            "your own as package.module:factory."
+        ),
     ] = "dataset"
     llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
     llm_model: Annotated[str, arg(help="Its model.")] = ""
     llm_key_env: Annotated[str, arg(help="Environment variable that holds its key; it is not written anywhere.")] = ""
     all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
     layout: Annotated[
-        MapLayout | None,
+        Literal["grid", "fine", "objects"] | None,
         arg(help=_EXPLORED + "cells of 1 m (grid, by default) or 0.25 m (fine), or objects; map files say theirs."),
     ] = None
     features: Annotated[Literal["patches", "images"], arg(help=_EXPLORED + "what is encoded of each view.")] = "patches"
@@ -106,6 +115,7 @@ class Ground:
     seed: int = 0
     jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
     run_id: RunId = None
+    label: Label = None
     json: Json = False
 
     def work(self) -> int:
@@ -115,6 +125,7 @@ class Ground:
         from ...study_app.checked_options import check_options
         from .ground_tables import ground_document, print_ground_table
 
+        _require_names(self.encoder, self.method, self.phrases)
         episodes = PersonalDataset(self.dataset)
         settings = self.settings(episodes)
         check_options(
@@ -142,6 +153,7 @@ class Ground:
         Raises:
             PersonalVizError: Options that do not go together, or map files that do not.
         """
+        from grounding.encoders.by_name import plain_name
         from grounding.evaluation.settings import GroundSettings
 
         from .ground_maps import layout_of_maps
@@ -151,6 +163,7 @@ class Ground:
             layout = layout_of_maps(self._folder, episodes, scenes=self.scene, method=self.method, asked=self.layout)
         same = {field.name for field in fields(GroundSettings)} & {field.name for field in fields(self)}
         values = {name: getattr(self, name) for name in same - {"map", "layout"}}
+        values["encoder"] = plain_name(self.encoder)
         kind = "files" if self._folder else "explore" if self.map == "explore" else "oracle"
         return GroundSettings(map=kind, layout=layout, home_clutter=self.clutter, **values)
 
@@ -224,18 +237,27 @@ class Ground:
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
         """What run.json says."""
+        from grounding.encoders.by_name import encoder_called
         from grounding.evaluation.settings import CELLS
+        from grounding.phrases.sources import phrases_called
         from sim.homes.kind import common_kind
+        from sim.plugins import own_name
         from sim.tasks.provenance import make_run_info
+        from sim.tasks.run_files import fitting_name
 
         from .ground_maps import cell_of_maps
 
         grounder = _facts(settings)
-        phrases = settings.phrases if grounder.uses_phrases else "none"
+        phrases = phrases_called(settings.phrases) if grounder.uses_phrases else "none"
         storey = "all storeys" if settings.all_storeys else "storey given"
         digest = episodes.digest()
         kind, condition = "oracle-map", settings.condition
-        config = {**settings.config, "phrases": phrases, "frame": grounder.frame}
+        config = {**settings.config, "phrases": phrases, "frame": grounder.frame, **_code(settings)}
+        if "encoder_code" in config:
+            config["encoder"] = encoder_called(settings.map_encoder)
+        who = fitting_name(self.label or own_name(grounder, settings.method))
+        if who != settings.method:
+            config["method"] = settings.method
         if settings.map != "oracle":
             kind = common_kind(episodes, self.scene or episodes.scenes, self.scenes_dir)
             config["maps"] = str(self._folder or f"{map_name(settings, digest, kind)}/maps")
@@ -244,8 +266,8 @@ class Ground:
             config["cell"] = cell  # no layout has it
             condition += f", cells of {cell:g} m"
         return make_run_info(
-            (self.run_id and self._swept_id(settings)) or run_name(settings),
-            who=settings.method,
+            (self.run_id and self._swept_id(settings)) or run_name(settings, label=self.label),
+            who=who,
             who_kind="agent",
             condition=f"{condition}, phrases {phrases}, {storey}",
             scene_kind=kind,
@@ -263,6 +285,22 @@ class Ground:
             return fitting_run_id(f"{self.run_id}{phrases}")
         name = self.sweep.partition("=")[0].strip().replace("-", "_")
         return fitting_run_id(f"{self.run_id}-{name.replace('_', '-')}{getattr(settings, name)}{phrases}")
+
+
+def _require_names(encoder: str, method: str, phrases: str) -> None:
+    """Refuses names of nothing, and plug-ins that cannot be built, before anything is opened.
+
+    Raises:
+        AgentError: Names the option.
+    """
+    from grounding.encoders.by_name import encoder_called
+    from grounding.methods.by_name import require_method, takes_objects
+    from grounding.phrases.sources import phrases_called
+
+    encoder_called(encoder)
+    require_method(method)
+    takes_objects(method)
+    phrases_called(phrases)
 
 
 def _facts(settings: GroundSettings) -> Grounder:
@@ -302,15 +340,28 @@ def swept(settings: GroundSettings, sweep: str) -> list[GroundSettings]:
     return [replace(settings, **{name: value}) for value in parsed]
 
 
-def run_name(settings: GroundSettings) -> str:
+def _code(settings: GroundSettings) -> dict[str, str]:
+    """Digests of the plug-ins among the settings."""
+    from grounding.encoders.by_name import PLUGIN, parse_encoder_name
+    from sim.plugins import is_plugin, plugin_digest
+
+    space, source = parse_encoder_name(settings.encoder)
+    plugins = {"encoder": source if space == PLUGIN else "", "method": settings.method, "phrases": settings.phrases}
+    return {f"{option}_code": f"{name}@{plugin_digest(name)}" for option, name in plugins.items() if is_plugin(name)}
+
+
+def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
     """Folder name of a run: what is usual stays unsaid; a long name is shortened with a digest."""
     from grounding.encoders.by_name import encoder_slug
+    from grounding.phrases.sources import phrases_called
+    from sim.plugins import own_name
     from sim.tasks.run_files import fitting_run_id
 
     storey = "all-storeys" if settings.all_storeys else "storey-given"
-    parts = [settings.method, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
+    who = label or own_name(_facts(settings), settings.method)
+    parts = [who, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
     if settings.phrases != "dataset":
-        parts.append(settings.phrases + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
+        parts.append(phrases_called(settings.phrases) + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
     return fitting_run_id(f"ground-{'-'.join(parts)}-seed{settings.seed}")
 
 
@@ -323,7 +374,9 @@ def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
     from sim.tasks.run_files import fitting_run_id
 
     made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
-    text = json.dumps([made_of, dataset_digest, kind, MAP_VERSION, EXPLORER_VERSION, HOMES_VERSION], sort_keys=True)
+    versions = [MAP_VERSION, EXPLORER_VERSION, HOMES_VERSION]
+    code = [_code(settings)["encoder_code"]] if "encoder_code" in _code(settings) else []
+    text = json.dumps([made_of, dataset_digest, kind, *versions, *code], sort_keys=True)
     parts = [encoder_slug(settings.encoder), *_unusual(settings), kind]
     return fitting_run_id(f"map-{'-'.join(parts)}-seed{settings.seed}-{hashlib.sha256(text.encode()).hexdigest()[:8]}")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from grounding.evaluation.settings import CELLS, MapLayout
 from grounding.maps.files import read_map_header
-from grounding.methods.by_name import GrounderName
+from grounding.methods.by_name import takes_objects
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, RunFileError
 
@@ -13,7 +13,7 @@ _KINDS = {True: "maps of objects", False: "grid maps"}
 
 
 def layout_of_maps(
-    folder: Path, dataset: PersonalDataset, *, scenes: Sequence[str], method: GrounderName, asked: MapLayout | None
+    folder: Path, dataset: PersonalDataset, *, scenes: Sequence[str], method: str, asked: MapLayout | None
 ) -> MapLayout:
     """The layout of the chosen scenes' map files; grid maps with cells of no layout (`cell_of_maps`) are `grid`.
 
@@ -35,10 +35,10 @@ def layout_of_maps(
         raise AgentError(
             f"--layout is {asked!r} with --map {folder}; expected {layout!r}, as its files say. Leave --layout out."
         )
-    has_objects, takes_objects = layout == "objects", method.startswith("object-")
-    if has_objects != takes_objects:
+    has_objects, wants_objects = layout == "objects", takes_objects(method)
+    if has_objects != wants_objects:
         raise AgentError(
-            f"--map {folder}: holds {_KINDS[has_objects]} with --method {method}; expected {_KINDS[takes_objects]}. "
+            f"--map {folder}: holds {_KINDS[has_objects]} with --method {method}; expected {_KINDS[wants_objects]}. "
             "Give another --method, or other maps."
         )
     return layout

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from grounding.encoders.by_name import encoder_called
 from grounding.evaluation.settings import GroundSettings
 from grounding.report.sources import PAPER_IS, PAPER_POG, pog_notes
 from personal_viz.printed import Console
@@ -37,8 +38,8 @@ def ground_document(result: GroundResult) -> dict[str, object]:
     names = (*SPLITS, "total")
     splits = [rows[split] for split in SPLITS if split in rows]
     return {
-        "method": settings.method,
-        "encoder": settings.map_encoder,
+        "method": info.who,
+        "encoder": encoder_called(settings.map_encoder),
         "phrases": info.config["phrases"],
         "phrases_by_rules": result.phrases_by_rules if info.config["phrases"] == "llm" else None,
         "map": settings.map,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from sim.errors import AgentError, PersonalVizError
+from sim.errors import PersonalVizError
 from sim.frames import CameraAxes
 
 from ..options import Json, ModelAutocast, ModelBatch, ModelDevice
@@ -117,14 +117,13 @@ def load_encoder(name: str, options: ModelOptions) -> DenseEncoder:
     Raises:
         AgentError: There is none of this name, or it cannot be built.
     """
-    from grounding.encoders.by_name import make_image_encoder, require_no_model_options
-    from grounding.encoders.protocol import MODEL_FAMILIES, ModelOptions
+    from grounding.encoders.by_name import is_model, make_image_encoder, require_no_model_options
+    from grounding.encoders.protocol import ModelOptions
 
-    if ":" not in name or name.partition(":")[0] in MODEL_FAMILIES:
-        return make_image_encoder(name, options=options)
-    unbatched = replace(options, batch_size=ModelOptions().batch_size)  # the builder's too, whatever the encoder
-    require_no_model_options(f"--encoder {name}", unbatched)
-    return _plug_in("--encoder", name, ("encode_texts", "encode_images"))
+    if not is_model(name):
+        unbatched = replace(options, batch_size=ModelOptions().batch_size)  # the builder's too, whatever the encoder
+        require_no_model_options(f"--encoder {name}", unbatched)
+    return make_image_encoder(name, options=options)
 
 
 def load_segmenter(name: str, floors: tuple[float, ...]) -> Segmenter:
@@ -133,25 +132,12 @@ def load_segmenter(name: str, floors: tuple[float, ...]) -> Segmenter:
     Raises:
         AgentError: There is none of this name, or it cannot be built.
     """
+    from grounding.perception.segment_depth import DepthRegions
+    from sim.plugins import build_plugin
+
     if name == "depth":
-        from grounding.perception.segment_depth import DepthRegions
-
         return DepthRegions(floors=floors)
-    return _plug_in("--segmenter", name, ("segment",))
-
-
-def _plug_in(option: str, name: str, methods: tuple[str, ...]) -> Any:
-    from sim.tasks.agents import build_plugin
-
-    if not name.partition(":")[2]:
-        raise AgentError(f"{option} is {name!r}; expected your own as package.module:factory. See --help for others.")
-    made = build_plugin(name)
-    for method in methods:
-        if not callable(getattr(made, method, None)):
-            raise AgentError(
-                f"{name}: found no method {method}(); expected one, as {option} needs. Correct the plug-in."
-            )
-    return made
+    return build_plugin(name, option="--segmenter", methods=("segment",))
 
 
 def _floors(folder: Path, recording: RobotFrames, mount_height: float | None) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
 """An agent that explores and shows what it has in mind: its map, its frontiers, where it goes and why.
 
-    personal-viz run --dataset DATA --agent personal_viz.examples.example_1_explaining_agent:make --limit 1 --rerun live
+    personal-viz run --dataset DATA --agent personal_viz.examples.example_2_your_own_agent:make --limit 1 --rerun live
 
 It walks to the nearest edge of what it knows, until there is none. All it is told and shows is in the start frame.
 """

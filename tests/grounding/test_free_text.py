@@ -1,0 +1,61 @@
+"""A description and a query in free text, asked of a map without an episode, with every method."""
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from grounding import ground
+from grounding.encoders.hashed import HashedWords
+from grounding.maps.files import MapSource, save_memory
+from grounding.maps.home_map import HomeMemory, Memory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
+from grounding.methods.by_name import GrounderName, takes_objects
+from grounding.types import map_from_cells
+from sim.errors import AgentError
+from sim.types import GridSpec
+
+TEXTS = ("red wooden chair beside the window", "large white sofa", "oval mirror with a golden frame")
+SPOTS = np.array([[-0.5, 0.25, 0.5], [3.5, 0.25, 0.5], [1.5, 0.25, 3.5]])
+DESCRIPTION = "Mira owns the red wooden chair beside the window. Tom owns the large white sofa."
+ENCODER = HashedWords()
+KNOWS_OWNERS = ("phrase", "dual", "joint", "object-phrase", "object-dual")
+
+
+def home(*, objects: bool) -> HomeMemory:
+    """Three things, a few metres apart."""
+    rows = ENCODER.encode_texts(TEXTS)
+    grid = GridSpec((-2.0, 0.0), 1.0, (6, 8))
+    memory: Memory
+    if objects:
+        things = zip(SPOTS, rows, TEXTS, strict=True)
+        items = tuple(ObjectInstance(np.array([spot], np.float32), row, text, 1.0) for spot, row, text in things)
+        memory = ObjectMap(items, 0.25, ENCODER.name, ENCODER.dim, (1.5, 2.0), 0.1)
+    else:
+        rc = grid.rc_from_xz(SPOTS[:, [0, 2]])
+        memory = map_from_cells(rows, rc, grid=grid, floor_y=0.25, encoder=ENCODER.name)
+    seen = OccupancyGrid(np.zeros((10, 10), np.uint8), GridSpec((-2.0, 0.0), 0.05, (10, 10)))
+    return HomeMemory((StoreyMemory(seen, memory),), "world", 3)
+
+
+@pytest.mark.parametrize("method", get_args(GrounderName))
+def test_every_method_answers_free_text(method: GrounderName) -> None:
+    built = home(objects=takes_objects(method))
+    found = ground(built, description=DESCRIPTION, query="Tom's sofa", method=method).candidates
+    assert found
+    if method in KNOWS_OWNERS:
+        assert np.hypot(found[0].position[0] - 3.5, found[0].position[2] - 0.5) < 1
+
+
+def test_a_file_and_no_description_will_do(tmp_path: Path) -> None:
+    save_memory(tmp_path / "map.npz", home(objects=False), MapSource(scene="mine", kind="robot"))
+    found = ground(tmp_path / "map.npz", description="", query="the golden mirror", encoder="hashed-words-768")
+    assert found.candidates
+
+
+def test_what_needs_an_episode_or_is_unknown_is_refused() -> None:
+    built = home(objects=False)
+    with pytest.raises(AgentError, match="found no episode with query 'the sofa'"):
+        ground(built, description=DESCRIPTION, query="the sofa", phrases="dataset")
+    with pytest.raises(AgentError, match="--method is 'best'; expected random, center"):
+        ground(built, description=DESCRIPTION, query="the sofa", method="best")
