@@ -45,7 +45,6 @@ ROOMS = {
 A module belongs to the longest name that fits, and imports nothing that stands after it."""
 LARGE_ROOMS = {
     "sim/homes/building": 24,
-    "sim/homes/furniture": 26,
 }
 """Rooms that are still larger than 20 modules; none may grow."""
 HEAVY = ("viser", "rerun", "torch", "open3d", "trimesh")

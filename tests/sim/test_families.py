@@ -6,22 +6,22 @@ from typing import get_args
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.homes.furniture import catalogue
+from sim.homes.furniture import families
 from sim.homes.furniture.families import Family, Mounting, is_known, known_words, look_of, mounting_of
 from sim.homes.furniture.parts import BUILDERS
 
-README = Path(catalogue.__file__).parent / "README.md"
+README = Path(families.__file__).parent / "README.md"
 
 
 def test_the_released_categories_are_those_of_the_list(dataset_root: Path) -> None:
     dataset = PersonalDataset(dataset_root)
     found = {goal.object_category for scene in dataset.scenes for goal in dataset.goals(scene).values()}
-    assert tuple(sorted(found)) == catalogue.RELEASE_CATEGORIES
+    assert tuple(sorted(found)) == families.RELEASE_CATEGORIES
     assert len(found) == 143
 
 
 def test_every_released_category_has_a_family_made_for_it() -> None:
-    assert [category for category in catalogue.RELEASE_CATEGORIES if not is_known(category)] == []
+    assert [category for category in families.RELEASE_CATEGORIES if not is_known(category)] == []
 
 
 def test_every_family_has_a_builder_and_a_word() -> None:
@@ -30,7 +30,7 @@ def test_every_family_has_a_builder_and_a_word() -> None:
 
 
 def test_the_readme_lists_every_family_as_it_is() -> None:
-    assert README.read_text(encoding="utf-8") == catalogue.catalogue()
+    assert README.read_text(encoding="utf-8") == families.catalogue()
 
 
 @pytest.mark.parametrize(

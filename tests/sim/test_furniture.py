@@ -6,10 +6,9 @@ import pytest
 from sim.homes.building.furniture_mesh import add_piece
 from sim.homes.building.quads import QuadBuilder
 from sim.homes.furniture.appearance import finish_from_text
-from sim.homes.furniture.catalogue import RELEASE_CATEGORIES
-from sim.homes.furniture.families import Vec, known_words, look_of
+from sim.homes.furniture.draft import Part
+from sim.homes.furniture.families import RELEASE_CATEGORIES, Vec, known_words, look_of
 from sim.homes.furniture.lofts import ball, cushion, cylinder, lathe, ring, sheet, tube
-from sim.homes.furniture.order import Part
 from sim.homes.furniture.parts import parts_of
 from sim.homes.furniture.shapes import Shape, box, prism, rounded_box, slab
 from sim.homes.plan import Finish, Furniture

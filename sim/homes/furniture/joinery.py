@@ -4,11 +4,11 @@ import numpy as np
 
 from sim.homes.plan import Finish
 
+from .draft import Draft
 from .families import Vec
 from .lofts import ball, cylinder, tube
-from .order import Part, made_of
-from .palette import BLACK_METAL, SPINES, STEEL, is_dark, plain
-from .shapes import Shape, box, facets, merged, rounded_box, slab
+from .palette import BLACK_METAL, SPINES, STEEL, is_dark, plain, plastic
+from .shapes import Shape, both, box, facets, four, merged, slab
 
 GAP = 0.008
 """Dark gap around doors and drawers, metres."""
@@ -17,11 +17,7 @@ GAP = 0.008
 def legs(size: Vec, height: float, *, side: float, splay: float = 0.0, inset: float = 0.0) -> Shape:
     """Four legs under a top of `size`, thinner at their feet and `splay` metres farther out there."""
     x, z = size[0] / 2 - side / 2 - inset, size[2] / 2 - side / 2 - inset
-    return merged(
-        tapered_leg((sx * (x - splay), height, sz * (z - splay)), (sx * x, 0.0, sz * z), side)
-        for sx in (-1, 1)
-        for sz in (-1, 1)
-    )
+    return four(tapered_leg((x - splay, height, z - splay), (x, 0.0, z), side))
 
 
 def tapered_leg(top: Vec, foot: Vec, side: float) -> Shape:
@@ -32,6 +28,17 @@ def tapered_leg(top: Vec, foot: Vec, side: float) -> Shape:
     ]
     low, high = np.array(rings)
     return facets(np.stack([low, np.roll(low, -1, 0), np.roll(high, -1, 0), high], axis=1))
+
+
+def feet(size: Vec, height: float, *, inset: float = 0.04) -> Shape:
+    """Four short round feet."""
+    x, z = size[0] / 2 - inset - 0.025, size[2] / 2 - inset - 0.025
+    return four(cylinder((x, 0.0, z), 0.018, height, top=0.028, sides=6))
+
+
+def wooden(finish: Finish, otherwise: Finish) -> Finish:
+    """The finish if it is of wood, metal or plastic, else another one: for legs of upholstered things."""
+    return finish if finish.material in ("wood", "metal", "plastic", "wicker") else otherwise
 
 
 def handle_finish(finish: Finish) -> Finish:
@@ -57,104 +64,73 @@ def front(centre: Vec, size: Vec, *, is_framed: bool = False) -> Shape:
     """The face of a door or drawer, its back open; framed ones have a field that stands back."""
     if not is_framed:
         return slab(centre, size, faces="+x-x+y-y+z")
-    x, y, z = centre
     w, h, d = size
-    rim = min(0.06, w / 5, h / 5)
-    deep = min(0.005, d)
-    bars = [
-        slab((x + s * (w - rim) / 2, y, z), (rim, h, d), faces="+y-y+z" + ("+x" if s > 0 else "-x")) for s in (1, -1)
-    ]
-    bars += [
-        slab((x, y + s * (h - rim) / 2, z), (w - 2 * rim, rim, d), faces="+z+y" if s > 0 else "+z-y") for s in (-1, 1)
-    ]
-    return merged([*bars, slab((x, y, z - deep / 2), (w - 2 * rim, h - 2 * rim, d - deep), faces="+z")])
+    rim, deep = min(0.06, w / 5, h / 5), min(0.005, d)
+    posts = both(slab(((w - rim) / 2, 0.0, 0.0), (rim, h, d), faces="+y-y+z+x"))
+    rails = both(slab((0.0, (h - rim) / 2, 0.0), (w - 2 * rim, rim, d), faces="+z+y"), axis="y")
+    field = slab((0.0, 0.0, -deep / 2), (w - 2 * rim, h - 2 * rim, d - deep), faces="+z")
+    return merged([posts, rails, field]).moved(*centre)
 
 
-def drawer_rows(
-    size: Vec, *, foot: float, top: float, rows: int, cols: int, finish: Finish, is_framed: bool, has_knobs: bool
-) -> list[Part]:
-    """Fronts of drawers from `foot` to `top` (metres) on a body whose front is 2 cm behind the box."""
-    w, _, d = size
-    step_y, step_x = (top - foot) / rows, (w - 2 * GAP) / cols
-    fronts, handles = [], []
-    for row in range(rows):
-        for col in range(cols):
-            x, y = (col + 0.5 - cols / 2) * step_x, foot + (row + 0.5) * step_y
-            fronts.append(front((x, y, d / 2 - 0.034), (step_x - GAP, step_y - GAP, 0.02), is_framed=is_framed))
-            if has_knobs:
-                aside = step_x * 0.25 if step_x > 0.4 else 0.0
-                handles += [knob((x + s * aside, y, d / 2 - 0.012)) for s in ((-1, 1) if aside else (0,))]
-            else:
-                length = min(0.22, step_x * 0.4)
-                handles.append(bar_handle((x, y + step_y * 0.12, d / 2 - 0.007), length, upright=False))
-    return [made_of(finish, *fronts), made_of(handle_finish(finish), *handles)]
+def carcass(piece: Draft, low: float, high: float, *, narrower: float = 0.0) -> None:
+    """The corpus behind fronts from `low` to `high` (metres), darker at its front so that gaps show."""
+    w, _, d = piece.size
+    shape = box((0.0, (low + high) / 2, -0.022), (w - narrower, high - low, d - 0.044))
+    piece.add(plain(piece.finish, 0.8), shape)
 
 
-def door_fronts(
-    size: Vec, *, foot: float, top: float, cols: int, finish: Finish, is_framed: bool, handle_at: float = 0.5
-) -> list[Part]:
-    """Doors side by side from `foot` to `top`, handles beside each other; `handle_at` is their share of the height."""
-    w, _, d = size
-    step = (w - 2 * GAP) / cols
-    height = top - foot
-    doors, handles = [], []
+def drawers(
+    piece: Draft, low: float, high: float, *, rows: int = 1, cols: int = 1, is_framed: bool = False, has_knobs: bool
+) -> None:
+    """Fronts of drawers from `low` to `high` on a corpus whose front is 2 cm behind the box."""
+    w, _, d = piece.size
+    step_y, step_x = (high - low) / rows, (w - 2 * GAP) / cols
+    aside = step_x * 0.25 if step_x > 0.4 else 0.0
+    for row, col in np.ndindex(rows, cols):
+        x, y = (col + 0.5 - cols / 2) * step_x, low + (row + 0.5) * step_y
+        if has_knobs:
+            handle = merged(knob((x + s * aside, y, d / 2 - 0.012)) for s in ((-1, 1) if aside else (0,)))
+        else:
+            handle = bar_handle((x, y + step_y * 0.12, d / 2 - 0.007), min(0.22, step_x * 0.4), upright=False)
+        face = front((x, y, d / 2 - 0.034), (step_x - GAP, step_y - GAP, 0.02), is_framed=is_framed)
+        piece.add(piece.finish, face)
+        piece.add(handle_finish(piece.finish), handle)
+
+
+def doors(
+    piece: Draft, low: float, high: float, *, cols: int = 1, is_framed: bool = True, handle_at: float = 0.5
+) -> None:
+    """Doors side by side from `low` to `high`, handles beside each other; `handle_at` is their share of the height."""
+    w, _, d = piece.size
+    step, height = (w - 2 * GAP) / cols, high - low
     for col in range(cols):
-        x = (col + 0.5 - cols / 2) * step
-        doors.append(front((x, foot + height / 2, d / 2 - 0.034), (step - GAP, height, 0.02), is_framed=is_framed))
-        side = 1 if col % 2 == 0 else -1
-        x += side * (step / 2 - 0.045)
-        length = min(0.2, height * 0.35)
-        handles.append(bar_handle((x, foot + height * handle_at, d / 2 - 0.007), length, upright=True))
-    return [made_of(finish, *doors), made_of(handle_finish(finish), *handles)]
+        x, side = (col + 0.5 - cols / 2) * step, 1 if col % 2 == 0 else -1
+        face = front((x, low + height / 2, d / 2 - 0.034), (step - GAP, height, 0.02), is_framed=is_framed)
+        grip = (x + side * (step / 2 - 0.045), low + height * handle_at, d / 2 - 0.007)
+        piece.add(piece.finish, face)
+        piece.add(handle_finish(piece.finish), bar_handle(grip, min(0.2, height * 0.35), upright=True))
 
 
-def tap(foot: Vec, height: float, reach: float) -> Part:
+def tap(piece: Draft, foot: Vec, height: float, reach: float) -> None:
     """A tap that stands at `foot` and reaches towards +z."""
-    x, y, z = foot
     radius = max(0.009, height * 0.06)
-    spout = tube(
-        [(x, y, z), (x, y + height, z), (x, y + height * 0.97, z + reach * 0.7), (x, y + height * 0.7, z + reach)],
-        radius,
-    )
-    lever = tube([(x + radius, y + height * 0.35, z), (x + radius + 0.05, y + height * 0.5, z)], radius * 0.7, sides=4)
-    return made_of(STEEL, spout, lever)
+    bend = [(0.0, 0.0, 0.0), (0.0, height, 0.0), (0.0, height * 0.97, reach * 0.7), (0.0, height * 0.7, reach)]
+    lever = tube([(radius, height * 0.35, 0.0), (radius + 0.05, height * 0.5, 0.0)], radius * 0.7, sides=4)
+    piece.add(STEEL, tube(bend, radius).moved(*foot), lever.moved(*foot))
 
 
-def books(left: Vec, width: float, height: float, depth: float, rng: np.random.Generator) -> list[Part]:
+def books(piece: Draft, left: Vec, width: float, height: float, depth: float) -> None:
     """Upright books from the corner `left` (left, bottom, front) along +x; without backs."""
-    found: dict[int, list[Shape]] = {}
-    at = 0.0
+    at, rng = 0.0, piece.rng
     while at < width - 0.015:
         thick = min(float(rng.uniform(0.025, 0.055)), width - at)
         tall, deep = height * float(rng.uniform(0.7, 1.0)), depth * float(rng.uniform(0.85, 1.0))
         middle = (left[0] + at + thick / 2, left[1] + tall / 2, left[2] - deep / 2)
-        shape = slab(middle, (thick - 0.002, tall, deep), faces="+x-x+y+z")
-        found.setdefault(int(rng.integers(len(SPINES))), []).append(shape)
+        cover = plastic(*SPINES[int(rng.integers(len(SPINES)))])
+        piece.add(cover, slab(middle, (thick - 0.002, tall, deep), faces="+x-x+y+z"))
         at += thick
-    return [made_of(Finish(material="plastic", rgb=SPINES[key]), *found[key]) for key in sorted(found)]
 
 
-def soft_box(centre: Vec, size: Vec, finish: Finish, *, bevel: float = 0.05) -> Part:
-    """An upholstered block."""
-    return made_of(finish, rounded_box(centre, size, bevel))
-
-
-def feet(size: Vec, height: float, finish: Finish, *, inset: float = 0.04) -> Part:
-    """Four short round feet."""
-    x, z = size[0] / 2 - inset - 0.025, size[2] / 2 - inset - 0.025
-    return made_of(
-        finish,
-        *(cylinder((sx * x, 0.0, sz * z), 0.018, height, top=0.028, sides=6) for sx in (-1, 1) for sz in (-1, 1)),
-    )
-
-
-def body(size: Vec, *, foot: float, top: float, finish: Finish) -> Part:
-    """The corpus behind fronts, darker at its front so that gaps show."""
-    w, _, d = size
-    shape = box((0.0, (foot + top) / 2, -0.022), (w, top - foot, d - 0.044))
-    return made_of(plain(finish, 0.8), shape)
-
-
-def wooden(finish: Finish, otherwise: Finish) -> Finish:
-    """The finish if it is of wood, metal or plastic, else another one: for legs of upholstered things."""
-    return finish if finish.material in ("wood", "metal", "plastic", "wicker") else otherwise
+def spread(num: int, width: float) -> list[float]:
+    """Places along x of `num` things that share a width evenly, about its middle."""
+    return [(k + 0.5 - num / 2) * width / num for k in range(num)]

@@ -7,13 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .families import Vec
-from .shape_kernels import loft_quads
-from .shapes import Shape, facets, fan, merged
+from .shapes import Shape, facets, fan, loft_quads, merged
 
 _SMOOTH = 0.5
 """Cosine of the angle up to which two neighbouring quads are lit as one curved surface."""
 Caps = Literal["none", "both", "end", "start"]
 Point = tuple[float, float]
+Level = tuple[float, float, float, float]
+SQUARE = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)])
+"""An outline for `stack`."""
 
 
 def loft(rings: ArrayLike, *, caps: Caps = "none") -> Shape:
@@ -40,6 +42,7 @@ def circle(sides: int, *, power: float = 2.0) -> NDArray[np.float64]:
 def lathe(
     profile: Sequence[Point],
     *,
+    scale: Point = (1.0, 1.0),
     at: Vec = (0.0, 0.0, 0.0),
     sides: int = 10,
     depth: float = 1.0,
@@ -50,20 +53,48 @@ def lathe(
 
     Args:
         profile: (radius, height) from the bottom's outside on; may turn back inside, as in a bowl.
+        scale: Metres for a radius and a height of 1.
         at: Foot of its axis.
         sides: Corners of each ring.
         depth: Extent along z as a share of that along x.
         power: 2 = round, 4 and more = a rounded square.
         caps: Which ends are filled.
     """
-    ring = circle(sides, power=power) * np.array([1.0, depth])
-    rings = [np.stack([r * ring[:, 0], np.full(sides, y), r * ring[:, 1]], axis=1) for r, y in profile]
-    return loft(rings, caps=caps).moved(*at)
+    r_m, y_m = scale
+    levels = [(y * y_m, r * 2 * r_m, r * 2 * r_m * depth, 0.0) for r, y in profile]
+    return stack(circle(sides, power=power), (1.0, 1.0), levels, caps=caps).moved(*at)
 
 
-def cylinder(foot: Vec, radius: float, height: float, *, top: float | None = None, sides: int = 10) -> Shape:
-    """An upright cylinder, or a cone's stump with another radius at its top."""
-    return lathe([(radius, 0.0), (radius if top is None else top, height)], at=foot, sides=sides, caps="both")
+def stack(outline: NDArray[np.float64], size: Point, levels: Sequence[Level], *, caps: Caps = "none") -> Shape:
+    """A skin over copies of an outline (P, 2) one above the other.
+
+    Args:
+        outline: (x, z) from -1 to 1.
+        size: Width and depth in metres at a share of 1.
+        levels: Height, shares of the width and of the depth, and z of the middle.
+        caps: Which ends are filled.
+    """
+    return loft([_level(outline, size, level) for level in levels], caps=caps)
+
+
+def plate(outline: NDArray[np.float64], size: Point, level: Level) -> Shape:
+    """A flat sheet that looks up, at one level of a stack."""
+    return facets(fan(_level(outline, size, level)))
+
+
+def _level(outline: NDArray[np.float64], size: Point, level: Level) -> NDArray[np.float64]:
+    y, share_w, share_d, z = level
+    x = outline[:, 0] * size[0] / 2 * share_w
+    return np.stack([x, np.full(len(outline), y), outline[:, 1] * size[1] / 2 * share_d + z], axis=1)
+
+
+def cylinder(
+    foot: Vec, radius: float, height: float, *, top: float | None = None, sides: int = 10, axis: str = "y"
+) -> Shape:
+    """A cylinder from its foot along an axis, or a cone's stump with another radius at its far end."""
+    skin = lathe([(radius, 0.0), (radius if top is None else top, height)], sides=sides, caps="both")
+    turn = {"x": ("z", -np.pi / 2), "y": ("y", 0.0), "z": ("x", np.pi / 2)}[axis]
+    return skin.turned(*turn).moved(*foot)
 
 
 def ball(centre: Vec, size: Vec, *, sides: int = 8, rings: int = 5, low: float = -1.0, high: float = 1.0) -> Shape:

@@ -11,29 +11,25 @@ from ...words.captions import own_words
 from . import (
     appliances,
     bathroom,
-    beds,
-    floor_things,
-    heating,
     lamps,
     machines,
     plants,
     seating,
-    small_things,
     storage,
     structure,
     tables,
     textiles,
+    things,
     wall_things,
 )
+from .draft import Builder, Draft, Part
 from .families import Vec, look_of
-from .order import Builder, Order, Part
 from .shapes import Shape
 
 LEAST_SHARE = 0.6
 """What is smaller than this share of its usual size along an axis is built at its usual size and squeezed."""
 _MODULES = (
-    seating, tables, storage, beds, bathroom, appliances, lamps, plants, textiles, wall_things, structure, heating,
-    machines, small_things, floor_things,
+    seating, tables, storage, bathroom, appliances, lamps, plants, textiles, wall_things, structure, machines, things,
 )  # fmt: skip
 BUILDERS: dict[str, Builder] = {family: build for module in _MODULES for family, build in module.BUILDERS.items()}
 """What builds each family."""
@@ -48,9 +44,10 @@ def parts_of(piece: Furniture) -> list[Part]:
     built_at = _vec(np.where(np.array(piece.size) < LEAST_SHARE * np.array(usual), usual, piece.size))
     words = own_words(piece.caption, piece.category).all | frozenset(re.findall(r"[a-z]+", piece.category.lower()))
     rng = np.random.default_rng(zlib.crc32(piece.name.encode()))
-    order = Order(piece.category, built_at, piece.finish, words, rng)
+    draft = Draft(built_at, piece.finish, words, rng)
+    BUILDERS[family](draft)
     ratio = np.array(piece.size) / built_at
-    return [Part(_fitted(part.shape, ratio, piece.size), part.finish) for part in BUILDERS[family](order)]
+    return [Part(_fitted(part.shape, ratio, piece.size), part.finish) for part in draft.parts]
 
 
 def _fitted(shape: Shape, ratio: np.ndarray, size: Vec) -> Shape:

@@ -1,230 +1,219 @@
-"""Parts of the house that episodes name: railings, stairs, windows, doors, shutters, columns."""
+"""Parts of the house that episodes name: railings, stairs, windows, doors, columns, fireplaces, radiators, fans."""
 
-from sim.homes.plan import Finish
+import math
 
-from .lofts import ball, lathe, tube
-from .order import Builder, Order, Part, made_of
-from .palette import BLACK_METAL, DARK_METAL, STEEL, WHITE, is_dark, plain
-from .shapes import Shape, box, facets, prism, slab
+from .draft import Builder, Draft
+from .joinery import spread
+from .lofts import ball, cylinder, lathe, tube
+from .palette import BLACK_METAL, BRASS, DARK_METAL, DARK_WOOD, FIRE, SOOT, STEEL, WHITE, is_dark, plain, plastic
+from .shapes import both, box, flat, picture_quad, prism, rounded_box, slab
 from .wall_things import frame_bars
 
+_BALUSTER = [(0.8, 0.0), (0.5, 0.12), (1.0, 0.34), (0.45, 0.66), (0.8, 1.0)]
 
-def railing(order: Order) -> list[Part]:
+
+def railing(piece: Draft) -> None:
     """Posts, a hand rail and balusters: bars of iron, turned wood or stone; sloping in a stairwell."""
-    w, h, d = order.size
-    finish = order.finish
-    thick = min(d, 0.07)
-    slope = (
-        0.45 * min(h, 1.2)
-        if order.says("stairs", "stair", "staircase") and order.says("railing", "handrail", "banister") and w > 0.7
-        else 0.0
+    w, h, d = piece.size
+    finish, thick = piece.finish, min(d, 0.07)
+    is_sloping = (
+        piece.says("stairs", "stair", "staircase") and piece.says("railing", "handrail", "banister") and w > 0.7
     )
-    rise = h - slope
-    of_stone = order.says("balustrade", "parapet") or finish.material in ("stone", "plaster")
-    num = max(4, min(14, round(w / (0.16 if of_stone else 0.12))))
-    rail: list[Shape] = []
+    slope = 0.45 * min(h, 1.2) if is_sloping else 0.0
+    rise, post = h - slope, min(thick * 1.3, d)
+    of_stone = piece.says("balustrade", "parapet") or finish.material in ("stone", "plaster")
     for share, tall, deep in ((1.0, 0.055, thick), (0.12, 0.035, thick * 0.6)):
         y = rise * share - tall
-        rail.append(
-            prism(
-                [(-w / 2, y), (w / 2, y + slope), (w / 2, y + slope + tall), (-w / 2, y + tall)],
-                low=-deep / 2,
-                high=deep / 2,
-            )
-        )
+        rail = [(-w / 2, y), (w / 2, y + slope), (w / 2, y + slope + tall), (-w / 2, y + tall)]
+        piece.add(finish, prism(rail, low=-deep / 2, high=deep / 2))
     for s in (-1, 1):
-        post = min(thick * 1.3, d)
         top = rise - 0.02 + slope * (s + 1) / 2
-        rail.append(box((s * (w / 2 - post / 2), top / 2, 0), (post, top, post)))
-    bars: list[Shape] = []
-    for k in range(num):
-        share = (k + 0.5) / num
-        x = -w / 2 + share * w
-        low, high = rise * 0.1 + slope * share, rise - 0.05 + slope * share
+        piece.add(finish, box((s * (w / 2 - post / 2), top / 2, 0), (post, top, post)))
+    tone = finish if finish.material != "wood" or of_stone else plain(finish, 0.95)
+    for x in spread(max(4, min(14, round(w / (0.16 if of_stone else 0.12)))), w):
+        up = slope * (x / w + 0.5)
+        low, high = rise * 0.1 + up, rise - 0.05 + up
         if of_stone:
-            t = high - low
-            r = min(0.045, thick * 0.6)
-            bars.append(
-                lathe(
-                    [
-                        (r * 0.8, low),
-                        (r * 0.5, low + t * 0.12),
-                        (r, low + t * 0.34),
-                        (r * 0.45, low + t * 0.66),
-                        (r * 0.8, low + t),
-                    ],
-                    at=(x, 0, 0),
-                    sides=6,
-                )
-            )
+            piece.add(tone, lathe(_BALUSTER, scale=(min(0.045, thick * 0.6), high - low), at=(x, low, 0), sides=6))
         else:
-            bars.append(tube([(x, low, 0), (x, high, 0)], 0.009 if finish.material == "metal" else 0.014, sides=4))
-    return [
-        made_of(finish, *rail),
-        made_of(finish if finish.material != "wood" or of_stone else plain(finish, 0.95), *bars),
-    ]
+            piece.add(tone, tube([(x, low, 0), (x, high, 0)], 0.009 if finish.material == "metal" else 0.014, sides=4))
 
 
-def stair(order: Order) -> list[Part]:
+def stair(piece: Draft) -> None:
     """Steps that rise away from the front, with light treads, dark risers, and a rail at one side."""
-    w, h, d = order.size
-    has_rail = h > 0.8
-    top = h * 0.72 if has_rail else h
+    w, h, d = piece.size
+    top = h * 0.72 if h > 0.8 else h
     num = max(3, min(9, round(top / 0.17)))
-    rise, run = top / num, d / num
-    treads, risers = [], []
+    rise, run, rail, x = top / num, d / num, h - top, w / 2 - 0.03
+    light = plain(piece.finish, 1.35) if is_dark(piece.finish) else WHITE
     for k in range(num):
-        z = d / 2 - (k + 0.5) * run
-        treads.append(box((0, (k + 1) * rise - 0.015, z + 0.008), (w, 0.03, run + 0.016 if k else run)))
-        risers.append(slab((0, (k + 0.5) * rise - 0.015, z), (w - 0.04, rise - 0.03 + 0.0, run - 0.02), faces="+z"))
-        risers.append(
-            slab(
-                (0, ((k + 1) * rise - 0.03) / 2, z),
-                (w - 0.04, (k + 1) * rise - 0.03, run),
-                faces="+x-x" + ("-z" if k == num - 1 else ""),
-            )
-        )
-    parts = [
-        made_of(order.finish, *treads),
-        made_of(plain(order.finish, 1.35) if is_dark(order.finish) else WHITE, *risers),
-    ]
-    if has_rail:
-        x = w / 2 - 0.03
-        rail_h = h - top
-        posts = [
-            tube(
-                [
-                    (x, (k + 1) * rise - 0.02, d / 2 - (k + 0.5) * run),
-                    (x, (k + 1) * rise + rail_h - 0.04 - rise * 0.5, d / 2 - (k + 0.5) * run),
-                ],
-                0.012,
-                sides=4,
-            )
-            for k in range(num)
-        ]
-        hand = tube(
-            [(x, rise * 0.5 + rail_h - 0.03, d / 2 - 0.02), (x, top + rail_h - rise * 0.6 - 0.02, -d / 2 + 0.03)], 0.026
-        )
-        parts.append(made_of(DARK_METAL, *posts, hand))
-    return parts
+        y, z = (k + 1) * rise - 0.03, d / 2 - (k + 0.5) * run
+        piece.add(piece.finish, box((0, y + 0.015, z + 0.008), (w, 0.03, run + 0.016 if k else run)))
+        piece.add(light, slab((0, (k + 0.5) * rise - 0.015, z), (w - 0.04, rise - 0.03, run - 0.02), faces="+z"))
+        piece.add(light, slab((0, y / 2, z), (w - 0.04, y, run), faces="+x-x-z" if k == num - 1 else "+x-x"))
+        if rail:
+            post = [(x, y + 0.01, z), (x, y + rail - 0.01 - rise * 0.5, z)]
+            piece.add(DARK_METAL, tube(post, 0.012, sides=4))
+    if rail:
+        end = (x, top + rail - rise * 0.6 - 0.02, -d / 2 + 0.03)
+        piece.add(DARK_METAL, tube([(x, rise * 0.5 + rail - 0.03, d / 2 - 0.02), end], 0.026))
 
 
-def window(order: Order) -> list[Part]:
+def window(piece: Draft) -> None:
     """A frame with a cross of bars, sky and a hill behind the panes, a sill and a handle."""
-    w, h, d = order.size
-    rim = min(0.07, w * 0.09)
-    sill_h = 0.05
-    frame = order.finish if order.finish.material in ("wood", "metal", "plastic") else WHITE
-    bars = [
-        frame_bars(w * 0.97, h - sill_h, rim, d * 0.7).moved(y=sill_h),
-        box((0, h / 2, 0), (rim * 0.8, h - 0.1, d * 0.5)),
-        box((0, sill_h + (h - sill_h) * 0.6, 0), (w * 0.9, rim * 0.5, d * 0.45)),
-    ]
-    bars.append(box((0, sill_h / 2, 0.0), (w, sill_h, d)))
-    z = -d * 0.05
-    low, high, half = sill_h + rim * 0.5, h - rim * 0.5, w * 0.46
-    sky = facets([[(-half, low, z), (half, low, z), (half, high, z), (-half, high, z)]])
+    w, h, d = piece.size
+    rim, sill, z, half = min(0.07, w * 0.09), 0.05, -d * 0.05, w * 0.46
+    frame = piece.finish if piece.finish.material in ("wood", "metal", "plastic") else WHITE
+    low, high = sill + rim * 0.5, h - rim * 0.5
     tall = high - low
-    hill = facets(
-        [
-            [
-                (-half, low, z + 0.003),
-                (half, low, z + 0.003),
-                (half, low + tall * 0.26, z + 0.003),
-                (-half, low + tall * 0.36, z + 0.003),
-            ]
-        ]
-    )
-    trees = [
-        ball((x * half, low + tall * 0.34, z + 0.002), (half * 0.36, tall * 0.3, 0.006), sides=8, rings=4)
-        for x in (-0.6, 0.55)
-    ]
-    cloud = [
-        ball((x * half, low + tall * y, z + 0.002), (half * s, tall * 0.09, 0.006), sides=8, rings=4)
-        for x, y, s in ((-0.45, 0.86, 0.4), (0.5, 0.8, 0.5))
-    ]
-    grip = box((rim * 0.2, h * 0.45, d * 0.36), (0.02, 0.11, 0.02))
-    return [
-        made_of(frame, *bars),
-        made_of(Finish(material="plastic", rgb=(166, 208, 242)), sky),
-        made_of(Finish(material="plastic", rgb=(122, 164, 92)), hill),
-        made_of(Finish(material="plastic", rgb=(74, 120, 66)), *trees),
-        made_of(WHITE, *cloud),
-        made_of(STEEL, grip),
-    ]
+    piece.add(frame, frame_bars(w * 0.97, h - sill, rim, d * 0.7).moved(y=sill))
+    piece.add(frame, box((0, h / 2, 0), (rim * 0.8, h - 0.1, d * 0.5)))
+    piece.add(frame, box((0, sill + (h - sill) * 0.6, 0), (w * 0.9, rim * 0.5, d * 0.45)))
+    piece.add(frame, box((0, sill / 2, 0.0), (w, sill, d)))
+    piece.add(plastic(166, 208, 242), flat([(-half, low), (half, low), (half, high), (-half, high)], z))
+    hill = [(-half, low), (half, low), (half, low + tall * 0.26), (-half, low + tall * 0.36)]
+    piece.add(plastic(122, 164, 92), flat(hill, z + 0.003))
+    for tone, x, y, size in (
+        (plastic(74, 120, 66), -0.6, 0.34, (0.36, 0.3)), (plastic(74, 120, 66), 0.55, 0.34, (0.36, 0.3)),
+        (WHITE, -0.45, 0.86, (0.4, 0.09)), (WHITE, 0.5, 0.8, (0.5, 0.09)),
+    ):  # fmt: skip
+        at, extent = (x * half, low + tall * y, z + 0.002), (half * size[0], tall * size[1], 0.006)
+        piece.add(tone, ball(at, extent, sides=8, rings=4))
+    piece.add(STEEL, box((rim * 0.2, h * 0.45, d * 0.36), (0.02, 0.11, 0.02)))
 
 
-def door(order: Order) -> list[Part]:
+def door(piece: Draft) -> None:
     """A leaf with four fields in a frame, a handle."""
-    w, h, d = order.size
+    w, h, d = piece.size
     rim = min(0.08, w * 0.1)
-    posts = [box((s * (w - rim) / 2, h / 2, 0), (rim, h, d)) for s in (-1, 1)] + [
-        box((0, h - rim / 2, 0), (w - 2 * rim, rim, d))
-    ]
-    leaf_w, leaf_h = w - 2 * rim, h - rim
-    leaf = box((0, leaf_h / 2, 0), (leaf_w, leaf_h, d * 0.5))
-    fields = [
-        slab((sx * leaf_w * 0.23, leaf_h * y, d * 0.25), (leaf_w * 0.34, leaf_h * tall, d * 0.12), faces="+z+x-x+y-y")
-        for sx in (-1, 1)
-        for y, tall in ((0.25, 0.36), (0.7, 0.42))
-    ]
-    grip = tube(
-        [
-            (leaf_w * 0.42, leaf_h * 0.47, d * 0.25),
-            (leaf_w * 0.42, leaf_h * 0.47, d * 0.46),
-            (leaf_w * 0.28, leaf_h * 0.47, d * 0.46),
-        ],
-        0.012,
-    )
-    return [
-        made_of(order.finish, leaf),
-        made_of(plain(order.finish, 0.85), *posts),
-        made_of(plain(order.finish, 0.92), *fields),
-        made_of(STEEL, grip),
-    ]
+    leaf_w, leaf_h, y = w - 2 * rim, h - rim, (h - rim) * 0.47
+    piece.add(piece.finish, box((0, leaf_h / 2, 0), (leaf_w, leaf_h, d * 0.5)))
+    piece.add(plain(piece.finish, 0.85), both(box(((w - rim) / 2, h / 2, 0), (rim, h, d))))
+    piece.add(plain(piece.finish, 0.85), box((0, h - rim / 2, 0), (w - 2 * rim, rim, d)))
+    for at, tall in ((0.25, 0.36), (0.7, 0.42)):
+        centre, size = (leaf_w * 0.23, leaf_h * at, d * 0.25), (leaf_w * 0.34, leaf_h * tall, d * 0.12)
+        piece.add(plain(piece.finish, 0.92), both(slab(centre, size, faces="+z+x-x+y-y")))
+    grip = [(leaf_w * 0.42, y, d * 0.25), (leaf_w * 0.42, y, d * 0.46), (leaf_w * 0.28, y, d * 0.46)]
+    piece.add(STEEL, tube(grip, 0.012))
 
 
-def column(order: Order) -> list[Part]:
+def column(piece: Draft) -> None:
     """A round shaft between a base and a capital."""
-    w, h, d = order.size
-    r = min(w, d) / 2
-    blocks = [box((0, 0.04, 0), (w, 0.08, d)), box((0, h - 0.04, 0), (w, 0.08, d))]
-    profile = [
-        (r * 0.95, 0.08),
-        (r * 0.9, 0.14),
-        (r * 0.76, 0.18),
-        (r * 0.68, h - 0.2),
-        (r * 0.8, h - 0.14),
-        (r * 0.95, h - 0.08),
-    ]
-    return [made_of(order.finish, *blocks, lathe(profile, sides=16))]
+    w, h, d = piece.size
+    piece.add(piece.finish, *(box((0, y, 0), (w, 0.08, d)) for y in (0.04, h - 0.04)))
+    profile = [(0.95, 0.08), (0.9, 0.14), (0.76, 0.18), (0.68, h - 0.2), (0.8, h - 0.14), (0.95, h - 0.08)]
+    piece.add(piece.finish, lathe(profile, scale=(min(w, d) / 2, 1.0), sides=16))
 
 
-def shutter(order: Order) -> list[Part]:
+def shutter(piece: Draft) -> None:
     """Two leaves with slanting slats and a knob."""
-    w, h, d = order.size
-    frame: list[Shape] = []
-    slats: list[Shape] = []
+    w, h, d = piece.size
     leaf = w / 2
-    rim = min(0.05, leaf * 0.14)
-    num = max(5, min(14, round(h / 0.08)))
-    for s in (-1, 1):
-        x = s * leaf / 2
-        frame += [box((x + e * (leaf - rim) / 2, h / 2, 0), (rim - 0.004, h, d * 0.6)) for e in (-1, 1)]
-        frame += [box((x, y, 0), (leaf - 2 * rim, rim, d * 0.6)) for y in (rim / 2, h - rim / 2, h / 2)]
-        for k in range(num):
-            y = rim + (k + 0.5) * (h - 2 * rim) / num
-            tilt = box((0, 0, 0), (leaf - 2 * rim, (h - 2 * rim) / num * 0.95, 0.008)).turned("x", 0.6)
-            slats.append(tilt.moved(x, y, 0))
-    knob = ball((rim * 0.9, h * 0.5, d * 0.34), (0.025, 0.025, 0.025), sides=6, rings=3)
-    return [made_of(order.finish, *frame), made_of(plain(order.finish, 0.92), *slats), made_of(BLACK_METAL, knob)]
+    rim, num = min(0.05, leaf * 0.14), max(5, min(14, round(h / 0.08)))
+    step = (h - 2 * rim) / num
+    for x in (-leaf / 2, leaf / 2):
+        post = both(box(((leaf - rim) / 2, h / 2, 0), (rim - 0.004, h, d * 0.6))).moved(x)
+        rails = [box((x, y, 0), (leaf - 2 * rim, rim, d * 0.6)) for y in (rim / 2, h - rim / 2, h / 2)]
+        piece.add(piece.finish, post, *rails)
+        slat = box((0, 0, 0), (leaf - 2 * rim, step * 0.95, 0.008)).turned("x", 0.6)
+        piece.add(plain(piece.finish, 0.92), *(slat.moved(x, rim + (k + 0.5) * step, 0) for k in range(num)))
+    piece.add(BLACK_METAL, ball((rim * 0.9, h * 0.5, d * 0.34), (0.025, 0.025, 0.025), sides=6, rings=3))
+
+
+def fireplace(piece: Draft) -> None:
+    """Pillars and a mantel around a dark opening with logs and flames, on a hearth."""
+    w, h, d = piece.size
+    finish, hearth, shelf, depth = piece.finish, 0.06, 0.07, d * 0.78
+    open_w, open_h = w * 0.52, (h - hearth) * 0.6
+    side, z, front = (w * 0.92 - open_w) / 2, -d / 2 + depth / 2, -d / 2 + depth + 0.006
+    mid, top = hearth + open_h / 2, hearth + open_h
+    pillar = box(((open_w + side) / 2, (h - shelf + hearth) / 2, z), (side, h - shelf - hearth, depth))
+    piece.add(finish, both(pillar), box((0, (top + h - shelf) / 2, z), (open_w, h - shelf - top, depth)))
+    piece.add(finish, rounded_box((0, h - shelf / 2, -d * 0.04), (w, shelf, d * 0.92), 0.012))
+    piece.add(finish, box((0, h - shelf - 0.02, z + 0.01), (w * 0.95, 0.04, depth)))
+    piece.add(plain(finish, 0.7), rounded_box((0, hearth / 2, 0), (w, hearth, d), 0.008))
+    piece.add(SOOT, picture_quad((0.0, mid, -d / 2 + 0.04), (open_w, open_h)))
+    piece.add(SOOT, slab((0, hearth + 0.006, z), (open_w, 0.012, depth), faces="+y"))
+    piece.add(BLACK_METAL, box((0.0, top + 0.015, front), (open_w, 0.03, 0.012)))
+    piece.add(BLACK_METAL, both(box((open_w / 2 + 0.012, mid, front), (0.024, open_h, 0.012))))
+    log_z = z + depth * 0.1
+    for (left, y, back), (right, y2, back2), r in (
+        ((-0.3, 0.06, 0.0), (0.3, 0.05, 0.03), 0.045),
+        ((-0.24, 0.06, -0.1), (0.28, 0.06, -0.08), 0.045),
+        ((-0.2, 0.13, -0.02), (0.22, 0.14, -0.06), 0.04),
+    ):
+        ends = [(left * open_w, hearth + y, log_z + back), (right * open_w, hearth + y2, log_z + back2)]
+        piece.add(DARK_WOOD, tube(ends, r))
+    flame, core = [(0.36, 0.3), (0.2, 0.65), (0.0, 1.0)], [(0.3, 0.3), (0.0, 1.0)]
+    for x, size in ((-0.16, 0.5), (0.02, 0.66), (0.18, 0.44)):
+        tall = open_h * size
+        at = (x * open_w, hearth + 0.1, log_z - 0.04)
+        piece.add(FIRE, lathe([(0.02 / tall, 0.0), *flame], scale=(tall, tall), at=at, sides=6))
+    for x, size in ((-0.1, 0.26), (0.1, 0.3)):
+        tall = open_h * size
+        at = (x * open_w, hearth + 0.1, log_z + 0.02)
+        piece.add(plastic(252, 218, 90), lathe([(0.01 / tall, 0.0), *core], scale=(tall, tall), at=at, sides=5))
+
+
+def mantle(piece: Draft) -> None:
+    """A thick shelf on two brackets; candlesticks and a clock stand on it where there is room."""
+    w, h, d = piece.size
+    thick, low, x = min(0.08, h * 0.5), h * 0.3, w * 0.36
+    top, room = low + thick, h - low - thick
+    piece.add(piece.finish, rounded_box((0, low + thick / 2, 0), (w, thick, d), 0.012))
+    bracket = [(low, d * 0.3), (low - min(low, 0.14), -d / 2), (low, -d / 2)]
+    piece.add(piece.finish, both(prism(bracket, low=x - 0.03, high=x + 0.03, axis="x")))
+    holder = [(0.3, 0.0), (0.1, 0.15), (0.14, 0.5)]
+    piece.add(BRASS, both(lathe(holder, scale=(room, room), at=(x, top, 0), sides=6, caps="end")))
+    piece.add(WHITE, both(cylinder((x, top + room * 0.5, 0), room * 0.1, room * 0.4, sides=6)))
+    piece.add(DARK_WOOD, rounded_box((0, top + room * 0.42, 0), (room * 1.1, room * 0.84, d * 0.4), room * 0.1))
+    piece.add(WHITE, cylinder((0, top + room * 0.42, d * 0.2), room * 0.32, 0.006, sides=12, axis="z"))
+
+
+def radiator(piece: Draft) -> None:
+    """Ribs side by side between two pipes, a valve and feet."""
+    w, h, d = piece.size
+    finish, foot, num = piece.finish, min(0.08, h * 0.15), max(4, min(16, round(w / 0.08)))
+    step = (w - 0.08) / num
+    for x in spread(num, w - 0.08):
+        rib = rounded_box((x - 0.02, (foot + h) / 2, 0), (step * 0.72, h - foot, d), min(0.03, step * 0.3))
+        piece.add(finish, rib)
+    for y in (foot + 0.06, h - 0.06):
+        piece.add(finish, tube([(-w / 2, y, 0), (w / 2 - 0.03, y, 0)], 0.018, sides=5))
+    piece.add(finish, both(box((w * 0.36, foot / 2 + 0.02, 0), (0.03, foot + 0.04, d * 0.7))))
+    piece.add(STEEL, tube([(w / 2 - 0.03, foot + 0.06, 0), (w / 2 - 0.02, 0.0, 0)], 0.012, sides=5))
+    valve = cylinder((w / 2 - 0.05, h - 0.06, 0), 0.026, 0.05, sides=8, axis="x")
+    piece.add(STEEL if is_dark(finish) else BLACK_METAL, valve)
+
+
+def fan(piece: Draft) -> None:
+    """A fan on a pole with a cage, or blades under the ceiling."""
+    w, h, d = piece.size
+    if piece.says("ceiling"):
+        piece.add(DARK_METAL, lathe([(0.02, 0.0), (0.1, 0.03), (0.1, 0.1), (0.03, 0.14)], sides=10))
+        piece.add(DARK_METAL, cylinder((0, 0.1, 0), 0.015, h - 0.12, sides=5))
+        piece.add(DARK_METAL, cylinder((0, h - 0.03, 0), 0.07, 0.03, sides=8))
+        blade = rounded_box((w * 0.28, 0.07, 0), (w * 0.4, 0.012, 0.13), 0.005)
+        piece.add(piece.finish, *(blade.turned("y", k * 2 * math.pi / 5) for k in range(5)))
+        return
+    r, z, foot = min(w / 2, h * 0.24), d * 0.05, min(w, d) * 0.42
+    y = h - r
+    piece.add(piece.finish, lathe([(foot, 0.0), (foot, 0.025), (0.03, 0.05)], sides=14))
+    piece.add(piece.finish, cylinder((0, 0.03, -0.02), 0.018, h - r - 0.03, sides=6))
+    piece.add(piece.finish, ball((0, y, z - 0.08), (0.11, 0.11, 0.16), sides=8, rings=4))
+    blade = ball((0, r * 0.45, 0), (r * 0.42, r * 0.8, 0.02), sides=6, rings=3)
+    blades = [blade.turned("z", k * 2 * math.pi / 3).moved(0, y, z) for k in range(3)]
+    piece.add(plastic(120, 160, 196), *blades)
+    circle = [(r * math.cos(k * math.pi / 8), r * math.sin(k * math.pi / 8)) for k in range(16)]
+    for s, dz in ((0.97, 0.0), (0.8, 0.06), (0.4, 0.08)):
+        hoop = [(s * a, y + s * b, z + dz) for a, b in circle]
+        piece.add(STEEL, tube(hoop, 0.006, sides=3, is_closed=True))
+    for a, b in circle[::2]:
+        spoke = [(0.0, y, z + 0.08), (0.8 * a, y + 0.8 * b, z + 0.06), (0.97 * a, y + 0.97 * b, z)]
+        piece.add(STEEL, tube(spoke, 0.004, sides=3))
 
 
 BUILDERS: dict[str, Builder] = {
-    "railing": railing,
-    "stair": stair,
-    "window": window,
-    "door": door,
-    "column": column,
-    "shutter": shutter,
-}
+    "railing": railing, "stair": stair, "window": window, "door": door, "column": column, "shutter": shutter,
+    "fireplace": fireplace, "mantle": mantle, "radiator": radiator, "fan": fan,
+}  # fmt: skip
