@@ -108,12 +108,8 @@ def _at_window(piece: Furniture, plan: HomePlan) -> str:
         for opening in wall.openings:
             if wall.storey != storey or opening.kind != "window" or room.rect is None:
                 continue
-            share = opening.offset / wall.length
-            x = wall.start[0] + (wall.end[0] - wall.start[0]) * share
-            z = wall.start[1] + (wall.end[1] - wall.start[1]) * share
-            is_along_x = wall.start[1] == wall.end[1]
-            half = opening.width / 2
-            pane = Rect(x - half, z, x + half, z) if is_along_x else Rect(x, z - half, x, z + half)
+            x, z = wall.middle_of(opening)
+            pane = wall.floor_beside(opening, depth=0.0, margin=0.0)
             if room.rect.grown(0.01).holds(x, z) and _gap(piece.rect, pane) <= _NEAR_WINDOW:
                 return "near the window"
     return ""

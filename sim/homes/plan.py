@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
@@ -125,6 +126,23 @@ class Wall(BaseModel):
         """Metres along the middle line."""
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
+    @property
+    def is_along_x(self) -> bool:
+        """Else it runs along z."""
+        return self.start[1] == self.end[1]
+
+    def middle_of(self, opening: Opening) -> tuple[float, float]:
+        """(x, z) of the middle of one of its openings."""
+        (x0, z0), (x1, z1), share = self.start, self.end, opening.offset / self.length
+        return (x0 + (x1 - x0) * share, z0 + (z1 - z0) * share)
+
+    def floor_beside(self, opening: Opening, *, depth: float, margin: float) -> Rect:
+        """The floor so far before and behind an opening, and as much wider on each side as `margin` (metres)."""
+        x, z = self.middle_of(opening)
+        half = opening.width / 2 + margin
+        out_x, out_z = (half, depth) if self.is_along_x else (depth, half)
+        return Rect(x - out_x, z - out_z, x + out_x, z + out_z)
+
 
 class Stair(BaseModel):
     """A straight flight of solid steps with the hole above it."""
@@ -171,6 +189,12 @@ class Furniture(BaseModel):
         """Extents along world x, y, z in metres."""
         rect = self.rect
         return (rect.x1 - rect.x0, self.size[1], rect.z1 - rect.z0)
+
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """(6,) lowest and highest corner in the world."""
+        rect, y, half = self.rect, self.centre[1], self.size[1] / 2
+        return np.array([rect.x0, y - half, rect.z0, rect.x1, y + half, rect.z1])
 
 
 class HomePlan(BaseModel):

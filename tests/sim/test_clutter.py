@@ -5,19 +5,19 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from personal_viz.bench.homes.sightlines import sights_of, visible_shares
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.homes.cells import CellGrid, CellRun
 from sim.homes.clutter.clutter import with_clutter
 from sim.homes.clutter.household import HOUSEHOLDS, household_of
-from sim.homes.clutter.spare_space import SpareStorey, box_of
+from sim.homes.clutter.spare_space import SpareStorey
 from sim.homes.clutter.spare_storeys import spare_storeys
 from sim.homes.furniture.families import look_of
 from sim.homes.invented.invent import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import Finish, Furniture, HomePlan, Room, Storey, plan_bytes
 from sim.homes.recovered.recover import recover_plan
-from sim.homes.recovered.sightlines import sights_of, visible_shares
 from sim.render.raycast import Raycaster
 from sim.walk.floor_grid import FloorGrid
 from sim.walk.object_surface import object_surface
@@ -100,7 +100,7 @@ def test_names_follow_the_captioned_ones_and_decoys_look_different(request, name
 def test_nothing_stands_in_another_thing_and_everything_has_what_carries_it(request, name: str) -> None:
     plan: HomePlan = request.getfixturevalue(name)
     full = with_clutter(plan, 2, seed=0)
-    boxes = np.array([box_of(piece) for piece in full.furniture])
+    boxes = np.array([piece.box for piece in full.furniture])
     storeys = [SpareStorey(storey, [], []) for storey in spare_storeys(plan)]
     rooms = {room.name: room.storey for room in plan.rooms}
     for k, piece in enumerate(added(plan, full), start=len(plan.furniture)):

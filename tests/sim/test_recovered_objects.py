@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from personal_viz.bench.homes.sightlines import sights_of, view_points_ok
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.furniture.families import look_of
 from sim.homes.open_home import scene_from_plan
@@ -13,7 +14,6 @@ from sim.homes.plan import Finish, Furniture
 from sim.homes.recovered.recorded import recorded_facts
 from sim.homes.recovered.recover import recover_plan
 from sim.homes.recovered.recovered_sizes import clipped, fitted_footprint
-from sim.homes.recovered.sightlines import sights_of, view_points_ok
 from sim.homes.recovered.unhidden import made_way, unhidden
 from sim.types import AGENT_RADIUS, CAMERA_HEIGHT
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from personal_viz.bench.homes.sightlines import view_points_ok
 from sim.authoring.findable import FindVerdict, find_verdicts
 from sim.copies.glb_writer import glb_from_mesh
 from sim.episodes.dataset import PersonalDataset
@@ -20,7 +21,6 @@ from sim.homes.kind import plan_of, scene_label, scene_labels
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import HomePlan
 from sim.homes.recovered.recover import recover_plan
-from sim.homes.recovered.sightlines import view_points_ok
 from sim.mesh import Scene
 from sim.render.raycast import Raycaster
 from sim.types import FORWARD_STEP, SceneKind

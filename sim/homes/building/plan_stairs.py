@@ -70,7 +70,7 @@ def _add_banister(
     run = length / stair.num_steps
     middle = _world(spot, np.array([x, 0.0, 0.0]))
     for wall in plan.walls:
-        axis = 0 if wall.start[1] == wall.end[1] else 1  # along x or along z
+        axis = 0 if wall.is_along_x else 1  # along x or along z
         is_parallel = (axis == 0) == (stair.towards[1] == "x")
         low, high = sorted((wall.start[axis], wall.end[axis]))
         off = abs(wall.start[1 - axis] - middle[2 * (1 - axis)])

@@ -72,7 +72,7 @@ def _add_solid(builder: QuadBuilder, plan: HomePlan, wall: Wall, frame: _Frame, 
 
 def _room_edges(plan: HomePlan, wall: Wall) -> list[float]:
     """Metres along the wall at which rooms of its storey begin or end."""
-    axis = 0 if wall.start[1] == wall.end[1] else 1
+    axis = 0 if wall.is_along_x else 1
     sign = 1 if wall.end[axis] > wall.start[axis] else -1
     rects = [room.rect for room in plan.rooms if room.storey == wall.storey and room.rect is not None]
     return sorted({(edge - wall.start[axis]) * sign for rect in rects for edge in (rect[axis], rect[axis + 2])})

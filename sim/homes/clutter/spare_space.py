@@ -79,8 +79,8 @@ class SpareStorey:
             seen: Those of the pieces that must stay visible.
         """
         self.storey = storey
-        self._boxes = np.array([box_of(piece) for piece in pieces]).reshape(-1, 6)
-        targets = np.array([box_of(piece) for piece in seen]).reshape(-1, 6)
+        self._boxes = np.array([piece.box for piece in pieces]).reshape(-1, 6)
+        targets = np.array([piece.box for piece in seen]).reshape(-1, 6)
         self._sights = Sights(targets, storey.places, storey.is_open, storey.grid)
         self.free = storey.inside & ~storey.walked
         """(rows, cols) floor off the paths on which nothing stands; callers must not change it."""
@@ -97,7 +97,7 @@ class SpareStorey:
             on: The piece on which it lies, and into whose box it may reach.
             stands: Whether it stands on the floor.
         """
-        box = box_of(piece)
+        box = piece.box
         cells = self._cells(piece.rect)
         if cells is None or box[4] > self.storey.ceiling_y - 0.05:
             return False
@@ -105,7 +105,7 @@ class SpareStorey:
             return False
         met = _meets(box, self._boxes)
         if on is not None:
-            met &= (self._boxes != box_of(on)).any(axis=1)
+            met &= (self._boxes != on.box).any(axis=1)
         if met.any() or _meets(box, self.storey.zones).any() or not self._sights.cut(box):
             return False
         self._boxes = np.concatenate([self._boxes, box[None]])
@@ -221,12 +221,6 @@ class SpareRoom:
 def _holds(storey: EmptyStorey, mine: Image, place: tuple[float, float]) -> bool:
     rc = storey.grid.rc_from_xz(np.array(place))
     return bool(storey.grid.contains(rc)) and bool(mine[tuple(rc)])
-
-
-def box_of(piece: Furniture) -> NDArray[np.float64]:
-    """(6,) lowest and highest corner of a piece in the world."""
-    rect, y, half = piece.rect, piece.centre[1], piece.size[1] / 2
-    return np.array([rect.x0, y - half, rect.z0, rect.x1, y + half, rect.z1])
 
 
 def _meets(box: NDArray[np.float64], boxes: NDArray[np.float64]) -> NDArray[np.bool_]:

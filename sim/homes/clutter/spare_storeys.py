@@ -121,7 +121,7 @@ def _storey_of_rooms(plan: HomePlan, k: int, ground: Ground) -> EmptyStorey:
         for opening in wall.openings:
             zones.append(_zone(wall, opening, floor_y))
             if opening.kind == "door":
-                is_open[_cells(_opening_rect(wall, opening, 0.15), grid)] = True
+                is_open[_cells(wall.floor_beside(opening, depth=0.15, margin=0.05), grid)] = True
     for stair in plan.stairs:
         room[_cells(stair.rect.grown(0.1), grid)] = -1
     away: NDArray[np.float64] = np.asarray(ndimage.distance_transform_edt(~ground.reached), float)
@@ -150,22 +150,10 @@ def _faces_of_rect(inner: Rect) -> list[WallFace]:
     ]
 
 
-def _opening_rect(wall: Wall, opening: Opening, depth: float) -> Rect:
-    """The floor on both sides of an opening."""
-    share = opening.offset / wall.length
-    x = wall.start[0] + (wall.end[0] - wall.start[0]) * share
-    z = wall.start[1] + (wall.end[1] - wall.start[1]) * share
-    half = opening.width / 2 + 0.05
-    return (
-        Rect(x - half, z - depth, x + half, z + depth)
-        if wall.start[1] == wall.end[1]
-        else Rect(x - depth, z - half, x + depth, z + half)
-    )
-
-
 def _zone(wall: Wall, opening: Opening, floor_y: float) -> NDArray[np.float64]:
     """(6,) the box before and behind an opening that stays free."""
-    rect = _opening_rect(wall, opening, _DOOR_DEPTH if opening.kind == "door" else wall.thickness / 2 + _WINDOW_DEPTH)
+    depth = _DOOR_DEPTH if opening.kind == "door" else wall.thickness / 2 + _WINDOW_DEPTH
+    rect = wall.floor_beside(opening, depth=depth, margin=0.05)
     return np.array([rect.x0, floor_y + opening.sill - 0.05, rect.z0, rect.x1, floor_y + opening.top + 0.1, rect.z1])
 
 

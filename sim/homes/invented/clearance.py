@@ -9,7 +9,7 @@ from scipy.ndimage import distance_transform_edt, label
 
 from sim.types import AGENT_RADIUS, Camera
 
-from ..plan import Furniture, HomePlan, Rect, Wall
+from ..plan import HomePlan, Rect, Wall
 from .layouts import landings
 
 CELL = 0.05
@@ -59,7 +59,7 @@ def unseen_pieces(plan: HomePlan, ground: Sequence[Ground]) -> set[int]:
     for storey, floor in enumerate(ground):
         rooms = {room.name for room in plan.rooms if room.storey == storey}
         index = [k for k, piece in enumerate(plan.furniture) if piece.room in rooms]
-        boxes = np.array([_box(plan.furniture[k]) for k in index]).reshape(-1, 6)
+        boxes = np.array([plan.furniture[k].box for k in index]).reshape(-1, 6)
         walls = np.array([box for wall in plan.walls if wall.storey == storey for box in _wall_boxes(plan, wall)])
         eye_y = plan.storeys[storey].floor_y + Camera().mount_height
         places = floor.places()
@@ -128,9 +128,9 @@ def _wall_rects(wall: Wall) -> list[Rect]:
             at += [opening.offset - opening.width / 2, opening.offset + opening.width / 2]
     at.append(wall.length)
     half = wall.thickness / 2
-    (x, z), is_along_x = wall.start, wall.start[1] == wall.end[1]
+    x, z = wall.start
     return [
-        Rect(x + a, z - half, x + b, z + half) if is_along_x else Rect(x - half, z + a, x + half, z + b)
+        Rect(x + a, z - half, x + b, z + half) if wall.is_along_x else Rect(x - half, z + a, x + half, z + b)
         for a, b in zip(at[::2], at[1::2], strict=True)
     ]
 
@@ -138,12 +138,6 @@ def _wall_rects(wall: Wall) -> list[Rect]:
 def _wall_boxes(plan: HomePlan, wall: Wall) -> list[tuple[float, ...]]:
     floor_y = plan.storeys[wall.storey].floor_y
     return [(r.x0, floor_y, r.z0, r.x1, floor_y + wall.height, r.z1) for r in _wall_rects(wall)]
-
-
-def _box(piece: Furniture) -> tuple[float, ...]:
-    """Lowest and highest corner, (6,)."""
-    rect, y, half = piece.rect, piece.centre[1], piece.size[1] / 2
-    return (rect.x0, y - half, rect.z0, rect.x1, y + half, rect.z1)
 
 
 def _is_seen(box: NDArray, others: NDArray, places: NDArray, eye_y: float) -> bool:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..plan import Opening, Rect, Wall
+from ..plan import Rect
 from .partitions import Partition
 
 GAP = 0.12
@@ -46,14 +46,14 @@ class FreeSpace:
         """
         self.inner = rect.grown(-HALF_WALL)
         openings = [(wall, opening) for wall in partition.walls for opening in wall.openings]
-        doors = [_zone(wall, o, depth=_DOOR_DEPTH, margin=0.1) for wall, o in openings if o.kind == "door"]
+        doors = [wall.floor_beside(o, depth=_DOOR_DEPTH, margin=0.1) for wall, o in openings if o.kind == "door"]
         gaps = [_widened(gap, 0.85) for gap in partition.gaps]
-        self._panes = [_zone(wall, o, depth=0.3, margin=0.02) for wall, o in openings if o.kind == "window"]
+        self._panes = [wall.floor_beside(o, depth=0.3, margin=0.02) for wall, o in openings if o.kind == "window"]
         self._keep_free = [*blocked, *doors, *gaps]
         self.windows = [
-            Pane(_middle(wall, o), o.width)
+            Pane(wall.middle_of(o), o.width)
             for wall, o in openings
-            if o.kind == "window" and rect.grown(0.01).holds(*_middle(wall, o))
+            if o.kind == "window" and rect.grown(0.01).holds(*wall.middle_of(o))
         ]
         self._bodies: list[Body] = []
         self._fronts: list[Rect] = []
@@ -108,22 +108,6 @@ def bounds(rects: Sequence[Rect]) -> Rect:
     """The smallest rectangle around all of them."""
     x0, z0, x1, z1 = zip(*rects, strict=True)
     return Rect(min(x0), min(z0), max(x1), max(z1))
-
-
-def _middle(wall: Wall, opening: Opening) -> tuple[float, float]:
-    share = opening.offset / wall.length
-    return (
-        wall.start[0] + (wall.end[0] - wall.start[0]) * share,
-        wall.start[1] + (wall.end[1] - wall.start[1]) * share,
-    )
-
-
-def _zone(wall: Wall, opening: Opening, *, depth: float, margin: float) -> Rect:
-    """The floor on both sides of an opening."""
-    x, z = _middle(wall, opening)
-    half = opening.width / 2 + margin
-    along_x = wall.start[1] == wall.end[1]
-    return Rect(x - half, z - depth, x + half, z + depth) if along_x else Rect(x - depth, z - half, x + depth, z + half)
 
 
 def _widened(line: Rect, depth: float) -> Rect:

@@ -16,9 +16,8 @@ from sim.types import CAMERA_HEIGHT
 from ..building.cell_spaces import floor_layers, grown
 from ..cells import CELL, CellGrid, Cells
 from ..plan import Furniture, Rect, Storey
-from .recorded import Recorded
+from .recorded import Recorded, original_places
 from .recovered_objects import RecoveredObject
-from .sightlines import original_places
 
 STEP = 0.08
 """Height of a step above the floor beside it (metres): easy to see, and lower than everything on the floor."""

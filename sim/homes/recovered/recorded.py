@@ -102,3 +102,8 @@ def _rounded(position: Point) -> Point:
 
 def _points(places: set[Point]) -> NDArray[np.float64]:
     return np.array(sorted(places), float).reshape(-1, 3)
+
+
+def original_places(goal: Goal) -> NDArray[np.float64]:
+    """(V, 3) feet of the robot at the goal's original view points."""
+    return np.array([p.agent_state.position for p in goal.original_view_points], float).reshape(-1, 3)

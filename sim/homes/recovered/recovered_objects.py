@@ -14,9 +14,8 @@ from sim.episodes.schema import Goal
 from ..furniture.appearance import finish_from_text
 from ..furniture.families import Family, look_of, mounting_of
 from ..plan import Furniture, Storey
-from .recorded import Recorded
+from .recorded import Recorded, original_places
 from .recovered_sizes import Footprint, Points, clipped, fitted_footprint, in_the_way
-from .sightlines import original_places
 
 Stand = Literal["floor", "wall", "ceiling", "on"]
 _SAME_FLOOR = 0.17

@@ -15,8 +15,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from sim.episodes.schema import Goal
 
 from ..cells import CellGrid
+from .recorded import original_places
 from .room_words import RoomKind, RoomName
-from .sightlines import original_places
 
 _CLEAR, _NARROW = 0.5, 4.0
 """Cells nearer than _CLEAR to a wall (metres) count up to 1 + _NARROW times as long: doors hold labels back."""

@@ -20,8 +20,8 @@ from ...mesh import FLAT, TriangleMesh
 from ..building.furniture_mesh import add_piece
 from ..building.quads import QuadBuilder
 from ..plan import Finish, Furniture
+from .recorded import original_places
 from .recovered_objects import RecoveredObject
-from .sightlines import original_places
 
 _ROUNDS = 6
 _ENOUGH = 0.97

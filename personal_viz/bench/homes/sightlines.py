@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.episodes.schema import Goal
+from sim.homes.recovered.recorded import original_places
+from sim.mesh import Scene, TriangleMesh
 from sim.render.raycast import Raycaster
 from sim.types import TURN_STEP, Camera
 from sim.walk.object_surface import object_ids_at, object_surface
-
-from ...mesh import Scene, TriangleMesh
 
 SAMPLES = 64
 """Number of points of an object's surface to which lines of sight are drawn."""
@@ -63,11 +63,6 @@ def sights_of(scene: Scene, goals: Mapping[str, Goal]) -> dict[str, Sights]:
         shares = visible_shares(places, targets, ids.get(name, 0), mesh=scene.mesh, caster=caster)
         found[name] = Sights(standable, shares)
     return found
-
-
-def original_places(goal: Goal) -> NDArray[np.float64]:
-    """(V, 3) feet of the robot at the goal's original view points."""
-    return np.array([p.agent_state.position for p in goal.original_view_points], float).reshape(-1, 3)
 
 
 def visible_shares(
