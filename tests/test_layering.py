@@ -43,10 +43,6 @@ ROOMS = {
 """Rooms of each package from the ground up, some with a part that stands lower or higher than the rest.
 
 A module belongs to the longest name that fits, and imports nothing that stands after it."""
-LARGE_ROOMS = {
-    "sim/homes/building": 24,
-}
-"""Rooms that are still larger than 20 modules; none may grow."""
 HEAVY = ("viser", "rerun", "torch", "open3d", "trimesh")
 LIGHT_MODULES = (
     "sim.tasks.metrics",
@@ -129,7 +125,7 @@ def test_a_room_says_its_purpose_and_has_at_most_20_modules(package: str) -> Non
     for init in (ROOT / package).rglob("__init__.py"):
         assert ast.get_docstring(ast.parse(init.read_text())), init
         num_modules = len(list(init.parent.glob("*.py"))) - 1
-        assert num_modules <= LARGE_ROOMS.get(str(init.parent.relative_to(ROOT)), 20), init.parent
+        assert num_modules <= 20, init.parent
 
 
 @pytest.mark.parametrize("library", ["rerun"])

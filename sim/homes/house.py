@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mesh import SceneObject, TriangleMesh
-from .building.cell_mesh import CEILING_FINISH, add_cells, floor_uv
+from .building.cell_mesh import add_cells, floor_uv
+from .building.flights import add_stair
 from .building.furniture_mesh import add_piece
 from .building.openings import Spot, add_ceiling_lamp
-from .building.plan_stairs import add_stair
 from .building.plan_walls import add_wall
 from .building.quads import QuadBuilder
+from .building.walls import CEILING_FINISH
 from .plan import HomePlan, Rect, Room
 
 _LAMP_EVERY = 14.0

@@ -20,7 +20,7 @@ from .quads import QuadBuilder
 from .rasters import cells_of, parts_of
 from .stairs_mesh import add_steps, stepped, with_whole_flights
 from .storey_cells import StoreyCells, storeys_of_cells
-from .walls import WallPiece, add_wall_piece
+from .walls import CEILING_FINISH, WallPiece, add_wall_piece
 
 WALL = 0.1
 """Thickness of walls between rooms (metres)."""
@@ -28,7 +28,6 @@ _SHELL = 0.14
 """How thick walls to the unknown look from above (metres)."""
 RAISED = 0.02
 """How far the floor rises where nobody was recorded (metres)."""
-CEILING_FINISH = Finish(material="plaster", rgb=(244, 243, 238))
 _LOW_BLOCK, _HIGH_BLOCK = 0.15, 1.3
 """Floor so far above the storey's (metres) is a flight of steps, a platform, or the top of a bed or table."""
 _LARGEST_BLOCK = 5.0

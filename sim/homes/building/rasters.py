@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from .wall_lines import WallLines
+from .outlines import WallLines
 
 Image = NDArray[np.bool_]
 Numbers = NDArray[np.int64]

@@ -9,9 +9,8 @@ from sim.types import GridSpec
 
 from ..plan import HomePlan, Room
 from .cell_spaces import PAD, StoreySpace, ceiling_heights, storey_spaces
-from .outlines import Straight, straight_lines
+from .outlines import Straight, WallLines, straight_lines
 from .rasters import edges_where, nearest, parts_of, widened
-from .wall_lines import WallLines
 
 Numbers = NDArray[np.int64]
 _BORDER = 7.0

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from ...words.finishes import Material, Pattern, Rgb
 from ..plan import Finish
 from .texture_materials import Metres, Shape, detail_of
-from .texture_patterns import pattern_weights
-from .texture_pictures import painted
+from .texture_patterns import painted, pattern_weights
 
 _SHEEN = np.float32(36)
 """Detail shows on black as on this grey (levels), or it would vanish."""

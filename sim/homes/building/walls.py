@@ -11,6 +11,7 @@ from .quads import QuadBuilder
 SKIRTING = 0.08
 _SKIRTING_DEPTH = 0.012
 SKIRTING_FINISH = Finish(material="wood", rgb=(206, 178, 142))
+CEILING_FINISH = Finish(material="plaster", rgb=(244, 243, 238))
 CAP_FINISH = Finish(material="plaster", rgb=(70, 70, 76))
 
 Point = NDArray[np.float64]
