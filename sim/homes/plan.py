@@ -17,7 +17,7 @@ from sim.words.finishes import Material, Pattern, Rgb
 from .cells import AreaRun, CellGrid, Metres, Positive, Xz
 from .plan_versions import current
 
-HOMES_VERSION = 1
+HOMES_VERSION = 2
 """Raised by whoever changes what homes made of plans, seeds or episode files look like or where one walks in them.
 
 What was kept of homes of another number (plans, light, explorations' maps) is made anew.

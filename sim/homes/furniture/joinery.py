@@ -8,7 +8,7 @@ from .draft import Draft
 from .families import Vec
 from .lofts import ball, cylinder, tube
 from .palette import BLACK_METAL, SPINES, STEEL, is_dark, plain, plastic
-from .shapes import Shape, both, box, facets, four, merged, slab
+from .shapes import Shape, box, facets, four, merged, slab
 
 GAP = 0.008
 """Dark gap around doors and drawers, metres."""
@@ -64,12 +64,14 @@ def front(centre: Vec, size: Vec, *, is_framed: bool = False) -> Shape:
     """The face of a door or drawer, its back open; framed ones have a field that stands back."""
     if not is_framed:
         return slab(centre, size, faces="+x-x+y-y+z")
-    w, h, d = size
+    (x, y, z), (w, h, d) = centre, size
     rim, deep = min(0.06, w / 5, h / 5), min(0.005, d)
-    posts = both(slab(((w - rim) / 2, 0.0, 0.0), (rim, h, d), faces="+y-y+z+x"))
-    rails = both(slab((0.0, (h - rim) / 2, 0.0), (w - 2 * rim, rim, d), faces="+z+y"), axis="y")
-    field = slab((0.0, 0.0, -deep / 2), (w - 2 * rim, h - 2 * rim, d - deep), faces="+z")
-    return merged([posts, rails, field]).moved(*centre)
+    bars = []
+    for s, side, end in ((1, "+x", "+y"), (-1, "-x", "-y")):
+        bars.append(slab((x + s * (w - rim) / 2, y, z), (rim, h, d), faces=f"+y-y+z{side}"))
+        bars.append(slab((x, y + s * (h - rim) / 2, z), (w - 2 * rim, rim, d), faces=f"+z{end}"))
+    field = slab((x, y, z - deep / 2), (w - 2 * rim, h - 2 * rim, d - deep), faces="+z")
+    return merged([*bars, field])
 
 
 def carcass(piece: Draft, low: float, high: float, *, narrower: float = 0.0) -> None:
