@@ -35,7 +35,7 @@ _LOW_SCREEN = 1.15
 _SURFACES: dict[Family, float] = {"bed": 0.62, "bunk bed": 0.5, "sofa": 0.5, "armchair": 0.5, "chair": 0.5, "crib": 0.4}
 """Height at which things lie on a piece, as a share of its height; 1 for all other families."""
 _MATTRESS = 0.52
-"""Largest height of a bed's mattress, even with a high headboard (metres; furniture/beds.py)."""
+"""Largest height of a bed's mattress, even with a high headboard (metres; furniture/seating.py)."""
 _RIM = 0.06
 """A piece reaches this far above places on top of it (metres)."""
 _LIE_IF_HIGH: tuple[Family, ...] = ("box", "basket", "bin", "plant", "stove", "washing machine", "suitcase")
