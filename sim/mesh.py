@@ -16,6 +16,13 @@ VERTEX_COLOURS = -2
 FACE_IDS = -1
 """`IdImages.face_image` of faces whose object id is `face_instance`."""
 
+UNNAMED_LABELS: dict[SceneKind, str] = {
+    "scan": "scan of a real home",
+    "schematic": "schematic home, not a scan",
+    "invented": "invented home",
+}
+"""What participants are told of a scene of a kind."""
+
 
 @dataclass(frozen=True, slots=True)
 class IdImages:
@@ -125,8 +132,4 @@ class Scene:
     @property
     def unnamed_label(self) -> str:
         """The label that participants see: with the scene's name they could find the answers in the public files."""
-        return {
-            "scan": "scan of a real home",
-            "schematic": "schematic home, not a scan",
-            "invented": "invented home",
-        }[self.kind]
+        return UNNAMED_LABELS[self.kind]

@@ -13,9 +13,11 @@ from sim.errors import StudyError
 
 from ..design.plan import StudyPlan
 from ..design.study import StudyConfig
+from ..journey import Person
 from ..tickets import new_id
 from .assigning import due_order_no, free_slot, others_can_take, release
 from .database import BACKUP_FOLDER, audit, backup
+from .progress_rows import stored_person
 from .record_types import ParticipantRecord, VerificationEntry
 from .records import AUDIT_PILOT, DATABASE_FILE, read_study
 from .stages import Stage
@@ -46,6 +48,11 @@ class PeopleWrites:
         """A participant's record. Raises StudyError for an unknown one."""
         with read_study(self.folder) as reader:
             return reader.participant(code)
+
+    def person(self, code: str) -> Person:
+        """What says where a participant is (`journey_of`). Raises StudyError for an unknown one."""
+        with read_study(self.folder) as reader:
+            return stored_person(reader, code)
 
     def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
         """Stores that a participant reached a stage; after `finished` the database is backed up if there is space.

@@ -67,6 +67,12 @@ def told_name(name: str, task: TaskKind) -> str:
     return f"{TOLD_FOLDER}/{name.removesuffix('.md')}-{task}.md"
 
 
+def told_texts(folder: Path, plan: StudyPlan) -> dict[str, str]:
+    """All texts of a planned study that are there, by file name."""
+    names = plan.texts or TEXT_FILES
+    return {name: path.read_text("utf-8") for name in names if (path := folder / name).is_file()}
+
+
 def told_text(texts: Mapping[str, str], name: str, task: TaskKind) -> str:
     """A frozen text for a task; studies that an earlier version planned have one for all. '' = the study has none."""
     return texts.get(told_name(name, task), texts.get(name, ""))

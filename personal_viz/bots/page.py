@@ -15,7 +15,7 @@ _STEP_SHOWN = re.compile(r'data-step="(\d+)"')
 _STEP_COUNTED = re.compile(r"Step (\d+) of (\d+)")
 _SEAT = re.compile(r"personalPage\.begin\((?:&quot;|\")([\w-]+)(?:&quot;|\")")
 _TAGS = re.compile(r"<style>.*?</style>|<[^>]*>", re.DOTALL)
-_COMPLETION_CODE = re.compile(r'aria-label="Completion code">([^<]+)<')
+_GOES_ON = "personalPage.goOn()"
 _HEAD_BYTES = 16
 """Two numbers of 8 bytes stand before the compressed part: its size before and after (viser's wire format)."""
 _IMAGE_HEAD = 1200
@@ -92,12 +92,9 @@ class BotPage:
         return self.has_surface and self.hears_clicks and self.button(_CONFIRM) is not None
 
     @property
-    def completion_code(self) -> str | None:
-        """What somebody who has finished is told."""
-        for element in self.elements.values():
-            if found := _COMPLETION_CODE.search(str(element.props.get("content", ""))):
-                return found.group(1)
-        return None
+    def goes_on(self) -> bool:
+        """Whether the browser is told to open the page without 3-D that comes next."""
+        return any(_GOES_ON in str(element.props.get("content", "")) for element in self.elements.values())
 
     @property
     def seat(self) -> str | None:

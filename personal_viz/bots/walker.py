@@ -15,11 +15,12 @@ from sim.errors import StudyError
 from sim.types import TaskKind
 
 from ..study_app.operator.served import Person
-from .flow import answer_page, is_the_end, is_the_pause, right_answers
+from .flow import answer_card
+from .forms import LastPage, answer_pages, open_session
 from .homes import BotHomes
 from .page import BotPage
 from .records import BotKind, BotLog
-from .wire import BotConnection, enter
+from .wire import BotConnection, connect_viser
 
 PRESS_GAP_S = 0.06
 """Sessions drop presses within 50 ms of the last one."""
@@ -59,6 +60,8 @@ class Bot(ABC):
         self._rate = rate / SLOWER if kind == "slow" else rate
         self._rng = np.random.default_rng(seed)
         self._connection: BotConnection | None = None
+        self._last: LastPage | None = None
+        """At which it stopped."""
         self._reading: asyncio.Task[None] | None = None
         self._changed = asyncio.Condition()
 
@@ -132,9 +135,14 @@ class Bot(ABC):
             self._reading = None
 
     async def _connect(self) -> None:
+        """Opens the link, and viser's page once all others are answered."""
         self._forget()
         self._cut_off()
-        self._connection = await enter(self._link)
+        session = await asyncio.to_thread(open_session, self._link)
+        self._last = await asyncio.to_thread(answer_pages, session, self._answers)
+        if self._last is not None:
+            return
+        self._connection = await connect_viser(session)
         self.log.num_connections += 1
         self._reading = asyncio.create_task(self._read(self._connection))
 
@@ -181,21 +189,19 @@ class Bot(ABC):
             StudyError: The page did not change within ANSWER_S.
         """
         deadline_s = time.perf_counter() + ANSWER_S
-        while True:
+        while self._last is None:
             connection = self._connection
             assert connection is not None
+            if connection.page.goes_on:
+                await connection.close()
             if not connection.is_open:
                 await self._connect()
                 continue
             page = connection.page
             if self._is_at_work:
                 return
-            if is_the_end(page) or is_the_pause(page):
-                self.log.is_finished, self.log.is_resting = is_the_end(page), is_the_pause(page)
-                self.log.completion_code = page.completion_code
-                return
             before = set(page.elements)
-            if await answer_page(connection, self._answers, sure=self._sure):
+            if await answer_card(connection, sure=self._sure):
                 self._forget()
                 deadline_s = time.perf_counter() + ANSWER_S
             elif time.perf_counter() > deadline_s:
@@ -204,6 +210,9 @@ class Bot(ABC):
                     "Teach personal_viz/bots/flow.py the page."
                 )
             await self._until(lambda page=page, before=before: set(page.elements) != before, within_s=1.0)
+        self.log.is_resting = self._last.place == "pause"
+        self.log.is_finished = not self.log.is_resting
+        self.log.completion_code = self._last.completion_code
 
     @property
     def _known(self) -> BotHomes:

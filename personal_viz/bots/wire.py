@@ -1,14 +1,10 @@
-"""A bot's browser: it comes in with a personal link, then sends over viser's websocket what viser's client would send.
+"""A bot's connection with viser's page: it sends over the websocket what viser's client would send.
 
 Its camera goes over a place and looks straight down; a click sends the ray from there through the place.
 """
 
-import asyncio
-import http.client
-import http.cookies
 import json
 import math
-import urllib.request
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
@@ -22,10 +18,8 @@ from sim.errors import StudyError
 from sim.tasks.run_files import Vector3
 
 from ..study_app.first_camera import CAMERA
+from .forms import ENTER_S, Session
 from .page import BotPage
-
-ENTER_S = 60.0
-"""Longest wait for the gateway's answers."""
 
 
 ABOVE = 8.0
@@ -128,19 +122,18 @@ def screen_pos(direction: Vector3) -> tuple[float, float]:
     return 0.5 - x / y / (2 * half * aspect), 0.5 - z / y / (2 * half)
 
 
-async def enter(link: str) -> BotConnection:
-    """Opens a personal link.
+async def connect_viser(session: Session) -> BotConnection:
+    """Opens viser's page of a session.
 
     Raises:
-        StudyError: The gateway does not let the bot in, or cannot be reached.
+        StudyError: The websocket does not open.
     """
-    view, cookie, origin = await asyncio.to_thread(_session, link)
-    (address,) = parse_qs(urlsplit(view).query)["websocket"]
+    (address,) = parse_qs(urlsplit(session.view).query)["websocket"]
     try:
         socket = await connect(
             address,
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-            additional_headers={"Cookie": cookie, "Origin": origin},
+            additional_headers={"Cookie": session.cookie, "Origin": session.origin},
             max_size=None,
             compression=None,
             open_timeout=ENTER_S,
@@ -148,27 +141,9 @@ async def enter(link: str) -> BotConnection:
         )
     except (OSError, WebSocketException) as error:
         raise StudyError(
-            f"{origin}: the websocket did not open ({error or type(error).__name__}); expected viser's page. "
+            f"{session.origin}: the websocket did not open ({error or type(error).__name__}); expected viser's page. "
             "Check that the study is being served."
         ) from None
     connection = BotConnection(socket)
     await connection.send(CAMERA)
     return connection
-
-
-def _session(link: str) -> tuple[str, str, str]:
-    """(address of the view, cookie, origin) for a link's token."""
-    origin, _, token = link.partition("/#")
-    body = json.dumps({"token": token}).encode()
-    headers = {"Content-Type": "application/json", "Origin": origin}
-    try:
-        with urllib.request.urlopen(urllib.request.Request(f"{origin}/enter", body, headers), timeout=ENTER_S) as reply:
-            view = json.load(reply)["view"]
-            cookie = http.cookies.SimpleCookie()
-            for line in reply.headers.get_all("Set-Cookie") or []:
-                cookie.load(line)
-    except (OSError, http.client.HTTPException, ValueError, KeyError) as error:
-        raise StudyError(
-            f"{origin}/enter: {error}; expected a session for a personal link. Check that the study is being served."
-        ) from None
-    return view, "; ".join(f"{name}={morsel.value}" for name, morsel in cookie.items()), origin

@@ -136,8 +136,8 @@ def script() -> str:
 
 @functools.cache
 def style_sheet() -> str:
-    """`static/page.css`."""
-    return (STATIC / "page.css").read_text(encoding="utf-8")
+    """`static/tokens.css` and `static/page.css`."""
+    return "".join((STATIC / name).read_text(encoding="utf-8") for name in ("tokens.css", "page.css"))
 
 
 def page_html(*, panel_width: int) -> str:
@@ -149,7 +149,7 @@ def page_html(*, panel_width: int) -> str:
     return f"<style>:root {{ --personal-panel: {panel_width}px; }}\n{style_sheet()}</style>{_runs(script())}"
 
 
-def when_shown(call: Literal["shown", "refresh", "reload"]) -> str:
+def when_shown(call: Literal["shown", "refresh", "reload", "goOn"]) -> str:
     """HTML that calls one of the script's functions as soon as it is in the page."""
     return _runs(_call(f"{call}()"))
 

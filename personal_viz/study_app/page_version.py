@@ -16,7 +16,7 @@ import viser
 from .page_script import STATIC
 
 VISER_CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
-PAGE_FILES = ("page.js", "page.css", "updated.js")
+PAGE_FILES = ("page.js", "tokens.css", "page.css", "updated.js")
 """Of `static`: what a page holds besides viser's client."""
 SUBPROTOCOL = f"viser-v{viser.__version__}"
 """What viser's client of this version asks for."""

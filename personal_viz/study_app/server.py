@@ -17,7 +17,6 @@ import viser
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyScene, load_plan
 from human_study.design.study import StudyConfig, load_study
-from human_study.texts.participants import TEXT_FILES
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import MissingDependencyError, PersonalVizError, StudyError
 from sim.homes.labels import renderer_of
@@ -60,6 +59,7 @@ def main() -> None:
         with contextlib.suppress(StudyError):  # the gateway, once told, does not wait for our thanks
             link.tell_failed(str(error))
         sys.exit(1)
+    link.on_warm = study.homes.warm
     link.tell_ready(door)
     link.is_closed.wait()
     server.stop()
@@ -95,9 +95,7 @@ def open_study(
         watched = {"rerun": rerun, "with_pixels": with_pixels, "is_pilot": plan.is_pilot}
         return open_home(config, scene, counted, scenes_dir, threads=threads, **watched)
 
-    names = plan.texts or TEXT_FILES
-    texts = {name: path.read_text("utf-8") for name in names if (path := folder / name).is_file()}
-    return Study(config, plan, HomeLibrary(open_one), time.monotonic(), texts)
+    return Study(config, plan, HomeLibrary(open_one), time.monotonic())
 
 
 def open_home(

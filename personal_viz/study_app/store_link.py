@@ -16,21 +16,20 @@ import msgspec
 from pydantic import TypeAdapter
 
 from human_study.journey import AssignedTrial, Person
-from human_study.store.progress_rows import stored_person
-from human_study.store.records import read_study
-from human_study.store.stages import Stage, has_reached, way_out
+from human_study.store.stages import Stage
 from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.trial.events import Event, event_from_json, event_to_json
 from human_study.trial.outcome import Outcome
 from sim.errors import StudyError
 
-from .recruit_codes import EndCode
 from .worker_door import WorkerDoor
 
 _ERRORS: dict[str, type[StudyError]] = {
     kind.__name__: kind for kind in (StudyError, StoreFullError, SupersededError, TrialEndedError)
 }
+WARM = 0
+"""Number of a reply that nobody asked for: the scene of a home to open before it is needed."""
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
 
 
@@ -64,14 +63,6 @@ class EnterStage(msgspec.Struct, tag=True, frozen=True):
     code: str
     stage: Stage
     detail: dict[str, Any]
-
-
-class GiveConsent(msgspec.Struct, tag=True, frozen=True):
-    """The participant's answer to the text that was shown."""
-
-    code: str
-    text: str
-    given: bool
 
 
 class Withdraw(msgspec.Struct, tag=True, frozen=True):
@@ -121,7 +112,6 @@ Request = (
     | WhoHolds
     | AskPerson
     | EnterStage
-    | GiveConsent
     | Withdraw
     | NextTrial
     | OpenTrial
@@ -148,16 +138,6 @@ class Reply(msgspec.Struct, frozen=True):
     message: str = ""
 
 
-class PersonPlace(msgspec.Struct, frozen=True):
-    """A participant, and what belongs to the way on which the participant ended."""
-
-    person: Person
-    completion_code: str | None
-    """What the participant shows whoever pays, by how the study ended; None before that is stored, or without one."""
-    end_url: str | None = None
-    """The recruiting platform's page that takes the code; None without one."""
-
-
 class StoreLink:
     """The worker's end: the store's methods, each blocking until the gateway has committed."""
 
@@ -168,6 +148,8 @@ class StoreLink:
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
         self.is_closed = threading.Event()
+        self.on_warm: Callable[[str], None] = lambda _: None
+        """Told the scene of a home that somebody will soon need."""
         threading.Thread(target=self._listen, daemon=True, name="store-link").start()
 
     def tell_ready(self, door: WorkerDoor) -> None:
@@ -182,17 +164,13 @@ class StoreLink:
         """Participant who holds a ticket, None if nobody does."""
         return msgspec.json.decode(self._ask(WhoHolds(ticket)), type=str | None)
 
-    def person(self, code: str) -> PersonPlace:
+    def person(self, code: str) -> Person:
         """Where the participant is in the study."""
-        return msgspec.json.decode(self._ask(AskPerson(code)), type=PersonPlace)
+        return msgspec.json.decode(self._ask(AskPerson(code)), type=Person)
 
     def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
         """`StudyStore.enter_stage`."""
         self._ask(EnterStage(code, stage, detail or {}))
-
-    def give_consent(self, code: str, text: str, *, given: bool) -> None:
-        """`StudyStore.give_consent`."""
-        self._ask(GiveConsent(code, text, given))
 
     def withdraw(self, code: str) -> None:
         """`StudyStore.withdraw`."""
@@ -239,6 +217,9 @@ class StoreLink:
         try:
             for line in self._connection.makefile("rb"):
                 reply = msgspec.json.decode(line, type=Reply)
+                if reply.number == WARM:
+                    self.on_warm(msgspec.json.decode(reply.value, type=str))
+                    continue
                 self._waiting.pop(reply.number).set_result(reply)
         except (OSError, msgspec.MsgspecError):
             pass  # the gateway is gone, perhaps in the middle of a line
@@ -262,7 +243,6 @@ class StoreService:
         store: StudyStore,
         *,
         code_of_ticket: Callable[[str], str | None],
-        end_code: Callable[[str, Stage], EndCode],
         client_profile: Callable[[str], dict[str, Any] | None],
         on_end: Callable[[], None],
     ) -> None:
@@ -272,14 +252,12 @@ class StoreService:
             connection: Our end of the socket pair.
             store: Owned by the gateway.
             code_of_ticket: Participant who holds a ticket.
-            end_code: What a participant gets who ended by this stage; asked for only when that is stored.
             client_profile: What a participant's browser can do, coarsely; stored with each sitting. None = not known.
             on_end: Called once when the worker is gone, whoever ended it.
         """
         self._connection = connection
         self._store = store
         self._code_of_ticket = code_of_ticket
-        self._end_code = end_code
         self._client_profile = client_profile
         self._on_end = on_end
         self._lock = threading.Lock()
@@ -294,6 +272,14 @@ class StoreService:
             self._connection.shutdown(socket.SHUT_RDWR)  # close alone waits for the listening thread's file
         self._connection.close()
         self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def warm(self, scene: str) -> None:
+        """Has the worker open a home that somebody will soon need; returns at once."""
+        self._send(Reply(WARM, msgspec.Raw(msgspec.json.encode(scene))))
+
+    def _send(self, reply: Reply) -> None:
+        with self._lock, contextlib.suppress(OSError):  # a worker that is gone needs no answer
+            self._connection.sendall(msgspec.json.encode(reply) + b"\n")
 
     def _listen(self) -> None:
         try:
@@ -316,8 +302,7 @@ class StoreService:
         except Exception as error:  # a live session's door: whoever waits at the other end must get an answer
             traceback.print_exc()
             reply = Reply(letter.number, error="StudyError", message=f"the store failed: {error!r}")
-        with self._lock, contextlib.suppress(OSError):  # a worker that is gone needs no answer
-            self._connection.sendall(msgspec.json.encode(reply) + b"\n")
+        self._send(reply)
 
     def _value(self, request: Request) -> object:
         match request:
@@ -328,18 +313,16 @@ class StoreService:
             case WhoHolds(ticket=ticket):
                 return self._code_of_ticket(ticket)
             case AskPerson(code=code):
-                return self._person(code)
+                return self._store.person(code)
             case EnterStage(code=code, stage=stage, detail=detail):
                 profile = self._client_profile(code) if stage == "sitting_started" else None
                 self._store.enter_stage(code, stage, {**detail, "client": profile} if profile else detail)
-            case GiveConsent(code=code, text=text, given=given):
-                self._store.give_consent(code, text, given=given)
             case Withdraw(code=code):
                 self._store.withdraw(code)
             case NextTrial(code=code):
                 if self._store.next_trial(code) is None:
                     return None
-                return self._person(code).person.due
+                return self._store.person(code).due
             case OpenTrial(code=code, order_no=order_no, connection=connection):
                 return self._store.open_trial(code, order_no, connection=connection)
             case ListEvents(trial_id=trial_id):
@@ -349,10 +332,3 @@ class StoreService:
             case FinishTrial(trial_id=trial_id, outcome=outcome):
                 self._store.finish_trial(trial_id, _OUTCOME.validate_json(outcome))
         return None
-
-    def _person(self, code: str) -> PersonPlace:
-        with read_study(self._store.folder) as reader:
-            person = stored_person(reader, code)
-        ending = "finished" if has_reached(person.stages, "finished") else way_out(person.stages)
-        end = self._end_code(code, ending) if ending is not None else EndCode()
-        return PersonPlace(person, end.code, end.url)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 from websockets.asyncio.server import ServerConnection, serve
@@ -23,6 +23,7 @@ from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.http import PromptProtocol, uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.operator.service import listen
 from personal_viz.study_app.worker_door import WorkerDoor
 from sim.errors import StudyError
@@ -98,6 +99,22 @@ class OnePort:
     def seat(self, code: str) -> AbstractContextManager[WorkerDoor | None]:
         """The same for everybody."""
         return contextlib.nullcontext(None if self.port is None else WorkerDoor(self.port, "any"))
+
+
+class NoPages:
+    """Everybody is in a trial."""
+
+    def shown(self, code: str, base: str, *, page: int = 1) -> None:
+        """Viser comes next."""
+
+    def leaving(self, code: str, base: str) -> None:
+        """There is nothing to leave."""
+
+    def answer(self, code: str, form: dict[str, str]) -> None:
+        """Nothing was asked."""
+
+
+NO_PAGES = cast(Pages, NoPages())
 
 
 class EchoViser:
@@ -176,6 +193,7 @@ def running(
         OnePort(viser.port),
         tickets=tickets,
         options=options,
+        pages=NO_PAGES,
         screen_out_code="FULL-1",
         tell=told.append,
     )

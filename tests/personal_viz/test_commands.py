@@ -131,9 +131,7 @@ def test_runs_and_metrics_from_start_to_table(demo_root: Path, tmp_path: Path) -
 def test_the_demo_lets_people_walk_and_point(tmp_path: Path) -> None:
     with served(["demo", "--seed", "5", "--out", str(tmp_path / "demo"), "--port", "0"]) as study:
         with enter(study.link("pan")) as walker:
-            walker.press("Start")
             walker.see_step(0)
         with enter(study.link("pog")) as pointer:
-            pointer.press("Start")
             pointer.receive_until(lambda message: "Click the middle of the object" in str(message))
         assert study.end() == 0

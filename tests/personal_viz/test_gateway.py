@@ -12,7 +12,7 @@ from personal_viz.study_app.gateway.app import SESSION_COOKIE, Gateway
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.page_version import page_version
 
-from .gateways import FewPeople, OnePort, admission_for, few_people
+from .gateways import NO_PAGES, FewPeople, OnePort, admission_for, few_people
 
 ORIGIN = {"origin": "http://127.0.0.1"}
 DEVICE = {"webgl2": True, "width": 1283, "height": 760, "dpr": 1.1, "touch": False}
@@ -37,6 +37,7 @@ def site(folder: Path, *, options: ServeOptions | None = None, peer: str = "192.
         OnePort(9),
         tickets=tickets,
         options=options or ServeOptions(),
+        pages=NO_PAGES,
         screen_out_code="FULL-1",
         tell=told.append,
     )

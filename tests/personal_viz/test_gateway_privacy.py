@@ -14,7 +14,7 @@ from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.options import ServeOptions
 from tests.human_study.small_world import plan, study
 
-from .gateways import KEY, OnePort
+from .gateways import KEY, NO_PAGES, OnePort
 
 PERSON = "CANARY5f1e0c9a7b3d"
 PUBLIC = ServeOptions(public=True, hosts=("study.example.org",), proxy="10.0.0.9", pilot=True)
@@ -38,7 +38,7 @@ def visited(folder: Path, *, platform_id: str) -> dict[str, bytes]:
         for person in planned.participants:
             store.add_participant(person, token_hash(tokens[person.code]))
         admission = Admission(store, config, token_of_code=tokens, platform_key=KEY, pay_file=PayFile(folder))
-        gateway = Gateway(admission, OnePort(9), tickets=Tickets(folder), options=PUBLIC)
+        gateway = Gateway(admission, OnePort(9), tickets=Tickets(folder), options=PUBLIC, pages=NO_PAGES)
         client = TestClient(gateway.app(), base_url="https://study.example.org", client=("10.0.0.9", 5000))
         arrival = {"PROLIFIC_PID": PERSON, "STUDY_ID": "CANARYstudy", "SESSION_ID": "CANARYsession"}
         client.get("/join", params=arrival, headers=HEADERS)

@@ -20,9 +20,9 @@ from human_study.tickets import token_hash
 from human_study.trial.events import GaveUp
 from personal_viz.cli.study.status import progress_now
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
+from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.operator.dashboard import Dashboard
 from personal_viz.study_app.progress_words import place_words
-from personal_viz.study_app.recruit_codes import EndCode
 from personal_viz.study_app.store_link import StoreLink, StoreService
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import EpisodeKey
@@ -61,7 +61,6 @@ def started(folder: Path, flow: Sequence[FlowStep]) -> Iterator[tuple[StudyStore
             ours,
             store,
             code_of_ticket=lambda _: None,
-            end_code=lambda *_: EndCode(),
             client_profile=lambda _: None,
             on_end=lambda: None,
         )
@@ -142,27 +141,39 @@ def has_left(store: StudyStore, away_s: float) -> bool:
     return len(store.participant(CODE).stages) > num_before
 
 
-@given(flow=st.sampled_from(FLOWS), names=st.lists(ACTS, max_size=24))
+@given(flow=st.sampled_from(FLOWS), names=st.lists(ACTS, max_size=24), is_shown=st.booleans())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_all_who_ask_where_a_participant_is_hear_the_same(flow: tuple[FlowStep, ...], names: list[str]) -> None:
+def test_all_who_ask_where_a_participant_is_hear_the_same(
+    flow: tuple[FlowStep, ...], names: list[str], is_shown: bool
+) -> None:
     with tempfile.TemporaryDirectory() as name, started(Path(name), flow) as (store, link):
-        page = Dashboard(store.folder)
+        page, pages = Dashboard(store.folder), Pages(store, texts={})
         dashboard = TestClient(page.app(PORT), base_url=ORIGIN)
         dashboard.post("/enter", content=page.token, headers={"Origin": ORIGIN})
-        for name in ["", *names]:
-            act(store, name, journey_of(store.config, link.person(CODE).person))
-            person = link.person(CODE).person
-            shown_to_person = journey_of(store.config, person)
+
+        def agreed() -> Journey:
+            """Where all say that the participant is."""
+            journey = journey_of(store.config, link.person(CODE))
             status = progress_now(store.folder).people[0]
             page._looked = None  # it keeps a look for a second
             row = json.loads(dashboard.get("/progress").content)["people"][0]
-            assert status.place == shown_to_person.place
+            assert status.place == journey.place
             assert row["where"] == place_words(status)
-            assert (status.num_planned, row["planned"]) == (shown_to_person.num_all,) * 2
-            assert (status.state in ("out", "finished")) == (shown_to_person.place in GONE)
-        is_awaited = shown_to_person.place not in (*GONE, "not_arrived") and any(
-            trial.is_due and trial.phase == "main" for trial in person.trials
+            assert (status.num_planned, row["planned"]) == (journey.num_all,) * 2
+            assert (status.state in ("out", "finished")) == (journey.place in GONE)
+            return journey
+
+        for name in ["", *names]:
+            act(store, name, agreed())
+        journey = agreed()
+        if is_shown:  # asking for the page stores what needs no answer: who comes back, a break that begins, the end
+            shown = pages.shown(CODE, "/page/x/")
+            journey = agreed()
+            assert (shown is None) == (journey.place in ("practice", "trial"))
+            assert shown is None or f'data-place="{journey.place}"' in shown
+        is_awaited = journey.place not in (*GONE, "not_arrived") and any(
+            trial.is_due and trial.phase == "main" for trial in link.person(CODE).trials
         )
-        assert has_left(store, LEASE_S + 1) == (is_awaited and shown_to_person.place != "pause")
-        if shown_to_person.place == "pause":
+        assert has_left(store, LEASE_S + 1) == (is_awaited and journey.place != "pause")
+        if journey.place == "pause":
             assert has_left(store, LEASE_S + GAP_S + 1) == is_awaited

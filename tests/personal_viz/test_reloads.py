@@ -20,7 +20,6 @@ from human_study.tickets import token_hash
 from personal_viz.study_app.first_camera import CAMERA
 from personal_viz.study_app.home.home import Home
 from personal_viz.study_app.home.homes import HomeLibrary
-from personal_viz.study_app.recruit_codes import EndCode
 from personal_viz.study_app.screens.seat import Study
 from personal_viz.study_app.server import serve
 from personal_viz.study_app.store_link import StoreLink, StoreService
@@ -113,7 +112,6 @@ def worker(tmp_path: Path) -> Iterator[Worker]:
             ours,
             store,
             code_of_ticket=lambda ticket: ticket,
-            end_code=lambda *_: EndCode(),
             client_profile=lambda _: None,
             on_end=lambda: None,
         )

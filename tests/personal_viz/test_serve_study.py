@@ -62,8 +62,6 @@ def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_
             assert len(workers) == num_workers
             with enter(links["PAN"]) as walker, enter(links["POG"]) as pointer:
                 pointer.receive_until(lambda message: "Gui" in message["type"])
-                if first == 0:
-                    walker.press("Start")
                 walker.see_step(first)  # the second time it goes on where it was
                 for step in range(first, first + 3):
                     walker.press("Turn left (A or Left)")

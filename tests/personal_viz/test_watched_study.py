@@ -47,7 +47,6 @@ def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_datas
     command = ["study", "serve", "--out", str(tmp_path / "study"), "--port", "0", *home, "--rerun", str(live)]
     with served(command) as study:
         with enter(study.link("pan")) as walker:
-            walker.press("Start")
             walker.see_step(0)
             walker.press("Turn left (A or Left)")
             walker.see_step(1)
@@ -56,12 +55,11 @@ def test_both_tasks_are_recorded_and_participants_get_nothing_of_it(marked_datas
             walker_again.press("Forward (W or Up)")
             walker_again.see_step(2)
             walker_again.give_up()
-            walker_again.receive_until(lambda message: "Thank you" in str(message))
+            walker_again.receive_until(lambda message: "personalPage.goOn" in str(message))
         with enter(study.link("pog")) as pointer:
-            pointer.press("Start")
             pointer.receive_until(lambda message: "Click the middle of the object" in str(message))
             pointer.give_up()
-            pointer.receive_until(lambda message: "Thank you" in str(message))
+            pointer.receive_until(lambda message: "personalPage.goOn" in str(message))
         assert study.end() == 0
     for client in (walker, walker_again, pointer):
         assert_no_answer(client.messages, client.buffers, marked_dataset)

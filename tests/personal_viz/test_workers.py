@@ -23,10 +23,9 @@ from personal_viz.study_app.gateway.http import uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.gateway.workers import WorkerPool, worker_command
 from personal_viz.study_app.operator.service import listen
-from personal_viz.study_app.recruit_codes import EndCode
 from sim.errors import StudyError
 
-from .gateways import PRESS, admission_for, enter, few_people, pack, wait_until
+from .gateways import NO_PAGES, PRESS, admission_for, enter, few_people, pack, wait_until
 
 PATIENCE_S = 60
 
@@ -40,7 +39,6 @@ def pool_of(
         lambda fd: [sys.executable, "-m", "tests.personal_viz.fake_worker", str(fd), str(folder), kind],
         num_workers=num_workers,
         tickets=tickets or Tickets(),
-        end_code=lambda code, ending: EndCode(),
         tell=told.append,
         **choices,
     )
@@ -130,7 +128,7 @@ def test_a_worker_that_always_dies_is_given_up_and_told(tmp_path: Path, monkeypa
 def served(folder: Path, pool: WorkerPool, tickets: Tickets) -> Iterator[str]:
     """The gateway's address in front of a pool."""
     options = ServeOptions(port=0)
-    gateway = Gateway(admission_for(few_people(), folder), pool, tickets=tickets, options=options)
+    gateway = Gateway(admission_for(few_people(), folder), pool, tickets=tickets, options=options, pages=NO_PAGES)
     server = uvicorn_server(gateway.app(), options)
     listener = listen(options)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)

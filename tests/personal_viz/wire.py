@@ -1,9 +1,6 @@
 """A participant without a browser: enters through the gateway and keeps everything that it is sent."""
 
-import http.cookies
-import json
 import time
-import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,6 +11,7 @@ import zstandard
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from personal_viz.bots.forms import answer_pages, open_session
 from personal_viz.study_app.first_camera import CAMERA
 
 
@@ -71,15 +69,11 @@ class WireClient:
 
 @contextmanager
 def enter(link: str, *, patience_s: float = 0.0) -> Iterator[WireClient]:
-    """Opens a personal link as the page does; for so long it tries again where nobody answers yet, as viser does."""
-    address, token = link.split("/#")
-    body = json.dumps({"token": token}).encode()
-    headers = {"Content-Type": "application/json", "Origin": address}
-    with urllib.request.urlopen(urllib.request.Request(f"{address}/enter", body, headers), timeout=30) as reply:
-        view = json.load(reply)["view"]
-        cookie = http.cookies.SimpleCookie(reply.headers["Set-Cookie"])
-    pair = "; ".join(f"{name}={morsel.value}" for name, morsel in cookie.items())
-    with _connected(view.split("websocket=")[1], {"Cookie": pair, "Origin": address}, patience_s) as connection:
+    """Opens a personal link and answers its pages up to the first trial; as viser does, it tries again for so long."""
+    session = open_session(link)
+    assert answer_pages(session) is None
+    headers = {"Cookie": session.cookie, "Origin": session.origin}
+    with _connected(session.view.split("websocket=")[1], headers, patience_s) as connection:
         client = WireClient(connection)
         client.send(CAMERA)  # viser admits a client when it tells its camera
         yield client

@@ -11,17 +11,17 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol, TypeVar
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from sim.errors import StudyError
 
@@ -31,6 +31,7 @@ from .admission import Admission, Arrival, DeviceProfile, Tickets
 from .http import Guard, address_of, small_body, too_many_tries
 from .limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, is_forwarded
 from .options import ServeOptions
+from .pages import MAX_FORM_BYTES, Pages
 from .proxy import BAD, LATER, join
 
 SESSION_COOKIE = "personal_session"
@@ -50,6 +51,12 @@ _VISER_CSP = (
     "img-src 'self' data: blob:; font-src data:; worker-src blob:; connect-src 'self' data: blob:; "
     "frame-ancestors 'none'; base-uri 'none'"
 )
+
+_PAGE_HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; "
+    "form-action 'self'",
+    "Referrer-Policy": "same-origin",  # with "no-referrer" browsers send no Origin with a form, and we ask for it
+}
 
 
 class Seats(Protocol):
@@ -77,6 +84,7 @@ class Gateway:
         *,
         tickets: Tickets,
         options: ServeOptions,
+        pages: Pages,
         present: Callable[[str], AbstractContextManager[None]] | None = None,
         screen_out_code: str | None = None,
         tell: Callable[[str], None] | None = None,
@@ -89,6 +97,7 @@ class Gateway:
             seats: The viser workers.
             tickets: Filled here; the workers ask whose connection they have got.
             options: Host names, limits, TLS.
+            pages: What participants read and answer outside viser.
             present: Entered for each participant's connection while it is open.
             screen_out_code: Shown to people for whom there is no place.
             tell: One line for the person at the terminal; None = standard error.
@@ -98,6 +107,7 @@ class Gateway:
         self._page = page_of(self._version)
         self._note_error = note_error
         self._admission, self._seats, self._tickets, self._options = admission, seats, tickets, options
+        self._pages = pages
         self._present = present or (lambda _: contextlib.nullcontext())
         self._screen_out_code = screen_out_code
         self._tell = tell or (lambda line: print(f"personal-viz: {line}", file=sys.stderr))
@@ -112,6 +122,9 @@ class Gateway:
         routes = [
             Route("/", self.enter_page),
             Route("/enter", self.enter, methods=["POST"]),
+            Route("/page/{ticket:str}/", self.page, methods=["GET", "POST"]),
+            Route("/page/{ticket:str}/leave", self.leave_page),
+            WebSocketRoute("/page/{ticket:str}/here", self.here),
             Route("/view/", self.view),
             Route("/check/download", self.download),
             Route("/page-version", self.version),
@@ -128,7 +141,7 @@ class Gateway:
         return FileResponse(STATIC / "enter.html")
 
     async def enter(self, request: Request) -> Response:
-        """A session for a known token: a cookie for its websocket alone, and the address of the view."""
+        """A session for a known token: a cookie for its pages and its websocket alone, and where these are."""
         if not self._is_own_origin(request):
             return PlainTextResponse("foreign origin", status_code=403)
         entry = await _json(request, Entry) or Entry()
@@ -144,8 +157,10 @@ class Gateway:
             session_id, ticket_id = await run_in_threadpool(self._tickets.issue, code, profile)
         except StudyError as error:
             return self._paused(error)
-        reply = JSONResponse({"view": self._view_address(request, ticket_id)})
-        self._set_cookie(reply, request, SESSION_COOKIE, session_id, path=f"/ws/{ticket_id}")
+        page = f"/page/{ticket_id}"
+        reply = JSONResponse({"view": self._view_address(request, ticket_id), "page": f"{page}/"})
+        for path in (f"/ws/{ticket_id}", page):
+            self._set_cookie(reply, request, SESSION_COOKIE, session_id, path=path)
         return reply
 
     async def join(self, request: Request) -> Response:
@@ -164,6 +179,62 @@ class Gateway:
         if token is None:
             return JSONResponse({"full": True, "code": self._screen_out_code})
         return JSONResponse({"token": token})
+
+    async def page(self, request: Request) -> Response:
+        """The page that a participant gets now; a form's answer is stored, and leads to the next page."""
+        ticket_id, code = request.path_params["ticket"], self._holder(request)
+        if code is None:
+            return FileResponse(STATIC / "enter.html")
+        base = f"/page/{ticket_id}/"
+        try:
+            with self._present(code):
+                if request.method == "POST":
+                    if not self._is_own_origin(request):
+                        return PlainTextResponse("foreign origin", status_code=403)
+                    await run_in_threadpool(self._pages.answer, code, await _form(request))
+                    return RedirectResponse(base, status_code=303)
+                number = request.query_params.get("page", "1")
+                number = int(number) if number.isascii() and number.isdecimal() and len(number) < 4 else 1
+                shown = await run_in_threadpool(self._pages.shown, code, base, page=number)
+        except StudyError as error:
+            return self._paused_page(error)
+        if shown is None:
+            return RedirectResponse(self._view_address(request, ticket_id), status_code=303)
+        return HTMLResponse(shown, headers=_PAGE_HEADERS)
+
+    async def leave_page(self, request: Request) -> Response:
+        """Asks somebody who wants to leave the study whether that is meant."""
+        code, base = self._holder(request), f"/page/{request.path_params['ticket']}/"
+        if code is None:
+            return FileResponse(STATIC / "enter.html")
+        try:
+            shown = await run_in_threadpool(self._pages.leaving, code, base)
+        except StudyError as error:
+            return self._paused_page(error)
+        return RedirectResponse(base, status_code=303) if shown is None else HTMLResponse(shown, headers=_PAGE_HEADERS)
+
+    async def here(self, socket: WebSocket) -> None:
+        """Open as long as a page is: its participant is here, and keeps the place in the study."""
+        code = self._holder(socket)
+        if code is None or not self._is_own_origin(socket):
+            await socket.close(code=BAD)
+            return
+        with self._sessions.one(socket.path_params["ticket"], MOST_PER_TICKET) as is_allowed:
+            if not is_allowed:
+                await socket.close(code=LATER)
+                return
+            await socket.accept()
+            with self._people.one(code, None), self._present(code), contextlib.suppress(WebSocketDisconnect, KeyError):
+                await socket.receive_text()  # a page never says anything
+            with contextlib.suppress(RuntimeError):  # the browser left by itself
+                await socket.close(code=BAD)
+
+    def _holder(self, connection: HTTPConnection) -> str | None:
+        """The participant whose page is asked for by somebody who has its cookie."""
+        ticket = self._tickets.find(connection.path_params["ticket"])
+        if ticket is None or not ticket.admits(connection.cookies.get(SESSION_COOKIE, "")):
+            return None
+        return ticket.code
 
     async def view(self, request: Request) -> Response:
         """viser's client; the entry page instead when the ticket in the address is not valid any more.
@@ -230,6 +301,12 @@ class Gateway:
         self._tell(str(error))
         return PlainTextResponse("the study is paused", status_code=503, headers={"Retry-After": "60"})
 
+    def _paused_page(self, error: StudyError) -> Response:
+        self._tell(str(error))
+        return HTMLResponse(
+            self._pages.message("paused"), status_code=503, headers={**_PAGE_HEADERS, "Retry-After": "60"}
+        )
+
     def _view_address(self, request: Request, ticket_id: str) -> str:
         host = request.headers["host"]
         scheme = "wss" if self._options.is_secure(host) else "ws"
@@ -259,3 +336,12 @@ async def _json(request: Request, kind: type[Body]) -> Body | None:
         return msgspec.json.decode(await small_body(request, MAX_JSON_BYTES), type=kind)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
+
+
+async def _form(request: Request) -> dict[str, str]:
+    """The fields of a small form; {} when it is not one."""
+    body = await small_body(request, MAX_FORM_BYTES)
+    try:
+        return dict(parse_qsl(body.decode(), keep_blank_values=True, max_num_fields=20))
+    except ValueError:
+        return {}

@@ -236,7 +236,7 @@ def _with_headers(send: Send, *, is_secure: bool) -> Callable[[Message], Awaitab
             headers = MutableHeaders(scope=message)
             headers.setdefault("Content-Security-Policy", OWN_PAGES_CSP)
             for name, value in _HEADERS.items():
-                headers[name] = value
+                headers.setdefault(name, value)
             if is_secure:
                 headers["Strict-Transport-Security"] = _HSTS
         await send(message)

@@ -13,11 +13,9 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from pathlib import Path
 
-from human_study.store.stages import Stage
 from human_study.store.store import StudyStore
 from sim.errors import StudyError
 
-from ..recruit_codes import EndCode
 from ..store_link import StoreService
 from ..worker_door import WorkerDoor
 from .admission import Tickets
@@ -98,7 +96,6 @@ class WorkerPool:
         *,
         num_workers: int,
         tickets: Tickets,
-        end_code: Callable[[str, Stage], EndCode],
         tell: Callable[[str], None],
         heartbeat: Heartbeat | None = None,
         end_s: float = END_S,
@@ -110,14 +107,12 @@ class WorkerPool:
             command: Program of a worker for the file descriptor of its socket.
             num_workers: At least 1.
             tickets: Whose connection a worker has got.
-            end_code: What a participant gets who ended by a stage.
             tell: One line for the person at the terminal.
             heartbeat: When a worker counts as hung.
             end_s: Time that the workers get to end.
         """
         self._heartbeat, self._end_s = heartbeat or Heartbeat(), end_s
         self._store, self._command, self._tickets, self._tell = store, command, tickets, tell
-        self._end_code = end_code
         self.workers = [Worker(number) for number in range(1, num_workers + 1)]
         self.ended = threading.Event()
         self._closing = threading.Event()
@@ -175,21 +170,34 @@ class WorkerPool:
         with self._lock:
             return len({code for worker in self.workers for code in worker.codes})
 
-    def _choose(self, code: str) -> Worker | None:
-        """The worker that has the participant already; else the least loaded, and of those the last one."""
+    def warm(self, code: str, scene: str) -> None:
+        """Has the worker that the participant will probably come to open a home; returns at once."""
         with self._lock:
-            ready = [worker for worker in self.workers if worker.door is not None]
-            if not ready:
-                return None
-            holding = [worker for worker in ready if code in worker.codes]
-            fewest = min(len(worker.codes) for worker in ready)
-            least = [worker for worker in ready if len(worker.codes) == fewest]
-            last = self._last.get(code)
-            chosen = holding[0] if holding else (last if last in least else least[0])
-            assert chosen is not None
-            chosen.codes[code] = chosen.codes.get(code, 0) + 1
-            self._last[code] = chosen
+            worker = self._fitting(code)
+            service = worker.service if worker is not None else None
+            if worker is not None:
+                self._last[code] = worker
+        if service is not None:
+            service.warm(scene)
+
+    def _choose(self, code: str) -> Worker | None:
+        with self._lock:
+            chosen = self._fitting(code)
+            if chosen is not None:
+                chosen.codes[code] = chosen.codes.get(code, 0) + 1
+                self._last[code] = chosen
             return chosen
+
+    def _fitting(self, code: str) -> Worker | None:
+        """The worker that has the participant already; else the least loaded, and of those the last one."""
+        ready = [worker for worker in self.workers if worker.door is not None]
+        if not ready:
+            return None
+        holding = [worker for worker in ready if code in worker.codes]
+        fewest = min(len(worker.codes) for worker in ready)
+        least = [worker for worker in ready if len(worker.codes) == fewest]
+        last = self._last.get(code)
+        return holding[0] if holding else (last if last is not None and last in least else least[0])
 
     def _leave(self, worker: Worker, code: str) -> None:
         with self._lock:
@@ -214,7 +222,6 @@ class WorkerPool:
             ours,
             self._store,
             code_of_ticket=self._tickets.code_of,
-            end_code=self._end_code,
             client_profile=self._tickets.client_profile,
             on_end=worker.ended.set,
         )

@@ -15,11 +15,13 @@ import uvicorn
 from human_study.design.plan import StudyPlan
 from human_study.design.study import StudyConfig
 from human_study.store.store import StudyStore
+from human_study.texts.participants import told_texts
 from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.http import uvicorn_server
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
+from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.gateway.upkeep import upkeep
 from personal_viz.study_app.gateway.workers import WORKERS_SHARE, WorkerPool, worker_command
 from personal_viz.study_app.operator.dashboard import dashboard
@@ -72,14 +74,20 @@ def serve_study(
             worker_command(folder, dataset, scenes_dir, rerun=where, with_pixels=with_pixels),
             num_workers=options.num_workers,
             tickets=tickets,
-            end_code=functools.partial(end_code, codes, platform_key),
             tell=_tell,
             heartbeat=options.heartbeat,
             end_s=WORKERS_SHARE * options.drain_s,
         ) as pool,
         _looked_after(store, pool, options) as (keeper, page),
     ):
-        gateway = _gateway(store, admission, pool, keeper, tickets=tickets, codes=codes, options=options)
+        pages = Pages(
+            store,
+            texts=told_texts(store.folder, store.plan),
+            client_profile=tickets.client_profile,
+            end_code=functools.partial(end_code, codes, platform_key),
+            warm=pool.warm,
+        )
+        gateway = _gateway(store, admission, pool, keeper, tickets=tickets, pages=pages, codes=codes, options=options)
         _print_links(options.address(listening.getsockname()[1]), links, has_open_link=admission.has_open_link)
         print(f"  Who is where, for you only: {page}")
         print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
@@ -105,6 +113,7 @@ def _gateway(
     keeper: LeaseKeeper,
     *,
     tickets: Tickets,
+    pages: Pages,
     codes: RecruitCodes,
     options: ServeOptions,
 ) -> Gateway:
@@ -114,6 +123,7 @@ def _gateway(
         pool,
         tickets=tickets,
         options=options,
+        pages=pages,
         present=keeper.present,
         screen_out_code=codes.prolific and codes.prolific.screen_out,
         tell=_tell,

@@ -8,7 +8,7 @@ import dataclasses
 import enum
 import queue
 import time
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,8 +80,6 @@ class Desk:
             code: The participant.
         """
         self.page, self.code = page, code
-        self.device: Device | None = None
-        """What the browser told last of itself; None before it did."""
         self.has_lost_picture = False
         """Whether the browser cannot draw in 3-D any more until the page is loaded again."""
         self.own_keys: Mapping[KeyAction, str] = {}
@@ -136,8 +134,6 @@ class Desk:
             case Pressed():
                 self._pressed = (said, time.monotonic())
             case Device(width=width, height=height):
-                self.device = said
-                self.put(Item(said))
                 self.put(Item(Resize(width, height)))
             case PageTold(what=what, t_cli_ms=t_cli_ms):
                 self.has_lost_picture = self.has_lost_picture or what == "context_lost"
@@ -168,21 +164,17 @@ class Desk:
             elif item.screen == self._screen or (item.screen is None and isinstance(item.content, self._hears)):
                 return item
 
-    def show(self, card: Card, *, hears: tuple[type, ...] = (), hotkeys: Sequence[str] = ()) -> None:
-        """Shows a card; its buttons and `hotkeys` (viser's names) come out of `wait` as `Chosen`."""
-        send = self.new_screen(hears=hears)
+    def choose(self, card: Card) -> str:
+        """Shows a card until a button or its key is pressed; returns the name of the button. Raises as `wait`."""
+        send = self.new_screen(hears=())
 
         async def chosen(name: str) -> None:
             await send(Chosen(name))
 
-        self.page.card(card, chosen, hotkeys=hotkeys)
-
-    def choose(self, card: Card) -> str:
-        """Shows a card until one of its buttons is pressed; returns the button's name. Raises as `wait`."""
-        self.show(card)
-        chosen = self.wait().content
-        assert isinstance(chosen, Chosen), chosen
-        return chosen.name
+        self.page.card(card, chosen)
+        content = self.wait().content
+        assert isinstance(content, Chosen), content
+        return content.name
 
     def ask(self, title: str, text: str, button: str) -> None:
         """Shows a notice until its button is pressed. Raises as `wait`."""
@@ -197,6 +189,11 @@ class Desk:
     def reload(self) -> None:
         """Has the browser load the page again."""
         self.page.client.gui.add_html(when_shown("reload"))
+        self.page.client.flush()
+
+    def go_on(self) -> None:
+        """Has the browser open the page that the gateway has for the participant now."""
+        self.page.client.gui.add_html(when_shown("goOn"))
         self.page.client.flush()
 
     def _end_on(self, content: Any) -> None:

@@ -135,13 +135,12 @@ class Page:
             self._signed = text, number
             self._sign.content = sign_html(text, number)
 
-    def card(self, card: Card, chosen: Callable[[str], Awaitable[None]], *, hotkeys: Sequence[str] = ()) -> None:
+    def card(self, card: Card, chosen: Callable[[str], Awaitable[None]]) -> None:
         """Shows a card over the whole page.
 
         Args:
             card: What to show.
             chosen: Told the name of the button that is pressed, or the key.
-            hotkeys: viser's names of keys that the page waits for besides its buttons'.
         """
         self.clear()
         with self.client.atomic():
@@ -151,8 +150,6 @@ class Page:
                 self.button(choice.label, press, color=choice.color)
                 if choice.hotkey is not None:
                     self.hotkey(choice.hotkey, choice.label, press)
-            for key in hotkeys:
-                self.hotkey(key, f"key {key}", _choosing(chosen, key))
         self.client.flush()
 
     def tools(self, *, has_keys: bool, on_leave: str | None) -> None:

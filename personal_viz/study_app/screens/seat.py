@@ -1,4 +1,4 @@
-"""One participant at one browser connection, from the first page to the last. The session's own thread.
+"""One participant at one browser connection: trials, and what is said between them. The session's own thread.
 
 Nothing but the connection lives here: pages and trials are rebuilt from what is stored whenever a browser comes.
 """
@@ -9,25 +9,26 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import viser
 
 from human_study.design.plan import StudyPlan
 from human_study.design.study import StudyConfig
 from human_study.journey import AssignedTrial, Person, trial_name
-from human_study.store.stages import has_reached, last_detail, way_out
+from human_study.store.stages import has_reached, last_detail
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.texts.participants import practice_text
 
+from ..gateway.device import IN_3D
 from ..home.home import Home
 from ..home.homes import HomeLibrary
 from ..page_script import KeyAction, PageMessages
 from ..store_link import StoreLink
-from .cards import IN_3D, ON_LEAVE, lost_picture_card
+from .cards import lost_picture_card
 from .desk import Desk, GoneError, Item, Signal, WithdrawnError
-from .pages import FlowPages, QuizMemory
+from .pages import TrialPages
 from .panels import Page
 from .play import TrialPlay
 
@@ -36,8 +37,11 @@ _KEYS: dict[str, tuple[KeyAction, ...]] = {
     "paper6": ("forward", "left", "right", "look_up", "look_down", "stop"),
 }
 """What PAN participants have keys for."""
-_TO_DO = ("practice", "trial", "ending")
-"""Steps at which the store is asked for the next trial."""
+_ON_LEAVE = {
+    "delete": "What you did in your searches will be deleted and cannot be brought back.",
+    "keep": "What you did so far will be kept without your name. Nothing more will be asked of you.",
+}
+"""What happens to the data of somebody who withdraws (`privacy.on_withdraw`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +53,6 @@ class Study:
     homes: HomeLibrary[Home]
     opened_s: float
     """`time.monotonic()` when this worker began to serve."""
-    texts: Mapping[str, str] = field(default_factory=dict)
-    """What participants read, by file name; those that the study has."""
-    quizzes: QuizMemory = field(default_factory=QuizMemory)
 
 
 class Seat:
@@ -84,14 +85,7 @@ class Seat:
         self._desk = Desk(Page(client), code)
         self._desk.on_keys = self._keep_keys
         self._was_paused = False
-        self._pages = FlowPages(
-            self._desk,
-            link,
-            study.config,
-            texts=study.texts,
-            quizzes=study.quizzes,
-            label_of_home=self._label_of_home,
-        )
+        self._pages = TrialPages(self._desk, link, study.config)
         threading.Thread(target=self._run, daemon=True, name=f"seat-{code}").start()
 
     def leave(self) -> None:
@@ -106,7 +100,7 @@ class Seat:
         page = self._desk.page
         try:
             self._begin()
-            self._until_stored(self._lead_to_end)
+            self._until_stored(self._lead)
         except WithdrawnError:
             self._until_stored(self._withdraw)
         except SupersededError:
@@ -124,9 +118,7 @@ class Seat:
         messages = PageMessages(self._client, self._desk.heard, actions=actions)
         self._desk.own_keys = last_detail(person.stages, "keys_changed")
         messages.begin(self._desk.own_keys)
-        is_in = way_out(person.stages) is None and not has_reached(person.stages, "finished")
-        on_leave = ON_LEAVE[self._study.config.privacy.on_withdraw] if is_in else None
-        self._desk.page.tools(has_keys=bool(actions), on_leave=on_leave)
+        self._desk.page.tools(has_keys=bool(actions), on_leave=_ON_LEAVE[self._study.config.privacy.on_withdraw])
 
     def _until_stored(self, work: Callable[[], None]) -> None:
         """Does the work; when the store cannot write, the page waits, and all is rebuilt from what is stored."""
@@ -140,21 +132,17 @@ class Seat:
                 text = "Nothing that you did is lost. Please try again in a minute."
                 self._desk.ask("The study is paused", text, "Try again")
 
-    def _lead_to_end(self) -> None:
-        """Pages and trials until there is nothing more to do; then the last page."""
-        if not self._person().stages:
-            self._link.enter_stage(self.code, "arrived")
+    def _lead(self) -> None:
+        """Trials until another page comes: the gateway has that one."""
         self._pages.welcome_back()
         while True:
-            self._warm_next(self._person())
-            person = self._pages.lead()
+            person = self._person()
             journey = self._pages.journey(person)
-            due = self._link.next_trial(self.code) if journey.place in _TO_DO else None
+            due = self._link.next_trial(self.code) if journey.place in ("practice", "trial") else None
             if due is None:
-                self._end(person)
+                self._go_on()
                 return
-            if journey.place == "ending":
-                continue  # given out just now: introduction, break and the end of a sitting come before it as well
+            self._warm_next(person)
             if self._desk.has_lost_picture and due.condition in IN_3D:
                 self._load_again()
             self._pages.introduce(person, journey)
@@ -167,20 +155,20 @@ class Seat:
         """Only a page that is loaded again draws in 3-D again; the connection ends with the old one."""
         self._desk.choose(lost_picture_card())
         self._desk.reload()
+        self._until_gone()
+
+    def _go_on(self) -> None:
+        """What comes next is no part of viser's: the browser opens the page that the gateway has."""
+        self._desk.go_on()
+        self._until_gone()
+
+    def _until_gone(self) -> None:
         while True:
             self._desk.wait()
 
-    def _end(self, person: Person) -> None:
-        """The last page, shown when it is stored. Who found nothing at all to do is told that the study is full."""
-        if self._pages.journey(person).place in _TO_DO:
-            has_done = any(trial.phase == "main" for trial in person.kept)
-            self._link.enter_stage(self.code, "finished" if has_done else "full")
-        self._desk.page.tools(has_keys=False, on_leave=None)
-        self._pages.end(self._link.person(self.code))
-
     def _withdraw(self) -> None:
         self._link.withdraw(self.code)
-        self._end(self._person())
+        self._desk.go_on()
 
     def _play(self, place: AssignedTrial) -> None:
         """One trial to its stored outcome, then a word on it."""
@@ -205,7 +193,7 @@ class Seat:
             self._pages.after(place, word=word)
 
     def _person(self) -> Person:
-        return self._link.person(self.code).person
+        return self._link.person(self.code)
 
     def _warm_next(self, person: Person) -> None:
         """Opens the next trial's home while the participant reads."""
@@ -214,7 +202,3 @@ class Seat:
 
     def _keep_keys(self, keys: Mapping[KeyAction, str]) -> None:
         self._link.enter_stage(self.code, "keys_changed", {str(action): code for action, code in keys.items()})
-
-    def _label_of_home(self, scene: str) -> str:
-        with self._study.homes.use(scene) as home:
-            return home.scene.unnamed_label

@@ -66,7 +66,7 @@
   const enter = async (token) => {
     const reply = await post("/enter", { token, device: device() });
     if (reply.ok) {
-      window.location.replace((await reply.json()).view);
+      window.location.replace((await reply.json()).page);
       return true;
     }
     explain(reply.status, "This link is not known. Please check that you opened all of it.");

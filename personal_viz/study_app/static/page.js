@@ -298,5 +298,9 @@
     },
     refresh: () => setLarge(document.documentElement.classList.contains('personal-large')),  // the tools are drawn anew
     reload: () => window.location.reload(),
+    goOn: () => {  // to the page without 3-D that comes next
+      const [, ticket] = /\/ws\/([^/?&#]+)/.exec(decodeURIComponent(window.location.search)) || [];
+      if (ticket) window.location.replace('/page/' + ticket + '/');
+    },
   };
 })();

@@ -15,7 +15,7 @@ from markdown_it.common.utils import escapeHtml
 from markdown_it.renderer import RendererHTML
 from markdown_it.token import Token
 
-from ..page_script import STATIC
+from .page_script import STATIC
 
 _HEADING = re.compile(r"^#{1,4}\s+(.*)$")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)

@@ -1,0 +1,301 @@
+"""The pages of a study without 3-D, as HTML forms: each answer is stored before the next page is shown.
+
+`journey.py` says where a participant is; a page is made anew from what is stored whenever a browser asks, and a form
+says which state it answers, so that a reload or a second press answers nothing twice.
+"""
+
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from human_study.design.study import Condition, StudyConfig
+from human_study.journey import Journey, Person, journey_of
+from human_study.store.stages import Stage, last_detail
+from human_study.store.store import StudyStore
+from human_study.texts.participants import CONSENT_FILE, INSTRUCTIONS_FILE, instruction_texts, told_text, welcome_text
+from human_study.texts.quiz import Question, QuizRound, questions_for
+from sim.mesh import UNNAMED_LABELS
+
+from ..markdown import html_from_markdown, title_of
+from ..parts import PARTS, parts_of
+from ..recruit_codes import EndCode
+from .device import MIN_HEIGHT, MIN_WIDTH, SMALLER, device_report, needs_webgl
+from .pauses import machine_time, pause_left_s, steady_detail
+
+TEMPLATES = Path(__file__).parents[1] / "templates"
+MAX_FORM_BYTES = 4096
+_TEMPLATE_OF = {"declined": "end", "withdrawn": "end", "screened_out": "end", "full": "end", "finished": "end"}
+
+
+class Pages:
+    """The pages of all participants of a study; any thread."""
+
+    def __init__(
+        self,
+        store: StudyStore,
+        *,
+        texts: Mapping[str, str],
+        client_profile: Callable[[str], dict[str, Any] | None] = lambda _: None,
+        end_code: Callable[[str, Stage], EndCode] = lambda *_: EndCode(),
+        warm: Callable[[str, str], None] = lambda *_: None,
+    ) -> None:
+        """Shows nothing yet.
+
+        Args:
+            store: Of the study.
+            texts: Of the study, by file name (`told_text`).
+            client_profile: What a participant's browser can do, coarsely; stored with each sitting. None = not known.
+            end_code: What a participant gets who ended by this stage.
+            warm: Told (participant, scene) of the home that comes next, so that it is open by then.
+        """
+        self._store, self._texts = store, texts
+        self._client_profile, self._end_code, self._warm = client_profile, end_code, warm
+        self._quizzes: dict[str, QuizRound] = {}
+        """Rounds of the quiz that are under way, by participant: a reload does not begin a new one."""
+        self._locks: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
+        self._templates = jinja2.Environment(
+            loader=jinja2.FileSystemLoader(TEMPLATES),
+            undefined=jinja2.StrictUndefined,
+            autoescape=True,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+
+    @property
+    def _config(self) -> StudyConfig:
+        return self._store.config
+
+    def shown(self, code: str, base: str, *, page: int = 1) -> str | None:
+        """The participant's page as HTML; None where the next thing is 3-D.
+
+        Args:
+            code: The participant.
+            base: Address of the participant's pages, to which forms are sent.
+            page: Which of several pages of instructions.
+
+        Raises:
+            StudyError: The store cannot be written; nothing is lost.
+        """
+        with self._locks[code]:
+            person, journey = self._next(code)
+            if person.due is not None:
+                self._warm(code, person.due.key.scene)
+            if journey.place in ("practice", "trial"):
+                return None
+            return self._page(person, journey, base, max(1, page))
+
+    def leaving(self, code: str, base: str) -> str | None:
+        """The page that asks somebody who wants to leave whether it is meant; None where there is nothing to leave."""
+        with self._locks[code]:
+            person, journey = self._next(code)
+            return self._html("leave", person, journey, base) if _may_leave(journey) else None
+
+    def message(self, name: str) -> str:
+        """A page that belongs to no place: `paused`."""
+        return self._templates.get_template(f"{name}.html").render(parts=(), part=0, base="", place="", may_leave=False)
+
+    def answer(self, code: str, form: Mapping[str, str]) -> None:
+        """Stores what a form says; nothing where it answers another state than the present one.
+
+        Raises:
+            StudyError: The store cannot be written; nothing is lost.
+        """
+        with self._locks[code]:
+            person, journey = self._next(code)
+            if form.get("choice") == "withdraw":
+                if _may_leave(journey):
+                    self._store.withdraw(code)
+            elif form.get("at") == self._at(person, journey):
+                self._store_answer(person, journey, form)
+            self._next(code)
+
+    def _next(self, code: str) -> tuple[Person, Journey]:
+        """Where the participant is, after what needs no answer is stored."""
+        while True:
+            person = self._store.person(code)
+            journey = journey_of(self._config, person)
+            done = {"done": journey.num_done}
+            if not person.stages:
+                self._store.enter_stage(code, "arrived")
+            elif journey.place == "dropped_out":
+                self._store.enter_stage(code, "returned")  # goes on where the way was left, with what others left
+            elif journey.place == "ending":
+                if self._store.next_trial(code) is None:
+                    has_done = any(trial.phase == "main" for trial in person.kept)
+                    self._store.enter_stage(code, "finished" if has_done else "full")
+            elif journey.place == "quiz" and (quiz := self._quizzes.get(code)) is not None and quiz.present is None:
+                detail = {"round": 1 + journey.failed_rounds, "wrong": quiz.wrong}
+                self._store.enter_stage(code, "quiz_failed" if quiz.wrong else "quiz_passed", detail)
+                del self._quizzes[code]
+            elif journey.place == "break" and journey.rest is None:
+                self._store.enter_stage(code, "break_started", done)
+            elif journey.place == "pause" and journey.rest is None:
+                self._store.enter_stage(
+                    code, "break_started", {**done, "sitting": True, **steady_detail(machine_time())}
+                )
+            else:
+                return person, journey
+
+    def _page(self, person: Person, journey: Journey, base: str, page: int) -> str:
+        match journey.place:
+            case "device":
+                words: dict[str, Any] = {
+                    "needs_webgl": needs_webgl(person),
+                    "has_keys": person.task == "pan",
+                    "is_prolific": self._config.recruit.kind == "prolific",
+                    "width": MIN_WIDTH,
+                    "height": MIN_HEIGHT,
+                    "smaller": SMALLER,
+                }
+            case "consent":
+                text = told_text(self._texts, CONSENT_FILE, person.task)
+                words = _text_words(text, "Before you begin")
+            case "instructions":
+                words = self._instructions(person, page)
+            case "quiz":
+                words = self._question(person, journey)
+            case "pause":
+                words = {"back_in": duration(left_s) if (left_s := self._left_s(journey)) > 0 else None}
+                words["sitting_max"] = self._config.breaks.sitting_max
+            case "finished" | "declined" | "withdrawn" | "screened_out" | "full":
+                words = {"end": self._end_code(person.code, journey.place)}
+            case _:
+                words = {}
+        return self._html(_TEMPLATE_OF.get(journey.place, journey.place), person, journey, base, **words)
+
+    def _html(self, name: str, person: Person, journey: Journey, base: str, **words: Any) -> str:
+        parts = parts_of(self._config, person)
+        own = PARTS.get("trial" if journey.place in ("break", "pause") else journey.place)
+        is_on_way = own in parts
+        return self._templates.get_template(f"{name}.html").render(
+            parts=parts if is_on_way else (),
+            part=parts.index(own) if is_on_way else 0,  # type: ignore[arg-type]
+            base=base,
+            place=journey.place,
+            at=self._at(person, journey),
+            journey=journey,
+            may_leave=_may_leave(journey) and name != "leave",
+            on_withdraw=self._config.privacy.on_withdraw,
+            **words,
+        )
+
+    def _at(self, person: Person, journey: Journey) -> str:
+        """Names the state that a form answers: each answer that is stored makes it another one."""
+        quiz = self._quizzes.get(person.code) if journey.place == "quiz" else None
+        passed = sum(entry.stage not in ("device_failed", "keys_changed") for entry in person.stages)
+        return f"{journey.place}-{passed}-{quiz.answered if quiz is not None else 0}"
+
+    def _instructions(self, person: Person, page: int) -> dict[str, Any]:
+        if self._config.flow == ("instructions",):
+            words = _text_words(welcome_text(self._config, person.task), "Welcome")
+            scene = self._store.plan.scene(person.kept[0].key.scene) if person.kept else None
+            home = UNNAMED_LABELS[scene.kind] if scene is not None else None
+            return {**words, "page": 1, "num_pages": 1, "home": home, "is_only": True}
+        own = told_text(self._texts, INSTRUCTIONS_FILE, person.task)
+        conditions: list[Condition] = [trial.condition for trial in person.kept]
+        pages = (*([own] if own.strip() else []), *instruction_texts(self._config, person.task, conditions))
+        page = min(page, len(pages))
+        words = _text_words(pages[page - 1], "About this study")
+        return {**words, "page": page, "num_pages": len(pages), "home": None, "is_only": False}
+
+    def _quiz(self, person: Person, journey: Journey) -> QuizRound:
+        """The round that is under way, or a new one: the second asks only what was answered wrongly in the first."""
+        if person.code not in self._quizzes:
+            questions = questions_for(self._config, person.task, [trial.condition for trial in person.kept])
+            if journey.failed_rounds:
+                missed = last_detail(person.stages, "quiz_failed").get("wrong", [])
+                questions = tuple(question for question in questions if question.name in missed) or questions
+            self._quizzes[person.code] = QuizRound(questions)
+        return self._quizzes[person.code]
+
+    def _question(self, person: Person, journey: Journey) -> dict[str, Any]:
+        quiz = self._quiz(person, journey)
+        question = quiz.present
+        assert question is not None
+        return {
+            "question": question,
+            "answers": _shuffled(person, question),
+            "number": quiz.answered + 1,
+            "num_all": len(quiz.questions),
+            "because": _html_of(f"**Not quite.** {question.because} Please answer again.")
+            if question.name in quiz.wrong
+            else None,
+        }
+
+    def _left_s(self, journey: Journey) -> float:
+        """How long a pause still lasts."""
+        assert journey.rest is not None
+        return pause_left_s(journey.rest, self._config.breaks.sitting_gap_s, machine_time())
+
+    def _store_answer(self, person: Person, journey: Journey, form: Mapping[str, str]) -> None:
+        code, choice, done = person.code, form.get("choice", ""), {"done": journey.num_done}
+        match journey.place, choice:
+            case "device", _:
+                self._store_device(person, form)
+            case "consent", "agree" | "decline":
+                text = told_text(self._texts, CONSENT_FILE, person.task)
+                self._store.give_consent(code, text, given=choice == "agree")
+            case "instructions", "read":
+                self._quizzes.pop(code, None)
+                self._store.enter_stage(code, "instructed", {"after_failed_rounds": journey.failed_rounds})
+            case "quiz", _:
+                self._store_quiz(person, journey, form.get("answer", ""))
+            case "break", "next":
+                self._store.enter_stage(code, "break_ended", done)
+            case "pause", "next" if self._left_s(journey) <= 0:
+                profile = self._client_profile(code)
+                self._store.enter_stage(code, "sitting_started", {**done, "client": profile} if profile else done)
+
+    def _store_device(self, person: Person, form: Mapping[str, str]) -> None:
+        """Each new kind of failure is stored once; who can see the study goes on."""
+        code, report = person.code, device_report(form)
+        if form.get("choice") == "leave" and self._config.recruit.kind == "prolific":
+            self._store.enter_stage(code, "screened_out")
+        elif report is None:
+            return
+        elif not report.can_show(needs_webgl=needs_webgl(person)):
+            known = [entry.detail for entry in person.stages if entry.stage == "device_failed"]
+            if report.detail() not in known:
+                self._store.enter_stage(code, "device_failed", report.detail())
+        elif form.get("choice") in ("continue", "buttons"):
+            detail = {**report.detail(), "buttons": not report.has_pressed}
+            self._store.enter_stage(code, "device_ok", detail)
+
+    def _store_quiz(self, person: Person, journey: Journey, answer: str) -> None:
+        quiz = self._quiz(person, journey)
+        question = quiz.present
+        assert question is not None
+        if answer in question.answers:
+            quiz.answer(answer)
+
+
+def duration(seconds: float) -> str:
+    """A time to wait, rounded up, in words."""
+    minutes = max(1, -int(-seconds // 60))
+    if minutes < 90:
+        return "one minute" if minutes == 1 else f"{minutes} minutes"
+    return f"{-int(-minutes // 60)} hours"
+
+
+def _may_leave(journey: Journey) -> bool:
+    """Whether there is anything to withdraw from."""
+    return journey.place not in ("finished", "declined", "withdrawn", "screened_out", "full")
+
+
+def _shuffled(person: Person, question: Question) -> tuple[str, ...]:
+    """The answers in this participant's order."""
+    return question.shuffled([*person.code.encode(), *question.name.encode()])
+
+
+def _text_words(text: str, otherwise: str) -> dict[str, Any]:
+    """A text that begins with its heading: title and body."""
+    return {"title": title_of(text, otherwise=otherwise), "text": _html_of(text)}
+
+
+def _html_of(text: str) -> Markup:
+    return Markup(html_from_markdown(text))
