@@ -15,7 +15,7 @@ from sim.errors import StudyError
 from sim.types import TaskKind
 
 from ..study_app.operator.served import Person
-from .flow import answer_card
+from .flow import answer_card, right_answers
 from .forms import LastPage, answer_pages, open_session
 from .homes import BotHomes
 from .page import BotPage

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import pytest
 
 from human_study.store.stages import StageEntry
-from personal_viz.study_app.screens import pauses as flow_pauses
-from personal_viz.study_app.screens.pauses import machine_time, pause_left_s, steady_detail
+from personal_viz.study_app.gateway import pauses as flow_pauses
+from personal_viz.study_app.gateway.pauses import machine_time, pause_left_s, steady_detail
 
 S = 10**9
 HOUR_S = 3600

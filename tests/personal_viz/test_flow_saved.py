@@ -8,9 +8,9 @@ from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset
 from human_study.journey import AssignedTrial, Person
 from human_study.store.stages import StageEntry
 from personal_viz.study_app.screens.desk import Desk
-from personal_viz.study_app.screens.pages import FlowPages, QuizMemory
+from personal_viz.study_app.screens.pages import TrialPages
 from personal_viz.study_app.screens.panels import Card
-from personal_viz.study_app.store_link import PersonPlace, StoreLink
+from personal_viz.study_app.store_link import StoreLink
 from sim.types import EpisodeKey
 
 PLAYED = AssignedTrial(2, "main", "pan", "none", EpisodeKey("easy", "Home", "2"), is_begun=True)
@@ -20,9 +20,9 @@ class StoredPerson:
     """A store that has one participant."""
 
     def __init__(self, trials: list[AssignedTrial], stages: list[StageEntry]) -> None:
-        self._person = PersonPlace(Person("p01", "pan", True, tuple(stages), tuple(trials)), None)
+        self._person = Person("p01", "pan", True, tuple(stages), tuple(trials))
 
-    def person(self, code: str) -> PersonPlace:
+    def person(self, code: str) -> Person:
         assert code == "p01"
         return self._person
 
@@ -57,14 +57,7 @@ def said(trials: list[AssignedTrial], *, is_new_page: bool, word: str = "", rest
         breaks=StudyBreaks(every=2, sitting_max=None),
     )
     desk = ReadingDesk()
-    pages = FlowPages(
-        cast(Desk, desk),
-        cast(StoreLink, StoredPerson(trials, stages)),
-        config,
-        texts={},
-        quizzes=QuizMemory(),
-        label_of_home=str,
-    )
+    pages = TrialPages(cast(Desk, desk), cast(StoreLink, StoredPerson(trials, stages)), config)
     if is_new_page:
         pages.welcome_back()
     else:

@@ -11,25 +11,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from human_study.design.study import Condition, StudyConfig, StudyDataset, StudyPrivacy
-from human_study.journey import AssignedTrial, Journey, Person
+from human_study.design.study import Condition, StudyConfig, StudyDataset
 from human_study.texts.participants import instruction_texts
 from human_study.texts.quiz import QuizRound, questions_for
 from personal_viz.screenshots.make import MAX_BYTES, SIZE, small_jpeg
+from personal_viz.study_app.markdown import html_from_markdown, title_of
 from personal_viz.study_app.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in, script
-from personal_viz.study_app.screens.cards import (
-    DeviceReport,
-    device_card,
-    duration,
-    end_card,
-    instruction_card,
-    pause_card,
-)
-from personal_viz.study_app.screens.markdown import html_from_markdown, title_of
 from personal_viz.study_app.screens.pan import BUTTON_LABELS
 from personal_viz.study_app.screens.panels import Card, card_html, progress_html
-from personal_viz.study_app.screens.place import parts_of
-from sim.types import EpisodeKey, TaskKind
+from sim.types import TaskKind
 
 
 def config(**choices: object) -> StudyConfig:
@@ -89,14 +79,12 @@ def test_nothing_in_a_text_can_become_a_script_or_a_link_elsewhere() -> None:
 def test_instructions_and_questions_fit_task_and_conditions(task: TaskKind) -> None:
     conditions = ("none", "topdown") if task == "pan" else ("map_first",)
     pages = ("# Our study\n\nHello.", *instruction_texts(config(), task, conditions))
-    cards = [instruction_card(pages, index, is_again=False) for index in range(len(pages))]
-    assert cards[0].title == "Our study"
-    words = " ".join(card.body for card in cards)
+    assert title_of(pages[0], otherwise="x") == "Our study"
+    words = " ".join(html_from_markdown(page) for page in pages)
     assert ("500" in words) == (task == "pan")
     assert ("map of the home from above" in words) == (task == "pan")
     assert ("<table>" in words) == (task == "pan")
-    for card in cards:
-        tags_in(card.body)
+    tags_in(words)
     names = [question.name for question in questions_for(config(), task, conditions)]
     assert names == (
         ["distance", "stop", "whose", "gone", "feedback"]
@@ -185,45 +173,6 @@ def test_the_right_answer_is_not_always_the_first_and_stays_where_it_is() -> Non
     assert questions[0].shuffled([1, 2]) == questions[0].shuffled([1, 2])
 
 
-@pytest.mark.parametrize(
-    ("webgl2", "width", "needs_webgl", "pressed", "choices"),
-    [
-        (True, 1280, True, True, ["continue"]),
-        (True, 1280, True, False, ["buttons"]),
-        (False, 1280, True, True, []),
-        (False, 1280, False, True, ["continue"]),
-        (True, 800, True, True, []),
-    ],
-)
-def test_the_device_check_lets_on_only_who_can_see_the_study(
-    webgl2: bool, width: int, needs_webgl: bool, pressed: bool, choices: list[str]
-) -> None:
-    device = Device(n=1, t_cli_ms=0.0, webgl2=webgl2, width=width, height=800)
-    report = DeviceReport(device, needs_webgl, has_pressed=pressed, uses_buttons=False)
-    card = device_card(report, has_keys=True)
-    assert [choice.name for choice in card.choices] == choices
-    assert report.detail()["width"] == 100 * round(width / 100)
-    leaving = device_card(report, has_keys=True, may_leave=True)
-    assert [choice.name for choice in leaving.choices] == (choices or ["leave"])
-    tags_in(card.body)
-
-
-def test_the_code_is_on_the_last_page_only() -> None:
-    assert "AB12" in end_card(config(), Journey("finished", 3, 3), code="AB12").body
-    for step in ("declined", "withdrawn", "full", "screened_out"):
-        assert "code" not in end_card(config(), Journey(step), code=None).body  # type: ignore[arg-type]
-    kept = config(privacy=StudyPrivacy(on_withdraw="keep"))
-    assert "is kept" in end_card(kept, Journey("withdrawn"), code=None).body
-
-
-def test_a_pause_says_how_long_and_lets_on_afterwards() -> None:
-    waiting = pause_card(config(), Journey("pause", 30, 60), back_in_s=3000.0)
-    assert "50 minutes" in waiting.body
-    assert [choice.name for choice in waiting.choices] == ["look"]
-    assert [choice.name for choice in pause_card(config(), Journey("pause", 30, 60), back_in_s=0.0).choices] == ["next"]
-    assert (duration(1), duration(61), duration(7200)) == ("one minute", "2 minutes", "2 hours")
-
-
 def test_progress_is_said_in_words_and_to_screen_readers() -> None:
     bar = progress_html(3, 12)
     assert "3 of 12 trials done" in bar
@@ -309,15 +258,3 @@ def test_a_screenshot_becomes_a_picture_that_is_small_enough() -> None:
     plain = io.BytesIO()
     Image.new("RGB", (1280, 800), "white").save(plain, "PNG")
     assert len(small_jpeg(plain.getvalue())) < MAX_BYTES
-
-
-def test_the_parts_of_the_way_are_those_that_the_study_has() -> None:
-    def somebody(*phases: str) -> Person:
-        key = EpisodeKey("easy", "Home", "0")
-        trials = [AssignedTrial(n, phase, "pan", "none", key) for n, phase in enumerate(phases, 1)]  # type: ignore[arg-type]
-        return Person("p01", "pan", True, (), tuple(trials))
-
-    parts = ["Check", "Consent", "Instructions", "Questions", "Practice", "Study", "End"]
-    assert parts_of(config(), somebody("practice", "main")) == tuple(parts)
-    assert parts_of(config(flow=("consent",)), somebody("main")) == ("Consent", "Study", "End")
-    assert parts_of(config(flow=("instructions",)), somebody("main")) == ()

@@ -62,7 +62,7 @@ def test_a_known_token_becomes_a_session_and_a_view(tmp_path: Path) -> None:
     ticket = at.tickets.find(ticket_in(reply))
     assert ticket is not None
     assert ticket.code == "p01"
-    assert ticket.admits(reply.cookies[SESSION_COOKIE])
+    assert ticket.admits(reply.cookies.get(SESSION_COOKIE, path=f"/ws/{ticket_in(reply)}"))
     assert not ticket.admits("")
     assert ticket.profile == DeviceProfile(webgl2=True, width=1300, height=800, dpr=1.0, touch=False)
     assert "HttpOnly" in reply.headers["set-cookie"]

@@ -164,17 +164,21 @@ class Desk:
             elif item.screen == self._screen or (item.screen is None and isinstance(item.content, self._hears)):
                 return item
 
-    def choose(self, card: Card) -> str:
-        """Shows a card until a button or its key is pressed; returns the name of the button. Raises as `wait`."""
+    def show(self, card: Card) -> None:
+        """Shows a card; its buttons and their keys come out of `wait` as `Chosen`."""
         send = self.new_screen(hears=())
 
         async def chosen(name: str) -> None:
             await send(Chosen(name))
 
         self.page.card(card, chosen)
-        content = self.wait().content
-        assert isinstance(content, Chosen), content
-        return content.name
+
+    def choose(self, card: Card) -> str:
+        """Shows a card until one of its buttons is pressed; returns the button's name. Raises as `wait`."""
+        self.show(card)
+        chosen = self.wait().content
+        assert isinstance(chosen, Chosen), chosen
+        return chosen.name
 
     def ask(self, title: str, text: str, button: str) -> None:
         """Shows a notice until its button is pressed. Raises as `wait`."""
@@ -193,6 +197,8 @@ class Desk:
 
     def go_on(self) -> None:
         """Has the browser open the page that the gateway has for the participant now."""
+        self.new_screen(hears=())
+        self.page.clear()
         self.page.client.gui.add_html(when_shown("goOn"))
         self.page.client.flush()
 

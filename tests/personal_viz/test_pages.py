@@ -1,0 +1,409 @@
+"""The pages of a study that are HTML forms: who gets which, what each answer stores, and that it is stored once."""
+
+import html
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocketDisconnect
+
+from human_study.design.plan import StudyScene
+from human_study.design.planning import make_plan
+from human_study.store.stages import Stage
+from human_study.store.store import StudyStore, open_store
+from human_study.store.writer import StoreFullError
+from human_study.texts.quiz import questions_for
+from human_study.tickets import token_hash
+from human_study.trial.events import GaveUp
+from personal_viz.bots.flow import right_answers
+from personal_viz.bots.forms import LastPage, Session, answer_pages
+from personal_viz.study_app.gateway.admission import Tickets
+from personal_viz.study_app.gateway.app import Gateway
+from personal_viz.study_app.gateway.device import device_report
+from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
+from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.gateway.pages import Pages, duration
+from personal_viz.study_app.recruit_codes import EndCode
+from sim.tasks.run_files import EpisodeEnd
+from sim.types import EpisodeKey
+from tests.human_study.small_world import CANARY, study
+from tests.human_study.stores import OPEN
+
+from .gateways import OnePort, admission_for, few_people
+
+CODE, ORIGIN = "p01", "http://127.0.0.1"
+DEVICE = {"webgl2": "1", "width": "1280", "height": "800", "pressed": "1", "choice": "continue"}
+TEXTS = {
+    "told/consent-pan.md": "# May we?\n\nWe keep **keys**.",
+    "told/instructions-pan.md": "# Hello\n\nWelcome here.",
+}
+
+
+@dataclass
+class Taking:
+    """A participant in a browser without JavaScript, and what is stored."""
+
+    client: TestClient
+    store: StudyStore
+    address: str
+    keeper: LeaseKeeper
+
+    def page(self, **query: str) -> str:
+        """What is shown, once redirects within the pages are followed; '' = viser comes next."""
+        reply = self.client.get(self.address, params=query, follow_redirects=False)
+        if reply.status_code == 303:
+            assert reply.headers["location"].startswith("/view/?websocket=")
+            return ""
+        assert reply.status_code == 200, reply.text
+        _Balanced().check(reply.text)
+        return html.unescape(reply.text)
+
+    def place(self) -> str:
+        """Where the page says that the participant is."""
+        return re.findall(r'data-place="(\w*)"', self.page() or 'data-place="viser"')[0]
+
+    def send(self, **fields: str) -> Any:
+        """Posts the form that is shown now."""
+        at = re.findall(r'name="at" value="([^"]*)"', self.page(page="99"))[0]
+        return self.post({"at": at, **fields})
+
+    def post(self, fields: dict[str, str], *, origin: str | None = ORIGIN) -> Any:
+        """Posts a form."""
+        headers = {} if origin is None else {"origin": origin}
+        return self.client.post(self.address, data=fields, headers=headers, follow_redirects=False)
+
+    def stages(self) -> list[str]:
+        """What is stored."""
+        return [entry.stage for entry in self.store.participant(CODE).stages]
+
+    def last_detail(self) -> dict[str, Any]:
+        """Of the newest stage."""
+        return self.store.participant(CODE).stages[-1].detail
+
+
+class _Balanced(HTMLParser):
+    """Every element of a page is closed, and every control has a name to be read aloud."""
+
+    def check(self, text: str) -> None:
+        self.open: list[str] = []
+        self.feed(text)
+        assert self.open == []
+        assert text.count("<h1>") == text.count("<main") == 1
+        assert '<html lang="en">' in text
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        assert not {name for name, _ in attrs} & {"style", "onclick", "onerror"}
+        if tag == "img":
+            assert dict(attrs)["alt"]
+        if tag not in ("img", "br", "input", "meta", "link", "hr"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag, tag
+
+
+@pytest.fixture
+def taking(tmp_path: Path) -> Callable[..., Taking]:
+    """Makes the only participant of a study with an episode in each of three homes, who has just opened the link."""
+
+    def make(end: EndCode | None = None, **choices: Any) -> Taking:
+        usual: dict[str, Any] = {
+            "task": ("pan",),
+            "design": {"kind": "crossed", "raters_per_episode": 1},
+            "flow": ("device", "consent", "instructions", "quiz"),
+            "breaks": {"every": None, "sitting_max": None},
+        }
+        config = study(**{**usual, **choices})
+        homes = [StudyScene(name=name, kind="invented") for name in ("A", "B", "C")]
+        plan = make_plan(config, homes, [EpisodeKey("easy", home.name, "0") for home in homes])
+        store = open_store(tmp_path / "study", config, plan)
+        for person in plan.participants:
+            store.add_participant(person, token_hash(person.code))
+        tickets, keeper = Tickets(), LeaseKeeper(store, tell=lambda _: None)
+        gateway = Gateway(
+            admission_for(few_people(), tmp_path),
+            OnePort(9),
+            tickets=tickets,
+            options=ServeOptions(),
+            pages=Pages(store, texts=TEXTS, end_code=lambda *_: end or EndCode("ABCD1234")),
+            present=keeper.present,
+            tell=lambda _: None,
+        )
+        client = TestClient(gateway.app(), base_url=ORIGIN, client=("192.0.2.7", 5000))
+        reply = client.post("/enter", json={"token": "good"}, headers={"origin": ORIGIN})
+        return Taking(client, store, reply.json()["page"], keeper)
+
+    return make
+
+
+def do_trial(store: StudyStore) -> None:
+    """Gives the next trial up."""
+    due = store.next_trial(CODE)
+    assert due is not None
+    trial = store.open_trial(CODE, due.order_no)
+    store.append_many(trial.trial_id, trial.epoch, [OPEN, GaveUp()])
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
+
+
+def enter(who: Taking, *stages: Stage) -> None:
+    """Has been there already."""
+    for stage in stages:
+        who.store.enter_stage(CODE, stage)
+
+
+def test_a_participant_comes_from_the_link_to_viser_and_each_answer_is_stored(taking: Callable[..., Taking]) -> None:
+    who = taking()
+    assert "Looking at your browser" in who.page()
+    assert who.stages() == ["arrived"]
+    assert who.send(**DEVICE).status_code == 303
+    assert who.last_detail() == {"webgl2": True, "width": 1300, "height": 800, "keyboard": True, "buttons": False}
+    assert "<h1>May we?</h1>" in who.page()
+    assert "<strong>keys</strong>" in who.page()
+    who.send(choice="agree")
+    assert "<h1>Hello</h1>" in who.page()
+    assert "I have read this" not in who.page()
+    assert "Page 2 of" in who.page(page="2")
+    last = who.page(page="99")
+    assert "I have read this" in last
+    who.send(choice="read")
+    assert who.last_detail() == {"after_failed_rounds": 0}
+    for question in questions_for(who.store.config, "pan", ("none",)):
+        assert question.text in who.page()
+        who.send(answer=question.answers[0])
+    assert who.last_detail() == {"round": 1, "wrong": []}
+    assert who.page() == ""
+    assert who.stages() == ["arrived", "device_ok", "consented", "instructed", "quiz_passed"]
+
+
+def test_a_form_that_is_sent_twice_answers_once_and_an_old_one_nothing(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=("consent", "quiz"))
+    at = re.findall(r'name="at" value="([^"]*)"', who.page())[0]
+    for choice in ("agree", "agree", "decline"):
+        assert who.post({"at": at, "choice": choice}).status_code == 303
+    assert who.stages() == ["arrived", "consented"]
+    first, second, *_ = questions_for(who.store.config, "pan", ("none",))
+    at = re.findall(r'name="at" value="([^"]*)"', who.page())[0]
+    for _ in range(3):
+        who.post({"at": at, "answer": first.answers[0]})
+    assert second.text in who.page()
+    assert "Not quite" not in who.page()
+
+
+@pytest.mark.parametrize("origin", ["http://evil.test", "null", None, "https://127.0.0.1"])
+def test_a_form_of_another_site_is_refused(taking: Callable[..., Taking], origin: str | None) -> None:
+    who = taking(flow=("consent",))
+    at = re.findall(r'name="at" value="([^"]*)"', who.page())[0]
+    assert who.post({"at": at, "choice": "agree"}, origin=origin).status_code == 403
+    assert who.stages() == ["arrived"]
+
+
+def test_without_the_cookie_or_with_an_old_ticket_there_is_no_page(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=("consent",))
+    stranger = TestClient(who.client.app, base_url=ORIGIN)
+    for address in (who.address, f"{who.address}leave", "/page/none/"):
+        assert "data-place" not in stranger.get(address).text
+    assert stranger.post(who.address, data={"choice": "withdraw"}, headers={"origin": ORIGIN}).status_code == 200
+    with pytest.raises(WebSocketDisconnect), stranger.websocket_connect(f"ws://127.0.0.1{who.address}here"):
+        pass
+    assert "withdrawn" not in who.stages()
+    again = who.client.post("/enter", json={"token": "good"}, headers={"origin": ORIGIN}).json()["page"]
+    assert again != who.address
+    assert "data-place" not in who.client.get(who.address).text
+
+
+def test_the_cookie_of_the_pages_is_theirs_alone(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=("consent",))
+    reply = who.client.post("/enter", json={"token": "good"}, headers={"origin": ORIGIN})
+    cookies = reply.headers.get_list("set-cookie")
+    assert {cookie.partition("Path=")[2].partition(";")[0].rpartition("/")[0] for cookie in cookies} == {"/ws", "/page"}
+    assert all("HttpOnly" in cookie and "SameSite=strict" in cookie for cookie in cookies)
+    page = who.client.get(reply.json()["page"])
+    assert page.headers["referrer-policy"] == "same-origin"  # with no-referrer, browsers send no Origin with a form
+    assert "script" not in page.headers["content-security-policy"].replace("default-src 'self'", "")
+    assert page.headers["cache-control"] == "no-store"
+
+
+def test_an_open_page_keeps_its_participant_here(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=("consent",))
+    with who.client.websocket_connect(f"ws://127.0.0.1{who.address}here", headers={"origin": ORIGIN}):
+        assert who.keeper.people_here() == {CODE}
+    assert who.keeper.people_here() == frozenset()
+    with (
+        pytest.raises(WebSocketDisconnect),
+        who.client.websocket_connect(f"ws://127.0.0.1{who.address}here", headers={"origin": "http://evil.test"}),
+    ):
+        pass
+
+
+def test_a_computer_that_cannot_show_the_study_is_noted_once_for_each_kind(taking: Callable[..., Taking]) -> None:
+    who = taking(recruit={"kind": "prolific"})
+    small = {**DEVICE, "width": "800", "choice": ""}
+    at = re.findall(r'name="at" value="([^"]*)"', who.page())[0]
+    for width in ("800", "810", "700", "800"):
+        who.post({**small, "at": at, "width": width})
+    assert who.stages() == ["arrived", "device_failed", "device_failed"]
+    assert who.place() == "device"
+    who.post({**DEVICE, "at": at, "pressed": "0", "choice": "buttons"})  # the page needs no loading after a failure
+    assert who.stages()[-1] == "device_ok"
+    assert who.last_detail()["buttons"]
+
+
+def test_who_came_from_a_platform_can_go_back_to_it(taking: Callable[..., Taking]) -> None:
+    who = taking(recruit={"kind": "prolific"}, end=EndCode("SCREEN1", "https://app.prolific.com/x?cc=SCREEN1"))
+    who.send(**{**DEVICE, "width": "800", "choice": "leave"})
+    assert who.stages() == ["arrived", "device_failed", "screened_out"] or who.stages() == ["arrived", "screened_out"]
+    shown = who.page()
+    assert "This study cannot be shown here" in shown
+    assert 'href="https://app.prolific.com/x?cc=SCREEN1"' in shown
+
+
+@pytest.mark.parametrize(
+    "form", [{}, {"width": "x", "height": "1"}, {"width": "-1", "height": "1"}, {"width": "²", "height": "1"}]
+)
+def test_a_damaged_device_form_is_none(form: dict[str, str]) -> None:
+    assert device_report(form) is None
+
+
+def test_wrong_answers_are_explained_and_twice_wrong_leads_back_to_the_instructions(
+    taking: Callable[..., Taking],
+) -> None:
+    who = taking(flow=("instructions", "quiz"))
+    enter(who, "arrived", "instructed")
+    questions = questions_for(who.store.config, "pan", ("none",))
+
+    def answer_all(wrong: str) -> None:
+        for question in questions:
+            if question.text in who.page():
+                if question.name == wrong:
+                    who.send(answer=question.answers[1])
+                    assert 'role="alert"' in who.page()
+                    assert "Not quite." in who.page()
+                who.send(answer=question.answers[0])
+
+    answer_all(questions[1].name)
+    assert who.last_detail() == {"round": 1, "wrong": [questions[1].name]}
+    assert "They are asked once more" in who.page()
+    assert "Question 1 of 1" in who.page()  # the second round asks only what was wrong
+    answer_all(questions[1].name)
+    assert who.place() == "instructions"
+    assert "Please read this once more" in who.page()
+    who.send(choice="read")
+    assert who.last_detail() == {"after_failed_rounds": 2}
+    assert f"Question 1 of {len(questions)}" in who.page()
+
+
+def test_a_break_and_the_end_of_a_sitting_are_stored_when_they_begin_and_when_they_end(
+    taking: Callable[..., Taking],
+) -> None:
+    who = taking(flow=(), breaks={"every": 1, "sitting_max": 2, "sitting_gap_s": 3000.0})
+    enter(who, "arrived")
+    do_trial(who.store)
+    assert "Time for a break" in who.page()
+    assert "1 of 3 searches done" in who.page()
+    assert who.stages() == ["arrived", "break_started"]
+    who.send(choice="next")
+    assert who.page() == ""
+    do_trial(who.store)
+    shown = who.page()
+    assert "in 50 minutes or later" in shown
+    assert "Look whether I can go on" in shown
+    at = re.findall(r"pause-\d+-0", "pause-4-0")[0]
+    who.post({"at": at, "choice": "next"})
+    assert who.stages()[-1] == "break_started"
+    assert who.last_detail()["sitting"]
+
+
+def test_who_has_done_everything_is_thanked_with_a_code(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=())
+    for _ in range(3):
+        assert who.page() == ""
+        do_trial(who.store)
+    shown = who.page()
+    assert who.stages() == ["arrived", "finished"]
+    assert 'aria-label="Completion code">ABCD1234<' in shown
+    assert "Leave the study" not in shown
+    assert who.client.get(f"{who.address}leave", follow_redirects=False).status_code == 303
+
+
+def test_leaving_asks_once_more_and_is_for_good(taking: Callable[..., Taking]) -> None:
+    who = taking(end=EndCode())
+    assert "Leave the study" in who.page()
+    asked = who.client.get(f"{who.address}leave").text
+    assert "will be deleted" in asked
+    assert who.stages() == ["arrived"]
+    who.post({"choice": "withdraw"})
+    assert who.stages()[-1] == "withdrawn"
+    assert "has been deleted" in who.page()
+    assert "code" not in who.page().lower().replace('<meta charset="utf-8">', "")
+    who.post({"choice": "withdraw"})
+    assert who.stages().count("withdrawn") == 1
+
+
+def test_a_full_disk_says_so_and_loses_nothing(taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch) -> None:
+    who = taking(flow=("consent",))
+    at = re.findall(r'name="at" value="([^"]*)"', who.page())[0]
+
+    def full(*_: object, **__: object) -> None:
+        raise StoreFullError("the disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(who.store, "give_consent", full)
+        reply = who.post({"at": at, "choice": "agree"})
+        assert reply.status_code == 503
+        assert "The study is paused" in reply.text
+    who.post({"at": at, "choice": "agree"})
+    assert who.stages() == ["arrived", "consented"]
+
+
+def test_who_dropped_out_goes_on_where_the_way_was_left(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=("consent",))
+    enter(who, "arrived", "dropped_out")
+    assert who.place() == "consent"
+    assert who.stages() == ["arrived", "dropped_out", "returned"]
+
+
+def test_the_only_page_of_a_quick_study_names_the_kind_of_home(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=("instructions",))
+    shown = who.page()
+    assert "This home: invented home." in shown
+    assert 'class="steps"' not in shown
+    assert CANARY not in shown
+    who.send(choice="read")
+    assert who.page() == ""
+
+
+def test_the_parts_of_the_way_stand_above_each_page(taking: Callable[..., Taking]) -> None:
+    shown = " ".join(taking().page().split())
+    parts = re.findall(r"<li(?: class=\"\w+\")?(?: aria-current=\"step\")?>([A-Z]\w+)</li>", shown)
+    assert parts == ["Check", "Consent", "Instructions", "Questions", "Study", "End"]
+    assert '<li class="now" aria-current="step">Check</li>' in shown
+
+
+def test_times_to_wait_are_words() -> None:
+    assert (duration(1), duration(61), duration(7200)) == ("one minute", "2 minutes", "2 hours")
+
+
+def test_a_bot_answers_all_pages_and_stops_at_the_last(
+    taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    who = taking()
+
+    def ask(session: Session, path: str, fields: dict[str, str] | None) -> tuple[int, str, str]:
+        if fields is None:
+            reply = who.client.get(path, follow_redirects=False)
+        else:
+            reply = who.client.post(path, data=fields, headers={"origin": ORIGIN}, follow_redirects=False)
+        return reply.status_code, reply.headers.get("location", ""), reply.text
+
+    monkeypatch.setattr("personal_viz.bots.forms._ask", ask)
+    session = Session(ORIGIN, "", who.address, "")
+    assert answer_pages(session, right_answers(who.store.config)) is None
+    assert who.stages() == ["arrived", "device_ok", "consented", "instructed", "quiz_passed"]
+    for _ in range(3):
+        do_trial(who.store)
+    assert answer_pages(session) == LastPage("finished", "ABCD1234")
