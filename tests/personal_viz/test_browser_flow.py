@@ -173,12 +173,11 @@ def test_wrong_answers_are_explained_and_a_reload_stays_at_the_question(
     for question in questions[1:]:
         expect(page.get_by_text(question.text)).to_be_visible()
         page.get_by_role("button", name=question.answers[0], exact=True).click()
-    page.get_by_role("button", name="Continue", exact=True).click()
+    expect(page.get_by_text("They are asked once more")).to_be_visible()
     expect(page.get_by_text("Question 1 of 1")).to_be_visible()  # the second round asks only what was wrong
     page.get_by_role("button", name=questions[1].answers[2], exact=True).click()
     expect(page.get_by_role("alert").filter(has_text="Not quite")).to_be_visible()
     page.get_by_role("button", name=questions[1].answers[0], exact=True).click()
-    page.get_by_role("button", name="Continue", exact=True).click()
     expect(page.get_by_text("Please read this once more")).to_be_visible()
     assert stages(full_study, who)[-2:] == ["quiz_failed", "quiz_failed"]
     read_instructions(page)

@@ -152,19 +152,15 @@ class Page:
                     self.hotkey(choice.hotkey, choice.label, press)
         self.client.flush()
 
-    def tools(self, *, has_keys: bool, on_leave: str | None) -> None:
+    def tools(self, *, has_keys: bool, on_leave: str) -> None:
         """The buttons that are always there, below everything else: keys, larger text, leaving the study.
 
         Args:
             has_keys: Whether the participant uses keys that can be chosen.
-            on_leave: What happens to the answers of somebody who leaves; None = there is nothing to leave any more.
+            on_leave: What happens to the answers of somebody who leaves.
         """
         keys = '<button type="button" data-tool="keys">Keys</button>' if has_keys else ""
-        leave = ""
-        if on_leave is not None:
-            leave = (
-                f'<button type="button" data-tool="leave" data-text="{html.escape(on_leave)}">Leave the study</button>'
-            )
+        leave = f'<button type="button" data-tool="leave" data-text="{html.escape(on_leave)}">Leave the study</button>'
         if self._tools is not None:
             self._tools.remove()
         self._tools = self.client.gui.add_html(
