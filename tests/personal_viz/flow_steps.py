@@ -126,6 +126,7 @@ def point_somewhere(page: Page) -> None:
 def press_by_keyboard(page: Page, name: str) -> None:
     """Reaches a button with the Tab key and presses it with Enter."""
     expect(page.get_by_role("button", name=name, exact=True)).to_be_visible()
+    page.wait_for_load_state()  # a page of the gateway has its style sheet then
     for _ in range(40):
         page.keyboard.press("Tab")
         focused = page.evaluate("document.activeElement.textContent.trim()")

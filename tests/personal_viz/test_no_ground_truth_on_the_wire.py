@@ -29,6 +29,7 @@ from human_study.design.study import (
     StudyPractice,
     save_study,
 )
+from personal_viz.bots import forms
 from personal_viz.bots.page import BotPage, decoded
 from personal_viz.bots.run import run_bots
 from personal_viz.bots.site import served
@@ -200,16 +201,25 @@ def test_no_page_practice_or_answer_over_http_names_home_or_object(
         received.append(data)
         take(page, data)
 
+    pages: list[str] = []
+    ask = forms._ask
+
+    def keep_page(*asked: Any) -> tuple[int, str, str]:
+        answer = ask(*asked)
+        pages.append(answer[2])
+        return answer
+
     monkeypatch.setattr(BotPage, "apply", keep)
+    monkeypatch.setattr(forms, "_ask", keep_page)
     with served(plan_marked(tmp_path, marked_dataset), marked_dataset, workers=1) as site:
         figures = run_bots(site, participants=2, seconds=40, rate=10, kinds=["shortest"], seed=1, tasks=("pan", "pog"))
         answers = list(over_http(site.everybody[0].link))
     messages = [message for data in received for message in decoded(data)]
-    said = "".join(text for message in messages for text in texts_of(message))
+    said = "".join([*(text for message in messages for text in texts_of(message)), *pages])
     for page in ("Practice", "Completion code", "How sure", "consent", "Thank you"):
         assert page in said, (page, figures)
     buffers = [data[16 + int.from_bytes(data[8:16], "little") :] for data in received]
-    assert_no_answer(messages, [*buffers, *answers], marked_dataset)
+    assert_no_answer(messages, [*buffers, *answers, *(page.encode() for page in pages)], marked_dataset)
 
 
 def over_http(link: str) -> Iterator[bytes]:
