@@ -21,7 +21,6 @@ from ..study_app.first_camera import CAMERA
 from .forms import ENTER_S, Session
 from .page import BotPage
 
-
 ABOVE = 8.0
 """Height of the camera over the place (metres)."""
 ASIDE = 0.05

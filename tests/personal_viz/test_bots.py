@@ -13,7 +13,6 @@ from personal_viz.bots.flow import right_answers
 from personal_viz.bots.records import BotLog, Press, count_bots
 from personal_viz.bots.site import copy_plan, cpu_seconds, make_bot_study
 from personal_viz.cli.study.bots import StudyBots
-from personal_viz.study_app.page_script import when_shown
 from sim.errors import StudyError
 from sim.types import PAPER4, Action
 from tests.human_study.small_world import SCENE_DIGEST, plan, study
