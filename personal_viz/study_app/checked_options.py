@@ -49,7 +49,12 @@ def line_from_refused_options(verb: str, options: Mapping[str, object], error: V
     first = error.errors()[0]
     same_name = [name for name in options if name == (first["loc"] or ("",))[-1]]
     same_value = [name for name, value in options.items() if value is not None and str(value) == str(first["input"])]
-    for name in (*same_name, *same_value):
+    both = [name for name in same_name if name in same_value]
+    for name in (
+        *both,
+        *same_value,
+        *same_name,
+    ):  # a field may be called as another option: the study's name, its folder
         option = f"--{name.replace('_', '-')}"
         return line_from_validation_error(option, error, advice=f"Give another {option}.")
     advice = "Change the options; where they are as they should be, please report this line with your command."

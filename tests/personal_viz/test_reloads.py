@@ -27,6 +27,7 @@ from personal_viz.study_app.worker_door import SECRET_HEADER, WorkerDoor
 
 from ..human_study.small_world import plan, study
 from .fake_play import meshless_home
+from .gateways import wait_until
 from .wire import WireClient
 
 CODE = "p02"
@@ -54,6 +55,7 @@ class Worker:
 
     store: StudyStore
     homes: SlowHomes
+    server: viser.ViserServer
     door: WorkerDoor
     numbers: int = 0
     """Connections so far."""
@@ -118,7 +120,7 @@ def worker(tmp_path: Path) -> Iterator[Worker]:
         library = HomeLibrary(homes.open, kept=0)
         server, door = serve(Study(store.config, store.plan, library, time.monotonic()), StoreLink(theirs))
         try:
-            yield Worker(store, homes, door)
+            yield Worker(store, homes, server, door)
         finally:
             homes.may_open.set()
             server.stop()
@@ -175,6 +177,7 @@ def test_a_hundred_reloads_at_random_moments_leave_the_trial_to_the_last_page(wo
 def test_a_page_that_was_left_while_its_home_was_opening_begins_no_trial(worker: Worker) -> None:
     with worker.connected():
         assert worker.homes.is_opening.wait(30)
+    wait_until(lambda: not worker.server.get_clients())
     worker.homes.may_open.set()
     for seat in seats():
         seat.join(30)
