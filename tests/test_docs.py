@@ -31,6 +31,7 @@ def test_the_readme_of_each_package_is_a_screen(package: str) -> None:
     assert (ROOT / package / "README.md").read_text(encoding="utf-8").count("\n") <= 40
 
 
+@pytest.mark.slow
 def test_the_three_files_of_the_plug_in_page_run(small_home_root: Path, tmp_path: Path) -> None:
     parts = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8").split("```python\n")
     for before, part in pairwise(parts):

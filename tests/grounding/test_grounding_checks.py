@@ -102,6 +102,7 @@ class Hashes(HashedWords):
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
+@pytest.mark.slow
 def test_an_encoder_that_differs_between_processes_is_named() -> None:
     for encoder in (Hashes(), Hashes, "tests.grounding.test_grounding_checks:Hashes"):
         (problem,) = check_encoder(encoder)

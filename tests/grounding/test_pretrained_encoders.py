@@ -76,6 +76,7 @@ def load(folder: Callable[[str], Path]) -> Callable[..., DenseEncoder]:
     return of
 
 
+@pytest.mark.slow
 @ALL
 def test_our_adapters_keep_the_contract(kind: str, load) -> None:
     assert check_image_encoder(load(kind)) == []

@@ -28,6 +28,7 @@ def test_any_name_can_be_made_a_folders(name: str) -> None:
     assert fitting_run_id("a" * 80 + "b") != fitting_run_id("a" * 80 + "c")
 
 
+@pytest.mark.slow
 def test_run_names_itself_whatever_the_agent_is_called(
     invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,6 +28,7 @@ class Walker:
         return self.task.actions[int(self.rng.integers(1, 4))]
 
 
+@pytest.mark.slow
 def test_the_random_agent_passes() -> None:
     assert check_agent(RandomAgent) == []
     assert check_agent(RandomAgent(), **QUICK) == []
