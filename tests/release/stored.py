@@ -3,6 +3,10 @@
 `runs`: two agents and two grounders on episodes of one recovered home. `study`: the export of an invented study: people
 who walk with and without a map and people who point, with an exclusion, a technical failure and a trial given up.
 `study-agents`: an agent and a grounder on its episodes. Nobody's data, and no texts.
+
+The scene digest in the steps of `runs` was replaced on 2026-11-23: HOMES_VERSION 2 draws the grain of mirrored parts
+and the facets of thin tubes otherwise, so the same home has another digest, and `replay` would refuse the runs. Poses,
+distances and all literals stayed.
 """
 
 import shutil
