@@ -8,7 +8,7 @@ import pytest
 from personal_viz.cli.grounding.ground import Ground
 from sim.tasks.run_files import read_run
 
-pytestmark = pytest.mark.release
+pytestmark = [pytest.mark.release, pytest.mark.timeout(900)]
 
 
 @pytest.fixture(scope="module", autouse=True)
