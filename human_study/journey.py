@@ -158,7 +158,7 @@ def _place(config: StudyConfig, person: Person, num_done: int) -> Place:
     stages = person.stages
     out = way_out(stages)
     if out is not None:
-        return out  # type: ignore[return-value]
+        return out
     if has_reached(stages, "finished"):
         return "finished"
     if has_dropped_out(stages):

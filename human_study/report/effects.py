@@ -213,12 +213,29 @@ class WithinDesign:
     def effect(self, values: NDArray[np.float64]) -> Effect:
         """Slope of the values (N,) on the covariate."""
         people, episodes = self._at
-        counts = {"n": len(values), "num_participants": int(people.max()) + 1, "num_episodes": int(episodes.max()) + 1}
-        none = {"value": None, "low": None, "high": None, "p": None}
+
+        def found(
+            method: str,
+            value: float | None = None,
+            low: float | None = None,
+            high: float | None = None,
+            p: float | None = None,
+        ) -> Effect:
+            return Effect(
+                value=value,
+                low=low,
+                high=high,
+                p=p,
+                n=len(values),
+                num_participants=int(people.max()) + 1,
+                num_episodes=int(episodes.max()) + 1,
+                method=method,
+            )
+
         if self._spread <= _TINY * max(self._whole, _TINY):
-            return Effect(**none, **counts, method=f"cannot be told: it does not vary within {self._what}")  # type: ignore[arg-type]
+            return found(f"cannot be told: it does not vary within {self._what}")
         if self._left < 1:
-            return Effect(**none, **counts, method=f"cannot be told: too few trials beside {self._what}")  # type: ignore[arg-type]
+            return found(f"cannot be told: too few trials beside {self._what}")
         within = self._within(values)
         slope = float(self._covariate @ within) / self._spread
         residual = within - slope * self._covariate
@@ -226,17 +243,11 @@ class WithinDesign:
         variance, df = clustered_variance(correction * self._covariate * residual / self._spread, people, episodes)
         error = float(np.sqrt(variance))
         if not error > _TINY * max(1.0, abs(slope)):
-            unknown = none | {"value": slope}
-            return Effect(**unknown, **counts, method="no interval: the trials do not differ otherwise")  # type: ignore[arg-type]
+            return found("no interval: the trials do not differ otherwise", slope)
         half = float(stdtrit(df, (1 + LEVEL) / 2)) * error
-        return Effect(
-            value=slope,
-            low=slope - half,
-            high=slope + half,
-            p=float(2 * stdtr(df, -abs(slope) / error)),
-            **counts,
-            method=f"within {self._what}, two-way, t with {df:.1f} df",
-        )
+        p = float(2 * stdtr(df, -abs(slope) / error))
+        method = f"within {self._what}, two-way, t with {df:.1f} df"
+        return found(method, slope, slope - half, slope + half, p)
 
     def _within(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """What is left of values (N,) when each factor's levels may have means of their own."""

@@ -318,6 +318,6 @@ def _episodes_of(groups: Sequence[TrialGroup]) -> set[str]:
 def _outcomes(group: TrialGroup) -> list[PersonOutcome]:
     names = zip(group.trials["participant"], group.trials["episode"], group.trials["sr"], strict=True)
     return [
-        PersonOutcome(**group.names, participant=participant, episode=episode, success=percent / 100)  # type: ignore[arg-type]
+        PersonOutcome(**group.names, participant=participant, episode=episode, success=percent / 100)
         for participant, episode, percent in names
     ]

@@ -180,7 +180,7 @@ def _row(
     if interval is not None and not is_rate and measure.startswith(_SHARES):
         interval = _possible(interval, low=-100.0 if kind == "difference" else 0.0)
     return ReportRow(
-        **group.names,  # type: ignore[arg-type]
+        **group.names,
         kind=kind or ("human" if group.kind == "human" else "agent"),
         split=split,
         measure=measure,

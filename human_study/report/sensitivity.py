@@ -104,7 +104,7 @@ def _row(group: TrialGroup, way: str, trials: Frame, value: float | None, interv
     has_interval = isinstance(interval, Interval)
     hits = trials["sr"].dropna()
     return SensitivityRow(
-        **group.names,  # type: ignore[arg-type]
+        **group.names,
         way=way,
         value=value,
         low=interval.low if has_interval else None,

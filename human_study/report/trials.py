@@ -6,7 +6,7 @@ Runs go in and, where they are at hand, the study's rows; the frame's groups are
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 from pandas import DataFrame
 from pydantic import BaseModel, ConfigDict
@@ -19,7 +19,7 @@ from ..export.trial_figures import measured
 from ..export.trial_table import NOT_A_RESULT, TrialRow
 
 STEP_LIMITS = (25, 50, 100, 200, 300, 400, 500)
-"""Of the anytime success rate: success within so many steps."""
+"""Steps of the anytime success rate: success within each of these."""
 STRICT, FAR = "sr_strict", "far_from_view"
 """Success by rule `paper-strict`; and whether a success by `paper` ends far from every view point."""
 Frame = Any
@@ -57,6 +57,15 @@ class LeftOut(BaseModel):
     n: int
 
 
+class GroupNames(TypedDict):
+    """The fields that name a group in the report's lists."""
+
+    task: TaskKind
+    scene_kind: str
+    who: str
+    condition: str
+
+
 @dataclass(frozen=True, slots=True)
 class TrialGroup:
     """All trials of one row name."""
@@ -70,8 +79,8 @@ class TrialGroup:
     """As `trial_frame` makes it."""
 
     @property
-    def names(self) -> dict[str, str]:
-        """What names the group in the report's lists."""
+    def names(self) -> GroupNames:
+        """The names of the group in the report's lists."""
         return {"task": self.task, "scene_kind": self.scene_kind, "who": self.who, "condition": self.condition}
 
     @property

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 Stage = Literal[
     "arrived",
@@ -24,8 +24,9 @@ Stage = Literal[
     "returned",
     "full",
 ]
-OUT: tuple[Stage, ...] = ("declined", "withdrawn", "screened_out", "full")
+WayOut = Literal["declined", "withdrawn", "screened_out", "full"]
 """Stages after which a participant does nothing more."""
+OUT: tuple[WayOut, ...] = get_args(WayOut)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ def has_reached(entries: Sequence[StageEntry], stage: Stage) -> bool:
     return any(entry.stage == stage for entry in entries)
 
 
-def way_out(entries: Sequence[StageEntry]) -> Stage | None:
+def way_out(entries: Sequence[StageEntry]) -> WayOut | None:
     """The stage by which the participant left for good; None if there is none."""
     return next((entry.stage for entry in entries if entry.stage in OUT), None)
 
