@@ -56,7 +56,7 @@ def measure_people(settings: PeopleSettings, *, folder: Path, dataset: Path, pro
         progress(f"all are in; they act for {settings.seconds:g} s")
         load_before, cpu_s, began_s = os.getloadavg()[0], cpu_seconds(server.pid), time.perf_counter()
         bots.begin()
-        time.sleep(settings.seconds)
+        time.sleep(settings.seconds)  # the measured time itself: the bots act
         bots.halt()
         seconds = time.perf_counter() - began_s
         bots.leave()

@@ -171,10 +171,10 @@ class Pages:
     def _html(self, name: str, person: Person, journey: Journey, base: str, **words: Any) -> str:
         parts = parts_of(self._config, person)
         own = PARTS.get("trial" if journey.place in ("break", "pause") else journey.place)
-        is_on_way = own in parts
+        part = parts.index(own) if own is not None and own in parts else None
         return self._templates.get_template(f"{name}.html").render(
-            parts=parts if is_on_way else (),
-            part=parts.index(own) if is_on_way else 0,  # type: ignore[arg-type]
+            parts=() if part is None else parts,
+            part=part,
             base=base,
             place=journey.place,
             at=self._at(person, journey),
