@@ -15,7 +15,7 @@ from sim.cache import VARIABLE
 from sim.copies.browser_glb import browser_glb
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene, scene_from_plan
-from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.plans import recover_plan
 from sim.types import Camera
 
 NAME = "Loops"

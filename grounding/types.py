@@ -1,4 +1,4 @@
-"""The input of map builders (`PosedFrame`), and the input (`FeatureMap`) and output (`Grounding`) of grounders.
+"""The input (`FeatureMap`) and output (`Grounding`) of grounders; maps are built from `sim.types.Frame`s.
 
 numpy only; recordings and apps read them. The `map` frame is the frame in which a map is built: y up, metres, as the
 world (sim/frames.py). For homes of the simulator it is the world; for a robot's recording it is the frame of its poses,
@@ -12,54 +12,12 @@ from numpy.typing import NDArray
 
 from sim.episodes.schema import Vector3
 from sim.errors import AgentError
-from sim.types import Camera, GridSpec
+from sim.types import GridSpec
 
 TIE = 1e-6
 """Cosines closer than this are equal, and the first cell in row-major order wins: float32 products of equal rows differ
 by about 1e-7, depending on a row's place in the matrix."""
 _UNIT_TOLERANCE = 1e-4
-
-
-@dataclass(frozen=True, slots=True)
-class Intrinsics:
-    """A pinhole without distortion; pixel centres are at +0.5, row 0 is the top."""
-
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    """Like the other three, in pixels."""
-
-    @classmethod
-    def of(cls, camera: Camera) -> "Intrinsics":
-        """The intrinsics of a simulated camera."""
-        focal = camera.focal
-        return cls(camera.width, camera.height, focal, focal, camera.width / 2, camera.height / 2)
-
-
-@dataclass(frozen=True, slots=True)
-class PosedFrame:
-    """One view with everything that a map builder needs."""
-
-    rgb: NDArray[np.uint8]
-    """(H, W, 3) colours."""
-    depth_m: NDArray[np.float32]
-    """(H, W) planar metres, 0 = no return."""
-    T_map_camera: NDArray[np.float64]
-    """(4, 4) camera (OpenCV axes) in the map frame."""
-    intrinsics: Intrinsics
-    instance_ids: NDArray[np.int32] | None = None
-    """(H, W) object ids of the simulator, 0 = none. Ground truth, read only by `oracle-perception` encoders, whose
-    names say so; None for frames of a real robot."""
-
-    def __post_init__(self) -> None:
-        size = (self.intrinsics.height, self.intrinsics.width)
-        assert self.rgb.shape == (*size, 3), self.rgb.shape
-        assert self.depth_m.shape == size, self.depth_m.shape
-        assert self.T_map_camera.shape == (4, 4), self.T_map_camera.shape
-        assert self.instance_ids is None or self.instance_ids.shape == size, "instance ids of another size"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +27,7 @@ class FeatureMap:
     rows: NDArray[np.float32]
     """(N, E) unit vectors of the non-empty cells."""
     rc: NDArray[np.int16]
-    """(N, 2) row and column of each, ascending in row, then column."""
+    """(N, 2) row and column of each cell, ascending in row, then column."""
     grid: GridSpec
     floor_y: float
     """Height of the storey's floor, world metres."""

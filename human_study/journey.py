@@ -1,7 +1,7 @@
-"""Where a participant is in a study, from what is stored alone: pages, dashboard, `study status` and leases ask here.
+"""Where a participant is in a study. Pages, dashboard, `study status` and leases all ask this module.
 
-Nothing else decides it. A reload, a restart or another clock changes nothing: the answer follows from the study file,
-the stages that the participant reached and the trials that the participant has.
+Nothing else decides it. The answer follows only from stored facts: the study file, the stages that the participant
+reached, and the participant's trials. So a reload, a restart or another clock changes nothing.
 """
 
 from collections.abc import Sequence
@@ -10,9 +10,9 @@ from typing import Literal
 
 from sim.types import EpisodeKey, TaskKind
 
-from .design.plan import Phase
+from .design.plan import Phase, Slot
 from .design.study import Condition, FlowStep, StudyConfig
-from .store.stages import Stage, StageEntry, has_dropped_out, has_reached, last_detail, way_out
+from .store.record_types import Stage, StageEntry, has_dropped_out, has_reached, last_detail, way_out
 
 QUIZ_ROUNDS = 2
 """Rounds with a wrong answer after which the instructions come again."""
@@ -34,13 +34,13 @@ Place = Literal[
     "screened_out",
     "full",
 ]
-"""`practice`, `trial`: in such a trial, or before the next (`trial`: a counted or an attention trial); `break`: a rest
-is due or under way; `pause`: the sitting is over; `ending`: all given trials are over, perhaps there are more to give;
-`dropped_out`: others got the trials, until the participant comes back."""
+"""`practice`, `trial`: in such a trial, or before the next one (`trial`: a counted or an attention trial); `break`: a
+rest is due or under way; `pause`: the sitting is over; `ending`: all assigned trials are over, and the store may assign
+more; `dropped_out`: other people got the trials; a participant who comes back goes on."""
 GONE: tuple[Place, ...] = ("finished", "dropped_out", "declined", "withdrawn", "screened_out", "full")
-"""Nobody waits for these."""
+"""Places at which the study no longer waits for the participant."""
 End = Literal["done", "technical", "abandoned"]
-"""How a trial ended, as far as anybody may know while a study runs."""
+"""How a trial ended, without its success, which nobody may see while a study runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,18 +65,18 @@ class AssignedTrial:
 
     @property
     def is_due(self) -> bool:
-        """Whether the participant has still to do, or finish, it."""
+        """Whether the participant still has to do or finish it."""
         return self.end is None and not self.is_released
 
     @property
     def is_done(self) -> bool:
-        """Whether it ended with something to count and was kept."""
+        """Whether it ended with a countable result and was kept."""
         return self.end == "done" and not self.is_released
 
     @property
-    def slot(self) -> tuple[TaskKind, Condition, EpisodeKey, int]:
-        """Places that one person after the other may hold."""
-        return self.task, self.condition, self.key, self.rep
+    def slot(self) -> Slot:
+        """The episode and condition, which different people may hold one after the other."""
+        return Slot(self.task, self.condition, self.key, self.rep)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +86,11 @@ class Person:
     code: str
     task: TaskKind
     is_claimed: bool
-    """Whether somebody came with this link, or took it from an open one."""
+    """Whether somebody opened this personal link, or got this place through an open link."""
     stages: tuple[StageEntry, ...]
     """Oldest first."""
     trials: tuple[AssignedTrial, ...]
-    """In the participant's order, with those that were given back."""
+    """In the participant's order, including those that were given back."""
 
     @property
     def kept(self) -> tuple[AssignedTrial, ...]:
@@ -105,7 +105,7 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Journey:
-    """Where a participant is, with what pages and operators count."""
+    """Where a participant is, with the numbers that pages and operators show."""
 
     place: Place
     num_done: int = 0
@@ -115,7 +115,7 @@ class Journey:
     failed_rounds: int = 0
     """Rounds of the quiz with a wrong answer since the instructions."""
     rest: StageEntry | None = None
-    """With which the present break or pause began; None outside one, and before its beginning is stored."""
+    """The stage that began the present break or pause; None outside one, and before its beginning is stored."""
 
 
 def journey_of(config: StudyConfig, person: Person) -> Journey:
@@ -134,7 +134,7 @@ def ended_trial(person: Person, order_no: int) -> AssignedTrial | None:
 
 
 def trial_before(person: Person) -> AssignedTrial | None:
-    """The trial that ended just before the one that is due; None where none did, or where that one has begun."""
+    """The trial that ended just before the due one; None where there is none, or where the due trial has begun."""
     due = person.due
     if due is None or due.is_begun:
         return None
@@ -143,15 +143,15 @@ def trial_before(person: Person) -> AssignedTrial | None:
 
 
 def has_rested(person: Person, journey: Journey) -> bool:
-    """Whether the last thing that the participant went on from was a break, after as many trials as now."""
+    """Whether the participant last went on from a break, and has done no counted trial since."""
     return journey.num_done > 0 and _rested_at(person.stages) == journey.num_done
 
 
 def trial_name(person: Person, trial: AssignedTrial) -> str:
-    """Which trial it is, counted within its phase; attention trials look like any other."""
+    """The trial's name for participants, with its number within its phase; attention trials look like any other."""
     alike = [other for other in person.kept if (other.phase == "practice") == (trial.phase == "practice")]
     number = 1 + sum(other.order_no < trial.order_no for other in alike)
-    return f"{'Practice' if trial.phase == 'practice' else 'Trial'} {number} of {len(alike)}"
+    return f"{'Practice' if trial.phase == 'practice' else 'Search'} {number} of {len(alike)}"
 
 
 def _place(config: StudyConfig, person: Person, num_done: int) -> Place:
@@ -201,7 +201,7 @@ def _failed_rounds(stages: Sequence[StageEntry]) -> int:
 
 
 def _rest(config: StudyConfig, stages: Sequence[StageEntry], num_done: int) -> Place:
-    """The trial, or the break or the end of the sitting that comes before it."""
+    """`trial`, or the break or the end of the sitting that comes before the next trial."""
     breaks = config.breaks
     if breaks.sitting_max is not None and num_done - _done_at(stages, "sitting_started") >= breaks.sitting_max:
         return "pause"
@@ -211,11 +211,11 @@ def _rest(config: StudyConfig, stages: Sequence[StageEntry], num_done: int) -> P
 
 
 def _rested_at(stages: Sequence[StageEntry]) -> int:
-    """How many counted trials were done at the last break or at the beginning of the sitting."""
+    """Number of counted trials done at the last break or at the beginning of the sitting."""
     return max(_done_at(stages, "sitting_started"), _done_at(stages, "break_ended"))
 
 
 def _done_at(stages: Sequence[StageEntry], stage: Stage) -> int:
-    """How many counted trials were done when the stage was entered last."""
+    """Number of counted trials done when the stage was entered last."""
     done = last_detail(stages, stage).get("done", 0)
     return done if isinstance(done, int) else 0

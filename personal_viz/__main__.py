@@ -1,28 +1,25 @@
 """Entry point of `personal-viz`: known errors are one line and exit code 1, usage errors 2, bugs a traceback.
 
-Output whose reader has gone (`| head`) ends the program in silence with exit code 141, as it ends other programs.
+When the reader of its output has gone (`| head`), the program ends silently with exit code 141, as other programs do.
 """
 
 import os
 import select
 import sys
 
-from pydantic import ValidationError
-
 from sim.errors import PersonalVizError
 
 from .cli.verbs import parse
-from .printed import one_line, printable_streams
 
 READER_GONE = 141
-"""What a shell reports of a program that SIGPIPE ended: 128 + 13."""
+"""The exit code that a shell reports for a program ended by SIGPIPE: 128 + 13."""
 
 
 def main() -> None:
-    """Parses, works, exits."""
+    """Runs the command line and exits with its code."""
     code: int | str | None = 0
     try:
-        code = work()
+        code = run()
         sys.stdout.flush()
     except SystemExit as end:  # --help, a usage error, or rich, which ends the program when its reader has gone
         code = end.code
@@ -35,20 +32,24 @@ def main() -> None:
     sys.exit(code)
 
 
-def work() -> int:
-    """Does what the command line says.
+def run() -> int:
+    """Carries out the command line.
 
     Returns:
         The exit code.
     """
     verb = parse()
+    from pydantic import ValidationError  # --help needs neither pydantic nor rich
+
+    from .printed import one_line, printable_streams
+
     with printable_streams():
         try:
-            return verb.work()
+            return verb.run()
         except PersonalVizError as error:
             line = str(error)
         except ValidationError as error:
-            from .study_app.checked_options import line_from_refused_options
+            from .cli.refusals import line_from_refused_options
 
             line = line_from_refused_options(type(verb).__name__.lower(), vars(getattr(verb, "verb", verb)), error)
         except KeyboardInterrupt:
@@ -65,14 +66,14 @@ def has_lost_reader() -> bool:
     ends = select.poll()
     for stream in (sys.stdout, sys.stderr):
         try:
-            ends.register(stream.fileno(), 0)  # errors are told unasked
+            ends.register(stream.fileno(), 0)  # errors are reported without asking for them
         except (OSError, ValueError, AttributeError):  # not a file, closed, or none (pythonw)
             continue
     return any(event & select.POLLERR for _, event in ends.poll(0))
 
 
 def discard_output() -> None:
-    """Lets what a lost reader did not take go nowhere, so that Python's last flush does not fail."""
+    """Discards output that a lost reader did not take, so that Python's last flush does not fail."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

@@ -21,9 +21,9 @@ FLAGS = (
     "--disable-sync",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
-    # without a GPU, pages are put together on the processor: 34 frames a second instead of 2 on a busy machine
+    # without a GPU, pages are composited on the processor: 34 frames a second instead of 2 on a busy machine
     "--disable-gpu-compositing",
-    # nothing that a page asks for may leave this machine (Rerun's viewer would send usage data)
+    # no request of a page may leave this machine (Rerun's viewer would send usage data)
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 

@@ -1,6 +1,7 @@
 """The door to the terminal: names from files and folders are printed without control characters.
 
-A file's name may hold what a terminal obeys: colours, another window title, a cleared line, text from right to left.
+A file's name may hold codes that a terminal obeys: colours, another window title, a cleared line, text from right to
+left.
 While `printable_streams` is in force, `print` shows such characters as JSON would (`\\u001b`), so JSON stays the same
 JSON. Tables and progress bars are drawn by `Console`, whose own colours stay while its texts are treated alike.
 """
@@ -15,7 +16,7 @@ import rich.console
 from rich.segment import Segment
 
 _REFUSED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""C0 and C1 but tab and newline, marks that turn the direction of text, line separators, bytes that are no UTF-8."""
+"""C0 and C1 except tab and newline, marks that turn the direction of text, line separators, bytes that are no UTF-8."""
 
 
 def printable(text: str) -> str:
@@ -24,7 +25,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """`printable` text whose white space, newlines too, is single spaces."""
+    """`printable` text on one line: each run of white space becomes a single space."""
     return printable(" ".join(text.split()))
 
 

@@ -17,7 +17,7 @@ _PLACES = {
     "log_comparison": ("recordings.replay", "log_comparison"),
     "read_rrd": ("recordings.read", "read_rrd"),
 }
-"""Module of each public name, and what it is called there."""
+"""Module of each public name, and its name there."""
 __all__ = [
     "RerunObserver",
     "log_comparison",

@@ -1,4 +1,4 @@
-"""How the viewer lays a recording out: runs side by side, a running episode or POG trial, a map alone."""
+"""Layouts of recordings in the viewer: runs side by side, a running episode or POG trial, a map alone."""
 
 from collections.abc import Callable, Iterable, Sequence
 
@@ -9,6 +9,7 @@ from rerun.blueprint.encodings import TextLogColumn
 from rerun.encodings import EntityPathLike
 
 from grounding.maps.home_map import HomeMemory, StoreyMemory
+from sim.plan_view.storey import StoreyMap
 from sim.tasks.run_files import EpisodeRun
 
 from . import layers, memory, paths
@@ -17,25 +18,24 @@ from .episode import CENTRE_DISTANCE, GOAL_DISTANCE, SEEN_M2, Walker
 from .insight import OCCUPANCY, SIMILARITY
 from .layers import Regrounded
 from .memory import NamedMemory
-from .scene import StoreyMap
 from .traces import Trace
 
 BACKGROUND = (24, 26, 30)
 PLOTS = ((CENTRE_DISTANCE, "Metres to the target's centre"), (DEVIATION, "Metres off the shortest path"))
 WALK_ENTITIES = ("camera", "path", "trail", DEPARTURE, PARTING)
 EYE = np.array([0.0, 1.15, 0.2])
-"""Where the home is looked at from, from its middle, in units of its depth: steep, so that walls hide little."""
+"""Position of the eye relative to the home's middle, in units of the home's depth: steep, so that walls hide little."""
 ASPECT, WIDE_ASPECT = 2.4, 1.5
-"""Width over height of the place for the home: above the map, and beside it."""
+"""Width over height of the home's view: above the map, and beside it."""
 PER_PAGE = 6
-"""Most phrases whose maps are shown beside each other."""
+"""Largest number of phrases whose maps stand beside each other."""
 MARKS, MARK_RAY = "marks", "mark_ray"
-"""Entities below the run of a POG trial: what a person marks before the answer."""
+"""Entities below the run of a POG trial: a person's marks before the answer."""
 _TITLE = 44
-"""Most letters of a phrase in the title of its map."""
+"""Largest number of a phrase's letters in the title of its map."""
 _IN_HOME = ("camera", "path", "trail", "collisions", "frontiers", "candidates", "chosen", "found")
 _PAST_TOO = ("trail", "collisions")
-"""Entities of a running episode that show all their rows up to the time cursor; all others show their latest one."""
+"""Entities of a running episode that show all their rows up to the time cursor; all others show the latest row."""
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 Parts = rrb.View | rrb.Container
 
@@ -48,16 +48,18 @@ def comparison_blueprint(
     regrounded: Sequence[Regrounded] = (),
     memories: Sequence[NamedMemory] = (),
 ) -> rrb.Blueprint:
-    """Any number of runs of one episode: best person | home and map | best agent; below them plots, task, actions.
+    """The layout for any number of runs of one episode.
+
+    Best person | home and map | best agent; below them plots, task, actions.
 
     Args:
         traces: The runs, in the recording's order.
-        maps: The storeys shown; each has a view of its own in the home and on the map, since floors hide each other.
+        maps: The storeys shown; each has its own view in the home and on the map, since floors hide each other.
         shown: At most two PAN runs whose cameras are shown, left and right.
         regrounded: Grounders with layers, which the map shows.
-        memories: Maps that they answered on, each with a page of its own; objects stand in the home too.
+        memories: The maps that grounders answered on, each with its own page; objects stand in the home too.
     """
-    is_wide = not shown  # no camera needs the place beside the home
+    is_wide = not shown  # no camera needs the space beside the home
     home = _together(
         rrb.Horizontal, [_home(traces, maps, storey, regrounded, memories, is_wide=is_wide) for storey in maps]
     )
@@ -74,12 +76,12 @@ def comparison_blueprint(
 def live_blueprint(
     walker: Walker, maps: Sequence[StoreyMap], *, explains: bool, with_depth: bool, follows: bool
 ) -> rrb.Blueprint:
-    """One running episode: camera | home | map; below them a plot, actions and task.
+    """The layout for one running episode: camera | home | map; below them a plot, actions and task.
 
     Args:
-        walker: Who walks.
-        maps: The storeys visited so far, at least one; each has a home view and a map of its own.
-        explains: Whether the agent shows a map of its own, which then stands beside the map of what it saw.
+        walker: The person or agent that walks.
+        maps: The storeys visited so far, at least one; each has its own home view and map.
+        explains: Whether the agent shows its own map, which then stands beside the map of the floor it saw.
         with_depth: Whether depth is logged.
         follows: Whether the time cursor stays at the newest data: in a viewer, not in a file.
     """
@@ -109,12 +111,12 @@ def live_blueprint(
 
 
 def trial_blueprint(label: str, maps: Sequence[StoreyMap], *, follows: bool) -> rrb.Blueprint:
-    """A running POG trial of a run's label: home and map of each storey that was looked at; actions and task below."""
+    """The layout for a running POG trial: home and map of each storey looked at; actions and task below them."""
     shown = [paths.run_path(label, name) for name in (MARKS, MARK_RAY, "candidates", "click_ray")]
     homes = [
         _home_view(
             storey,
-            [f"{paths.MESH}/{storey.part}/**", f"{paths.GOAL}/**", f"- {paths.GOAL}/map/**", *shown],
+            [f"{paths.MESH}/{storey.name}/**", f"{paths.GOAL}/**", f"- {paths.GOAL}/map/**", *shown],
             name=f"Home, storey {storey.index + 1}",
             extent=_extent(storey, across=1 / 1.5),
         )
@@ -123,7 +125,7 @@ def trial_blueprint(label: str, maps: Sequence[StoreyMap], *, follows: bool) -> 
     plans = [
         _map_view(
             storey,
-            [*_plan(storey), f"{paths.run_path(label, 'map', storey.part)}/**"],
+            [*_plan(storey), f"{paths.run_path(label, 'map', storey.name)}/**"],
             name=f"Map, storey {storey.index + 1}",
             background=BACKGROUND,
         )
@@ -141,13 +143,13 @@ def trial_blueprint(label: str, maps: Sequence[StoreyMap], *, follows: bool) -> 
 
 
 def map_blueprint(name: str, whole: HomeMemory, maps: Sequence[StoreyMap]) -> rrb.Blueprint:
-    """A map alone, a page per storey: the home, and a flat view per layer; the text below."""
+    """The layout for a map alone, a page per storey: the home, a flat view per layer, and the text below."""
     pages: list[Parts] = []
     for shown in maps:
         known = memory.storey_at(whole, shown)
         assert known is not None
         entities = [f"{memory.home_entity(name, layer, shown)}/**" for layer in memory.HOME_LAYERS]
-        home = _home_view(shown, [f"{paths.MESH}/{shown.part}/**", *entities], name="Home", extent=_extent(shown))
+        home = _home_view(shown, [f"{paths.MESH}/{shown.name}/**", *entities], name="Home", extent=_extent(shown))
         flat = rrb.Grid(*_memory_views(name, known, shown), grid_columns=2)
         page = f"Storey {shown.index + 1}" if len(maps) > 1 else "Map"
         pages.append(rrb.Horizontal(home, flat, name=page, column_shares=[1, 1]))
@@ -156,7 +158,7 @@ def map_blueprint(name: str, whole: HomeMemory, maps: Sequence[StoreyMap]) -> rr
 
 
 def _blueprint(root: Parts, time_panel: rrb.TimePanel) -> rrb.Blueprint:
-    """A layout that is all there is to see."""
+    """A blueprint of these views and this time panel, without the viewer's other panels."""
     return rrb.Blueprint(
         root,
         time_panel,
@@ -185,7 +187,7 @@ def _home(
     shown += [memory.home_entity(item.name, "objects", storey) for item in memories]
     return _home_view(
         storey,
-        [f"{paths.MESH}/{storey.part}/**", *shown],
+        [f"{paths.MESH}/{storey.name}/**", *shown],
         name=_named("Home", storey, maps),
         extent=_extent(storey, across=len(maps) / (WIDE_ASPECT if is_wide else ASPECT)),
         overrides=_trails(traces, "trail")
@@ -199,11 +201,11 @@ def _map(
     """One storey from above in a comparison."""
     return _map_view(
         storey,
-        [*_plan(storey), *(f"{_entity(trace, 'map', storey.part)}/**" for trace in traces)],
+        [*_plan(storey), *(f"{_entity(trace, 'map', storey.name)}/**" for trace in traces)],
         name=_named("Map", storey, maps),
         background=BACKGROUND,
         is_cropped=True,
-        overrides=_trails(traces, "map", storey.part, "trail")
+        overrides=_trails(traces, "map", storey.name, "trail")
         | _hidden([layers.map_entity(*layer, storey) for layer in layers.covering(regrounded)]),
     )
 
@@ -219,7 +221,7 @@ def _below(
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun)]
     for number, (entity, name) in enumerate(PLOTS if walks else ()):
         contents = [_entity(trace, entity) for trace in walks]
-        legend = rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=number > 0)  # one is enough, runs seldom stray at first
+        legend = rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=number > 0)  # one legend is enough
         parts.append((rrb.TimeSeriesView(origin="/", contents=contents, name=name, plot_legend=legend), 3))
     pages = [page for item in regrounded for page in _phrase_pages(item, maps)]
     pages += [page for item in memories for page in _memory_pages(item, maps)]
@@ -232,16 +234,16 @@ def _live_home(walker: Walker, storey: StoreyMap, maps: Sequence[StoreyMap]) -> 
     shown = [walker.entity(name) for name in _IN_HOME]
     return _home_view(
         storey,
-        [f"{paths.MESH}/{storey.part}/**", f"{paths.GOAL}/**", f"- {paths.GOAL}/map/**", *shown],
+        [f"{paths.MESH}/{storey.name}/**", f"{paths.GOAL}/**", f"- {paths.GOAL}/map/**", *shown],
         name=_named("Home", storey, maps),
-        extent=_extent(storey) * (1.0 if len(maps) == 1 else 1.3),  # several share the height
+        extent=_extent(storey) * (1.0 if len(maps) == 1 else 1.3),  # several storeys share the height
         overrides=_until_now([walker.entity(name) for name in _PAST_TOO]),
     )
 
 
 def _live_map(walker: Walker, storey: StoreyMap, maps: Sequence[StoreyMap], *, own: bool) -> rrb.View:
-    """The map of what was seen, or the agent's own map of the same storey."""
-    below = walker.entity("map", storey.part)
+    """The map of the floor seen so far, or the agent's own map of the same storey."""
+    below = walker.entity("map", storey.name)
     hidden = ["seen"] if own else [OCCUPANCY, SIMILARITY]
     plan = _plan(storey)[1:] if own else _plan(storey)
     return _map_view(
@@ -254,7 +256,7 @@ def _live_map(walker: Walker, storey: StoreyMap, maps: Sequence[StoreyMap], *, o
 
 
 def _phrase_pages(item: Regrounded, maps: Sequence[StoreyMap]) -> list[rrb.Container]:
-    """Pages with a small map per phrase of one grounder, with the phrase's similarity, peaks and the answers."""
+    """Pages of small maps, one per phrase of a grounder, with the phrase's similarity, its peaks and the answers."""
     if item.layers is None or item.memory is None:
         return []
     heights = layers.places_of(item.memory, item.layers)[:, 1]
@@ -272,12 +274,12 @@ def _phrase_view(item: Regrounded, number: int, phrase: str, storey: StoreyMap) 
     names = (layers.SIMILARITY, layers.PEAKS)
     shown = [layers.map_entity(item.trace, f"{name}_{number}", storey) for name in names]
     short = phrase if len(phrase) <= _TITLE else phrase[: _TITLE - 3] + "..."
-    contents = [storey.entity, *shown, f"{paths.GOAL}/map/{storey.part}/region"]
+    contents = [paths.map_entity(storey.name), *shown, f"{paths.GOAL}/map/{storey.name}/region"]
     return _map_view(storey, contents, name=f"{number + 1}. {short}", is_cropped=True)
 
 
 def _memory_pages(item: NamedMemory, maps: Sequence[StoreyMap]) -> list[rrb.Container]:
-    """A page per storey with the layers of a map that grounders answered on, beside each other."""
+    """A page per storey that shows, side by side, the layers of a map that grounders answered on."""
     pages: list[rrb.Container] = []
     for storey in maps:
         known = memory.storey_at(item.memory, storey)
@@ -293,7 +295,7 @@ def _memory_views(name: str, known: StoreyMemory, storey: StoreyMap) -> list[rrb
     return [
         _map_view(
             storey,
-            [f"{storey.entity}/**", memory.map_entity(name, layer, storey)],
+            [f"{paths.map_entity(storey.name)}/**", memory.map_entity(name, layer, storey)],
             name=memory.LAYER_NAMES[layer],
             is_cropped=True,
         )
@@ -302,7 +304,7 @@ def _memory_views(name: str, known: StoreyMemory, storey: StoreyMap) -> list[rrb
 
 
 def _hidden(entities: Sequence[str]) -> Overrides:
-    """A view holds these without showing them at first; the eye beside their names shows them."""
+    """Overrides that hide these entities at first; the eye beside an entity's name shows it."""
     return dict.fromkeys(entities, rrb.EntityBehavior(visible=False))
 
 
@@ -322,7 +324,7 @@ def _actions(contents: str | list[str], *, origin: str = "/") -> rrb.View:
 def _home_view(
     storey: StoreyMap, contents: list[str], *, name: str, extent: float, overrides: Overrides | None = None
 ) -> rrb.View:
-    """A storey's home from above, from so far that `extent` metres fit."""
+    """A view of a storey's home from above, from far enough that `extent` metres fit."""
     rows, cols = storey.grid.shape
     middle_xz = np.asarray(storey.grid.origin_xz) + np.array([cols, rows]) * storey.grid.cell / 2
     middle = np.array([middle_xz[0], storey.floor_y, middle_xz[1]])
@@ -339,12 +341,12 @@ def _home_view(
 
 
 def _plan(storey: StoreyMap) -> list[str]:
-    """A storey's map, and the goal on it."""
-    return [f"{storey.entity}/**", f"{paths.GOAL}/map/{storey.part}/**"]
+    """Entities of a storey's map and of the goal on it."""
+    return [f"{paths.map_entity(storey.name)}/**", f"{paths.GOAL}/map/{storey.name}/**"]
 
 
 def _extent(storey: StoreyMap, *, across: float = 1.0) -> float:
-    """Metres of a storey's depth, or of its width times `across` where that is more."""
+    """A storey's depth in metres, or its width times `across` if that is more."""
     rows, cols = storey.grid.shape
     return max(rows, cols * across) * storey.grid.cell
 
@@ -358,11 +360,11 @@ def _map_view(
     is_cropped: bool = False,
     overrides: Overrides | None = None,
 ) -> rrb.View:
-    """A storey's map; a cropped one shows at first the map's picture alone, whatever lies beyond."""
+    """A view of a storey's map; if cropped, it first shows the map's picture only and nothing beyond it."""
     rows, cols = storey.grid.shape
     bounds = rrb.VisualBounds2D(x_range=(0.0, float(cols)), y_range=(0.0, float(rows))) if is_cropped else None
     return rrb.Spatial2DView(
-        origin=storey.entity,
+        origin=paths.map_entity(storey.name),
         contents=contents,
         name=name,
         background=background,
@@ -377,7 +379,7 @@ def _trails(traces: Sequence[Trace], *parts: str) -> Overrides:
 
 
 def _until_now(entities: Sequence[str]) -> Overrides:
-    """These show all their rows up to the time cursor, on every timeline; all else shows its latest row."""
+    """Overrides that show all rows of these entities up to the time cursor; other entities show their latest row."""
     start, end = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
     ranges = [rrb.VisibleTimeRange(timeline, start=start, end=end) for timeline in paths.TIMELINES]
     return dict.fromkeys(entities, rrb.VisibleTimeRanges(ranges))
@@ -396,5 +398,5 @@ def _together(container: Callable[..., rrb.Container], parts: Sequence[Parts]) -
 
 
 def _row(parts: Sequence[tuple[Parts, int]]) -> rrb.Container:
-    """Views beside each other, each with its share of the width."""
+    """Views side by side, each with its share of the width."""
     return rrb.Horizontal(*(part for part, _ in parts), column_shares=[share for _, share in parts])

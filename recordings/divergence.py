@@ -1,9 +1,10 @@
-"""Where a run leaves the shortest path, how far it strays, and where two runs part; as figures, plots and marks.
+"""Finds where a run leaves the shortest path, how far it strays, and where two runs part; logs plots and marks of it.
 
 A run strays by the planar distance from its feet to the nearest place of the path on the same storey. It leaves the
 path at its first pose that is more than LIMIT away. Two runs go together as long as both can be walked forwards, each
 at its own pace, with the two walkers within LIMIT of each other (the discrete Frechet distance); they part at the
-first pose of each that cannot be reached like that. So a detour counts where it begins, a pause or a turn never.
+first pose of each that cannot be reached in this way. A detour thus counts where it begins; a pause or a turn never
+counts.
 """
 
 import itertools
@@ -14,14 +15,15 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from sim.plan_view.storey import StoreyMap
 from sim.walk.storeys import same_storey
 
 from .episode import Walk, log_figures, log_plot_style, set_moment
-from .scene import LIFT, StoreyMap
+from .scene import LIFT
 from .traces import Trace
 
 LIMIT = 1.0
-"""Metres within which a run follows a path: the success radius."""
+"""Largest distance at which a run still follows a path, metres: the success radius."""
 _PIECE = 0.25
 """Longest piece into which a path is cut, metres: a long one can climb from one storey to the next."""
 DEVIATION, DEPARTURE, PARTING = "path_deviation", "departure", "parting"
@@ -29,16 +31,16 @@ DEVIATION, DEPARTURE, PARTING = "path_deviation", "departure", "parting"
 _SIZE = 0.22
 """Half the width of a mark, metres."""
 _RADIUS = -1.8
-"""Of a mark's strokes; negative = points of the screen."""
+"""Radius of a mark's strokes; negative = points of the screen."""
 _CROSS = np.array([[[-1, -1], [1, 1]], [[-1, 1], [1, -1]]], float) * _SIZE
-"""(strokes, points, xz) where a run leaves the shortest path."""
+"""(strokes, points, xz) the mark where a run leaves the shortest path, metres."""
 _DIAMOND = np.array([[[-1, 0], [0, -1], [1, 0], [0, 1], [-1, 0]]], float) * 1.5 * _SIZE
-"""The same where two runs part."""
+"""(strokes, points, xz) the mark where two runs part, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """The first pose of a run that is off another way."""
+    """The first pose of a run that is off the path, or off another run's way."""
 
     row: int
     """Number of actions taken until then, 0 at the start."""
@@ -48,7 +50,7 @@ class Departure:
 
 @dataclass(frozen=True, slots=True)
 class Stray:
-    """How one run keeps to the shortest path."""
+    """How closely one run keeps to the shortest path."""
 
     deviation: NDArray[np.float64]
     """(T + 1,) `path_deviation` at the start and after each step."""
@@ -58,14 +60,14 @@ class Stray:
 
 @dataclass(frozen=True, slots=True)
 class Divergence:
-    """How the runs of an episode keep to the shortest path, and two of them to each other."""
+    """How closely the runs of an episode keep to the shortest path, and two of them to each other."""
 
     strays: tuple[Stray | None, ...]
-    """One per run; None for those that do not walk, and for all where there is no path."""
+    """One per run; None for runs that do not walk, and for all runs if there is no path."""
     pair: tuple[int, int] | None = None
-    """Which two runs are held against each other."""
+    """Indices of the two runs that are compared."""
     parted: tuple[Departure, Departure] | None = None
-    """Where those two part; None where one goes along the other's way to its end."""
+    """Where those two part; None if one follows the other's way to its own end."""
 
 
 def divergence_of(
@@ -75,8 +77,8 @@ def divergence_of(
 
     Args:
         ways: Feet (T + 1, 3) of each run; None for runs that do not walk.
-        path: (K, 3) the shortest path; None where there is none.
-        pair: Which two runs to hold against each other.
+        path: (K, 3) the shortest path; None if there is none.
+        pair: Indices of the two runs to compare.
     """
     strays: list[Stray | None] = []
     for way in ways:
@@ -91,7 +93,7 @@ def divergence_of(
 
 
 def path_deviation(positions: NDArray[np.float64], path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Planar metres (T,) from feet (T, 3) to the path (K, 3), K >= 1; inf where no piece of it is on their storey."""
+    """Planar metres (T,) from feet (T, 3) to the path (K, 3), K >= 1; inf where the path is not on their storey."""
     starts, ends = _pieces(path)
     along = (ends - starts)[:, [0, 2]]  # (P, 2)
     squared = np.maximum((along**2).sum(axis=1), 1e-18)
@@ -112,7 +114,7 @@ def departure(positions: NDArray[np.float64], deviation: NDArray[np.float64]) ->
 def parting(first: NDArray[np.float64], second: NDArray[np.float64]) -> tuple[Departure, Departure] | None:
     """Where the ways of two runs, feet (T, 3) and (U, 3), part: a place on each.
 
-    None when one of them ends before, that is, when its whole way lies along the other's.
+    None if one of them ends before that, so that its whole way lies along the other's.
     """
     shared_first, shared_second = _shared_rows(first, second)
     if shared_first == len(first) or shared_second == len(second):
@@ -121,16 +123,16 @@ def parting(first: NDArray[np.float64], second: NDArray[np.float64]) -> tuple[De
 
 
 def _shared_rows(first: NDArray[np.float64], second: NDArray[np.float64]) -> tuple[int, int]:
-    """How many poses of each run can be reached with the walkers never more than LIMIT apart."""
+    """Number of poses of each run that can be reached with the walkers never more than LIMIT apart."""
     columns = np.arange(len(second))
-    reached = np.zeros(len(second), bool)  # columns reached with the first walker at the row before
+    reached = np.zeros(len(second), bool)  # columns reached with the first walker one row earlier
     rows, furthest = 0, -1
     for row, position in enumerate(first):
         offsets = second - position
         near = np.hypot(offsets[:, 0], offsets[:, 2]) <= LIMIT
         near &= same_storey(second[:, 1], position[1])
-        entered = reached | np.append(row == 0, reached[:-1])  # from the pose before of the first, or of both
-        # the second walker may go on alone from an entered column until a column that is not near
+        entered = reached | np.append(row == 0, reached[:-1])  # the first walker moved on, or both did
+        # the second walker may go on alone from an entered column up to the next column that is not near
         last_entered = np.maximum.accumulate(np.where(entered & near, columns, -1))
         last_far = np.maximum.accumulate(np.where(near, -1, columns))
         reached = last_entered > last_far
@@ -146,7 +148,7 @@ def _departure(positions: NDArray[np.float64], row: int) -> Departure:
 
 
 def _pieces(path: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ends (P, 3) and (P, 3) of pieces of at most _PIECE metres; a path of one point is one piece of no length."""
+    """Ends (P, 3) and (P, 3) of pieces of at most _PIECE metres; a path of one point is one piece of length 0."""
     points = [path[:1]]
     for start, end in itertools.pairwise(path):
         count = max(1, int(np.ceil(np.linalg.norm(end - start) / _PIECE)))
@@ -162,13 +164,13 @@ def log_divergence(
     divergence: Divergence,
     maps: Sequence[StoreyMap],
 ) -> None:
-    """Logs each walking run's distance from the shortest path, and marks that appear when what they mark happens.
+    """Logs each walking run's distance from the shortest path, and marks that appear at the moment they stand for.
 
     Args:
         stream: The recording.
         traces: The runs.
-        walks: Those of them that walk.
-        divergence: Of `traces`, in the same order.
+        walks: The runs among `traces` that walk.
+        divergence: The divergence of `traces`, in the same order.
         maps: The storeys shown.
     """
     walk_of = {walk.trace.label: walk for walk in walks}
@@ -197,9 +199,9 @@ def _log_mark(
     label: str,
     maps: Sequence[StoreyMap],
 ) -> None:
-    """Logs a mark where the run stands at its place, on all timelines when it gets there.
+    """Logs a mark at the run's place, which appears on all timelines when the run gets there.
 
-    The label is shown when somebody points at the mark: always shown, the words would hide the ways.
+    The label is shown only when the mouse points at the mark; otherwise the words would hide the ways.
     """
     walker, row = walk.walker, walk.rows[place.row]
     strokes = np.insert(shape, 1, LIFT, axis=-1) + np.array(row.pose.position)  # (strokes, points, xyz)
@@ -209,5 +211,5 @@ def _log_mark(
     for storey in maps:
         if storey.index == row.storey:
             flat = rr.LineStrips2D(list(storey.pixels(strokes)), draw_order=50.0, **style)
-            stream.log(walker.entity("map", storey.part, name), flat)
+            stream.log(walker.entity("map", storey.name, name), flat)
     stream.reset_time()

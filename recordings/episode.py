@@ -1,32 +1,33 @@
-"""Logs an episode some steps at a time: one that is running as it goes on, a finished one all at once.
+"""Logs an episode: a running one a few steps at a time, a finished one all at once.
 
-A walk is a `Walker` and its rows, one per moment. What a viewer shows of them has the same entities in both cases. The
-points of a POG answer are logged here too.
+A walk is a `Walker` and its rows, one per moment. The viewer's entities are the same in both cases. The points of a POG
+answer are logged here too.
 """
 
 import math
 from collections.abc import Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from sim.frames import T_world_camera, forward_from_yaw
+from sim.plan_view.storey import StoreyMap, storeys_of
 from sim.tasks.run_files import Answer, EpisodeRun, Step
 from sim.types import Camera, Pose
 from sim.walk.navigation_map import NavigationMap
 
 from . import paths
 from .read import log_record_steps
-from .scene import LIFT, MAP_TRAIL, MAP_WHOLE, POINT, ROBOT, StoreyMap, storeys_of
+from .scene import LIFT, MAP_TRAIL, MAP_WHOLE, POINT, ROBOT
 from .traces import Rgb, Trace, dimmed, rgba_u32, times
 
 UNDER_TRAIL = np.array([0.0, 0.04, 0.0])
-"""The line of the whole way lies this much lower than the trail, which so covers it, metres."""
+"""The line of the whole way lies this much lower than the trail (metres), so that the trail covers it."""
 WHOLE, TRAIL, FRAME = -0.7, -2.0, -3.0
-"""Radii of paths and of a picture's frame; negative = points of the screen, to be seen in homes of any size."""
+"""Radii of paths and of a picture's frame; negative = points of the screen, visible in homes of any size."""
 HEADING = 0.6
 """Length of the robot's arrow on the map, metres."""
 RAY = 1.5
@@ -34,23 +35,23 @@ RAY = 1.5
 ANSWER_STEP = 1
 """Step at which a POG answer appears."""
 DEPTH_FACTOR = 4
-"""Depth is stored with this many times fewer rows and columns than the picture."""
+"""Depth is stored for every n-th row and column of the picture, n being this number."""
 DEPTH_PER_METRE = 1000.0
 DEEPEST = 10.0
-"""What is farther gets the last colour, metres; rooms are smaller."""
+"""Depth from which everything gets the last colour, metres; rooms are smaller."""
 BLOCKED_RGB: Rgb = (255, 80, 40)
 BLOCKED = -3.5
 """Radius of the marks where a wall stopped the robot, points of the screen."""
 CENTRE_DISTANCE, GOAL_DISTANCE = "centre_distance", "goal_distance"
-"""Plotted below a run: metres to the nearest target's centre, and to walk to where STOP succeeds."""
+"""Plotted below a run: metres to the nearest target's centre, and the walk to the nearest place where STOP succeeds."""
 SEEN_M2 = "seen_m2"
-"""Plotted where there is no goal: square metres of free floor seen so far, all storeys together."""
+"""Plotted if there is no goal: square metres of free floor seen so far, all storeys together."""
 _UP = np.array([0.0, LIFT, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Walker:
-    """Whose steps are logged."""
+    """The person or agent whose steps are logged."""
 
     label: str
     """Names the run's entities, as in `Trace`."""
@@ -60,9 +61,9 @@ class Walker:
     is_timed: bool
     """Whether its steps measure seconds, as people's do."""
     is_episode: bool = True
-    """Whether it has a goal and a run file, whose lines are kept for `read_rrd`."""
+    """Whether it has a goal and a run file, whose lines are logged for `read_rrd`."""
     marks_collisions: bool = True
-    """Whether marks show where a wall stopped it: beside other runs they would hide too much."""
+    """Whether marks show where a wall stopped it; beside other runs they would hide too much."""
 
     def entity(self, *parts: str) -> str:
         """Entity of this run."""
@@ -86,11 +87,11 @@ class Row:
     """Pose at the moment before."""
     storey_before: int | None = None
     ending: str = ""
-    """Why the episode ended here, where that is known and it was not by STOP."""
+    """Why the episode ended here, if that is known and it did not end with STOP."""
     jpeg: Future[bytes] | None = None
-    """The picture, which may still be encoded; None when pictures are logged apart (`log_pictures`), or not at all."""
+    """The picture, perhaps still being encoded; None if pictures are logged apart (`log_pictures`), or not at all."""
     depth_mm: Future[NDArray[np.uint16]] | None = None
-    """(H / DEPTH_FACTOR, W / DEPTH_FACTOR) millimetres, 0 = no return; follows the picture."""
+    """(H / DEPTH_FACTOR, W / DEPTH_FACTOR) millimetres, 0 = no return; encoded like the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +101,25 @@ class Walk:
     trace: Trace
     walker: Walker
     rows: tuple[Row, ...]
-    """(T + 1,)."""
+    """(T + 1,) the start and each step."""
 
 
-def next_row(before: Row | None, pose: Pose, storey: int, step: Step | None, **more: object) -> Row:
-    """The moment after `before`, without pictures unless they are among `more`, the other fields of `Row`."""
+def next_row(
+    before: Row | None,
+    pose: Pose,
+    storey: int,
+    step: Step | None,
+    *,
+    ending: str = "",
+    jpeg: Future[bytes] | None = None,
+    depth_mm: Future[NDArray[np.uint16]] | None = None,
+) -> Row:
+    """The moment after `before`, which is None at the start; the arguments are fields of `Row`."""
+    row = Row(0, pose, storey, 0.0, step, ending=ending, jpeg=jpeg, depth_mm=depth_mm)
     if before is None:
-        return Row(0, pose, storey, 0.0, step, **more)  # type: ignore[arg-type]
+        return row
     walked = before.path_m + math.dist(pose.position, before.pose.position)
-    return Row(before.number + 1, pose, storey, walked, step, before.pose, before.storey, **more)  # type: ignore[arg-type]
+    return replace(row, number=before.number + 1, path_m=walked, before=before.pose, storey_before=before.storey)
 
 
 def finished_walk(trace: Trace, camera: Camera, navigation: NavigationMap) -> Walk:
@@ -117,7 +128,7 @@ def finished_walk(trace: Trace, camera: Camera, navigation: NavigationMap) -> Wa
     Args:
         trace: The run.
         camera: The robot's camera, with the size in which its pictures are shown.
-        navigation: Tells the storeys.
+        navigation: Gives the storey of each pose.
     """
     run = trace.run
     assert isinstance(run, EpisodeRun)
@@ -133,7 +144,7 @@ def finished_walk(trace: Trace, camera: Camera, navigation: NavigationMap) -> Wa
 
 
 def log_styles(stream: rr.RecordingStream, walker: Walker, *, with_depth: bool) -> None:
-    """Logs what does not change during the episode: the camera's shape, colours, widths."""
+    """Logs the parts that do not change during the episode: the camera's shape, colours, widths."""
     camera, rgb = walker.camera, walker.rgb
     _log_pinhole(stream, walker.entity("camera"), camera.focal, (camera.width, camera.height), color=rgb)
     if with_depth:
@@ -148,23 +159,23 @@ def log_styles(stream: rr.RecordingStream, walker: Walker, *, with_depth: bool) 
 
 
 def log_map_styles(stream: rr.RecordingStream, walker: Walker, storey: StoreyMap) -> None:
-    """The same for one storey's map."""
+    """Logs the colours and widths for one storey's map."""
     robot = rr.Arrows2D.from_fields(colors=[walker.rgb], radii=[ROBOT], draw_order=40.0)
-    stream.log(walker.entity("map", storey.part, "robot"), robot, static=True)
+    stream.log(walker.entity("map", storey.name, "robot"), robot, static=True)
     trail = rr.LineStrips2D.from_fields(colors=[walker.rgb], radii=[MAP_TRAIL], draw_order=30.0)
-    stream.log(walker.entity("map", storey.part, "trail"), trail, static=True)
+    stream.log(walker.entity("map", storey.name, "trail"), trail, static=True)
     if walker.marks_collisions:
         marks = rr.Points2D.from_fields(colors=[BLOCKED_RGB], radii=[BLOCKED], draw_order=35.0)
-        stream.log(walker.entity("map", storey.part, "collisions"), marks, static=True)
+        stream.log(walker.entity("map", storey.name, "collisions"), marks, static=True)
 
 
 def log_plot_style(stream: rr.RecordingStream, walker: Walker, name: str, *, words: str, rgb: Rgb) -> None:
-    """Logs how a figure of `log_figures` is called and drawn."""
+    """Logs the name, colour and line of a figure of `log_figures`."""
     stream.log(walker.entity(name), rr.SeriesLines(names=words, colors=[rgb], widths=2.0), static=True)
 
 
 def log_rows(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row], maps: Sequence[StoreyMap]) -> None:
-    """Logs rows (at least one) at their places on all timelines: columns, since a call of Rerun's per row is slow."""
+    """Logs rows (at least one) at their places on all timelines, as columns, since one Rerun call per row is slow."""
     _log_views(stream, walker, rows)
     for storey in maps:
         _log_on_map(stream, walker, rows, storey)
@@ -187,13 +198,13 @@ def log_rows(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row], ma
 def log_figures(
     stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row], name: str, values: NDArray[np.float64]
 ) -> None:
-    """Logs one figure per row to plot; what is not finite leaves a gap."""
+    """Logs one figure per row to plot; values that are not finite leave a gap."""
     columns = rr.Scalars.columns(scalars=np.where(np.isfinite(values), values, np.nan))
     stream.send_columns(walker.entity(name), indexes_of(walker, rows), columns)
 
 
 def log_pictures(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row], jpegs: Sequence[bytes]) -> None:
-    """Logs what the robot saw at these rows through its camera, apart from the rows themselves."""
+    """Logs the robot's pictures at these rows, apart from the rows themselves."""
     columns = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
     stream.send_columns(walker.entity("camera"), indexes_of(walker, rows), columns)
 
@@ -213,7 +224,7 @@ def log_whole_way(
         spots, here = storey.pixels(positions), floors == storey.index
         pieces = np.stack([spots[:-1], spots[1:]], axis=1)[here[:-1] & here[1:]]
         lines = rr.LineStrips2D(_float32(pieces), colors=[dimmed(walker.rgb)], radii=MAP_WHOLE, draw_order=20.0)
-        stream.log(walker.entity("map", storey.part, "path"), lines, static=True)
+        stream.log(walker.entity("map", storey.name, "path"), lines, static=True)
 
 
 def log_walk(stream: rr.RecordingStream, walk: Walk, maps: Sequence[StoreyMap]) -> None:
@@ -245,7 +256,7 @@ def indexes_of(walker: Walker, rows: Sequence[Row]) -> list[rr.TimeColumn]:
 
 
 def set_moment(stream: rr.RecordingStream, walker: Walker, row: Row) -> None:
-    """What is logged next appears at this row of all timelines."""
+    """Sets all timelines to this row, for everything logged next."""
     stream.reset_time()
     stream.set_time(paths.STEP, sequence=row.number)
     stream.set_time(paths.PATH_M, duration=row.path_m)
@@ -264,7 +275,7 @@ def set_answered(stream: rr.RecordingStream, answer: Answer) -> None:
 def log_answer(stream: rr.RecordingStream, trace: Trace, maps: Sequence[StoreyMap], navigation: NavigationMap) -> None:
     """Logs a POG answer below `/runs/<label>`: its K ranked points, in the home and on the maps of their storeys.
 
-    A person's answer also shows how they pointed at the first one; on the map, the end of that ray.
+    A person's answer also shows how they pointed at the first point; the map shows the end of that ray.
     """
     answer, points = trace.run, trace.positions
     assert isinstance(answer, Answer)
@@ -283,12 +294,12 @@ def log_answer(stream: rr.RecordingStream, trace: Trace, maps: Sequence[StoreyMa
         here, spots = floors == storey.index, storey.pixels(points)
         labels = [rank for rank, is_here in zip(ranks, here, strict=True) if is_here]
         flat = rr.Points2D(spots[here], colors=[trace.rgb], radii=POINT, labels=labels, draw_order=45.0)
-        stream.log(paths.run_path(trace.label, "map", storey.part, "candidates"), flat)
+        stream.log(paths.run_path(trace.label, "map", storey.name, "candidates"), flat)
         if answer.ray is not None and here[:1].any():
             back = storey.pixels(np.array(answer.ray.camera_position)) - spots[0]
             shown = back * min(1.0, RAY / storey.grid.cell / max(float(np.linalg.norm(back)), 1e-9))
             arrow = rr.Arrows2D(vectors=[-shown], origins=[spots[0] + shown], colors=[trace.rgb], radii=ROBOT)
-            stream.log(paths.run_path(trace.label, "map", storey.part, "click_ray"), arrow)
+            stream.log(paths.run_path(trace.label, "map", storey.name, "click_ray"), arrow)
     stream.reset_time()
 
 
@@ -307,7 +318,7 @@ def _log_pinhole(
 
 
 def _log_views(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row]) -> None:
-    """Where the camera is, and what it sees."""
+    """Logs where the camera is and what it sees."""
     at = indexes_of(walker, rows)
     Ts = np.array([T_world_camera(row.pose, walker.camera) for row in rows])
     columns = list(rr.Transform3D.columns(translation=Ts[:, :3, 3], mat3x3=Ts[:, :3, :3]))
@@ -325,21 +336,21 @@ def _log_views(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row]) 
 
 
 def _log_on_map(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row], storey: StoreyMap) -> None:
-    """Where the robot is on one storey's map; rows on other storeys empty it."""
+    """Logs where the robot is on one storey's map; rows on other storeys remove it from there."""
     here = [row for row in rows if row.storey == storey.index]
     headings = np.array([forward_from_yaw(row.pose.yaw)[[0, 2]] for row in here]).reshape(-1, 2)
     arrows = rr.Arrows2D.columns(vectors=headings * HEADING / storey.grid.cell, origins=storey.pixels(_feet(here)))
     counts = [int(row.storey == storey.index) for row in rows]
-    stream.send_columns(walker.entity("map", storey.part, "robot"), indexes_of(walker, rows), arrows.partition(counts))
+    stream.send_columns(walker.entity("map", storey.name, "robot"), indexes_of(walker, rows), arrows.partition(counts))
     taken = [row for row in rows if row.step is not None]
     if taken:
         walked = [row.storey == row.storey_before == storey.index for row in taken]
         strips = _float32(storey.pixels(_pieces([row for row, is_here in zip(taken, walked, strict=True) if is_here])))
         columns = rr.LineStrips2D.columns(strips=strips).partition([int(is_here) for is_here in walked])
-        stream.send_columns(walker.entity("map", storey.part, "trail"), indexes_of(walker, taken), columns)
+        stream.send_columns(walker.entity("map", storey.name, "trail"), indexes_of(walker, taken), columns)
     if walker.marks_collisions and (blocked := _blocked(here)):
         columns = rr.Points2D.columns(positions=storey.pixels(_feet(blocked)))
-        stream.send_columns(walker.entity("map", storey.part, "collisions"), indexes_of(walker, blocked), columns)
+        stream.send_columns(walker.entity("map", storey.name, "collisions"), indexes_of(walker, blocked), columns)
 
 
 def _action_text(walker: Walker, row: Row) -> str:
@@ -359,12 +370,12 @@ def _feet(rows: Sequence[Row]) -> NDArray[np.float64]:
 
 
 def _pieces(rows: Sequence[Row]) -> NDArray[np.float64]:
-    """(N, 2, 3) world points of the way to each row; none is a start."""
+    """(N, 2, 3) world points of the way to each row; no row may be a start."""
     return np.array([(row.before.position, row.pose.position) for row in rows if row.before], float).reshape(-1, 2, 3)
 
 
 def _float32(values: NDArray[np.float64]) -> NDArray[np.float32]:
-    """As Rerun keeps them: arrays are sent faster than lists."""
+    """The values as Rerun stores them: arrays are sent faster than lists."""
     return values.astype(np.float32)
 
 

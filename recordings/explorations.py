@@ -1,9 +1,9 @@
-"""Explorations in recordings: watched while `explore` runs, or done again from their file.
+"""Records explorations: while `explore` runs, or by repeating them from their file.
 
-An exploration has no episode: nothing of a goal is in its recording. `explore` sees depth alone; who watches sees
-colours too, from a robot of their own that takes the same steps. Files hold poses and actions: done again, the explorer
-is asked on the same views and must choose the same actions; from where it does not, its frontiers and its own map are
-left out and the way is shown alone.
+An exploration has no episode, so its recording holds no goal. `explore` sees depth alone; viewers also see colours,
+from a second robot that takes the same steps. Files hold poses and actions. When an exploration is repeated, the
+explorer gets the same views and must choose the same actions; from the first action that differs, its frontiers and its
+own map are left out and only the way is shown.
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,9 @@ import rerun as rr
 from grounding.agents.explore import TASK, Exploration
 from grounding.agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
 from sim.errors import RecordingError
-from sim.homes.labels import renderer_of
+from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
+from sim.plan_view.storey import storeys_of
 from sim.render.renderer import Renderer
 from sim.tasks.agents import Agent
 from sim.tasks.observers import Explains, Insight
@@ -27,17 +28,17 @@ from sim.types import Camera, Observation, Pose
 from . import paths
 from .episode import Walker
 from .live_episode import LiveEpisode
-from .scene import log_up, may_be_shown, storeys_of
+from .scene import log_up, may_be_shown
 from .sinks import LiveSink
 from .texts import home_paragraphs, log_paragraphs, plain_text, table
 from .traces import RUN_COLORS
 
 EXPLORER = "frontier"
-"""Names the explorer's entities."""
+"""Name of the explorer in its entities."""
 
 
 class ExplorationObserver:
-    """Shows one exploration at a time in a recording of its own, on the researcher's side."""
+    """Shows one exploration at a time, each in its own recording, to the researcher."""
 
     def __init__(
         self,
@@ -49,14 +50,14 @@ class ExplorationObserver:
         with_pixels: bool = False,
         camera: Camera = Camera(),  # noqa: B008 - frozen value
     ) -> None:
-        """Nothing is written before the exploration begins.
+        """Writes nothing before the exploration begins.
 
         Args:
             scene: The home that is explored.
             sink: Where the recording goes.
             who: Name of the explorer; names the run's entities.
-            seed: Of the exploration.
-            with_pixels: Whether geometry, maps and pictures of a licensed scan are shown; other homes need no leave.
+            seed: Seed of the exploration.
+            with_pixels: Whether geometry, maps and pictures of a licensed scan are shown; other homes are always shown.
             camera: The robot's camera.
         """
         self._scene, self._sink, self._seed = scene, sink, seed
@@ -65,7 +66,7 @@ class ExplorationObserver:
         self._live: LiveEpisode | None = None
 
     def on_reset(self, start: Pose, observation: Observation) -> None:
-        """Opens the recording and shows the start; an exploration that was broken off ends as it is.
+        """Opens the recording and shows the start; closes the recording of an unfinished exploration as it is.
 
         Raises:
             RecordingError: The recording cannot be written, or the viewer is gone.
@@ -94,10 +95,10 @@ class ExplorationObserver:
         self._live.step(step, observation, insight)
 
     def on_end(self, figures: Sequence[tuple[str, str]]) -> None:
-        """Shows the whole way and what came of it, and completes the recording.
+        """Shows the whole way and its results, and completes the recording.
 
         Args:
-            figures: (what, how much) in words, such as why it stopped and how much of the home it saw.
+            figures: (name, value) of each result in words, such as why it stopped and how much of the home it saw.
 
         Raises:
             RecordingError: The recording cannot be written, or the viewer is gone.
@@ -130,7 +131,7 @@ class ExplorationObserver:
 
 
 class WatchedExploration:
-    """What `explore` of grounding takes as `on_step`: shows each step; a failure ends the showing, not the walk."""
+    """Shows each step as the `on_step` of grounding's `explore`; after a failure the walk goes on without it."""
 
     def __init__(
         self, observer: ExplorationObserver, scene: Scene, start: Pose, *, camera: Camera, renderer: Renderer | None
@@ -138,17 +139,17 @@ class WatchedExploration:
         """Shows nothing yet.
 
         Args:
-            observer: Where it is shown.
+            observer: Shows the exploration.
             scene: The home.
             start: Where the exploration starts.
-            camera: The robot's.
-            renderer: Draws what the robot sees, in colours; None = no pictures.
+            camera: The robot's camera.
+            renderer: Draws the robot's views in colours; None = no pictures.
         """
         self._observer: ExplorationObserver | None = observer
         self._env = PanEnv(start, scene.navigation, renderer=renderer, camera=camera, max_steps=MAX_STEPS + 1)
         self._start = start
         self.problem: RecordingError | None = None
-        """What kept the observer from showing it."""
+        """The error that stopped the observer; None while there is none."""
 
     def __call__(self, step: Step | None, insight: Insight | None) -> None:
         """Shows the first view (step None) or a step."""
@@ -163,10 +164,10 @@ class WatchedExploration:
             self._observer, self.problem = None, error
 
     def end(self, exploration: Exploration) -> None:
-        """Shows what came of it, and completes the recording.
+        """Shows the results, and completes the recording.
 
         Raises:
-            RecordingError: It could not be shown, or not from some step on.
+            RecordingError: Some of the exploration could not be shown.
         """
         if self.problem is not None:
             raise self.problem
@@ -176,18 +177,18 @@ class WatchedExploration:
 
 @dataclass(frozen=True, slots=True)
 class ObserveExplorations:
-    """Shows explorations where `personal-viz explore --rerun` says (a `Watch` of grounding.agents.exploration_jobs)."""
+    """Shows explorations in the place that `explore --rerun` names (a `Watch` of grounding.agents.exploration_jobs)."""
 
     sink: LiveSink
     with_pixels: bool = False
 
     def live(self, scene: Scene, start: Pose, *, seed: int, camera: Camera) -> WatchedExploration:
-        """Of an exploration that begins."""
+        """Returns an observer of an exploration that begins now."""
         observer = self._observer(scene, seed, camera)
         return WatchedExploration(observer, scene, start, camera=camera, renderer=self._renderer(scene))
 
     def again(self, scene: Scene, exploration: Exploration) -> None:
-        """Does a stored exploration again.
+        """Repeats a stored exploration in a recording.
 
         Raises:
             RecordingError: It cannot be shown.
@@ -206,7 +207,7 @@ class ObserveExplorations:
 
 
 def explorer_of(exploration: Exploration) -> FrontierExplorer:
-    """The explorer as `explore` made it, to be asked again."""
+    """An explorer with the settings of the exploration, which should choose the same actions again."""
     steps = len(exploration.steps) if exploration.stop_reason == "steps" else MAX_STEPS
     return FrontierExplorer(FrontierSettings(max_steps=steps))
 
@@ -223,17 +224,17 @@ def replay_exploration(
 
     Args:
         exploration: From its file.
-        observer: Where it is shown; of the exploration's camera.
+        observer: Shows the exploration; it must have the same camera.
         scene: The home in which it was made.
-        renderer: Draws what the robot saw; None = no pictures, and no explorer is asked.
+        renderer: Draws the robot's views; None = no pictures, and no explorer is asked.
         agent: The explorer (`explorer_of`); None = only the way is shown.
 
     Returns:
-        Number of steps on which the explorer chose the same action; all of them when nothing has changed since.
+        Number of first steps on which the explorer chose the same action; all steps if nothing has changed since.
 
     Raises:
-        RecordingError: The home is another, or the recording cannot be written.
-        AgentError: What the explorer shows does not fit together.
+        RecordingError: The home is a different one, or the recording cannot be written.
+        AgentError: Parts of the explorer's insight do not fit together.
     """
     if (scene.name, scene.digest) != (exploration.scene, exploration.scene_digest):
         raise RecordingError(
@@ -262,7 +263,7 @@ def replay_exploration(
 
 
 def exploration_figures(exploration: Exploration) -> list[tuple[str, str]]:
-    """What is said of an exploration at its end."""
+    """(name, value) of the results that are shown at an exploration's end."""
     figures = [
         ("stop reason", exploration.stop_reason),
         ("steps", str(len(exploration.steps))),

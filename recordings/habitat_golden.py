@@ -30,14 +30,14 @@ ROBOT, THIN_ROBOT = (0.88, 0.18), (1.5, 0.1)  # (height, radius) in metres: Obje
 FORWARD, TURN_DEG, MOUNT, WIDTH, HEIGHT, HFOV_DEG = 0.25, 30.0, 0.88, 640, 480, 79.0
 ACTIONS = ("stop", "move_forward", "turn_left", "turn_right", "look_up", "look_down")
 SCALE_M = 0.0002
-"""Metres per unit of the stored depth; what lies beyond 13.1 m is stored as 0."""
+"""Metres per unit of the stored depth; depth beyond 13.1 m is stored as 0."""
 JITTER, JUMP = 2e-6, 1e-3
 """A forward is `sensitive` when moving it by JITTER metres moves its end by more than JUMP."""
 NUM_PAIRS = {"on_mesh": 150, "goal_off_mesh": 60, "both_off_mesh": 30, "any_islands": 30, "other_island": 30}
 NUM_STEPS = {"random": 450, "near_wall": 410, "off_mesh": 40, "wall_contact": 100}
 NUM_SNAPS = {"on_mesh": 100, "near": 100, "far": 80, "wild": 20}
 NUM_MULTI, NUM_POSES, NUM_EPISODES, NUM_POOL, MAX_ACTIONS = 45, 12, 24, 2000, 120
-LAST_OLD_RULE = (0, 3, 3)  # the last habitat-sim that stops at the first wall; later ones have another rule
+LAST_OLD_RULE = (0, 3, 3)  # the last habitat-sim that stops at the first wall; later versions have another rule
 Point = list  # of three floats
 
 
@@ -58,7 +58,7 @@ class Habitat:
         self._agent = self._sim.get_agent(0)
         self._agent.controls.move_filter_fn = self._filter
         self._hs, self._slide, self._seed = hs, False, seed
-        self.asked = ([0.0] * 3, [0.0] * 3)  # what the last forward asked the step filter for: (start, end)
+        self.asked = ([0.0] * 3, [0.0] * 3)  # (start, end) that the last forward passed to the step filter
         self.pathfinder, self.version = self._sim.pathfinder, str(hs.__version__)
 
     def use_navmesh(self, height: float, radius: float, path: str | None = None) -> None:
@@ -82,7 +82,7 @@ class Habitat:
         return [point for point in points if all(map(math.isfinite, point))]
 
     def facts(self, point: Point) -> dict[str, Any]:
-        """Everything that Habitat says of one point; islands are told apart by their radius, 0 = on none."""
+        """Everything that Habitat reports about one point; an island is known by its radius, 0 = on no island."""
         finder, at = self.pathfinder, _vector(point)
         snap = _floats(finder.snap_point(at))
         return {
@@ -110,7 +110,7 @@ class Habitat:
         self._agent.set_state(self._hs.agent.AgentState(position=_vector(position), rotation=turn))
 
     def act(self, action: str, *, slide: bool = False) -> bool:
-        """Whether it collided."""
+        """Takes one action; returns whether it collided."""
         self._slide = slide
         return bool(self._agent.act(action))
 
@@ -124,7 +124,7 @@ class Habitat:
         return np.array(self._sim.get_sensor_observations()["depth"], np.float64).reshape(HEIGHT, WIDTH)
 
     def stepped(self, start: Any, end: Any, *, slide: bool) -> Any:
-        """Where the step filter lets a forward end."""
+        """The place where the step filter lets a forward end."""
         return (self.pathfinder.try_step if slide else self.pathfinder.try_step_no_sliding)(start, end)
 
     def _filter(self, start: Any, end: Any) -> Any:
@@ -145,7 +145,7 @@ class Lab:
         sim.geodesic_distance = lambda a, b, episode=None: geodesic(sim, a, b, episode)
 
     def measured(self, row: dict[str, Any]) -> dict[str, Any]:
-        """What the measures say at the end and, for the distance, after each action."""
+        """The measures at the end and, for the distance, after each action."""
         new, goals = SimpleNamespace, []
         for goal in row["goals"]:
             points = [new(agent_state=new(position=point)) for point in goal["view_points"]]
@@ -176,7 +176,7 @@ class Lab:
 
 
 class Pool:
-    """Random places of one navmesh: all, those of the largest island, and the others."""
+    """Random places on one navmesh: all of them, those on the largest island, and the others."""
 
     def __init__(self, habitat: Habitat, rng: np.random.Generator) -> None:
         facts = [(point, habitat.facts(point)) for point in habitat.random_points(NUM_POOL)]
@@ -193,13 +193,13 @@ class Pool:
         return list(among[int(self._rng.integers(len(among)))])
 
     def moved(self, point: Point, sideways: float, up: float) -> Point:
-        """The point moved by at most so much."""
+        """The point moved at random by at most these distances, metres."""
         reach = np.array([sideways, up, sideways])
         return _floats(np.asarray(point) + self._rng.uniform(-reach, reach))
 
 
 def geodesic_rows(habitat: Habitat, pool: Pool, navmesh: str, share: float) -> tuple[list, list]:
-    """Pairs and queries with several goals; `share` of NUM_PAIRS and NUM_MULTI."""
+    """Pairs of points, and queries with several goals; as many as `share` of NUM_PAIRS and NUM_MULTI."""
     pairs, multi = [], []
     for kind, count in NUM_PAIRS.items():
         starts = pool.all if kind == "any_islands" else pool.main
@@ -226,7 +226,7 @@ def step_rows(habitat: Habitat, pool: Pool, rng: np.random.Generator, old_rule: 
             start, yaw = pool.draw(pool.near_walls if "wall" in kind else pool.all), float(rng.uniform(-3.14, 3.14))
             if kind == "off_mesh":
                 start = pool.moved(start, 0.4, 0.3)
-            if kind == "wall_contact":  # from where two forwards ended
+            if kind == "wall_contact":  # starts where two forwards ended
                 habitat.place(start, yaw)
                 habitat.act("move_forward")
                 habitat.act("move_forward")
@@ -243,7 +243,7 @@ def step_rows(habitat: Habitat, pool: Pool, rng: np.random.Generator, old_rule: 
 
 
 def is_sensitive(habitat: Habitat, start: Point, end: Point, *, slide: bool) -> bool:
-    """Whether JITTER, on both ends or on the wanted one, moves the answer by more than JUMP."""
+    """Whether JITTER, on both ends or only on the wanted end, moves the answer by more than JUMP."""
     answer = np.array(_floats(habitat.stepped(_vector(start), _vector(end), slide=slide)))
     for x, z in ((JITTER, 0.0), (-JITTER, 0.0), (0.0, JITTER), (0.0, -JITTER)):
         shift = np.array([x, 0.0, z])
@@ -262,7 +262,7 @@ def snap_rows(habitat: Habitat, pool: Pool) -> list:
 
 
 def pose_rows(habitat: Habitat, pool: Pool, rng: np.random.Generator) -> tuple[list, np.ndarray]:
-    """Poses, a third of them tilted, and what the depth camera gives there."""
+    """Poses, a third of them tilted, and the depth camera's picture at each."""
     rows, images = [], []
     for index in range(NUM_POSES):
         position, yaw, tilt = pool.draw(pool.main), float(rng.uniform(-3.14, 3.14)), (0, 0, 0, 0, 1, -1)[index % 6]
@@ -276,7 +276,7 @@ def pose_rows(habitat: Habitat, pool: Pool, rng: np.random.Generator) -> tuple[l
 
 
 def episode_rows(habitat: Habitat, lab: Lab, pool: Pool, rng: np.random.Generator, old_rule: bool) -> list:
-    """Trajectories with measures: two thirds of a follower with errors, one third at random; one to another island."""
+    """Trajectories with measures: two thirds by a follower with errors, one third at random; one to another island."""
     rows: list = []
     for index in range(NUM_EPISODES):
         among = pool.others if index == 1 and pool.others else pool.main
@@ -327,7 +327,7 @@ def _towards(habitat: Habitat, pose: Sequence[float], points: Sequence[Point], n
 
 
 def write_house(habitat: Habitat, scene: str, *, out: str, seed: int, navmesh: str | None, rule: str) -> str:
-    """Asks everything and writes the files of one house; returns its name."""
+    """Runs all queries and writes the files of one house; returns its name."""
     name = os.path.basename(scene).split(".")[0]
     rng, files, info, pairs, multi = np.random.default_rng(seed), {}, {}, [], []
     main, thin = f"{name}.navmesh", f"{name}.default.navmesh"
@@ -381,7 +381,7 @@ def _vector(values: Any) -> np.ndarray:
 
 
 def _floats(values: Any) -> list[float]:
-    """Plain floats, through single precision, which is what Habitat computes in."""
+    """Plain floats rounded to single precision, in which Habitat computes."""
     return [float(value) for value in _vector(values)]
 
 

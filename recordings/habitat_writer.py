@@ -47,7 +47,7 @@ class RunWriter:
 
         Raises:
             ValueError: `path` is a folder and `agent` is missing or not a plain name, the file's folder is missing, or
-                the file holds something else than episodes.
+                the file holds something other than episodes.
         """
         path = os.fspath(path)
         if os.path.isdir(path):
@@ -81,7 +81,7 @@ class RunWriter:
         Args:
             split: "easy", "medium" or "hard".
             scene_id_or_name: `TEEsavR23oF`, or Habitat's whole `scene_id` path.
-            episode_id: As in the dataset file; or habitat-lab's own number (place in the file).
+            episode_id: As in the dataset file, or habitat-lab's own number (its place in the file).
             position: Feet, world metres, 3 numbers in any sequence or array.
             rotation_xyzw: 4 numbers [x, y, z, w], or an object with x, y, z, w (numpy-quaternion) or vector and scalar
                 (Magnum). Must be a unit quaternion about +y.
@@ -131,7 +131,7 @@ class RunWriter:
             rotation_xyzw: As in `start_episode`.
             tilt: Camera tilt in radians, positive looks up; None = counted from the look actions, 30 degrees each.
             collided: Habitat's flag for this action; the import computes it again from the positions.
-            t_s: Seconds since the episode's start, for replays; 0 when nobody measured.
+            t_s: Seconds since the episode's start, for replays; 0 if time was not measured.
 
         Raises:
             ValueError: No episode is open, it has stopped, has 500 steps, or an argument is not as described.
@@ -158,7 +158,7 @@ class RunWriter:
         self._last_action, self._tilt = name, line["tilt"]
 
     def end_episode(self, reason: str | None = None) -> None:
-        """Ends the episode and writes it: "stop", "steps" (500 without STOP), or why it was broken off.
+        """Ends the episode and writes it, with the reason: "stop", "steps" (500 without STOP), or why it was aborted.
 
         Args:
             reason: One of `REASONS`; None = "stop" or "steps", whichever happened.
@@ -209,7 +209,7 @@ def _number(where: str, field: str, value: Any) -> float:
 
 
 def _vector(where: str, position: Any) -> list[float]:
-    """Three finite floats of any sequence."""
+    """Three finite floats from any sequence."""
     try:
         values = list(position)
     except TypeError:
@@ -246,7 +246,7 @@ def _yaw(where: str, rotation: Any) -> float:
 
 
 def _cut_incomplete_tail(path: str) -> None:
-    """Drop what follows the last whole episode; a file that is not ours is never touched."""
+    """Removes everything after the last whole episode; never touches a file that is not ours."""
     if not os.path.isfile(path):
         return
     whole, size, tail = 0, 0, b""

@@ -1,6 +1,6 @@
-"""Log what an agent knew and meant (`sim.tasks.observers.Insight`) at the stream's present time: pictures and points.
+"""Logs an agent's knowledge and plan (`sim.tasks.observers.Insight`) at the stream's present time: pictures and points.
 
-Nothing is computed here but frames: the agent speaks of its start frame, the recording of the world and of map pixels.
+It only converts frames: an insight is in the agent's start frame, the recording in the world and in map pixels.
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,13 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
+from sim.plan_view.storey import StoreyMap
 from sim.tasks.observers import UNKNOWN, Detection, Insight
 
 from . import paths
 from .episode import Walker
 from .maps import Resampler, occupancy_png, similarity_png
-from .scene import LIFT, POINT, StoreyMap
+from .scene import LIFT, POINT
 from .traces import Rgb
 
 FRONTIER_RGB: Rgb = (90, 200, 255)
@@ -23,7 +24,7 @@ CANDIDATE_RGB: Rgb = (255, 190, 60)
 CHOSEN_RGB: Rgb = (255, 90, 200)
 DETECTION_RGB: Rgb = (120, 255, 120)
 FRONTIER, CHOSEN = -3.5, -6.0
-"""Radii, points of the screen."""
+"""Radii; negative = points of the screen."""
 OCCUPANCY, SIMILARITY = "occupancy", "similarity"
 BOXES = "detections"
 _POINTS: dict[str, tuple[Rgb, float]] = {
@@ -32,7 +33,7 @@ _POINTS: dict[str, tuple[Rgb, float]] = {
     "chosen": (CHOSEN_RGB, CHOSEN),
     "found": (DETECTION_RGB, POINT),
 }
-"""Points that are shown in the home and on the map: name of the entity, colour, radius."""
+"""Colour and radius of the points shown in the home and on the map, by name of their entity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +41,18 @@ class Place:
     """Where an agent is when it explains itself."""
 
     T_world_start: NDArray[np.float64]
-    """(4, 4) turns what it says into the world."""
+    """(4, 4) takes its insight's points into the world."""
     floor_y: float
-    """Height of its feet: frontiers have none of their own."""
+    """Height of its feet, metres: frontiers have no height."""
     storey: StoreyMap
     """The map it stands on."""
     resampler: Resampler
-    """Of this episode and this map."""
+    """Carries grids of this episode onto this map."""
 
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """Points of one kind with what stands beside them."""
+    """Points of one kind with their labels."""
 
     points: NDArray[np.float64]
     """(N, 3) world metres."""
@@ -60,7 +61,7 @@ class Marks:
 
 
 def require_fits(insight: Insight) -> None:
-    """Refuses an insight whose parts do not belong together.
+    """Refuses an insight whose parts do not fit together.
 
     Raises:
         AgentError: Grids without a place or of another shape, points that are not (N, 2) or (N, 3), or too few scores.
@@ -71,12 +72,12 @@ def require_fits(insight: Insight) -> None:
 
 
 def log_insight_styles(stream: rr.RecordingStream, label: str, storey: StoreyMap) -> None:
-    """Logs colours and widths of what `log_insight` shows, for one map."""
+    """Logs the colours and widths that `log_insight` uses, for one map."""
     for name, (rgb, radius) in _POINTS.items():
         in_home = rr.Points3D.from_fields(colors=[rgb], radii=[radius])
         stream.log(paths.run_path(label, name), in_home, static=True)
         on_map = rr.Points2D.from_fields(colors=[rgb], radii=[radius], draw_order=45.0)
-        stream.log(paths.run_path(label, "map", storey.part, name), on_map, static=True)
+        stream.log(paths.run_path(label, "map", storey.name, name), on_map, static=True)
 
 
 def log_insight(
@@ -86,10 +87,10 @@ def log_insight(
 
     Args:
         stream: The recording.
-        walker: Whose insight it is.
-        insight: Its parts fit together (`require_fits`).
+        walker: The agent that has the insight.
+        insight: An insight whose parts fit together (`require_fits`).
         place: Where the robot is.
-        shown: What this gave for the insight before: parts that are empty now are taken away.
+        shown: The result of the previous call: parts that are empty now are removed from view.
 
     Returns:
         Names of the parts that are not empty.
@@ -101,7 +102,7 @@ def log_insight(
         in_home = rr.Points3D(some.points + np.array([0.0, LIFT, 0.0]), labels=some.labels)
         stream.log(walker.entity(name), in_home)
         on_map = rr.Points2D(place.storey.pixels(some.points), labels=some.labels)
-        stream.log(walker.entity("map", place.storey.part, name), on_map)
+        stream.log(walker.entity("map", place.storey.name, name), on_map)
     if BOXES in present | shown:
         log_boxes(stream, walker.label, insight.detections)
     if insight.note:
@@ -133,7 +134,7 @@ def log_insight_maps(stream: rr.RecordingStream, label: str, insight: Insight, p
         pictures.append((SIMILARITY, picture, 6.0))
     for name, png, order in pictures:
         shown = rr.EncodedImage(contents=png, media_type="image/png", draw_order=order)
-        stream.log(paths.run_path(label, "map", place.storey.part, name), shown)
+        stream.log(paths.run_path(label, "map", place.storey.name, name), shown)
 
 
 def marks_of(insight: Insight, place: Place) -> dict[str, Marks]:
@@ -175,13 +176,13 @@ def _problem(insight: Insight) -> str:
 
 
 def _in_world(points_start: NDArray[np.float64], place: Place) -> NDArray[np.float64]:
-    """(N, 3) world points of the start frame's; none for none."""
+    """(N, 3) points of the start frame in the world; (0, 3) if there are none."""
     points = np.asarray(points_start, float).reshape(-1, 3)
     return points @ place.T_world_start[:3, :3].T + place.T_world_start[:3, 3]
 
 
 def _on_floor(xz_start: NDArray[np.float64], place: Place) -> NDArray[np.float64]:
-    """(N, 3) world points of the start frame's (x, z), on the floor that the robot stands on."""
+    """(N, 3) world points of places (x, z) of the start frame, on the floor that the robot stands on."""
     xz = np.asarray(xz_start, float).reshape(-1, 2)
     points = _in_world(np.column_stack([xz[:, 0], np.zeros(len(xz)), xz[:, 1]]), place)
     points[:, 1] = place.floor_y

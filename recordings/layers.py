@@ -1,8 +1,8 @@
-"""Logs how grounders came to their answers: similarity per phrase, peaks, gate and final scores.
+"""Logs how grounders found their answers: similarity per phrase, peaks, gate and final scores.
 
-Run files hold the answers only: the grounder answers again, from the settings in its `run.json`, and must come to the
-same points. What it computed for cells lies on the storey's map in the map's pixels, and in the home as a carpet above
-the floor; things have boxes in the colours of their scores.
+Run files hold the answers only: the grounder answers again, with the settings in its `run.json`, and must give the same
+points. Values of cells lie on the storey's map in the map's pixels, and in the home as a carpet above the floor; things
+have boxes in the colours of their scores.
 """
 
 from collections.abc import Sequence
@@ -18,6 +18,7 @@ from grounding.report.asked_again import AskAgain
 from grounding.types import FeatureMap, Layers
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
+from sim.plan_view.storey import StoreyMap, storeys_of
 from sim.tasks.run_files import Answer
 from sim.types import GridSpec
 from sim.walk.navigation_map import NavigationMap
@@ -25,12 +26,12 @@ from sim.walk.navigation_map import NavigationMap
 from . import paths
 from .episode import set_answered
 from .maps import carpet, heat_rgb, on_map, similarity_png
-from .scene import LIFT, StoreyMap, storeys_of
+from .scene import LIFT
 from .texts import plain_text, table
 from .traces import Rgb, Trace
 
 SIMILARITY, PEAKS, GATE, FINAL = "similarity", "peaks", "gate", "final"
-"""Names of layers; the first two have a phrase's number behind them."""
+"""Names of layers; the first two are followed by a phrase's number."""
 GATE_RGB: Rgb = (255, 0, 160)
 PEAK_RGB: Rgb = (255, 140, 0)
 _PEAK, _OUTLINE = -3.5, -1.5
@@ -43,16 +44,16 @@ class Regrounded:
 
     trace: Trace
     memory: Memory | None = None
-    """The map that it answered on."""
+    """The map that the grounder answered on."""
     layers: Layers | None = None
     map_file: Path | None = None
     """The file of the whole home's map; None for oracle maps."""
     problem: str = ""
-    """One sentence when there are no layers; empty otherwise."""
+    """One sentence that says why there are no layers; empty otherwise."""
 
     @property
     def names(self) -> list[str]:
-        """Of its layers."""
+        """Names of its layers."""
         if self.layers is None:
             return []
         numbers = range(len(self.layers.phrases))
@@ -63,7 +64,7 @@ class Regrounded:
 def reground(
     traces: Sequence[Trace], episode: Episode, dataset: PersonalDataset, *, beside: Sequence[Path] = ()
 ) -> list[Regrounded]:
-    """The grounders' answers among `traces`, given again; those of grounders that score no cells are left out.
+    """The grounders' answers among `traces`, given again; answers of grounders that score no cells are left out.
 
     Raises:
         PersonalVizError: The episode's files are damaged.
@@ -82,7 +83,7 @@ def reground(
 
 
 def reground_markdown(regrounded: Sequence[Regrounded]) -> list[str]:
-    """Paragraphs for the document: each phrase with its cosines, or why a grounder shows no layers."""
+    """Paragraphs for the document: each phrase with its cosines, or the reason why a grounder shows no layers."""
     parts = []
     for item in regrounded:
         title, layers = plain_text(item.trace.title), item.layers
@@ -98,9 +99,9 @@ def reground_markdown(regrounded: Sequence[Regrounded]) -> list[str]:
 
 
 def covering(regrounded: Sequence[Regrounded]) -> list[tuple[Trace, str]]:
-    """Layers, with whose they are, that would hide the answer: phrases and other grounders have theirs on its cells.
+    """(trace, layer) of the layers that would hide the main layers: phrases and other grounders colour the same cells.
 
-    Not among them are the peaks, gate and final scores of one grounder, the first with a gate.
+    The main layers are the peaks, gate and final scores of one grounder, the first with a gate.
     """
     with_layers = [item for item in regrounded if item.layers is not None]
     main = min(with_layers, key=lambda item: item.layers is None or item.layers.gate is None, default=None)
@@ -118,7 +119,7 @@ def log_layers(
     maps: Sequence[StoreyMap],
     navigation: NavigationMap,
 ) -> None:
-    """Logs every layer on each storey that it has cells on, when the answer appears."""
+    """Logs every layer on each storey where it has cells, at the moment of the answer."""
     for item in regrounded:
         if item.layers is None or item.memory is None:
             continue
@@ -134,7 +135,7 @@ def log_layers(
 
 
 def places_of(memory: Memory, layers: Layers) -> NDArray[np.float64]:
-    """(N, 3) world middles of the cells, on their floors, or of the things that the layers' columns are of."""
+    """(N, 3) world middles of the layers' cells, on their floors, or of the layers' things."""
     if isinstance(memory, FeatureMap):
         return memory.points_from_rc(layers.rc)
     return np.array([item.centre for item in memory.objects], float).reshape(-1, 3)
@@ -142,18 +143,18 @@ def places_of(memory: Memory, layers: Layers) -> NDArray[np.float64]:
 
 def map_entity(trace: Trace, layer: str, storey: StoreyMap) -> str:
     """Entity of a layer on a storey's map."""
-    return paths.run_path(trace.label, "map", storey.part, paths.LAYERS, layer)
+    return paths.run_path(trace.label, "map", storey.name, paths.LAYERS, layer)
 
 
 def home_entity(trace: Trace, layer: str, storey: StoreyMap) -> str:
     """Entity of a layer above a storey's floor."""
-    return paths.run_path(trace.label, paths.LAYERS, layer, storey.part)
+    return paths.run_path(trace.label, paths.LAYERS, layer, storey.name)
 
 
 def outline(inside: NDArray[np.bool_], grid: GridSpec) -> NDArray[np.float64]:
-    """World pieces (S, 2, 2) of the border around the cells (R, C) that are inside: ends, then x and z."""
+    """Segments (S, 2, 2) of the border around the cells (R, C) that are inside: both ends, each world x and z."""
     padded = np.pad(inside, 1)
-    above = np.argwhere(padded[:-1, 1:-1] != padded[1:, 1:-1])  # (row, col): the side towards smaller z
+    above = np.argwhere(padded[:-1, 1:-1] != padded[1:, 1:-1])  # (row, col) with a border at smaller z
     left = np.argwhere(padded[1:-1, :-1] != padded[1:-1, 1:])
     corners = np.concatenate(
         [np.stack([above, above + np.array([0, 1])], axis=1), np.stack([left, left + np.array([1, 0])], axis=1)]
@@ -170,7 +171,7 @@ class _Sheet:
     layers: Layers
     """A column per cell or thing of the memory."""
     points: NDArray[np.float64]
-    """(N, 3) of `places_of`."""
+    """(N, 3) from `places_of`."""
     storey: StoreyMap
     here: NDArray[np.bool_]
     """(N,) cells or things on this storey."""
@@ -193,7 +194,7 @@ class _Sheet:
             self._log_boxes(stream, name, boxes[shown], heat_rgb(values[None])[0][shown], values[shown])
 
     def _log_cells(self, stream: rr.RecordingStream, name: str, values: NDArray[np.float32], grid: GridSpec) -> None:
-        """Colours of values (R, C) of a grid; NaN shows nothing."""
+        """Logs the values (R, C) of a grid as colours; NaN shows nothing."""
         png = similarity_png(on_map(values, grid, self.storey))
         flat = rr.EncodedImage(contents=png, media_type="image/png", draw_order=5.0)
         stream.log(map_entity(self.trace, name, self.storey), flat)
@@ -209,7 +210,7 @@ class _Sheet:
         colours: NDArray[np.uint8],
         values: NDArray[np.float32],
     ) -> None:
-        """Things' boxes (M, 2, 3) in colours (M, 3) of their values (M,)."""
+        """Logs the things' boxes (M, 2, 3) in colours (M, 3) for their values (M,)."""
         low, high = boxes[:, 0], boxes[:, 1]
         labels = [f"{value:.2f}" for value in values.tolist()]
         style = {"colors": colours, "labels": labels, "show_labels": False}
@@ -220,7 +221,7 @@ class _Sheet:
         stream.log(map_entity(self.trace, name, self.storey), flat)
 
     def _log_peaks(self, stream: rr.RecordingStream, name: str, peaks: NDArray[np.int64]) -> None:
-        """A phrase's best cells or things, numbered."""
+        """Logs a phrase's best cells or things, numbered."""
         found = peaks[peaks >= 0]
         found = found[self.here[found]]
         points, ranks = self.points[found], [str(rank + 1) for rank in range(len(found))]

@@ -1,4 +1,4 @@
-"""One running episode or exploration in its recording: rows are gathered, then sent together; Rerun costs per call."""
+"""Logs one running episode or exploration: gathers rows and sends them together, because each call of Rerun costs."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sim.frames import T_world_agent, T_world_camera
 from sim.mesh import Scene
+from sim.plan_view.storey import StoreyMap, storey_map, storeys_of
 from sim.render.raycast import own_cores
 from sim.render.renderer import jpeg_bytes
 from sim.tasks.fog import SeenArea
@@ -40,18 +41,18 @@ from .episode import (
 )
 from .insight import Place, log_insight, log_insight_maps, log_insight_styles, require_fits
 from .maps import Resampler, seen_png
-from .scene import GoalRegion, StoreyMap, log_goal, log_map_picture, log_scene, storey_map, storeys_of
+from .scene import GoalRegion, log_goal, log_map_picture, log_scene
 from .sinks import LiveSink
 
 SEND_S = 0.1
-"""Longest time for which steps are gathered; people and most agents take longer for each, and theirs go at once."""
+"""Longest time for which steps are gathered; people and most agents take longer per step, so theirs go at once."""
 MAP_EVERY = 5
-"""Maps that grow are sent after this many steps."""
+"""Growing maps are sent every n-th step, n being this number."""
 
 
 @dataclass(slots=True)
 class _Storey:
-    """One storey that is shown, and what the robot has seen of it."""
+    """One storey that is shown, and the part of it that the robot has seen."""
 
     map: StoreyMap
     seen: SeenArea
@@ -61,7 +62,7 @@ class _Storey:
 
 
 class LiveEpisode:
-    """Logs one episode or exploration step by step into a recording of its own."""
+    """Logs one episode or exploration step by step into its own recording."""
 
     def __init__(
         self,
@@ -80,10 +81,10 @@ class LiveEpisode:
             start: Where the robot starts.
             scene: The home.
             sink: Where the recording goes.
-            key: Names it.
-            walker: Who walks.
-            goal: The truth of the episode: distances to it are shown from the start, it itself at the end. None where
-                nothing is looked for.
+            key: Names the recording.
+            walker: The person or agent that walks.
+            goal: The truth of the episode: distances to it are shown from the start, the goal itself at the end. None
+                for explorations, which have no goal.
             may_show: Whether geometry, maps and pictures of this home may be shown.
 
         Raises:
@@ -93,7 +94,7 @@ class LiveEpisode:
         self._scene = scene
         self._recording = sink.open(key)
         self.stream = self._recording.stream
-        """For what else belongs into the recording."""
+        """The open recording, for anything else that belongs in it."""
         self._walker = walker
         self._may_show = may_show
         self._follows = sink.kind == "address"
@@ -125,7 +126,7 @@ class LiveEpisode:
         self._send()
 
     def step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
-        """Logs one step; what the agent had in mind belongs to the moment before it.
+        """Logs one step; the agent's insight belongs to the moment before it.
 
         Raises:
             AgentError: Parts of the insight do not fit together.
@@ -139,7 +140,7 @@ class LiveEpisode:
             self._send(waits=False)
 
     def end(self) -> None:
-        """Logs what is left, the whole way and the goal.
+        """Logs the rows not sent yet, the whole way and the goal.
 
         Raises:
             RecordingError: It cannot be written.
@@ -160,7 +161,7 @@ class LiveEpisode:
 
     @property
     def _maps(self) -> list[StoreyMap]:
-        """Of the storeys shown, from the lowest."""
+        """The maps of the storeys shown, from the lowest."""
         return [self._storeys[index].map for index in sorted(self._storeys)]
 
     def _add(self, pose: Pose, step: Step | None, observation: Observation) -> None:
@@ -169,7 +170,7 @@ class LiveEpisode:
         storey = self._show_storey(index)
         before = None if step is None else self._last
         jpeg = depth_mm = None
-        if before is not None and before.pose == pose:  # a blocked step, STOP: the robot sees what it saw
+        if before is not None and before.pose == pose:  # a blocked step or STOP: the view is the same
             jpeg, depth_mm = before.jpeg, before.depth_mm
         elif self._may_show:
             if observation.rgb is not None:
@@ -184,7 +185,7 @@ class LiveEpisode:
             self._log_seen(storey)
 
     def close(self) -> None:
-        """Logs what is left, also of an episode that was broken off, and ends the recording.
+        """Logs the rows not sent yet, even of an unfinished episode, and ends the recording.
 
         Raises:
             RecordingError: It cannot be written.
@@ -194,10 +195,10 @@ class LiveEpisode:
         self._recording.close()
 
     def _send(self, *, waits: bool = True) -> None:
-        """Logs what was gathered and flushes.
+        """Logs the gathered rows and flushes.
 
-        Without `waits`, moments from the first whose picture is still encoded stay for the next time, unless it is the
-        very first.
+        Without `waits`, rows from the first whose picture is not encoded yet stay for the next call, unless that is the
+        first of all.
         """
         count = len(self._unsent)
         if not waits:
@@ -217,7 +218,7 @@ class LiveEpisode:
     def _left(
         self, goal: GoalRegion, positions: NDArray[np.float64], apart: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N,) metres to walk to where STOP succeeds, 0 there (DTG of rule `paper`); inf where there is no way.
+        """(N,) metres to walk to the nearest place where STOP succeeds (DTG of rule `paper`); inf if there is no way.
 
         `apart` is `goal.apart(positions)`.
         """
@@ -228,7 +229,7 @@ class LiveEpisode:
         return np.where(there.any(axis=1), 0.0, left)
 
     def _show_storey(self, index: int) -> _Storey:
-        """The storey, shown from now on."""
+        """Returns the storey, and shows it from now on."""
         if index not in self._storeys:
             shown = storey_map(self._scene.navigation, index)
             resampler = Resampler(self._T_world_start, shown.grid)
@@ -253,7 +254,7 @@ class LiveEpisode:
         self._recording.lay_out(blueprint)
 
     def _log_seen(self, storey: _Storey) -> None:
-        """Logs the map of what was seen, if it has grown since the last one."""
+        """Logs the map of the seen floor, if it has grown since the last one."""
         if not self._may_show:
             return
         seen = storey.seen.cells
@@ -262,13 +263,13 @@ class LiveEpisode:
         storey.num_seen = count
         set_moment(self.stream, self._walker, self._last)
         picture = rr.EncodedImage(contents=seen_png(storey.map.free, seen), media_type="image/png", draw_order=0.0)
-        self.stream.log(self._walker.entity("map", storey.map.part, "seen"), picture)
+        self.stream.log(self._walker.entity("map", storey.map.name, "seen"), picture)
         if not self._walker.is_episode:
             self.stream.log(self._walker.entity(SEEN_M2), rr.Scalars(self._seen_m2()))
         self.stream.reset_time()
 
     def _seen_m2(self) -> float:
-        """Square metres of free floor that were seen."""
+        """Square metres of free floor seen so far."""
         shown = self._storeys.values()
         return sum(float((one.seen.cells & one.map.free).sum()) * one.map.grid.cell**2 for one in shown)
 

@@ -1,4 +1,4 @@
-"""Grids seen from above: as small PNGs on a storey's map, and as coloured squares above its floor."""
+"""Draws grids seen from above: as small PNGs on a storey's map, and as coloured squares above its floor."""
 
 import io
 from collections.abc import Sequence
@@ -9,54 +9,51 @@ import rerun as rr
 from numpy.typing import NDArray
 from PIL import Image
 
+from sim.plan_view.heat import heat_colours, heat_shares
+from sim.plan_view.storey import StoreyMap
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import GridSpec
 
-from .scene import FREE_RGB, LIFT, WALL_RGB, StoreyMap
+from .scene import FREE_RGB, LIFT, WALL_RGB
 
 SEEN_PALETTE = np.array([(38, 40, 44), (74, 76, 80), WALL_RGB, FREE_RGB], np.uint8)
 """Colours of cells: not seen and not free, not seen but free, seen and not free, seen and free."""
 OCCUPANCY_PALETTE = np.array([(0, 0, 0, 0), (214, 232, 214, 255), (176, 96, 60, 255)], np.uint8)
-"""UNKNOWN is transparent, FREE, OCCUPIED."""
+"""RGBA of UNKNOWN, which is transparent, FREE and OCCUPIED."""
 assert (UNKNOWN, FREE, OCCUPIED) == (0, 1, 2)
-_HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], float)
-"""Viridis at 0, 1/4, ..., 1."""
 _HEAT_LEVELS = 255
 _ALPHA = 200
 HEAT_PALETTE = np.zeros((_HEAT_LEVELS + 1, 4), np.uint8)
-"""0 is transparent (nothing was seen); 1 to 255 from the least to the most alike."""
-_AT = np.linspace(0, len(_HEAT) - 1, _HEAT_LEVELS)
-HEAT_PALETTE[1:, :3] = np.stack([np.interp(_AT, range(len(_HEAT)), channel) for channel in _HEAT.T], axis=1)
+"""Level 0 is transparent (nothing was seen); 1 to 255 go from the least to the most similar."""
+HEAT_PALETTE[1:, :3] = heat_colours(np.linspace(0, 1, _HEAT_LEVELS))
 HEAT_PALETTE[1:, 3] = _ALPHA
 Value = TypeVar("Value", bound=np.generic)
 _TAIL = 2.0
-"""Percent of cells at either end of a channel that get its limit: a few odd cells would grey out all others."""
+"""Percent of cells at either end of a channel that get its limit; otherwise a few odd cells would grey out the rest."""
 GREY = 128
 
 
 def seen_png(free: NDArray[np.bool_], seen: NDArray[np.bool_]) -> bytes:
-    """The map of a storey with what was seen bright; both (rows, cols)."""
+    """A PNG of a storey's map on which seen cells are bright; both arrays are (rows, cols)."""
     return palette_png(free.astype(np.uint8) + 2 * seen.astype(np.uint8), SEEN_PALETTE)
 
 
 def occupancy_png(occupancy: NDArray[np.uint8]) -> bytes:
-    """(rows, cols) of UNKNOWN, FREE and OCCUPIED; unknown cells show what lies below."""
+    """A PNG of cells (rows, cols) UNKNOWN, FREE or OCCUPIED; unknown cells are transparent."""
     return palette_png(np.minimum(occupancy, OCCUPIED), OCCUPANCY_PALETTE)
 
 
 def similarity_png(similarity: NDArray[np.float32]) -> bytes:
-    """(rows, cols) from the map's least (dark blue) to its greatest value (yellow); NaN shows what lies below."""
+    """A PNG of values (rows, cols), from the least (dark blue) to the greatest (yellow); NaN is transparent."""
     known = np.isfinite(similarity)
     if not known.any():
         return palette_png(np.zeros(similarity.shape, np.uint8), HEAT_PALETTE)
-    low, high = float(similarity[known].min()), float(similarity[known].max())
-    share = (similarity - low) / (high - low) if high > low else np.ones_like(similarity)
-    levels = np.where(known, 1 + np.nan_to_num(share) * (_HEAT_LEVELS - 1), 0)
+    levels = np.where(known, 1 + np.nan_to_num(heat_shares(similarity)) * (_HEAT_LEVELS - 1), 0)
     return palette_png(np.round(levels).astype(np.uint8), HEAT_PALETTE)
 
 
 def rgb_png(pixels: NDArray[np.uint8]) -> bytes:
-    """(rows, cols, 4) red, green, blue, alpha."""
+    """A PNG of pixels (rows, cols, 4) red, green, blue, alpha."""
     buffer = io.BytesIO()
     Image.fromarray(pixels, "RGBA").save(buffer, "PNG", compress_level=1)
     return buffer.getvalue()
@@ -77,7 +74,7 @@ class Resampler:
     """Carries grids of the start frame onto a storey's map in the world; remembers where each cell comes from."""
 
     def __init__(self, T_world_start: NDArray[np.float64], target: GridSpec) -> None:
-        """For one episode and one map."""
+        """Prepares for one episode and one map."""
         xz = target.xz_from_rc(np.moveaxis(np.indices(target.shape), 0, -1))  # (rows, cols, 2)
         T_start_world = np.linalg.inv(T_world_start)
         self._xz_start = xz @ T_start_world[np.ix_([0, 2], [0, 2])].T + T_start_world[[0, 2], 3]
@@ -96,16 +93,16 @@ class Resampler:
 
 
 def vector_rgb(blocks: Sequence[NDArray[np.float32]]) -> list[NDArray[np.uint8]]:
-    """(N_i, 3) colours of vectors (N_i, E), one colour scale for all blocks; like colours stand for like vectors.
+    """(N_i, 3) colours of vectors (N_i, E), on one scale for all blocks; similar colours mean similar vectors.
 
-    Principal components of all vectors together; the sign of each is fixed, so that the same map gets the same colours.
-    Directions in which nothing differs are grey.
+    The colours are principal components of all vectors together. Their signs are fixed, so that the same map gets the
+    same colours. Directions in which no vectors differ are grey.
     """
     rows = np.concatenate([np.asarray(block, np.float64) for block in blocks]) if blocks else np.empty((0, 3))
     if not len(rows):
         return [np.empty((0, 3), np.uint8) for _ in blocks]
     centred = rows - rows.mean(axis=0)
-    # eigenvectors of the smaller of the two products: maps have hundreds of cells, vectors hundreds of numbers
+    # uses the smaller of the two products: maps have hundreds of cells, vectors hundreds of numbers
     _, spread, directions = np.linalg.svd(centred, full_matrices=False)
     directions = directions[:3] * np.sign(directions[:3, np.abs(directions[:3]).argmax(axis=1)].diagonal())[:, None]
     parts = np.zeros((len(rows), 3))
@@ -119,26 +116,22 @@ def vector_rgb(blocks: Sequence[NDArray[np.float32]]) -> list[NDArray[np.uint8]]
 
 def on_map(values: NDArray[np.float32], grid: GridSpec, storey: StoreyMap) -> NDArray[np.float32]:
     """Values (R, C) of a grid at the pixels of a storey's map; NaN outside the grid."""
-    rc = np.stack(np.meshgrid(*map(np.arange, storey.grid.shape), indexing="ij"), axis=-1)
-    cells = grid.rc_from_xz(storey.grid.xz_from_rc(rc))
-    inside = grid.contains(cells)
-    rows, cols = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
-    return np.where(inside, values[rows, cols], np.float32(np.nan))
+    return Resampler(np.eye(4), storey.grid).resampled(values, grid, outside=np.nan)
 
 
 def heat_rgb(values: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(R, C, 3) the colours that `similarity_png` gives values (R, C)."""
+    """(R, C, 3) the colours that `similarity_png` gives to values (R, C)."""
     return np.array(Image.open(io.BytesIO(similarity_png(values))).convert("RGBA"))[..., :3]
 
 
 def carpet(rgb: NDArray[np.uint8], shown: NDArray[np.bool_], grid: GridSpec, storey: StoreyMap) -> rr.Mesh3D:
-    """The cells that are shown as squares above the floor; a picture there would hide the home below it.
+    """The shown cells as squares above the floor; a whole picture there would hide the home below it.
 
     Args:
         rgb: (R, C, 3) colour of each cell.
-        shown: (R, C).
-        grid: Where the cells are.
-        storey: On whose floor.
+        shown: (R, C) whether each cell is shown.
+        grid: Grid of the cells.
+        storey: The storey above whose floor they lie.
     """
     cells = np.argwhere(shown)  # (C, 2)
     corners = cells[:, None] + np.array([[0, 0], [0, 1], [1, 1], [1, 0]])  # (C, 4, 2)

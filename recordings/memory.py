@@ -1,7 +1,7 @@
-"""Log what explorations left behind (`HomeMemory`): free space, features as colours, evidence, coverage, objects.
+"""Logs a map that explorations made (`HomeMemory`): free space, features as colours, evidence, coverage, objects.
 
-All of it lies on the storeys' maps in the maps' pixels; features and objects in the home too. A map is shown at all
-times: it was made before any question was asked, and holds nothing of a goal.
+All of it lies on the storeys' maps in the maps' pixels; features and objects stand in the home too. A map is shown at
+all times: it was made before any question was asked, and holds no goal.
 """
 
 from collections.abc import Sequence
@@ -15,19 +15,19 @@ from numpy.typing import NDArray
 
 from grounding.maps.home_map import HomeMemory, ObjectInstance, OccupancyGrid, StoreyMemory
 from grounding.types import FeatureMap
+from sim.plan_view.storey import StoreyMap, cropped_map
 from sim.tasks.observers import FREE, UNKNOWN
 from sim.walk.storeys import same_storey
 
 from . import paths
 from .maps import carpet, occupancy_png, on_map, rgb_png, seen_png, similarity_png, vector_rgb
-from .scene import StoreyMap, cropped_map
 from .texts import table
 
 MapLayer = Literal["occupancy", "coverage", "features", "evidence", "objects"]
 FLAT_LAYERS: tuple[MapLayer, ...] = ("coverage", "occupancy", "features", "evidence", "objects")
-"""Those on a storey's map, from below."""
+"""The layers on a storey's map, from bottom to top."""
 HOME_LAYERS: tuple[MapLayer, ...] = ("features", "objects")
-"""Those in the home."""
+"""The layers in the home."""
 LAYER_NAMES: dict[MapLayer, str] = {
     "coverage": "Free floor known (bright)",
     "occupancy": "Free (green), occupied (brown)",
@@ -37,14 +37,14 @@ LAYER_NAMES: dict[MapLayer, str] = {
 }
 """Titles of views."""
 _LABEL = 40
-"""Most letters of a caption beside a box."""
+"""Largest number of a caption's letters beside a box."""
 _POINT = 0.02
 """Radius of an object's points, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class NamedMemory:
-    """A map that is shown beside what was answered on it."""
+    """A map with the name under which it is shown."""
 
     name: str
     """Names its entities."""
@@ -52,7 +52,7 @@ class NamedMemory:
 
 
 def named_memories(files: Sequence[Path]) -> list[NamedMemory]:
-    """The maps of these files, each once; named after the folder of maps that they lie in.
+    """The maps in these files, each once, named after the folder that holds them.
 
     Raises:
         RunFileError: A file is damaged.
@@ -67,7 +67,7 @@ def named_memories(files: Sequence[Path]) -> list[NamedMemory]:
 
 
 def storeys_of_memory(memory: HomeMemory) -> list[StoreyMap]:
-    """Each storey as a map of its own, cropped to what is known: for maps of homes that are not at hand."""
+    """Each storey as its own map, cropped to the known cells: for maps of homes that are not available."""
     return [
         cropped_map(
             index,
@@ -86,7 +86,7 @@ def log_memory(stream: rr.RecordingStream, name: str, memory: HomeMemory, maps: 
     Args:
         stream: The recording.
         name: Names the entities: `/memory/<name>/map/<storey>/<layer>` and `/memory/<name>/home/<storey>/<layer>`.
-        memory: In the frame of `maps`.
+        memory: The map, in the frame of `maps`.
         maps: The storeys shown.
     """
     colours = vector_rgb([_vectors(storey) for storey in memory.storeys])
@@ -98,36 +98,36 @@ def log_memory(stream: rr.RecordingStream, name: str, memory: HomeMemory, maps: 
 
 
 def storey_at(memory: HomeMemory, shown: StoreyMap) -> StoreyMemory | None:
-    """The storey of the memory that lies on a storey shown; None where it knows nothing of it."""
+    """The memory's storey that matches a shown storey; None if the memory does not know it."""
     near = [storey for storey in memory.storeys if same_storey(storey.floor_y, shown.floor_y)]
     return min(near, key=lambda storey: abs(storey.floor_y - shown.floor_y), default=None)
 
 
 def layers_of(storey: StoreyMemory) -> tuple[MapLayer, ...]:
-    """What is logged of a storey: a map of objects has no cells, a map of cells no objects."""
+    """The layers that a storey has: a map of objects has no cells, a map of cells no objects."""
     left_out = {"objects"} if isinstance(storey.memory, FeatureMap) else {"features", "evidence"}
     return tuple(layer for layer in FLAT_LAYERS if layer not in left_out)
 
 
 def map_entity(name: str, layer: MapLayer, shown: StoreyMap) -> str:
     """Entity of a layer on a storey's map."""
-    return paths.memory_path(name, "map", shown.part, layer)
+    return paths.memory_path(name, "map", shown.name, layer)
 
 
 def home_entity(name: str, layer: MapLayer, shown: StoreyMap) -> str:
     """Entity of a layer in the home."""
-    return paths.memory_path(name, "home", shown.part, layer)
+    return paths.memory_path(name, "home", shown.name, layer)
 
 
 @dataclass(frozen=True, slots=True)
 class _Sheet:
-    """One storey of a memory on one storey shown."""
+    """Draws one storey of a memory on one shown storey."""
 
     stream: rr.RecordingStream
     name: str
     known: StoreyMemory
     colours: NDArray[np.uint8]
-    """(N, 3) of its cells or objects."""
+    """(N, 3) colours of its cells or objects."""
     shown: StoreyMap
 
     def log(self) -> None:
@@ -182,13 +182,13 @@ class _Sheet:
 
 
 def short_caption(item: ObjectInstance) -> str:
-    """What is written beside an object's box."""
+    """The label beside an object's box."""
     text = item.caption or "(no caption)"
     return text if len(text) <= _LABEL else text[: _LABEL - 3] + "..."
 
 
 def memory_markdown(name: str, memory: HomeMemory) -> str:
-    """A table of what the memory holds, storey by storey."""
+    """A Markdown table of the memory's contents, storey by storey."""
     rows = []
     for storey in memory.storeys:
         area = storey.occupancy.grid.cell**2

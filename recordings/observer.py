@@ -1,4 +1,4 @@
-"""Observers of agents and of people: each episode of one home goes into a recording of its own, while it happens."""
+"""Observers of agents and of people, which record each episode of one home while it happens."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,7 @@ import rerun as rr
 
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
+from sim.plan_view.storey import StoreyMap, storey_map, storeys_of
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import Answer, ClickRay, EpisodeRun, EpisodeStart, RunInfo, Step, Vector3
 from sim.types import Camera, Observation
@@ -16,30 +17,19 @@ from .blueprints import MARK_RAY, MARKS, trial_blueprint
 from .episode import ANSWER_STEP, Walker, log_answer
 from .live_episode import LiveEpisode
 from .read import log_record_answer, log_record_end, log_record_start
-from .scene import (
-    POINT,
-    StoreyMap,
-    goal_region,
-    log_goal,
-    log_identity,
-    log_map_picture,
-    log_scene,
-    may_be_shown,
-    storey_map,
-    storeys_of,
-)
+from .scene import POINT, goal_region, log_goal, log_identity, log_map_picture, log_scene, may_be_shown
 from .sinks import LiveRecording, LiveSink
 from .texts import log_task
 from .traces import RUN_COLORS, Rgb, Trace, rgba_u32, short_name
 
 MARK_RGB: Rgb = (240, 228, 66)
-"""Of marks before the answer."""
+"""Colour of marks before the answer."""
 MARK = 0.08
 """Radius of a mark in the home, metres."""
 
 
 class RerunObserver:
-    """An `Observer` (sim/tasks/observers.py) of episodes in one home, on the researcher's side."""
+    """An `Observer` (sim/tasks/observers.py) that shows the episodes of one home to the researcher."""
 
     def __init__(
         self,
@@ -51,15 +41,15 @@ class RerunObserver:
         camera: Camera = Camera(),  # noqa: B008 - frozen value
         participant: str | None = None,
     ) -> None:
-        """Nothing is written before an episode begins.
+        """Writes nothing before an episode begins.
 
         Args:
             scene: The home in which the episodes are run.
             sink: Where the recordings go.
-            info: Who runs; entities and titles are named after it, as in replays.
-            with_pixels: Whether geometry, maps and pictures of a licensed scan are shown; other homes need no leave.
+            info: The run's facts; entities and titles are named after them, as in replays.
+            with_pixels: Whether geometry, maps and pictures of a licensed scan are shown; other homes are always shown.
             camera: The robot's camera.
-            participant: Public code of the person who walks, None for agents.
+            participant: Public code of the person who walks; None for agents.
         """
         self._scene = scene
         self._sink = sink
@@ -77,7 +67,7 @@ class RerunObserver:
         self._running: tuple[Episode, LiveEpisode] | None = None
 
     def on_reset(self, episode: Episode, observation: Observation) -> None:
-        """Opens the episode's recording and shows its start; an episode that was broken off ends as it is.
+        """Opens the episode's recording and shows its start; closes the recording of an unfinished episode as it is.
 
         Raises:
             RecordingError: The recording cannot be written, or the viewer is gone.
@@ -121,7 +111,7 @@ class RerunObserver:
         self.close()
 
     def close(self) -> None:
-        """Ends the recording as it is, if there is one; a person may leave in mid-episode.
+        """Ends the recording as it is, if there is one; a person may leave in the middle of an episode.
 
         Raises:
             RecordingError: The recording cannot be written, or the viewer is gone.
@@ -153,7 +143,7 @@ class ObserveRuns:
     with_pixels: bool = False
 
     def __call__(self, scene: Scene) -> RerunObserver:
-        """An observer of this scene."""
+        """Returns an observer of this scene."""
         info = RunInfo.model_validate_json(self.info_json)
         return RerunObserver(scene, self.sink, info, with_pixels=self.with_pixels)
 
@@ -161,7 +151,7 @@ class ObserveRuns:
 class AnswerObserver:
     """Shows POG trials: the storey that a person looks at, each mark, the answer, then the goal.
 
-    Time is seconds since the trial's start: marks have no steps. The answer is also at the step of replays' answers.
+    Time is seconds since the trial's start, because marks have no steps. The answer has the same step as in replays.
     """
 
     def __init__(
@@ -173,13 +163,13 @@ class AnswerObserver:
         with_pixels: bool = False,
         participant: str | None = None,
     ) -> None:
-        """Nothing is written before a trial begins.
+        """Writes nothing before a trial begins.
 
         Args:
             scene: The home that is shown.
-            sink: Where recordings go.
-            info: Who answers; `run_id` names the run's entities, as in replays.
-            with_pixels: Whether geometry and maps of a licensed scan are shown; other homes need no leave.
+            sink: Where the recordings go.
+            info: The run's facts; `run_id` names the run's entities, as in replays.
+            with_pixels: Whether geometry and maps of a licensed scan are shown; other homes are always shown.
             participant: Public code of the person.
         """
         code = f"-{participant}" if participant else ""
@@ -190,12 +180,12 @@ class AnswerObserver:
         self._maps: dict[int, StoreyMap] = {}
 
     def on_reset(self, episode: Episode) -> None:
-        """Opens the trial's recording and shows the lowest storey, as people are shown first.
+        """Opens the trial's recording and shows the lowest storey, which people see first.
 
         Raises:
             RecordingError: The recording cannot be written, or the viewer is gone.
         """
-        self._running = None  # a broken-off one ends here
+        self._running = None  # an unfinished trial ends here
         recording = self._sink.open(episode.key)
         self._running, self._maps = (episode, recording), {}
         log_identity(recording.stream, episode, self._scene)
@@ -204,14 +194,14 @@ class AnswerObserver:
         recording.flush()
 
     def on_storey(self, floor_y: float, t_s: float) -> None:
-        """Shows which storey is looked at. Raises as `on_reset`."""
+        """Shows which storey the person looks at. Raises like `on_reset`."""
         index = self._storey_of(floor_y)
         self._show_storey(index)
         self._say(t_s, f"looks at storey {index + 1}")
         self._recording.flush()
 
     def on_click(self, ray: ClickRay, hit: Vector3 | None, t_s: float) -> None:
-        """Shows the new mark and how the person pointed at it. Raises as `on_reset`."""
+        """Shows the new mark and how the person pointed at it. Raises like `on_reset`."""
         self._say(t_s, "clicks beside the home" if hit is None else "marks ({:.2f}, {:.2f}, {:.2f})".format(*hit))
         if hit is not None:
             index = self._storey_of(ray.storey_y)
@@ -221,7 +211,7 @@ class AnswerObserver:
         self._recording.flush()
 
     def on_end(self, answer: Answer) -> None:
-        """Shows the answer, the goal and the measures, and ends the recording. Raises as `on_reset`."""
+        """Shows the answer, the goal and the measures, and ends the recording. Raises like `on_reset`."""
         assert self._running is not None, "on_reset comes first"
         episode, recording = self._running
         stream, navigation = recording.stream, self._scene.navigation
@@ -250,7 +240,7 @@ class AnswerObserver:
         return int(storeys_of(np.array([floor_y]), self._scene.navigation)[0])
 
     def _show_storey(self, index: int) -> None:
-        """Logs a storey's home and map once, and lays it out beside those before."""
+        """Logs a storey's home and map once, and adds it to the layout."""
         if index in self._maps:
             return
         storey = self._maps[index] = storey_map(self._scene.navigation, index)
@@ -274,4 +264,4 @@ class AnswerObserver:
         line = rr.LineStrips3D([[ray.camera_position, hit]], colors=[MARK_RGB], radii=MARK / 8)
         stream.log(paths.run_path(self._label, MARK_RAY), line)
         spot = rr.Points2D(storey.pixels(np.array([hit])), colors=[MARK_RGB], radii=POINT, draw_order=44.0)
-        stream.log(paths.run_path(self._label, "map", storey.part, MARKS), spot)
+        stream.log(paths.run_path(self._label, "map", storey.name, MARKS), spot)

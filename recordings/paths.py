@@ -6,19 +6,19 @@ from typing import NamedTuple
 from sim.types import EpisodeKey
 
 APPLICATION_ID = "personal-viz"
-"""Rerun shows recordings of one application with one blueprint."""
+"""Name of the application; Rerun shows all recordings of one application with one blueprint."""
 SCENE = "/scene"
 MESH = "/scene/mesh"
 TOPDOWN = "/scene/topdown"
 GOAL = "/goal"
 TASK = "/task"
 MEMORY = "/memory"
-"""Below it, by name: what explorations left behind (memory.py)."""
+"""Root of the maps that explorations made, by name (memory.py)."""
 RUNS = "/runs"
 LAYERS = "layers"
-"""Below a run: `layers/<layer>/<storey>`; below its map of a storey: `layers/<layer>`."""
+"""Part of a path: `layers/<layer>/<storey>` below a run, `layers/<layer>` below its map of a storey."""
 RECORD = "record"
-"""Below a run: the lines of its run file (read.py)."""
+"""Part of a path below a run: the lines of its run file (read.py)."""
 STEP = "step"
 """Timeline: number of actions taken, 0 at the start."""
 PATH_M = "path_m"
@@ -29,7 +29,7 @@ TIMELINES = (STEP, PATH_M, TIME_S)
 
 
 class ExplorationKey(NamedTuple):
-    """What names one exploration of a home's storey: it has no episode and no goal."""
+    """Names one exploration of a home's storey, which has no episode and no goal."""
 
     scene: str
     storey: int
@@ -41,7 +41,7 @@ class ExplorationKey(NamedTuple):
 
 
 class MapKey(NamedTuple):
-    """What names a recording of a map alone."""
+    """Names a recording of a map alone."""
 
     name: str
 
@@ -50,16 +50,16 @@ class MapKey(NamedTuple):
 
 
 RecordingKey = EpisodeKey | ExplorationKey | MapKey
-"""What names a recording."""
+"""A key that names a recording."""
 
 
 def recording_id(key: RecordingKey) -> str:
-    """Id of the one recording of an episode or exploration; files of one episode open as one recording."""
+    """Id of a recording; several files of one episode have one id and open as one recording."""
     return f"personal/{key}"
 
 
 def file_name(key: RecordingKey) -> str:
-    """Of the recording's file in a folder of recordings."""
+    """Name of a recording's file in a folder of recordings."""
     return f"{str(key).replace('/', '-')}.rrd"
 
 
@@ -81,6 +81,6 @@ def memory_path(name: str, *parts: str) -> str:
     return "/".join((MEMORY, escape_part(name), *parts))
 
 
-def storey_part(index: int) -> str:
-    """Name of a storey's entities, index from the lowest."""
-    return f"storey_{index}"
+def map_entity(storey: str) -> str:
+    """Entity of a storey's picture from above; `storey` is its name (sim/plan_view/storey.py)."""
+    return f"{TOPDOWN}/{storey}"

@@ -1,4 +1,4 @@
-"""What robots saw, rendered again from their poses: run files hold no pictures."""
+"""Renders the robots' pictures again from their poses, because run files hold no pictures."""
 
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -13,19 +13,19 @@ from sim.types import Camera, Pose
 
 Way = Sequence[Pose]
 PIXEL_BUDGET = 190_000_000
-"""Most pixels of all pictures of a recording, about 10 s of rendering on two cores: a person and an agent of 500 steps
-fit with full size."""
+"""Largest number of pixels of all pictures in a recording, about 10 s of rendering on two cores: a person and an agent
+of 500 steps fit at full size."""
 VIEW_PIXELS = 12_000
-"""What a view costs beside its pixels, as if it had so many more."""
+"""Fixed cost of a view, as the number of pixels that take equally long to render."""
 SIZES = ((4, 2), (4, 1), (3, 1), (2, 1))
-"""Width and height of the pictures of runs that are shown at first, and of the others, in quarters of the camera's;
-the first that fits the budget is taken, or else the last."""
+"""Width and height of the pictures, in quarters of the camera's, of the runs shown at first and of the other runs; the
+first pair that fits the budget is used, or else the last."""
 _BATCH = 16
-"""Views rendered at once, 3.4 MB each at 640 x 480; while they are made the ones before are encoded."""
+"""Number of views rendered at once, 3.4 MB each at 640 x 480; meanwhile the previous ones are encoded."""
 
 
 def picture_cameras(ways: Sequence[Way], camera: Camera, *, is_shown: Sequence[bool]) -> list[Camera]:
-    """A camera per run that sees what the robot's did, with no more pixels than the budget allows.
+    """A camera per run with the robot's field of view and no more pixels than the budget allows.
 
     Args:
         ways: Poses of each run.
@@ -42,9 +42,9 @@ def picture_cameras(ways: Sequence[Way], camera: Camera, *, is_shown: Sequence[b
 
 
 def rendered_jpegs(renderer: Renderer, ways: Sequence[Way], cameras: Sequence[Camera]) -> list[list[bytes]]:
-    """JPEGs of what each of several robots saw at each of its poses, through its camera.
+    """JPEGs of each robot's view at each of its poses, through its camera.
 
-    Equal poses seen through equal cameras are rendered once: starts, blocked steps, ways that several runs took.
+    Equal poses with equal cameras are rendered once: starts, blocked steps, and ways that several runs share.
     """
     views = dict.fromkeys((camera, pose) for way, camera in zip(ways, cameras, strict=True) for pose in way)
     encoded: dict[tuple[Camera, Pose], Future[bytes]] = {}

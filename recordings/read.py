@@ -1,7 +1,7 @@
-"""The run files' own lines in our recordings: logged beside the pictures, and read back into runs.
+"""Logs the lines of run files into our recordings, and reads them back as runs.
 
-A file that a crash cut short is read as far as it goes: what stands behind the last whole message is left out, and so
-are runs without their end.
+A file that a crash cut short is read as far as possible: everything after the last whole message is left out, and so
+are runs without an end.
 """
 
 import re
@@ -31,24 +31,24 @@ _Line = TypeVar("_Line", bound=BaseModel)
 _HEAD = b"RRF2"
 _HEAD_BYTES = 12
 _MESSAGE = Struct("<QQ")
-"""Kind and length of what follows, before each message of an .rrd file (Rerun 0.41)."""
+"""Head of each message of an .rrd file: the kind and length of the message after it (Rerun 0.41)."""
 _DATA_KIND = 2
-"""Of a message with rows, which are packed."""
+"""Kind of a message with rows, which are packed."""
 _UNPACKED_FIELD = 3
-"""Of such a message's protobuf fields: how many bytes its rows unpack to. Rerun believes it."""
+"""Protobuf field of a message with rows: the size of its unpacked rows in bytes. Rerun trusts it."""
 _MOST_FIELDS = 64
 MAX_MESSAGE, MAX_ALL = 64 << 20, 1 << 30
-"""Bytes that one message, and all of a file, may unpack to, and `MAX_RATIO` times the file's size; an episode of 500
-steps with pictures has a hundredth of it."""
+"""Bytes that one message, and a whole file, may unpack to, in addition to `MAX_RATIO` times the file's size; an episode
+of 500 steps with pictures needs a hundredth of that."""
 MAX_RATIO = 8
 _LAST_KIND = 0
-"""Of the message that ends a recording; behind it stands only where it begins."""
+"""Kind of the message that ends a recording; only its own start position follows it."""
 _ENTITY = re.compile(rf"({paths.RUNS}/(?:\\.|[^/\\])+)/{paths.RECORD}(?:/(?:{LINE}|{END}))?")
 _ADVICE = "Write the recording again from its run folders."
 
 
 def log_record_start(stream: rr.RecordingStream, label: str, info: RunInfo, start: EpisodeStart) -> None:
-    """Logs who runs and where the episode starts."""
+    """Logs the run's facts and the episode's start."""
     texts = {INFO: info.model_dump_json(), START: start.model_dump_json()}
     stream.log(paths.run_path(label, paths.RECORD), rr.AnyValues(True, **texts), static=True)
 
@@ -80,20 +80,20 @@ def log_record_answer(stream: rr.RecordingStream, label: str, info: RunInfo, ans
 
 
 class Recorded(NamedTuple):
-    """What a recording holds."""
+    """The contents of a recording."""
 
     runs: list[Run]
     """Whole runs and answers, grouped by `run.json` as in run folders, in the recording's order."""
     incomplete: tuple[str, ...]
-    """Entities of the runs that have no end, which are left out: their program was stopped."""
+    """Entities of the runs without an end, which are left out: their program was stopped."""
     is_whole: bool
-    """Whether the file ends as Rerun ends it; where not, it may have lost whole runs too."""
+    """Whether the file ends as Rerun ends a file; if not, whole runs may be lost too."""
 
 
 def read_rrd(path: Path) -> list[Run]:
     """The whole runs and answers of a recording that `replay`, an observer or a study wrote.
 
-    Runs of one `run.json` become one `Run`; those that were cut off are left out (`read_recorded` names them).
+    Runs of one `run.json` become one `Run`; runs that were cut off are left out (`read_recorded` names them).
 
     Raises:
         RecordingError: The file is no .rrd, holds none of our runs, or is damaged.
@@ -102,7 +102,7 @@ def read_rrd(path: Path) -> list[Run]:
 
 
 def read_recorded(path: Path) -> Recorded:
-    """As `read_rrd`, with the names of runs that were cut off.
+    """Like `read_rrd`, with the names of runs that were cut off.
 
     Raises:
         RecordingError: The file is no .rrd, holds none of our runs, or is damaged.
@@ -140,15 +140,15 @@ def read_recorded(path: Path) -> Recorded:
 
 @dataclass(slots=True)
 class _Record:
-    """The JSON texts of one run or answer as they are gathered."""
+    """Gathers the JSON texts of one run or answer."""
 
     texts: dict[str, str] = field(default_factory=dict)
-    """By component name; `line` only of an answer."""
+    """Text by component name; only an answer has `line`."""
     steps: list[tuple[int, str]] = field(default_factory=list)
-    """(number from 1, line)."""
+    """(number from 1, line) of each step."""
 
     def add(self, chunk: Chunk) -> None:
-        """Takes in the texts of one chunk of a record's entity."""
+        """Adds the texts of one chunk of a record's entity."""
         batch = chunk.to_record_batch()
         for name in {INFO, START, LINE, END} & set(batch.schema.names):
             texts = [row[0] for row in batch.column(name).to_pylist() if row]
@@ -158,7 +158,7 @@ class _Record:
                 self.steps += zip(batch.column(paths.STEP).cast(pa.int64()).to_pylist(), texts, strict=True)
 
     def item(self, where: str) -> EpisodeRun | Answer | None:
-        """The run or answer; None when its end is missing."""
+        """The run or answer; None if its end is missing."""
         if INFO not in self.texts or not {START, LINE} & set(self.texts):
             raise RecordingError(f"{where}: found {sorted(self.texts)}; expected {INFO} and {START}. {_ADVICE}")
         if LINE in self.texts:
@@ -187,7 +187,7 @@ def _records(path: Path) -> dict[str, _Record]:
     """Entity of each run, `/runs/<label>`, to its texts, in the order of the file."""
     records: dict[str, _Record] = {}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Rerun warns of every file that a crash cut short
+        warnings.simplefilter("ignore")  # Rerun warns about every file that a crash cut short
         reader = RrdReader(str(path))
         for number, store in enumerate(reader.recordings()):
             for chunk in reader.stream(store=store):
@@ -200,9 +200,10 @@ def _records(path: Path) -> dict[str, _Record]:
 
 @contextmanager
 def _readable(path: Path) -> Iterator[tuple[Path, bool]]:
-    """(a file that Rerun reads, whether the recording is whole): itself, or a copy up to its last whole message.
+    """Yields a file that Rerun can read, and whether the recording is whole.
 
-    Rerun's reader gives nothing of a file that ends within a message, as files of killed programs do.
+    The file is `path` itself, or a copy up to its last whole message: Rerun's reader returns nothing for a file that
+    ends within a message, as files of killed programs do.
     """
     try:
         with path.open("rb") as file:
@@ -226,7 +227,10 @@ def _readable(path: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def _end_of_messages(file: BinaryIO, size: int) -> tuple[int, bool]:
-    """(Where the last whole message ends, whether it is the one that ends a recording), from behind the head."""
+    """Position where the last whole message ends, and whether it is the one that ends a recording.
+
+    Reads on from the end of the file's head.
+    """
     end, kind, total = _HEAD_BYTES, -1, 0
     while kind != _LAST_KIND and len(message := file.read(_MESSAGE.size)) == _MESSAGE.size:
         kind_read, length = _MESSAGE.unpack(message)
@@ -243,10 +247,10 @@ def _end_of_messages(file: BinaryIO, size: int) -> tuple[int, bool]:
 
 
 def _announced(file: BinaryIO, start: int, length: int) -> int:
-    """How many bytes a message with rows says that they unpack to, read without its rows.
+    """The unpacked size in bytes that a message with rows announces; the rows themselves are not read.
 
     Raises:
-        TooLargeError: It has more fields than Rerun writes, or other ones.
+        TooLargeError: The message has more fields than Rerun writes, or different ones.
     """
     at, end, largest = start, start + length, 0
     for _ in range(_MOST_FIELDS):
@@ -266,7 +270,7 @@ def _announced(file: BinaryIO, start: int, length: int) -> int:
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """(number, where it ends) of protobuf; 7 bits a byte, the lowest first."""
+    """(number, end position) of a protobuf varint; 7 bits per byte, the lowest first."""
     value = 0
     for used, byte in enumerate(data[at : at + 10]):
         value |= (byte & 127) << (7 * used)

@@ -1,4 +1,4 @@
-"""What is finished in one .rrd file: any number of runs of one episode side by side, or a map of a home."""
+"""Writes finished work into one .rrd file: any number of runs of one episode side by side, or a map of a home."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +11,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
 from sim.mesh import Scene
+from sim.plan_view.storey import StoreyMap, storey_map, storeys_of
 from sim.render.renderer import Renderer
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import Camera
@@ -35,19 +36,7 @@ from .layers import Regrounded, log_layers, reground, reground_markdown
 from .memory import log_memory, memory_markdown, named_memories, storey_at, storeys_of_memory
 from .pictures import picture_cameras, rendered_jpegs
 from .read import log_record_answer, log_record_end, log_record_start
-from .scene import (
-    GoalRegion,
-    StoreyMap,
-    goal_region,
-    log_goal,
-    log_identity,
-    log_map_picture,
-    log_scene,
-    log_up,
-    may_be_shown,
-    storey_map,
-    storeys_of,
-)
+from .scene import GoalRegion, goal_region, log_goal, log_identity, log_map_picture, log_scene, log_up, may_be_shown
 from .sinks import open_recording
 from .texts import home_paragraphs, log_paragraphs, log_task
 from .traces import Trace, best_two, require_same_home, select_traces
@@ -69,24 +58,24 @@ def log_comparison(
 
     Args:
         runs: Run folders of people, agents, grounders and imports; their other episodes are left out.
-        episode: With its targets: the recording is for researchers, it shows the goal at its end.
+        episode: The episode with its targets: the recording is for researchers and shows the goal at its end.
         scene: The home in which the runs were made.
-        out: The .rrd file; replaced when it exists.
-        renderer: Renders what the robots saw from their poses; None = no first-person pictures.
-        with_pixels: Whether geometry and pictures of a licensed scan may be written; other homes need no leave.
+        out: The .rrd file; replaced if it exists.
+        renderer: Renders the robots' views from their poses; None = no first-person pictures.
+        with_pixels: Whether geometry and pictures of a licensed scan may be written; other homes always may.
         camera: The robots' camera.
-        dataset: Where the episode is from: grounders answer again, to show how they came to their answers; None leaves
-            that out.
-        beside: Folders that hold the run folders: maps that grounders answered on lie there too.
+        dataset: The episode's dataset, so that grounders can answer again and show how they found their answers; None
+            leaves that out.
+        beside: Folders that hold the run folders; the maps that grounders answered on are there too.
 
     Returns:
         `out`.
 
     Raises:
-        RecordingError: No run has the episode, runs and scene differ in kind or version, or `out` is no .rrd file or
-            cannot be written.
+        RecordingError: No run has the episode, runs and scene differ in kind or version, or `out` is not an .rrd file
+            or cannot be written.
     """
-    _require_rrd(out)
+    require_rrd(out)
     traces = select_traces(runs, episode.key)
     require_same_home(traces, scene)
     regrounded = [] if dataset is None else reground(traces, episode, dataset, beside=beside)
@@ -105,17 +94,17 @@ def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | No
 
     Args:
         memory: The map.
-        name: What it is called.
-        out: The .rrd file; replaced when it exists.
-        scene: The home in which it was made; None = the map alone, as for a robot's recording.
-        with_pixels: Whether a licensed scan's geometry and maps may be written; other homes need no leave.
+        name: The map's name.
+        out: The .rrd file; replaced if it exists.
+        scene: The home in which the map was made; None = the map alone, as for a robot's recording.
+        with_pixels: Whether a licensed scan's geometry and maps may be written; other homes always may.
 
     Returns:
         `out`.
 
     Raises:
-        RecordingError: `out` cannot be written, the map is empty, is in another frame than the home, or is of a scan
-            that may not be shown.
+        RecordingError: `out` cannot be written, or the map is empty, in another frame than the home, or of a scan that
+            may not be shown.
     """
     _require_shown(memory, name, scene, with_pixels=with_pixels)
     if scene is None:
@@ -137,6 +126,16 @@ def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | No
     return out
 
 
+def require_rrd(out: Path) -> None:
+    """Refuses a name that is not a recording's: the file is replaced, so a run file given by mistake would be lost.
+
+    Raises:
+        RecordingError: The name does not end in .rrd.
+    """
+    if out.suffix != ".rrd":
+        raise RecordingError(f"--out: found {str(out)!r}; expected a file that ends in .rrd. Give another name.")
+
+
 def _write(
     traces: Sequence[Trace],
     regrounded: Sequence[Regrounded],
@@ -148,7 +147,7 @@ def _write(
     may_show: bool,
     camera: Camera,
 ) -> None:
-    """The recording's parts in the order in which a viewer that reads on is to show them."""
+    """Writes the recording's parts in the order in which a viewer should show them while it reads."""
     goal = goal_region(episode, scene.navigation)
     maps = [storey_map(scene.navigation, index) for index in _floors_shown(traces, goal, scene)]
     best = best_two(traces)
@@ -156,7 +155,7 @@ def _write(
     memories = named_memories([item.map_file for item in regrounded if item.map_file]) if may_show else []
     walks = _walks(traces, best, camera, scene)
     with open_recording(out, episode.key) as stream:
-        # viewers show what they have while they read on; without a blueprint they arrange it by themselves, and play it
+        # viewers show data while they read on; without a blueprint they choose their own layout and start playing
         stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded, memories=memories))
         stream.flush()
         log_identity(stream, episode, scene)
@@ -196,12 +195,6 @@ def _write(
                 log_pictures(stream, walk.walker, walk.rows[1:], jpegs[1:])
 
 
-def _require_rrd(out: Path) -> None:
-    """The recording replaces its file, so a run file given by mistake would be lost."""
-    if out.suffix != ".rrd":
-        raise RecordingError(f"--out: found {str(out)!r}; expected a file that ends in .rrd. Give another name.")
-
-
 def _floors_shown(traces: Sequence[Trace], goal: GoalRegion, scene: Scene) -> list[int]:
     """Storeys on which a run, an answer or a target is, from the lowest."""
     heights = np.concatenate([goal.floors_y, *(trace.positions[:, 1] for trace in traces)])
@@ -216,7 +209,7 @@ def _divergence(traces: Sequence[Trace], goal: GoalRegion, best: Sequence[Trace]
 
 
 def _walks(traces: Sequence[Trace], best: Sequence[Trace], camera: Camera, scene: Scene) -> list[Walk]:
-    """The PAN runs, each with the camera of its pictures: larger for those that are shown at first."""
+    """The PAN runs, each with the camera of its pictures: larger for runs that are shown at first."""
     walking = [(trace, trace.run.poses) for trace in traces if isinstance(trace.run, EpisodeRun)]
     shown = [trace in best for trace, _ in walking]
     cameras = picture_cameras([way for _, way in walking], camera, is_shown=shown)
@@ -224,7 +217,7 @@ def _walks(traces: Sequence[Trace], best: Sequence[Trace], camera: Camera, scene
 
 
 def _pictures(walks: Sequence[Walk], renderer: Renderer | None) -> list[list[bytes]]:
-    """What each robot saw at each row; none without a renderer."""
+    """JPEGs of each robot's view at each row; none without a renderer."""
     if renderer is None:
         return [[] for _ in walks]
     ways = [[row.pose for row in walk.rows] for walk in walks]
@@ -234,7 +227,7 @@ def _pictures(walks: Sequence[Walk], renderer: Renderer | None) -> list[list[byt
 def _log_walk(
     stream: rr.RecordingStream, walk: Walk, maps: Sequence[StoreyMap], goal: GoalRegion, *, has_clocks: bool
 ) -> None:
-    """A PAN run without its pictures; `has_clocks` says whether any run measures seconds."""
+    """Logs a PAN run without its pictures; `has_clocks` says whether any run measures seconds."""
     trace, walker, rows = walk.trace, walk.walker, walk.rows
     assert isinstance(trace.run, EpisodeRun)
     log_record_start(stream, trace.label, trace.info, trace.run.start)
@@ -260,7 +253,7 @@ def _ending(run: EpisodeRun) -> str:
 
 
 def _set_end(stream: rr.RecordingStream, traces: Sequence[Trace], walks: Sequence[Walk]) -> None:
-    """The very end of every timeline: what a viewer sees before it, the runners could see too."""
+    """Sets every timeline to its very end; before it, viewers see nothing that was hidden from the runners."""
     last = [walk.rows[-1] for walk in walks]
     answers = [trace.run for trace in traces if isinstance(trace.run, Answer)]
     seconds = [row.step.t_s for walk, row in zip(walks, last, strict=True) if walk.walker.is_timed and row.step]

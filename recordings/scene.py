@@ -1,4 +1,4 @@
-"""What a recording shows of a home: which one it is, its storeys' meshes and maps, and at the end where the goal is."""
+"""Logs a home into a recording: its identity, its storeys' meshes and maps, and at the end the goal."""
 
 import io
 import re
@@ -14,10 +14,9 @@ from PIL import Image
 from sim.copies.browser_glb import browser_glb
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
+from sim.plan_view.storey import StoreyMap, storey_name, storeys_of
 from sim.tasks.rules import success_radius, success_region
-from sim.types import GridSpec
 from sim.walk.navigation_map import NavigationMap
-from sim.walk.storeys import storey_of
 
 from . import paths
 from .traces import Rgb
@@ -25,10 +24,8 @@ from .traces import Rgb
 GLB = "model/gltf-binary"
 _FILTER = re.compile(rb'"(?:mag|min)Filter":\d+,')
 _JSON_AT = 20
-"""Where the text begins in binary glTF; its length stands 8 bytes before."""
+"""Byte at which the text begins in binary glTF; its length stands 8 bytes earlier."""
 FREE_RGB, WALL_RGB = (236, 236, 232), (58, 60, 66)
-MARGIN = 0.5
-"""Metres of map shown around the free space."""
 MAP_WHOLE, MAP_TRAIL, ROBOT, POINT = -0.8, -2.0, -2.5, -5.0
 """Radii on the map; negative = points of the screen, so that they can be seen on maps of any size."""
 LIFT = 0.15
@@ -44,12 +41,12 @@ _RIM_ANGLES = np.linspace(0, 2 * np.pi, 65)
 
 
 def may_be_shown(scene: Scene, *, with_pixels: bool) -> bool:
-    """Whether geometry, maps and pictures of a home may be logged: those of a licensed scan need leave, others none."""
+    """Whether geometry, maps and pictures of a home may be logged: for a licensed scan only with `with_pixels`."""
     return scene.kind != "scan" or with_pixels
 
 
 def log_identity(stream: rr.RecordingStream, episode: Episode, scene: Scene) -> None:
-    """Names the recording and says of which episode and home it is, and which way is up."""
+    """Logs the recording's name, its episode and home, and which way is up."""
     stream.send_recording_name(f"{episode.key} in {scene.label}")
     facts = rr.AnyValues(episode=str(episode.key), scene=scene.name, scene_kind=scene.kind, scene_digest=scene.digest)
     stream.send_property("episode", facts)
@@ -57,7 +54,7 @@ def log_identity(stream: rr.RecordingStream, episode: Episode, scene: Scene) -> 
 
 
 def log_up(stream: rr.RecordingStream) -> None:
-    """Says which way is up."""
+    """Logs which way is up."""
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
 
 
@@ -70,79 +67,17 @@ def log_scene(stream: rr.RecordingStream, scene: Scene, *, storeys: Sequence[int
     for index in storeys:
         glb = browser_glb(scene, scene.navigation.storey_heights[index], srgb_colours=True)
         stream.log(
-            f"{paths.MESH}/{paths.storey_part(index)}",
+            f"{paths.MESH}/{storey_name(index)}",
             rr.Asset3D(contents=_without_filters(glb), media_type=GLB),
             static=True,
         )
 
 
 def _without_filters(glb: bytes) -> bytes:
-    """A browser copy whose textures ask for no filters: Rerun has only one, and warns of each that wants another."""
+    """The file without its textures' filters: Rerun has only one filter, and warns about each texture with another."""
     (length,) = struct.unpack_from("<I", glb, _JSON_AT - 8)
     text = glb[_JSON_AT : _JSON_AT + length]
     return glb[:_JSON_AT] + _FILTER.sub(lambda found: b" " * len(found[0]), text) + glb[_JSON_AT + length :]
-
-
-@dataclass(frozen=True, slots=True)
-class StoreyMap:
-    """One storey from above, cropped to its free space."""
-
-    index: int
-    """Place in the scene's storey heights."""
-    floor_y: float
-    """Metres."""
-    free: NDArray[np.bool_]
-    """(rows, cols)."""
-    grid: GridSpec
-
-    @property
-    def part(self) -> str:
-        """Name of the storey's entities."""
-        return paths.storey_part(self.index)
-
-    @property
-    def entity(self) -> str:
-        """Entity of its picture."""
-        return f"{paths.TOPDOWN}/{self.part}"
-
-    def pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Places (..., 2) in the picture, column first, of world points (..., 3)."""
-        return (points[..., [0, 2]] - np.asarray(self.grid.origin_xz)) / self.grid.cell
-
-    def flat_boxes(
-        self, low: NDArray[np.float64], high: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Low corners and sizes (N, 2) in the picture of boxes with these corners (N, 3) in the world."""
-        corners = np.stack([self.pixels(low), self.pixels(high)], axis=1)  # (N, 2, 2)
-        return corners.min(axis=1), np.ptp(corners, axis=1)
-
-
-def storey_map(navigation: NavigationMap, index: int) -> StoreyMap:
-    """The map of one storey of a scene; the whole grid when nothing is free there."""
-    floor_y = navigation.storey_heights[index]
-    free, grid, _ = navigation.top_down(floor_y)
-    return cropped_map(index, floor_y, free, grid, around=free)
-
-
-def cropped_map(
-    index: int, floor_y: float, free: NDArray[np.bool_], grid: GridSpec, *, around: NDArray[np.bool_]
-) -> StoreyMap:
-    """A storey whose picture ends `MARGIN` behind the cells `around` (rows, cols); the whole grid where none is set."""
-    rows, cols = np.flatnonzero(around.any(axis=1)), np.flatnonzero(around.any(axis=0))
-    if not len(rows):
-        return StoreyMap(index, floor_y, free, grid)
-    pad = round(MARGIN / grid.cell)
-    top, bottom = max(0, rows[0] - pad), min(grid.shape[0], rows[-1] + 1 + pad)
-    left, right = max(0, cols[0] - pad), min(grid.shape[1], cols[-1] + 1 + pad)
-    origin = (float(grid.origin_xz[0] + left * grid.cell), float(grid.origin_xz[1] + top * grid.cell))
-    cropped = free[top:bottom, left:right]
-    return StoreyMap(index, floor_y, cropped, GridSpec(origin, grid.cell, cropped.shape))
-
-
-def storeys_of(heights: NDArray[np.float64], navigation: NavigationMap) -> NDArray[np.int64]:
-    """Index of the storey (N,) that points at each height (N,) belong to."""
-    storeys = [(height, height) for height in navigation.storey_heights]
-    return np.array([storey_of(float(y), storeys) for y in heights], np.int64)
 
 
 def log_map_picture(stream: rr.RecordingStream, storey: StoreyMap) -> None:
@@ -150,7 +85,9 @@ def log_map_picture(stream: rr.RecordingStream, storey: StoreyMap) -> None:
     rgb = np.where(storey.free[..., None], np.array(FREE_RGB, np.uint8), np.array(WALL_RGB, np.uint8))
     buffer = io.BytesIO()
     Image.fromarray(rgb).save(buffer, "PNG")
-    stream.log(storey.entity, rr.EncodedImage(contents=buffer.getvalue(), media_type="image/png"), static=True)
+    stream.log(
+        paths.map_entity(storey.name), rr.EncodedImage(contents=buffer.getvalue(), media_type="image/png"), static=True
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,15 +103,15 @@ class GoalRegion:
     storeys: NDArray[np.int64]
     """(M,) index of each target's storey."""
     radii: NDArray[np.float64]
-    """(M,) largest planar distance that succeeds: 1 m, 1.5 m where relaxed."""
+    """(M,) largest planar distance that succeeds: 1 m, or 1.5 m if relaxed."""
     places: NDArray[np.float64]
     """(K, 3) places to stand from which STOP succeeds."""
     place_storeys: NDArray[np.int64]
     """(K,) index of each place's storey."""
     path: NDArray[np.float64] | None
-    """(P, 3) shortest path from the start to the nearest place; None where none can be reached."""
+    """(P, 3) shortest path from the start to the nearest place; None if no place can be reached."""
     path_storeys: NDArray[np.int64]
-    """(P,) index of the storey of each of its corners; (0,) without a path."""
+    """(P,) index of the storey of each of the path's corners; (0,) without a path."""
 
     @property
     def rims(self) -> NDArray[np.float64]:
@@ -207,7 +144,7 @@ def goal_region(episode: Episode, navigation: NavigationMap) -> GoalRegion:
 
 
 def log_goal(stream: rr.RecordingStream, goal: GoalRegion, maps: Sequence[StoreyMap]) -> None:
-    """Logs the goal below `/goal` at the stream's present time, which must be the end of all that is shown."""
+    """Logs the goal below `/goal` at the stream's present time, which must be the end of the recording."""
     up = np.array([0.0, LIFT, 0.0])
     centres = rr.Points3D(goal.centres, colors=[GOAL_RGB], radii=0.14, labels=goal.names)
     stream.log(f"{paths.GOAL}/centre", centres)
@@ -220,7 +157,7 @@ def log_goal(stream: rr.RecordingStream, goal: GoalRegion, maps: Sequence[Storey
 
 
 def _log_on_map(stream: rr.RecordingStream, goal: GoalRegion, storey: StoreyMap) -> None:
-    entity = f"{paths.GOAL}/map/{storey.part}"
+    entity = f"{paths.GOAL}/map/{storey.name}"
     here = goal.storeys == storey.index
     labels = [name for name, is_here in zip(goal.names, here, strict=True) if is_here]
     spots = storey.pixels(goal.centres[here])

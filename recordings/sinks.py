@@ -1,7 +1,7 @@
-"""Where recordings go: an .rrd file that appears when it is whole; or, as an episode runs, a file, a folder, a viewer.
+"""Destinations of recordings: an .rrd file that appears when whole, or a file, folder or viewer of a running episode.
 
-The file of a running episode is written as it goes on, so that a crash leaves what was flushed; a viewer sees it at
-once.
+The file of a running episode is written as the episode goes on, so that a crash leaves everything that was flushed; a
+viewer shows it at once.
 """
 
 import contextlib
@@ -27,11 +27,11 @@ from sim.files import write_whole
 from . import paths
 
 CONNECT_S = 3.0
-"""A viewer on this machine or in its network answers sooner."""
+"""Longest wait for a viewer's answer; on this machine or its network it answers sooner."""
 FLUSH_S = 10.0
-"""Longest wait until a viewer has taken what is sent; it is then taken as gone."""
+"""Longest wait until a viewer has received the data; after that it counts as gone."""
 MAX_PARTS = 64
-"""A file that was flushed more often is written anew at its end; that takes half a second."""
+"""A file that was flushed more often is rewritten at its end, which takes half a second."""
 SPAWN = "spawn"
 _OTHER_OUT = "Give another --out."
 _OTHER_PLACE = "Give another place; finished episodes are kept."
@@ -43,11 +43,11 @@ _HOW_TO_CHOOSE = {"episode": " with --episode SPLIT/SCENE/ID", "exploration": ""
 
 @contextmanager
 def open_recording(out: Path, key: paths.RecordingKey) -> Iterator[rr.RecordingStream]:
-    """The recording of one episode or exploration; the file appears at `out` only when the block ends without an error.
+    """Yields the recording of one episode or exploration; the file appears at `out` if the block ends without an error.
 
-    Rerun's strict mode is on inside: it would else warn and drop what it cannot use. Times of logging are left out, so
-    that two recordings of the same runs have the same content. Rerun's own file writer is not used: on a full disk it
-    waits for ever or raises without saying why.
+    Rerun's strict mode is on inside; without it Rerun would warn about unusable data and drop it. Times of logging are
+    left out, so that two recordings of the same runs have the same content. Rerun's own file writer is not used: on a
+    full disk it waits for ever or raises without saying why.
 
     Raises:
         RecordingError: The file cannot be written.
@@ -81,27 +81,27 @@ def open_recording(out: Path, key: paths.RecordingKey) -> Iterator[rr.RecordingS
 
 @dataclass(frozen=True, slots=True)
 class LiveSink:
-    """A place for recordings of running episodes; small, so that worker processes can be sent one."""
+    """A place for recordings of running episodes; small, so that it can be sent to worker processes."""
 
     kind: Literal["file", "folder", "address"]
     where: str
     """The file, the folder, or the viewer's address."""
     application_id: str = paths.APPLICATION_ID
-    """A viewer keeps recordings and layouts of applications apart: two people may do one episode at once."""
+    """A viewer separates recordings and layouts by application, because two people may do one episode at once."""
 
     def file_of(self, key: paths.RecordingKey) -> Path | None:
-        """The file of a recording; None when a viewer gets it."""
+        """The file of a recording; None if a viewer receives it."""
         if self.kind == "address":
             return None
         return Path(self.where) if self.kind == "file" else Path(self.where) / paths.file_name(key)
 
     def open(self, key: paths.RecordingKey) -> "LiveRecording":
-        """The recording of one episode or exploration; a file that was there is replaced.
+        """Opens the recording of one episode or exploration; an existing file is replaced.
 
         Raises:
             RecordingError: The file cannot be written.
         """
-        rr.set_strict_mode(True)  # it stays on: Rerun would else warn and drop what it cannot use
+        rr.set_strict_mode(True)  # stays on: otherwise Rerun warns about unusable data and drops it
         stream = rr.RecordingStream(self.application_id, recording_id=paths.recording_id(key), send_properties=False)
         stream.set_log_time_enabled(False)
         path = self.file_of(key)
@@ -113,15 +113,15 @@ class LiveSink:
 
 @contextlib.contextmanager
 def live_sink(option: str, keys: Sequence[paths.RecordingKey]) -> Iterator[LiveSink]:
-    """The sink that an option `--rerun` names: FILE.rrd, a folder, rerun+http://HOST:PORT/proxy, or spawn.
+    """Yields the sink that an option `--rerun` names: FILE.rrd, a folder, rerun+http://HOST:PORT/proxy, or spawn.
 
     Args:
-        option: What the user gave; grpc://HOST:PORT means the same as rerun+http://HOST:PORT/proxy.
+        option: The user's option; grpc://HOST:PORT means the same as rerun+http://HOST:PORT/proxy.
         keys: The episodes or explorations that will be recorded.
 
     Raises:
-        RecordingError: A file for several episodes, a form that is not known, nobody listens at the address, or no
-            viewer can be started.
+        RecordingError: The option names one file for several episodes or has an unknown form, nobody listens at the
+            address, or no viewer can be started.
     """
     if option == SPAWN:
         from .viewer.window import live_viewer
@@ -147,34 +147,34 @@ def live_sink(option: str, keys: Sequence[paths.RecordingKey]) -> Iterator[LiveS
 
 
 class LiveRecording:
-    """One open recording. Whoever logs calls `flush` when something should be seen, and `close` at the end."""
+    """One open recording. Call `flush` to make logged data visible, and `close` at the end."""
 
     def __init__(
         self, key: paths.RecordingKey, stream: rr.RecordingStream, where: str, file: "_PipedFile | None"
     ) -> None:
-        """Use `LiveSink.open`."""
+        """Takes an open stream; use `LiveSink.open` instead."""
         self.stream = stream
         self._key = key
         self._blueprint: rrb.Blueprint | None = None
         self._num_parts = 0
         self._where = where
         self._file = file
-        self._finalizer = weakref.finalize(self, _end, stream, file)  # also at exit, when an episode was broken off
+        self._finalizer = weakref.finalize(self, _end, stream, file)  # also at exit in the middle of an episode
 
     def lay_out(self, blueprint: rrb.Blueprint) -> None:
-        """From now on the viewer shows this layout."""
+        """Makes the viewer show this layout from now on."""
         self._blueprint = blueprint
         self.stream.send_blueprint(blueprint)
 
     def flush(self) -> None:
-        """Returns when all that was logged is in the file, or with the viewer.
+        """Returns when all logged data is in the file, or with the viewer.
 
         Raises:
             RecordingError: The file cannot be written, or the viewer is gone.
         """
         try:
             self.stream.flush(timeout_sec=FLUSH_S)
-        except RuntimeError as error:  # what Rerun raises for a lost connection
+        except RuntimeError as error:  # Rerun raises it for a lost connection
             self._finalizer.detach()
             threading.Thread(target=self.stream.disconnect, daemon=True).start()  # it may wait for an answer for ever
             reason = " ".join(str(error).split())
@@ -187,7 +187,7 @@ class LiveRecording:
             self._file.require_written()
 
     def close(self) -> None:
-        """Ends the recording: a file is then complete.
+        """Ends the recording, which completes a file.
 
         Raises:
             RecordingError: The file cannot be written, or the viewer is gone.
@@ -202,22 +202,22 @@ class LiveRecording:
                 self._join_parts(self._file.path)
 
     def _join_parts(self, path: Path) -> None:
-        """Writes the finished file anew with few large chunks: each small one spends 2 kB on describing itself."""
+        """Rewrites the finished file with a few large chunks: each small chunk spends 2 kB on describing itself."""
         assert self._blueprint is not None
         reader = RrdReader(str(path))
         (store,) = reader.recordings()
         joined = reader.stream(store=store).collect(optimize=OptimizationProfile.OBJECT_STORE)
         with open_recording(path, self._key) as stream:
-            # in the order of time: a viewer stands at the first moment that it reads
+            # in time order, because a viewer starts at the first moment that it reads
             stream.send_chunks(sorted(joined.stream(), key=_first_step))
             stream.send_blueprint(self._blueprint)
 
 
 class _PipedFile:
-    """A file that gets what Rerun's own file writer writes, through a pipe.
+    """A file that receives the output of Rerun's own file writer through a pipe.
 
-    Rerun would else write itself, and on a full disk it waits for ever or raises without saying why. Its streams of
-    bytes in memory are no help: each part is a whole recording, and parts put together cannot be read.
+    If Rerun wrote the file itself, it would wait for ever on a full disk, or raise without saying why. Its byte streams
+    in memory do not help: each part is a whole recording, and joined parts cannot be read.
     """
 
     def __init__(self, path: Path, stream: rr.RecordingStream) -> None:
@@ -236,16 +236,16 @@ class _PipedFile:
         try:
             stream.save(f"/dev/fd/{inlet}")
         finally:
-            os.close(inlet)  # Rerun holds its own; when it closes that, the thread ends
+            os.close(inlet)  # Rerun has its own copy; when it closes that, the thread ends
 
     def require_written(self) -> None:
-        """Returns when what Rerun has flushed is in the file; raises RecordingError when it cannot be."""
+        """Returns when all data that Rerun has flushed is in the file; raises RecordingError if that fails."""
         self._copy()
         if self._problem is not None:
             raise _cannot_write(f"--rerun {self.path}", self._problem, _OTHER_PLACE) from None
 
     def wait(self) -> None:
-        """Returns when Rerun has closed its end and all is in the file."""
+        """Returns when Rerun has closed its end and all data is in the file."""
         self._thread.join()
 
     def _copy_all(self) -> None:
@@ -259,7 +259,10 @@ class _PipedFile:
             self._file.close()
 
     def _copy(self) -> bool:
-        """Moves what is in the pipe into the file; whether the pipe has ended. Reads on after an error: Rerun waits."""
+        """Moves the pipe's contents into the file; returns whether the pipe has ended.
+
+        It reads on after an error, because Rerun waits for it.
+        """
         with self._lock:
             while self._outlet >= 0:
                 try:
@@ -293,13 +296,13 @@ def _what(key: paths.RecordingKey) -> str:
 
 
 def _first_step(chunk: Chunk) -> int:
-    """The earliest step in a chunk; -1 for what is shown at all times."""
+    """The earliest step in a chunk; -1 for data that is shown at all times."""
     batch = chunk.to_record_batch()
     return -1 if chunk.is_static or paths.STEP not in batch.schema.names else min(batch.column(paths.STEP).to_pylist())
 
 
 def _answering(option: str) -> str:
-    """The address in Rerun's form, once somebody listens there."""
+    """The address in Rerun's form, after checking that a viewer answers there."""
     match = _ADDRESS.fullmatch(option)
     port = int(match["port"]) if match else 0
     if match is None or not 0 < port < 65536:
@@ -309,7 +312,7 @@ def _answering(option: str) -> str:
         )
     probe = http.client.HTTPConnection(match["host"].strip("[]"), port, timeout=CONNECT_S)
     try:
-        probe.request("HEAD", "/")  # what listens but never answers would keep Rerun waiting for ever
+        probe.request("HEAD", "/")  # Rerun would wait for ever for a server that never answers
         probe.getresponse()
     except (OSError, http.client.HTTPException) as error:
         raise RecordingError(

@@ -1,4 +1,4 @@
-"""Log the task and tables of what each run reached and where it strayed, as one text."""
+"""Logs the task, and tables of each run's results and detours, as one text."""
 
 import math
 from collections.abc import Sequence
@@ -32,15 +32,15 @@ def log_task(
     divergence: Divergence | None = None,
     more: Sequence[str] = (),
 ) -> None:
-    """Logs what the researcher reads beside the views of an episode.
+    """Logs the text that the researcher reads beside the views of an episode.
 
     Args:
         stream: The recording.
-        episode: Its query and description.
+        episode: Gives the query and the description.
         scene: The home.
-        traces: The runs of the tables of measures.
-        may_show: Whether pictures are shown; those of a scan need a notice about its terms of use.
-        divergence: How the runs, in the order of `traces`, keep to the shortest path; None leaves it out.
+        traces: The runs in the tables of measures.
+        may_show: Whether pictures are shown; pictures of a scan need a notice about its terms of use.
+        divergence: How closely the runs, in the order of `traces`, keep to the shortest path; None leaves it out.
         more: Paragraphs of Markdown to add after the tables.
     """
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun)]
@@ -63,7 +63,10 @@ def log_paragraphs(stream: rr.RecordingStream, parts: Sequence[str]) -> None:
 
 
 def home_paragraphs(scene: Scene, *, may_show: bool, what: str = "") -> list[str]:
-    """Which home it is, of which kind, and the notice that pictures of a scan need; `what` is named beside the home."""
+    """Paragraphs with the home's name and kind, and the notice that pictures of a scan need.
+
+    `what` is named beside the home.
+    """
     label = scene_label(scene.kind)
     return [
         f"{plain_text(scene.label)}, {what}scene digest {scene.digest[:12]}",
@@ -73,7 +76,7 @@ def home_paragraphs(scene: Scene, *, may_show: bool, what: str = "") -> list[str
 
 
 def table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of cells that are Markdown already; every row has a cell per name."""
+    """A Markdown table; cells are Markdown already, and every row has a cell per name."""
     lines = ["| " + " | ".join(cells) + " |" for cells in (names, *rows)]
     return "\n".join([lines[0], "|---" * len(names) + "|", *lines[1:]])
 

@@ -1,4 +1,4 @@
-"""Which runs of an episode a recording shows, under which names and colours, and which two it shows largest."""
+"""Chooses the runs of an episode that a recording shows, their names and colours, and the two that it shows largest."""
 
 import math
 import re
@@ -24,7 +24,7 @@ RUN_COLORS: tuple[Rgb, ...] = (
     (0, 114, 178),
     (150, 90, 220),
 )
-"""Okabe and Ito's palette, which colour-blind people can tell apart, and a violet; more runs begin it again."""
+"""Okabe and Ito's palette, which colour-blind people can tell apart, and a violet; further runs start again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Trace:
     label: str
     """Unique in the recording; names the run's entities."""
     title: str
-    """What views and tables call it."""
+    """The run's name in views and tables."""
     rgb: Rgb
     info: RunInfo
     run: EpisodeRun | Answer
@@ -47,10 +47,10 @@ class Trace:
 
 
 def select_traces(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
-    """Every run and answer of one episode with a label, a title and a colour of its own.
+    """Every run and answer of one episode, each with its own label, title and colour.
 
     Raises:
-        RecordingError: There is none.
+        RecordingError: No run holds the episode.
     """
     found = [(run.info, item) for run in runs for item in (*run.episodes, *run.answers) if item.key == key]
     if not found:
@@ -67,7 +67,7 @@ def select_traces(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
 
 
 def short_name(who: str) -> str:
-    """What titles call someone: of an agent named `package.module:factory` the module alone."""
+    """The name for titles: only the module for an agent named `package.module:factory`."""
     plugin = re.fullmatch(r"(?:\w+\.)*(\w+):\w+", who)
     return plugin[1] if plugin else who
 
@@ -76,7 +76,7 @@ def common_episode(runs: Sequence[Run]) -> EpisodeKey:
     """The only episode that all runs hold.
 
     Raises:
-        RecordingError: They have none in common, or several.
+        RecordingError: The runs have no episode in common, or several.
     """
     held = [{item.key for item in (*run.episodes, *run.answers)} for run in runs]
     common = sorted(set.intersection(*held)) if held else []
@@ -93,10 +93,10 @@ def common_episode(runs: Sequence[Run]) -> EpisodeKey:
 
 
 def best_two(traces: Sequence[Trace]) -> tuple[Trace, ...]:
-    """The PAN runs whose cameras are shown: the best person, then the best agent; else the two best there are.
+    """The PAN runs whose cameras are shown: the best person, then the best agent, or else the two best runs.
 
-    Better is success before none, then larger SPL, then a smaller distance to the goal, then fewer steps (rule
-    `paper`); runs without measures come last, the first given wins a tie.
+    A run is better if it succeeds, then if its SPL is larger, then if its distance to the goal is smaller, then if it
+    has fewer steps (rule `paper`). Runs without measures come last; the first given wins a tie.
     """
     walks = sorted((trace for trace in traces if isinstance(trace.run, EpisodeRun)), key=_badness)
     people = [trace for trace in walks if trace.info.who_kind == "human"]
@@ -105,12 +105,12 @@ def best_two(traces: Sequence[Trace]) -> tuple[Trace, ...]:
 
 
 def require_same_home(traces: Sequence[Trace], scene: Scene) -> None:
-    """Refuses runs of other kinds of homes or of other versions of the home: they would walk through its walls.
+    """Refuses runs from homes of another kind or from other versions of the home: they would walk through its walls.
 
-    Answers on oracle maps belong to any home, and answers name no version.
+    Answers on oracle maps fit any home, and answers name no version.
 
     Raises:
-        RecordingError: There is such a run.
+        RecordingError: A run is from another kind of home or another version.
     """
     for trace in traces:
         kind = trace.info.scene_kind
@@ -139,13 +139,13 @@ def _badness(trace: Trace) -> tuple[bool, bool, float, float, int]:
 
 
 def _with_code(name: str, item: EpisodeRun | Answer) -> str:
-    """The name with the participant's public code, where there is one."""
+    """The name with the participant's public code, if there is one."""
     participant = item.start.participant if isinstance(item, EpisodeRun) else item.participant
     return f"{name}-{participant}" if participant else name
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
-    """The names, those that came before with -2, -3, ... after them."""
+    """The names; repeated ones get -2, -3, ... after them."""
     taken: list[str] = []
     for name in names:
         number, candidate = 1, name
@@ -163,7 +163,7 @@ def path_lengths(run: EpisodeRun) -> NDArray[np.float64]:
 
 
 def times(run: EpisodeRun) -> NDArray[np.float64] | None:
-    """Seconds at the start and after each step, (T + 1,); None when the run measured no time."""
+    """Seconds at the start and after each step, (T + 1,); None if the run measured no time."""
     seconds = np.array([0.0, *(step.t_s for step in run.steps)])
     return seconds if seconds.any() else None
 

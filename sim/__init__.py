@@ -1,4 +1,4 @@
-"""The world, the tasks, the episodes, and how well a run did.
+"""The world, the tasks, the episodes, and the measures of a run.
 
 The public names are loaded when they are first used: `import sim` itself loads nothing heavy.
 """
@@ -33,7 +33,7 @@ _PLACES = {
     "open_home": ("sim.homes.open_home", "open_scene"),
     "play": ("sim.tasks.runner", "play"),
 }
-"""Module of each public name, and what it is called there."""
+"""Each public name with its module and its name there."""
 __all__ = [
     "Action",
     "Agent",
@@ -48,7 +48,7 @@ __all__ = [
     "play",
 ]
 
-if not TYPE_CHECKING:  # a type checker that saw it would accept any name
+if not TYPE_CHECKING:  # a type checker that saw this function would accept any name
     __getattr__ = loader_of(__name__, _PLACES)
 
 

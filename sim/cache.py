@@ -1,4 +1,4 @@
-"""Files that are made once from others and may be deleted at any time: converted textures, browser copies."""
+"""Files that are made once from other files and may be deleted at any time: converted textures, browser copies."""
 
 import contextlib
 import hashlib
@@ -22,12 +22,12 @@ def cache_dir() -> Path:
 def cached_bytes(kind: str, key: str, make: Callable[[], bytes]) -> bytes:
     """The result of `make`, made once per (kind, key) and kept in the cache folder.
 
-    A folder that cannot be written costs time, nothing else. Licensed geometry may be among the files, so the folder
-    is the user's own.
+    If the folder cannot be written, the content is made anew each time. The folder belongs to the user alone,
+    because licensed geometry may be among the files.
 
     Args:
         kind: File suffix without the dot, e.g. `glb`; also the subfolder.
-        key: All that the content depends on, a version of the making code included.
+        key: Everything that the content depends on, including a version of the code that makes it.
         make: Makes the content.
     """
     path = cache_dir() / kind / f"{hashlib.sha256(key.encode()).hexdigest()}.{kind}"
@@ -36,7 +36,7 @@ def cached_bytes(kind: str, key: str, make: Callable[[], bytes]) -> bytes:
     content = make()
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with tempfile.TemporaryDirectory(dir=path.parent) as beside:  # goes away also where the disk is full
+        with tempfile.TemporaryDirectory(dir=path.parent) as beside:  # it is removed even when the disk is full
             whole = Path(beside) / path.name
             whole.write_bytes(content)
             os.replace(whole, path)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from sim.errors import AgentError
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.mesh import Scene
 from sim.plugins import made_of, second_answer
@@ -26,9 +26,9 @@ from sim.tasks.pan import PanEnv
 from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Observation, Pose, Task
 
 STEPS = 40
-"""Actions of each of the agent's trial episodes, unless it stops before: a look around, which takes 12, and a walk."""
+"""Actions in each trial episode, unless the agent stops before: a look around, which takes 12, and a walk."""
 METHODS = ("reset", "act")
-"""What an agent offers."""
+"""Methods of an agent."""
 SLOW_S = 2.0
 """A mean time per action above this is worth a note: 500 steps then take a quarter of an hour."""
 _HOME_SEED = 1
@@ -52,18 +52,18 @@ def check_agent(
 ) -> list[str]:
     """Runs an agent for a few steps in a small invented home and lists how it breaks the contract of `Agent`.
 
-    What is checked: `reset` and `act` exist and take their arguments; every answer is an `Action` of the task, with six
+    It checks that `reset` and `act` exist and take their arguments; every answer is an `Action` of the task, with six
     actions and with four; observation arrays stay as they were; the same task, seed and observations give the same
     actions, also after another episode (nothing is kept without `keep_memory`), and in a second process, where Python's
-    `hash()` gives other numbers; nothing is raised. A slow agent breaks no rule: it causes a `UserWarning`. The second
-    process is left out for what cannot be sent there, such as a class of a script.
+    `hash()` gives other numbers; nothing is raised. A slow agent breaks no rule, but causes a `UserWarning`. The second
+    process is left out for an agent that cannot be sent there, such as a class defined in a script.
 
     Args:
         agent: An agent, a function without arguments that makes one, or its name as package.module:factory. With a
             function or a name, new agents are made for comparison, so that lack of determinism and memory that
             outlives a reset can be told apart.
         steps: Actions per trial episode.
-        camera: What it sees with; the default is what runs use.
+        camera: The agent's camera; the default is the one that runs use.
 
     Returns:
         One sentence per violation; empty = the contract is kept.
@@ -90,7 +90,7 @@ def check_agent(
 def _in_second_process(
     agent: Agent | Callable[[], Agent] | str, trial: Trial, before: list[Action], *, camera: Camera, steps: int
 ) -> list[str]:
-    """What is wrong with the same trial in a new process, where Python's `hash()` gives other numbers."""
+    """Problems of the same trial in a new process, where Python's `hash()` gives other numbers."""
     try:
         second = second_answer(agent, partial(_actions, camera=camera, steps=steps), methods=METHODS)
     except AgentError as error:
@@ -103,7 +103,7 @@ def _in_second_process(
 
 
 def _actions(agent: Agent, *, camera: Camera, steps: int) -> list[Action]:
-    """What an agent does in the trial with six actions."""
+    """The agent's actions in the trial with six actions."""
     scene = check_home()
     return _Checkup(scene, camera, steps).actions_of(agent, check_trials(scene)[0]) or []
 
@@ -205,7 +205,7 @@ def _copied_arrays(observation: Observation) -> dict[str, np.ndarray]:
 def _differences(
     trial: Trial, before: list[Action], *, again: list[Action] | None, fresh: list[Action] | None
 ) -> list[str]:
-    """What unequal repetitions of one trial say: by the same agent after another episode, and by a new agent."""
+    """The problem that unequal repetitions of a trial show: of one agent after another episode, and of a new agent."""
     if fresh is not None and fresh != before:
         return [_difference(trial, before, fresh, "a new agent does something else", "the same seed to decide all")]
     if again is None or again == before:

@@ -1,7 +1,7 @@
 """Compiled loops: numba's `njit`, whose files on disk are kept apart by the content of all our kernels.
 
-numba looks only at the file that holds a function. A caller kept on disk would go on with the old code of a function in
-another file, after a pull or an edit, and nothing would tell. Every module with kernels takes `njit` from here.
+numba looks only at the file that holds a function. After a pull or an edit, a caller kept on disk would silently go on
+with the old code of a function in another file. Every module with kernels takes `njit` from here.
 """
 
 import hashlib
@@ -31,8 +31,8 @@ def kernels_digest() -> str:
 def keep_apart(digest: str) -> Path:
     """Tells numba to keep compiled code in a folder of its own for this digest, and returns the folder.
 
-    It lies in the user's `NUMBA_CACHE_DIR`, or else beside this file, where folders of other digests are removed, or
-    else in the cache folder.
+    The folder lies in the user's `NUMBA_CACHE_DIR`; without one, beside this file, where folders of other digests are
+    removed; and if that cannot be written, in the cache folder.
     """
     beside = _ROOT / "__pycache__"
     named: str = getattr(config, "CACHE_DIR")  # noqa: B009 - numba makes its settings at run time

@@ -1,8 +1,12 @@
 """The tree of errors that users can meet; each message says where, what was found, what was expected, what to do."""
 
-from pathlib import Path
+from __future__ import annotations
 
-from pydantic import ValidationError
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 _MOST_PROBLEMS = 2000
 """A pydantic error with more problems than this is not searched for the first one."""
@@ -29,7 +33,7 @@ class AgentError(PersonalVizError):
 
 
 class RunFileError(PersonalVizError):
-    """A run file is damaged, holds impossible steps, or lacks what is asked of it."""
+    """A run file is damaged, holds impossible steps, or lacks something that was asked for."""
 
 
 class StudyError(PersonalVizError):
@@ -54,11 +58,11 @@ def line_from_validation_error(where: str | Path, error: ValidationError, *, adv
     """The first problem of a pydantic error as one line: where, field, what was found, what was expected, what to do.
 
     Args:
-        where: File (and line) in which the bad value stands.
-        error: What pydantic raised.
-        advice: What the reader can do, a full sentence.
+        where: File (and line) with the bad value.
+        error: The error that pydantic raised.
+        advice: Advice to the reader, a full sentence.
     """
-    if error.error_count() > _MOST_PROBLEMS:  # to look at them all would cost a kilobyte each
+    if error.error_count() > _MOST_PROBLEMS:  # looking at all of them would take a kilobyte each
         return (
             f"{where}: found {error.error_count()} values that do not fit; expected the fields of its format. {advice}"
         )

@@ -1,7 +1,7 @@
 """Files that are never half-written, and files from elsewhere that are read up to a limit.
 
-A small file can announce or unpack to much. `bounded_bytes` and `bounded_json` are the door for such files: what is
-over a limit is a `TooLargeError`, an OSError, so whoever says that a file cannot be read says that too.
+A small file can announce a huge content, or unpack to one. `bounded_bytes` and `bounded_json` are the door for such
+files. Above a limit they raise `TooLargeError`, an OSError, so callers report it like any file that cannot be read.
 """
 
 import errno
@@ -20,23 +20,23 @@ from numpy.typing import NDArray
 MAX_JSON_BYTES = 32 << 20
 """Largest JSON document, unpacked; the largest released content file has 1.2 MB."""
 MAX_JSON_VALUES = 250_000
-"""Values of a JSON document; the largest released content file has 37,000. One that fits no model costs 800 bytes."""
+"""Most values of a JSON document; the largest released file has 37,000. Each one that fits no model takes 800 bytes."""
 MAX_LINE_BYTES = 4 << 20
 """Longest line of a JSONL file; a step has 300 bytes."""
 MAX_LINE_VALUES = 100_000
 _MAX_MEMBERS = 100
-"""Parts of a gzip file; programs write one."""
+"""Most parts of a gzip file; programs write one."""
 
 
 class TooLargeError(OSError):
-    """A file holds, or unpacks to, more than any real one of its kind; the text is the reason only."""
+    """A file holds, or unpacks to, more than any real one of its kind; its text is only the reason."""
 
     def __init__(self, found: str) -> None:
-        """Says what is too much."""
+        """Takes the reason: the amount that is too large."""
         super().__init__(errno.EFBIG, found)
 
     def __str__(self) -> str:
-        """The reason, without a number."""
+        """The reason, without an error number."""
         return str(self.strerror)
 
 
@@ -44,7 +44,7 @@ def bounded_bytes(path: Path, most: int) -> bytes:
     """All bytes of a file.
 
     Raises:
-        TooLargeError: There are more than `most`, or it is no regular file and could have any number.
+        TooLargeError: There are more than `most`, or the file is not a regular one and could have any number.
         OSError: It cannot be read.
     """
     with open(path, "rb", opener=_open_at_once) as file:
@@ -62,8 +62,8 @@ def bounded_json(path: Path, *, most: int = MAX_JSON_BYTES, most_values: int = M
     Raises:
         TooLargeError: It holds more bytes or values than that.
         OSError: It cannot be read.
-        EOFError: It ends in the middle of what is packed.
-        zlib.error: It is no gzip.
+        EOFError: It ends in the middle of the packed data.
+        zlib.error: It is not a gzip file.
     """
     data = bounded_bytes(path, most)
     if path.suffix == ".gz":
@@ -115,7 +115,7 @@ def npy_array(data: bytes) -> NDArray[np.generic]:
 
 
 def require_small_archive(archive: zipfile.ZipFile, *, most: int, most_members: int = 1000) -> None:
-    """Raises TooLargeError where a zip file announces more; what a member holds beyond its announcement is not read."""
+    """Raises TooLargeError where a zip file announces more; bytes beyond a member's announced size are not read."""
     members = archive.infolist()
     if len(members) > most_members:
         raise TooLargeError(f"has {len(members)} members")
@@ -149,7 +149,7 @@ def _open_at_once(name: str, flags: int) -> int:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file beside, then rename: readers see the old file or the whole new one. Makes the folder.
+    """Write a new file, then rename it: readers see the old file or the whole new one. Makes the folder.
 
     Raises:
         OSError: The folder or the file cannot be written; the file is as it was.
@@ -168,7 +168,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def append_whole(path: Path, text: str) -> None:
-    """Append to a text file; it is on disk when this returns, and where that fails the file is cut back.
+    """Append to a text file; it is on disk when this returns; if writing fails, the file is cut back to its old length.
 
     Raises:
         OSError: The file cannot be written, e.g. because the disk is full; it is as it was.

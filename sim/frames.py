@@ -90,7 +90,7 @@ def T_world_camera(pose: Pose, camera: Camera) -> NDArray[np.float64]:
 
 
 def T_start_camera(start: Pose, pose: Pose, camera: Camera) -> NDArray[np.float64]:
-    """(4, 4) of the camera in the start frame, which is all that an agent is told of its place."""
+    """(4, 4) of the camera in the start frame, the only pose that an agent is told."""
     return np.linalg.inv(T_world_agent(start)) @ T_world_camera(pose, camera)
 
 

@@ -1,4 +1,4 @@
-"""A scene as arrays: what the raycaster, the browser copies and the recordings read. Made by sim/homes/open_home.py."""
+"""A scene as arrays, for the raycaster, the browser copies and the recordings. Made by sim/homes/open_home.py."""
 
 import hashlib
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ UNNAMED_LABELS: dict[SceneKind, str] = {
     "schematic": "schematic home, not a scan",
     "invented": "invented home",
 }
-"""What participants are told of a scene of a kind."""
+"""What participants read about a home of each kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class TriangleMesh:
         )
 
     def digest(self) -> str:
-        """sha256 of all arrays, and of the shapes of those that the faces do not give."""
+        """sha256 of all arrays, and of the shapes that do not follow from the number of faces."""
         total = hashlib.sha256()
         for array in (self.vertices, self.faces, self.face_rgb, self.face_instance, self.face_texture, self.face_uv):
             total.update(np.ascontiguousarray(array).data)
@@ -91,7 +91,7 @@ class TriangleMesh:
 
 @dataclass(frozen=True, slots=True)
 class SceneObject:
-    """An object of a scene that semantics know."""
+    """An object of a scene, from its semantics."""
 
     instance_id: int
     """Positive; equals the id in `TriangleMesh.face_instance`."""
@@ -115,13 +115,13 @@ class Scene:
     objects: tuple[SceneObject, ...]
     navigation: NavigationMap
     digest: str
-    """sha256 of what distances and pictures depend on."""
+    """sha256 of everything that distances and pictures depend on."""
     clutter: ClutterLevel = 0
     """How much furniture without a caption was added to a planned home."""
 
     @property
     def label(self) -> str:
-        """How views and reports must call the scene."""
+        """The name of the scene in views and reports, with its kind."""
         added = f", clutter {self.clutter}" if self.clutter else ""
         return {
             "scan": self.name,
@@ -131,5 +131,5 @@ class Scene:
 
     @property
     def unnamed_label(self) -> str:
-        """The label that participants see: with the scene's name they could find the answers in the public files."""
+        """The label that participants see, without the name: it would let them find the answers in the public files."""
         return UNNAMED_LABELS[self.kind]

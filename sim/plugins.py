@@ -1,7 +1,7 @@
-"""Plug-ins: objects of users, named `package.module:factory`. Options, functions and checks find them here only.
+"""Plug-ins: users' own objects, named `package.module:factory`. Options, functions and checks all find them here.
 
-The module is looked for in the present folder too, and the factory is called without arguments unless the option says
-otherwise. A run keeps `plugin_digest`, so that answers of changed code never stand beside older ones.
+The module is also searched in the present folder, and the factory is called without arguments unless the option says
+otherwise. A run keeps `plugin_digest`, so that answers of changed code are never mixed with older ones.
 """
 
 import ast
@@ -42,13 +42,13 @@ def is_plugin(name: str) -> bool:
 
 
 def build_plugin(name: str, *arguments: Any, option: str = "plug-in", methods: Sequence[str] = ()) -> Any:
-    """What the factory of a plug-in makes.
+    """The object that the factory of a plug-in makes.
 
     Args:
         name: `package.module:factory`.
-        arguments: Of the factory.
-        option: What the plug-in was named by, such as `--agent`.
-        methods: What the object must offer.
+        arguments: Arguments of the factory.
+        option: The option that named the plug-in, such as `--agent`.
+        methods: Methods that the object must have.
 
     Raises:
         AgentError: The name has another form, the plug-in cannot be imported or built, or lacks a method.
@@ -62,7 +62,7 @@ def build_plugin(name: str, *arguments: Any, option: str = "plug-in", methods: S
         for part in factory.split("."):
             made = getattr(made, part)
         made = made(*arguments)
-    except Exception as error:  # the plug-in door: whatever the user's code raises is named
+    except Exception as error:  # the plug-in door: the message names the error of the user's code
         raise AgentError(f"{name}: {type(error).__name__} while it was built: {error}. Correct the plug-in.") from error
     return require_methods(made, methods, where=name, need=option)
 
@@ -82,13 +82,13 @@ def require_methods(made: Any, methods: Sequence[str], *, where: str, need: str)
 
 
 def own_name(made: object, fallback: str) -> str:
-    """What a plug-in calls itself, its attribute `name`; `fallback` for one that says nothing."""
+    """The plug-in's own name, its attribute `name`; `fallback` where it has none."""
     name = getattr(made, "name", None)
     return name if isinstance(name, str) and name else fallback
 
 
 def plugin_digest(name: str) -> str:
-    """SHA-256 of the plug-in's source: its module and what that imports from the same folder, 16 hex digits.
+    """SHA-256 of the plug-in's source: its module and the modules that it imports from the same folder, 16 hex digits.
 
     Our own packages count by their version, not here; modules that are found only while the plug-in runs do not count.
 
@@ -113,7 +113,7 @@ def plugin_digest(name: str) -> str:
 
 
 def _see_present_folder() -> None:
-    """Modules are found in the present folder, as with `python -m`; an installed program does not look there."""
+    """Lets modules be found in the present folder, as with `python -m`; an installed program does not look there."""
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
 
@@ -137,7 +137,7 @@ def _sources(start: Path, module: str, root: Path) -> set[Path]:
 
 
 def _imports(path: Path, module: str) -> Iterator[str]:
-    """Full names of what a module imports, each as a module, whether it is one or not; ours are left out."""
+    """Full names that a module imports, each written as a module even if it is not one; ours are left out."""
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     try:
         tree = ast.parse(path.read_bytes())
@@ -163,16 +163,16 @@ def problems_of(
     arguments: Sequence[Any] = (),
     kind: str = "plug-in",
 ) -> list[str]:
-    """The form of all checks: makes the plug-in, checks it here, asks it the same in a second process.
+    """Does any check: makes the plug-in, checks it here, and repeats the questions in a second process.
 
     Args:
         plugin: The object, a factory, or its name as package.module:factory.
         check: Raises AgentError at the first breach of the contract.
-        methods: What the object must offer.
+        methods: Methods that the object must have.
         again: A function of a module, whose answer must be the same here and in a second process, where Python's
             `hash()` gives other numbers. Left out where the plug-in cannot be sent there, as a class of a script.
-        arguments: Of the factory.
-        kind: What the plug-in is, for errors.
+        arguments: Arguments of the factory.
+        kind: The kind of plug-in, for errors.
 
     Returns:
         One sentence per problem; empty = the contract is kept.
@@ -196,7 +196,7 @@ def made_of(
     arguments: Sequence[Any] = (),
     kind: str = "plug-in",
 ) -> Any:
-    """The object itself, or what its factory or the factory of its name makes.
+    """The object itself, or the object made by the factory or by the factory that the name gives.
 
     Raises:
         AgentError: It cannot be built, or lacks a method.
@@ -215,7 +215,7 @@ def made_of(
 def second_answer(
     plugin: object, again: Callable[[Any], Any], *, methods: Sequence[str], arguments: Sequence[Any] = ()
 ) -> tuple[Any] | None:
-    """What `again` finds in a second process, in a tuple; None where the plug-in cannot be sent there.
+    """The answer of `again` in a second process, in a tuple; None where the plug-in cannot be sent there.
 
     Raises:
         AgentError: The second process failed.
@@ -236,7 +236,7 @@ def second_answer(
 
 
 def _answer(plugin: Any, again: Callable[[Any], Any], methods: tuple[str, ...], arguments: tuple[Any, ...]) -> Any:
-    """What a second process does."""
+    """The work of the second process."""
     return again(made_of(plugin, methods=methods, arguments=arguments))
 
 

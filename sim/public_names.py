@@ -1,4 +1,4 @@
-"""How each package loads its public names: when they are first used, so that importing a package costs nothing."""
+"""Loads the public names of each package when they are first used, so that importing a package costs nothing."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -9,7 +9,7 @@ def loader_of(package: str, places: Mapping[str, tuple[str, str]]) -> Callable[[
 
     Args:
         package: Its name, for the error.
-        places: Public name to its module and what it is called there.
+        places: Each public name to its module and its name there.
     """
 
     def load(name: str) -> object:

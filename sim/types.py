@@ -3,14 +3,14 @@
 import enum
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 CUT_HEIGHT = 1.9
-"""Storeys without a ceiling, and those of homes that are built from plans with a rim on every wall there, are cut at
-most this far above the floor (metres)."""
+"""Storeys are cut at most this far above the floor (metres) where they have no ceiling, and in homes built from plans,
+whose walls have a rim at this height."""
 STOREY_GAP = 1.5
 """Two points are on one storey when their floor heights differ by less than this (metres, DESIGN.md)."""
 FORWARD_STEP = 0.25
@@ -29,7 +29,7 @@ SPLITS: tuple[Split, ...] = ("easy", "medium", "hard")
 TaskKind = Literal["pan", "pog"]
 SceneKind = Literal["scan", "schematic", "invented"]
 ClutterLevel = Literal[0, 1, 2]
-"""How much furniture without a caption was added to a home that is no scan."""
+"""Amount of furniture without a caption that was added to a home without a scan."""
 WhoKind = Literal["human", "agent"]
 EndReason = Literal["stop", "steps", "click", "giveup", "timeout", "technical", "abandoned"]
 SuccessRule = Literal["paper", "habitat", "authors", "paper-strict"]
@@ -76,7 +76,7 @@ class EpisodeKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where the robot's base is and where it looks, world frame."""
+    """Place of the robot's base and the direction in which it looks, world frame."""
 
     position: tuple[float, float, float]
     """Feet on the floor, metres."""
@@ -88,7 +88,10 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole camera with square pixels; pixel centres are at +0.5, row 0 is the top."""
+    """A pinhole camera without distortion; pixel centres are at +0.5, row 0 is the top.
+
+    A simulated camera has square pixels and looks through the middle of its picture. A real one is `measured`.
+    """
 
     width: int = 640
     height: int = 480
@@ -96,11 +99,55 @@ class Camera:
     """Horizontal field of view in degrees (paper, Sec. III-A)."""
     mount_height: float = CAMERA_HEIGHT
     """Height of the camera above the robot's feet, metres."""
+    measured: tuple[float, float, float, float] | None = None
+    """(fx, fy, cx, cy) of a real camera in pixels; None for a simulated one."""
+
+    @classmethod
+    def of_lens(cls, width: int, height: int, *, fx: float, fy: float, cx: float, cy: float) -> Self:
+        """A real camera from its measured intrinsics, in pixels of a picture of this size."""
+        hfov_deg = math.degrees(math.atan(cx / fx) + math.atan((width - cx) / fx))
+        return cls(width, height, hfov_deg, measured=(fx, fy, cx, cy))
+
+    @property
+    def lens(self) -> tuple[float, float, float, float]:
+        """(fx, fy, cx, cy) in pixels: focal lengths, and the point of the picture straight ahead."""
+        if self.measured is not None:
+            return self.measured
+        focal = self.width / 2 / math.tan(math.radians(self.hfov_deg) / 2)
+        return focal, focal, self.width / 2, self.height / 2
 
     @property
     def focal(self) -> float:
-        """Focal length in pixels, the same for both axes."""
-        return self.width / 2 / math.tan(math.radians(self.hfov_deg) / 2)
+        """Focal length in pixels; the same for both axes of a simulated camera."""
+        return self.lens[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One view: pictures, and the camera that took them with its pose. Renderers make it, maps are built from it."""
+
+    rgb: NDArray[np.uint8]
+    """(H, W, 3) colours."""
+    depth_m: NDArray[np.float32]
+    """(H, W) planar depth in metres, 0 = no return."""
+    T_world_camera: NDArray[np.float64]
+    """(4, 4) camera (OpenCV axes) in the world; for a robot's recording, in the frame of its map (y up, metres)."""
+    camera: Camera
+    ids: NDArray[np.int32] | None = None
+    """(H, W) object ids of the simulator, 0 = none. Ground truth; None for views of a real robot."""
+
+    def __post_init__(self) -> None:
+        size = (self.camera.height, self.camera.width)
+        assert self.rgb.shape == (*size, 3), self.rgb.shape
+        assert self.depth_m.shape == size, self.depth_m.shape
+        assert self.T_world_camera.shape == (4, 4), self.T_world_camera.shape
+        assert self.ids is None or self.ids.shape == size, "object ids of another size"
+
+    @property
+    def instance_ids(self) -> NDArray[np.int32]:
+        """`ids` of a view that a renderer made; code that also takes a robot's views asks for `ids` first."""
+        assert self.ids is not None, "a view of a real robot has no object ids"
+        return self.ids
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +168,7 @@ class Observation:
     """The robot's senses after one action."""
 
     rgb: NDArray[np.uint8] | None
-    """(H, W, 3); None when the environment runs without rendering."""
+    """(H, W, 3); None when the environment draws no colours."""
     depth_m: NDArray[np.float32] | None
     """(H, W) planar depth in metres, 0 = no return; None without rendering."""
     gps: tuple[float, float]

@@ -97,10 +97,14 @@ def markers_of(item: pytest.Item) -> list[str]:
 
 
 def long_files_first(items: list[pytest.Item]) -> None:
-    """Orders files by how many long tests they hold, so that no worker begins with the longest when others are done."""
+    """Puts files with many long tests first, so that no worker begins with one of them when the others are done.
+
+    A test with a browser counts as ten.
+    """
     marked = defaultdict[object, int](int)
     for item in items:
-        marked[item.path] += bool(markers_of(item))
+        worn = markers_of(item)
+        marked[item.path] += 10 * ("browser" in worn) + bool(worn)
     items.sort(key=lambda item: -marked[item.path])  # stable: tests of a file stay together and in order
 
 

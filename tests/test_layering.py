@@ -20,7 +20,7 @@ ROOMS = {
     "sim": """
         public_names types errors extras plugins files cache compiled frames walk.navigation_map mesh
         words render walk episodes scans
-        homes.cells homes.plan_versions homes.plan homes.kind homes.furniture homes.building homes.house homes.portrait
+        homes.cells homes.images homes.plan homes.kind homes.furniture homes.building
         homes.invented homes.clutter homes.recovered homes
         copies authoring plan_view tasks exchange checks
     """,
@@ -33,7 +33,7 @@ ROOMS = {
         paths traces read scene maps pictures episode insight divergence texts layers memory blueprints
         viewer sinks live_episode observer explorations replay habitat_writer habitat_golden
     """,
-    "human_study": "private_files tickets design trial store.stages journey store texts export report",
+    "human_study": "private_files design trial store.record_types journey store texts export report",
     "personal_viz": """
         printed browser
         study_app study_app.home study_app.gateway study_app.screens study_app.operator study_app.server
@@ -146,7 +146,8 @@ for module in {LIGHT_MODULES!r}:
     assert done.stdout.split("\n")[:-1] == list(LIGHT_MODULES)
 
 
-def test_no_module_is_longer_than_400_lines() -> None:
+def test_no_module_is_longer_than_600_lines() -> None:
+    """STYLE.md section 1: 80 to 400 lines, up to 600 when they tell one story."""
     files = [path for package in ALLOWED for path in (ROOT / package).rglob("*.py")]
-    long = {str(path.relative_to(ROOT)): count for path in files if (count := len(path.read_text().splitlines())) > 400}
+    long = {str(path.relative_to(ROOT)): count for path in files if (count := len(path.read_text().splitlines())) > 600}
     assert not long

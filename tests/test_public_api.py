@@ -5,7 +5,7 @@ import importlib
 import pytest
 
 PUBLIC = {
-    "sim.types": ["Action", "Camera", "EpisodeKey", "GridSpec", "Observation", "Pose", "Task"],
+    "sim.types": ["Action", "Camera", "EpisodeKey", "Frame", "GridSpec", "Observation", "Pose", "Task"],
     "sim.errors": ["AgentError", "DatasetError", "PersonalVizError", "RunFileError", "SceneError", "StudyError"],
     "sim.episodes.dataset": ["PersonalDataset"],
     "sim.episodes.schema": ["Episode", "EpisodeRecord", "Goal", "SceneFile", "ViewPoint"],
@@ -16,7 +16,7 @@ PUBLIC = {
     "sim.mesh": ["Scene", "TriangleMesh"],
     "sim.homes.open_home": ["open_scene"],
     "sim.walk.navigation_map": ["NavigationMap", "StepResult", "TopDown"],
-    "sim.render.renderer": ["Frame", "Hits", "Renderer"],
+    "sim.render.renderer": ["Hits", "Renderer"],
     "sim.walk.floor_grid": ["FloorGrid", "floor_grid_from_mesh"],
     "sim.render.raycast": ["Raycaster"],
     "sim.tasks.pan": ["PanEnv"],
@@ -25,7 +25,7 @@ PUBLIC = {
     "sim.tasks.metrics": ["MetricRow", "metric_rows"],
     "sim.tasks.run_files": ["Answer", "EpisodeRun", "Run", "read_run"],
     "sim.tasks.run_writer": ["RunWriter"],
-    "grounding.types": ["FeatureMap", "Grounding", "Intrinsics", "PosedFrame"],
+    "grounding.types": ["FeatureMap", "Grounding"],
     "grounding.methods.rpg": ["rpg_dense", "rpg_packed"],
     "grounding.checks": [
         "check_encoder",

@@ -1,4 +1,4 @@
-"""The share of a storey that an exploration saw; on the researcher's side, with ground truth.
+"""The share of a storey that an exploration saw, measured with ground truth for the researcher.
 
 Scene -> `VisibleFloor` (floor that can be seen); views -> `CoverageTracker` -> seen share. Agents never see this.
 """
@@ -12,12 +12,11 @@ from scipy import ndimage
 from sim.compiled import njit
 from sim.errors import SceneError
 from sim.tasks.observers import UNKNOWN
-from sim.types import AGENT_RADIUS, GridSpec
+from sim.types import AGENT_RADIUS, Camera, GridSpec
 from sim.walk.navigation_map import NavigationMap
 from sim.walk.storeys import nearest_storey
 
 from ..maps.occupancy import MAX_DEPTH, OccupancyMapper
-from ..types import Intrinsics
 
 FLOOR_BAND = 0.3
 """Floor within this distance of the storey's typical height counts (metres): recorded heights lie up to 0.2 above the
@@ -27,14 +26,15 @@ SENSOR_RANGE = MAX_DEPTH
 RAYS = 720
 """Rays of the ideal sensor at each place: 4.4 cm apart at SENSOR_RANGE, less than a cell."""
 _SEE_PAST = AGENT_RADIUS - 0.03
-"""The open floor reaches a robot's radius past where its centre can be; a little less, so that walls stay shut."""
+"""Open floor reaches this far beyond the places of the robot's centre, metres: its radius, less a little to keep walls
+closed."""
 
 
 class VisibleFloor:
     """The free cells of a storey, and which of them an ideal sensor could see."""
 
     def __init__(self, navigation: NavigationMap, start: NDArray[np.float64]) -> None:
-        """Computes the floor that can be seen from all places of the start's storey that can be walked to.
+        """Computes the floor that can be seen from the places on the start's storey that can be reached on foot.
 
         Args:
             navigation: Navigation map of the scene.
@@ -92,9 +92,9 @@ class CoverageTracker:
         )
         self._rc = self._mapper.grid.rc_from_xz(self._xz)
 
-    def add(self, depth_m: NDArray[np.float32], T_world_camera: NDArray[np.float64], intrinsics: Intrinsics) -> None:
+    def add(self, depth_m: NDArray[np.float32], T_world_camera: NDArray[np.float64], camera: Camera) -> None:
         """Adds the cells of one view: those with a depth return on them, and the robot's own footprint."""
-        self._mapper.add(depth_m, T_world_camera, intrinsics)
+        self._mapper.add(depth_m, T_world_camera, camera)
         self._mapper.stand((float(T_world_camera[0, 3]), float(T_world_camera[2, 3])))
 
     @property

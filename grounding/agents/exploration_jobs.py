@@ -10,9 +10,8 @@ from typing import Literal, Protocol
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RunFileError, SceneError
-from sim.homes.invented.invent import invent_plan
-from sim.homes.kind import plan_of
-from sim.homes.plan import HomePlan
+from sim.homes.invented.plans import invent_plan
+from sim.homes.plan import HomePlan, plan_of
 from sim.mesh import Scene
 from sim.tasks.observers import Insight
 from sim.tasks.run_files import Step
@@ -32,7 +31,7 @@ class Watching(Protocol):
     """Gets the steps of one exploration as they happen, on the researcher's side."""
 
     def __call__(self, step: Step | None, insight: Insight | None) -> None:
-        """Gets the first view (step None) or a step, as `explore`'s on_step."""
+        """Receives the first view (step None) or a step, like `on_step` of `explore`."""
         ...
 
     def end(self, exploration: Exploration) -> None:
@@ -44,7 +43,7 @@ class Watch(Protocol):
     """Makes observers of explorations; it is sent to worker processes."""
 
     def live(self, scene: Scene, start: Pose, *, seed: int, camera: Camera) -> Watching:
-        """The observer of an exploration that begins."""
+        """Returns an observer for an exploration that is about to begin."""
         ...
 
     def again(self, scene: Scene, exploration: Exploration) -> None:
@@ -86,7 +85,7 @@ class ExploreJob:
     camera: Camera
     storeys: Storeys
     out: Path
-    """Folder of the explorations' files."""
+    """Folder of the exploration files."""
     dataset_root: Path | None = None
     """The dataset of the home; None = an invented home, whose name contains its seed."""
     scenes_dir: Path | None = None
@@ -94,7 +93,7 @@ class ExploreJob:
 
 
 def run_job(job: ExploreJob) -> tuple[Exploration, ...]:
-    """Explores the job's storeys, lowest first; explorations that are in its folder already are read instead.
+    """Explores the job's storeys, lowest first; an exploration whose file already exists is read instead.
 
     Raises:
         DatasetError: The dataset has no such scene.
@@ -125,9 +124,9 @@ def run_job(job: ExploreJob) -> tuple[Exploration, ...]:
 
 
 def _opened(job: ExploreJob) -> tuple[Scene, HomePlan | None]:
-    """The home and its plan; scans have none."""
+    """The home and its plan; scans have no plan."""
     from sim.homes.open_home import open_scene
-    from sim.homes.recovered.recover import recover_plan
+    from sim.homes.recovered.plans import recover_plan
 
     if job.dataset_root is None:
         return invented_home(job.scene)

@@ -1,12 +1,11 @@
-"""An exploration of one storey of a home: runs it, and renders the pictures of its poses again.
+"""Explores one storey of a home, and renders the pictures of an exploration's poses again.
 
 Scene + start -> `FrontierExplorer` in a `PanEnv`, with depth alone -> `Exploration` -> file (exploration.py), or
-`PosedFrame`s for maps.
+`Frame`s for maps.
 """
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import TypedDict
 
 import numpy as np
@@ -18,22 +17,21 @@ from sim.mesh import Scene
 from sim.tasks.observers import Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Step
-from sim.types import PAPER6, Action, Camera, Pose, Task
+from sim.types import PAPER6, Action, Camera, Frame, Pose, Task
 
-from ..types import Intrinsics, PosedFrame
 from .coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
 from .exploration import Exploration as Exploration
 from .frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
 from .rooms_found import RoomMap
 
 EXPLORER_VERSION = "1"
-"""Raise it with every change of the explorer's starts or ways, or of coverage, doors and rooms in its files."""
+"""Increase it whenever the explorer's starts or ways change, or the coverage, doors and rooms in its files."""
 
 TASK = Task("pan", description="", queries=("explore",), max_steps=MAX_STEPS, actions=PAPER6)
 """The explorer's task, which tells it nothing."""
 _STARTS_TRIED = 200
 _MAIN_PART = 0.5
-"""A start is on the part of the storey that holds at least this share of its free cells."""
+"""A start lies on a connected part of the storey with more than this share of its free cells."""
 OnStep = Callable[[Step | None, Insight | None], None]
 
 
@@ -88,21 +86,20 @@ def explore(
 
     floor = VisibleFloor(scene.navigation, np.array(start.position))
     tracker, raycaster = CoverageTracker(floor), Raycaster(scene.mesh)
-    env = PanEnv(start, scene.navigation, renderer=None, camera=camera, max_steps=max_steps)
+    env = PanEnv(start, scene.navigation, renderer=raycaster, camera=camera, colours=False, max_steps=max_steps)
     agent = FrontierExplorer(settings or FrontierSettings(max_steps=max_steps))
     observation = env.reset()
     agent.reset(TASK, camera, seed=seed)
     coverage: list[float] = []
     while True:
-        T = T_world_camera(env.pose, camera)
-        depth_m = raycaster.depth(T, camera)
-        tracker.add(depth_m, T, Intrinsics.of(camera))
+        assert observation.depth_m is not None
+        tracker.add(observation.depth_m, T_world_camera(env.pose, camera), camera)
         coverage.append(round(tracker.coverage, 4))
         if on_step is not None:
             on_step(env.steps[-1] if env.steps else None, agent.insight() if env.steps else None)
         if env.is_over:
             break
-        observation = env.step(agent.act(replace(observation, depth_m=depth_m)))
+        observation = env.step(agent.act(observation))
     return Exploration(
         scene=scene.name,
         scene_kind=scene.kind,
@@ -147,19 +144,19 @@ def frames_of(
     *,
     camera: Camera = Camera(),  # noqa: B008 - frozen value
     every: int = 1,
-) -> Iterator[PosedFrame]:
+) -> Iterator[Frame]:
     """The views of an exploration in the world frame, rendered again with colours and instance ids.
 
     Args:
         scene: The same home.
-        exploration: Gives the poses; one that differs from the last frame's only by STOP is left out.
+        exploration: Gives the poses. The pose after STOP is left out: it equals the one before.
         camera: Camera of the pictures; it may differ from the agent's.
         every: Every n-th pose is used, beginning with the first.
 
     Raises:
         SceneError: The exploration was made in another home.
     """
-    from sim.homes.labels import raycaster_of
+    from sim.homes.renderers import raycaster_of
 
     if (scene.name, scene.digest) != (exploration.scene, exploration.scene_digest):
         raise SceneError(
@@ -170,6 +167,4 @@ def frames_of(
     is_stopped = bool(exploration.steps) and exploration.steps[-1].action is Action.STOP
     poses = exploration.poses[:-1] if is_stopped else exploration.poses
     for pose in poses[::every]:
-        T = T_world_camera(pose, camera)
-        frame = raycaster.render(T, camera)
-        yield PosedFrame(frame.rgb, frame.depth_m, T, Intrinsics.of(camera), frame.instance_ids)
+        yield raycaster.render(T_world_camera(pose, camera), camera)

@@ -59,7 +59,7 @@ def storey_explorations(
 
 
 def _counted(say: Say, what: str) -> OnStep:
-    """Says after each step how many steps were made."""
+    """A callback that reports the number of steps after each step."""
     steps = count()
     return lambda step, insight: say(f"{what}, {next(steps)} steps")
 

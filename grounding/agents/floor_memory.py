@@ -12,43 +12,43 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from grounding.maps.occupancy import OccupancyMapper
-from grounding.types import Intrinsics
 from sim.errors import AgentError
 from sim.frames import forward_from_yaw
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
-from sim.types import FORWARD_STEP, GridSpec, Observation
+from sim.types import FORWARD_STEP, Camera, GridSpec, Observation
 
 from .plan_kernels import weigh
 
 CLEARANCE = 0.17
-"""Cells whose middles are nearer than this to a blocked cell's middle are blocked for the robot's centre, metres: its
-radius of 0.18, a little less because of the cells' size."""
+"""The robot's centre cannot enter cells whose middles are nearer than this to a blocked cell's middle, metres: its
+radius of 0.18, less a little for the size of the cells."""
 _TIGHT_CLEARANCE, _THIN_TIMES = 0.02, 30.0
-"""The clearance of a robot that found no other way; ways over thin things then count this many times their length: a
-seeming thin wall may be none."""
+"""Clearance (metres) of a robot that found no other way. Ways over thin things are then allowed at this many times
+their length, because a thin wall on the map may not exist."""
 _NEAR_TIMES, _NEAR_FADES = 5.0, 0.35
-"""Ways count 1 + _NEAR_TIMES * exp(-d / _NEAR_FADES) times their length where the next thing is d metres away: the
-middle of the free floor is where others walked."""
+"""Ways count 1 + _NEAR_TIMES * exp(-d / _NEAR_FADES) times their length where the nearest thing is d metres away:
+people walk in the middle of the free floor."""
 _FLOOR_AROUND, _FLOOR_BIN = 0.3, 0.02
 """The floor is searched up to this far below and above the feet, in bins of this height, metres."""
 _FLOOR_FRAMES = 14
-"""Views after which the floor's height is not changed any more: a look around and a bit."""
+"""Number of views after which the floor's height is fixed: a full look around and a little more."""
 _BUMP_AHEAD, _BUMP_ASIDE = (0.03, 0.07), (-0.04, 0.0, 0.04)
 """A collision blocks the robot's centre this far ahead and aside (metres), but never where it has been."""
 _BUMP_FORE, _BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.2, 0.15, 7.0, 40.0
-"""Each collision makes ways longer near a place ahead of it: distance ahead and width of the bell (metres), factor, and
-the largest factor of all collisions together. So the way round an invisible wall becomes the better one before every
-place along the wall was tried, and the narrow way beside it stays open."""
+"""Each collision raises the cost of ways near a place ahead of it: distance ahead and width of the bell curve (metres),
+factor, and the largest factor of all collisions together. The way round an invisible wall thus becomes cheaper before
+the robot has tried every place along the wall, and the narrow way beside the wall stays open."""
 _TRAIL_TIMES, _BESIDE_TIMES = 1.0, 2.5
-"""Ways over cells that the robot came through, and over cells beside them, count at most this many times their length,
+"""Ways over cells that the robot has crossed, and over cells beside them, count at most this many times their length,
 however close things seem."""
 _TRAIL_STEP = 0.01
 """The robot's way is followed in steps of this length, metres."""
 _BLIND, _BLIND_TIMES = 1.5, 3.0
-"""Unknown floor this near to the robot is below its camera's view; a way over it counts this many times its length."""
+"""Unknown floor this near (metres) to the robot is below its camera's view; ways over it count this many times their
+length."""
 _COLUMNS = 160
-"""Wider pictures are thinned to about this many columns: cells of 5 cm are seen whole at 5 m, and large and small
-cameras make the same map."""
+"""Wider pictures are thinned to about this many columns. That still covers every cell of 5 cm at 5 m, and large and
+small cameras make the same map."""
 _MARGIN = 8
 """Plans include this many cells around the known ones."""
 
@@ -65,12 +65,12 @@ class Bump(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """The known part of the map, cut out, at one moment."""
+    """The known part of the map at one moment, cut out of the whole grid."""
 
     cells: NDArray[np.uint8]
     """(rows, cols) UNKNOWN, FREE or OCCUPIED."""
     assumed: NDArray[np.uint8]
-    """(rows, cols) `cells`, in which unknown cells near the robot count as free."""
+    """(rows, cols) like `cells`, but unknown cells near the robot count as free."""
     weights: NDArray[np.float64]
     """(rows, cols) actions to cross a cell; inf where the robot's centre cannot be, nan in things."""
     grid: GridSpec
@@ -87,7 +87,7 @@ class FloorMemory:
             bump_steps: Number of steps for which a collision blocks its place; blocking for ever would seal doors.
         """
         self._bump_steps = bump_steps
-        self._frames: list[tuple[NDArray[np.float32], NDArray[np.float64], Intrinsics]] = []
+        self._frames: list[tuple[NDArray[np.float32], NDArray[np.float64], Camera]] = []
         self._heights = np.zeros(round(2 * _FLOOR_AROUND / _FLOOR_BIN))
         self._mapper = OccupancyMapper()
         self._ground: Ground | None = None
@@ -123,7 +123,7 @@ class FloorMemory:
         self.is_tilted = abs(float(T[1, 2])) > 0.01
         self._follow(self._stood[-1] if self._stood else self.xz, self.xz)
         self._stood.append(self.xz)
-        view = _thinned(observation.depth_m, T, Intrinsics.of(observation.camera))
+        view = _thinned(observation.depth_m, T, observation.camera)
         if len(self._frames) < _FLOOR_FRAMES:
             self._frames.append(view)
             self._find_floor(view, feet_y=float(T[1, 3]) - observation.camera.mount_height)
@@ -141,25 +141,25 @@ class FloorMemory:
         return self._bumps
 
     def forget_bumps(self) -> bool:
-        """Collisions stop blocking, but still make ways cost more. Returns False where none blocked anything."""
+        """Stops collisions from blocking, though they still raise costs; returns False if none was blocking."""
         blocked = any(bump.until > self._step for bump in self._bumps)
         self._bumps = tuple(bump._replace(until=min(bump.until, self._step)) for bump in self._bumps)
         self._ground = None
         return blocked
 
     def squeeze(self) -> bool:
-        """Lets plans go near to things, and over thin ones, until `relax`; returns False where they do so already."""
+        """Lets plans pass close to things, and over thin ones, until `relax`; returns False if they already do."""
         is_wide = self._clearance == CLEARANCE
         self._clearance, self._ground = _TIGHT_CLEARANCE, None
         return is_wide
 
     def relax(self) -> None:
-        """Keeps plans away from things again."""
+        """Makes plans keep their distance from things again."""
         self._clearance, self._ground = CLEARANCE, None
 
     @property
     def floor_y(self) -> float:
-        """Height of the floor, metres, start frame: most points seen near the feet's height have it."""
+        """Height of the floor, metres, start frame: the most frequent height of points seen near the feet."""
         return self._mapper.floor_y
 
     @property
@@ -182,7 +182,7 @@ class FloorMemory:
         return self._mapper.cell_at(xz)
 
     def ground(self) -> Ground:
-        """The part of the map on which plans are made now."""
+        """The part of the map that plans use now."""
         if self._ground is not None:
             return self._ground
         whole = self._mapper.grid
@@ -206,12 +206,12 @@ class FloorMemory:
         return self._ground
 
     def _follow(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """Stores that the robot's middle moved from one place to another: nothing is in between."""
+        """Records that the robot's middle moved from one place to another: nothing stands between them."""
         count = math.ceil(math.dist(start, end) / _TRAIL_STEP) + 1
         _set(self._trail, self._mapper.grid, np.linspace(start, end, count), True)
 
     def avoid(self, xz: tuple[float, float]) -> None:
-        """Makes ways near a place cost more: the robot collided with something there, or got no further."""
+        """Raises the cost of ways near a place where the robot collided or made no progress."""
         grid = self._mapper.grid
         ((row, col),) = grid.rc_from_xz(np.array([xz]))
         reach = math.ceil(2 * _BUMP_REACH / grid.cell)
@@ -221,8 +221,8 @@ class FloorMemory:
         if self._touched[part].shape == away.shape:
             self._touched[part] = np.minimum(self._touched[part] + _BUMP_TIMES * np.exp(-away), _BUMP_MOST)
 
-    def _find_floor(self, view: tuple[NDArray[np.float32], NDArray[np.float64], Intrinsics], *, feet_y: float) -> None:
-        """Counts the heights that a view shows near the feet; starts the map anew where the floor is elsewhere."""
+    def _find_floor(self, view: tuple[NDArray[np.float32], NDArray[np.float64], Camera], *, feet_y: float) -> None:
+        """Counts the heights that a view shows near the feet; rebuilds the map if the floor has another height."""
         heights = _heights(*view)
         near = heights[np.abs(heights - feet_y) < _FLOOR_AROUND]
         start_low = -_FLOOR_AROUND  # the feet are at 0 at the start, and stay on the storey while this is counted
@@ -240,28 +240,31 @@ class FloorMemory:
 
 
 def _thinned(
-    depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], intrinsics: Intrinsics
-) -> tuple[NDArray[np.float32], NDArray[np.float64], Intrinsics]:
+    depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], camera: Camera
+) -> tuple[NDArray[np.float32], NDArray[np.float64], Camera]:
     """The view with only every k-th row and column of pixels, so that _COLUMNS or a few more are left."""
-    k = max(intrinsics.width // _COLUMNS, 1)
+    k = max(camera.width // _COLUMNS, 1)
     first = k // 2
     depth = np.ascontiguousarray(depth_m[first::k, first::k])
-    cx, cy = ((centre - first - 0.5) / k + 0.5 for centre in (intrinsics.cx, intrinsics.cy))
-    return depth, T_map_camera, Intrinsics(depth.shape[1], depth.shape[0], intrinsics.fx / k, intrinsics.fy / k, cx, cy)
+    fx, fy, *middle = camera.lens
+    cx, cy = ((centre - first - 0.5) / k + 0.5 for centre in middle)
+    height, width = depth.shape
+    return depth, T_map_camera, Camera.of_lens(width, height, fx=fx / k, fy=fy / k, cx=cx, cy=cy)
 
 
-def _heights(depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], intrinsics: Intrinsics) -> NDArray:
+def _heights(depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], camera: Camera) -> NDArray:
     """(N,) heights of every fourth pixel's point that is within 4 m, metres."""
     depth = depth_m[2::4, 2::4]
-    right = (np.arange(intrinsics.width)[2::4] + 0.5 - intrinsics.cx) / intrinsics.fx
-    down = (np.arange(intrinsics.height)[2::4] + 0.5 - intrinsics.cy) / intrinsics.fy
+    fx, fy, cx, cy = camera.lens
+    right = (np.arange(camera.width)[2::4] + 0.5 - cx) / fx
+    down = (np.arange(camera.height)[2::4] + 0.5 - cy) / fy
     R = T_map_camera[:3, :3]
     heights = T_map_camera[1, 3] + depth * (R[1, 0] * right[None] + R[1, 1] * down[:, None] + R[1, 2])
     return heights[np.logical_and(depth > 0, depth < 4.0)]
 
 
 def _with_blind_spot(cells: NDArray[np.uint8], grid: GridSpec, xz: tuple[float, float]) -> NDArray[np.uint8]:
-    """The cells (rows, cols) with unknown ones within _BLIND of the robot free."""
+    """(rows, cols) the cells, with unknown ones within _BLIND of the robot marked free."""
     u, v = grid.uv_from_xz(np.array(xz))
     rows, cols = np.ogrid[: cells.shape[0], : cells.shape[1]]
     is_near = (rows + 0.5 - v) ** 2 + (cols + 0.5 - u) ** 2 < (_BLIND / grid.cell) ** 2
@@ -296,7 +299,7 @@ def _weights(
 
 
 def _set(image: NDArray, grid: GridSpec, xz: NDArray[np.float64], value: float) -> None:
-    """Writes a value where the places (N, 2) are on the image."""
+    """Writes a value into the image at those places (N, 2) that lie on it."""
     rc = grid.rc_from_xz(xz)
     rc = rc[grid.contains(rc)]
     image[rc[:, 0], rc[:, 1]] = value

@@ -1,7 +1,8 @@
 """Exploration: look at the frontier that takes the fewest actions to see, again and again, until none is left.
 
-The distance of a frontier of K cells counts 1 + 60 / K times: else the robot would look at slivers beside things one by
-one. Actions spent on it before count too: where walls cannot be seen, the nearest frontier may be out of reach.
+The cost of a frontier of K cells is multiplied by 1 + 60 / K; otherwise the robot would look at slivers beside things
+one by one. It includes actions already spent on the frontier, as the nearest one may be out of reach behind a wall that
+cannot be seen.
 
 Observation -> `Seeker` (map, frontiers, way) -> the goal chosen here -> next action.
 """
@@ -33,7 +34,7 @@ class FrontierSettings:
     """Settings of the policy."""
 
     max_steps: int = MAX_STEPS
-    """Number of the action that is STOP at the latest."""
+    """Largest number of actions; if all are used, the last one is STOP."""
     seek: SeekSettings = field(default_factory=SeekSettings)
     replan_steps: int = 4
     """Steps between two searches for a nearer goal while the present goal is valid."""
@@ -117,7 +118,7 @@ class FrontierExplorer:
         return Action.STOP
 
     def _count_unmoved(self) -> None:
-        """Counts forwards that did not move the robot; any that did ends the row."""
+        """Counts consecutive forwards that did not move the robot."""
         if self._last is not None and self._last[0] is Action.FORWARD:
             moved = math.dist(self._last[1], self._seeker.memory.xz) >= _MOVED
             self._unmoved = 0 if moved else self._unmoved + 1

@@ -21,21 +21,22 @@ MIN_CELLS = 5
 VIEW_RANGE = 4.0
 """Largest distance from which a frontier is looked at, metres, so that the space behind it is in the sensor's range."""
 _NEARER, _LEEWAY = 0.5, 6.0
-"""Each look that shows nothing multiplies that distance by this factor; it stays this many cells above the nearest."""
+"""Each look without success multiplies VIEW_RANGE by this factor for the next look; the distance stays at least this
+many cells above that of the nearest visible floor."""
 LOOK_COST = 3.0
 """Cost of looking down and up again, in actions: two, and one for the view lost meanwhile."""
 _PASSABLE = 2
 """A frontier lies within this many cells of a place where the robot's centre can be; others lead nowhere."""
 _EDGE = 3.0
-"""Safety margin, in cells, beyond the nearest floor in a picture: away from its middle the nearest floor is farther."""
+"""Safety margin, in cells, beyond the nearest floor in a picture's middle: towards its sides that floor is farther."""
 _SMALL = 60.0
-"""Frontiers of this many cells are chosen only at half the cost of a long one, because more lies behind long ones."""
+"""A frontier of this many cells is chosen only at half the cost of a long one, because more lies behind long ones."""
 _HERE = 0.4
 """Places that cost fewer actions count as the robot's own place."""
 _PER_GROUP = 12
-"""Number of unknown cells of a group for which viewing places are searched."""
+"""Largest number of unknown cells per group for which viewing places are searched."""
 _SOURCE_REACH = 0.25
-"""The way begins at free cells this near to the robot, metres, which may stand closer to things than plans allow."""
+"""A way may begin at free cells this near (metres): the robot may stand closer to things than plans allow."""
 
 
 class Frontier(NamedTuple):
@@ -46,7 +47,7 @@ class Frontier(NamedTuple):
     middle_xz: tuple[float, float]
     """Middle of its cells, metres."""
     cost: float
-    """Actions until it is seen, and those spent on it before; inf where no known way leads to a place to look from."""
+    """Actions until it is seen, plus those already spent on it; inf if no known way leads to a place to look from."""
     place_xz: tuple[float, float]
     """The place to stand."""
     target_xz: tuple[float, float]
@@ -54,7 +55,7 @@ class Frontier(NamedTuple):
 
 
 def reach_of(camera: Camera, cell: float, *, can_look: bool) -> tuple[float, float]:
-    """Least distances of visible floor, in cells: tilted as far as it may (`can_look`), and with a level camera."""
+    """Distances of the nearest visible floor, in cells: with the camera tilted (if `can_look`), and with it level."""
     half = math.atan(camera.height / 2 / camera.focal)
     nearest = [camera.mount_height / math.tan(half + tilt) for tilt in (TURN_STEP if can_look else 0.0, 0.0)]
     return nearest[0] / cell + _EDGE, nearest[1] / cell + _EDGE
@@ -90,9 +91,9 @@ def find_frontiers(
     Args:
         ground: The known part of the map.
         costs: From `costs_from`.
-        banned: (rows, cols) unknown cells that are left out.
+        banned: (rows, cols) unknown cells to ignore.
         failures: (rows, cols) number of looks at each cell without success; the next look is from nearer.
-        spent: (rows, cols) actions that were spent so far on going to see unknown cells.
+        spent: (rows, cols) actions already spent on seeing each unknown cell.
         robot: The robot's x, z and yaw.
         is_tilted: Whether the camera looks down.
         can_look: Whether the camera may be tilted.

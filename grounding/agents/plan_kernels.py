@@ -14,7 +14,7 @@ _DIAGONAL = math.sqrt(2.0)
 FREE, OCCUPIED = 1, 2
 """The values of sim.tasks.observers; compiled loops cannot import values that may change."""
 _AWAY_COST = 20.0
-"""Extra cost, in actions, of a straight way that does not lead nearer: the last resort in a tight place."""
+"""Extra cost, in actions, of a straight way that leads no nearer: the last resort in a tight place."""
 _UNKNOWN_DEPTH = 3
 """A ray from an unknown cell must reach known free floor within this many cells."""
 
@@ -70,8 +70,8 @@ def spread_costs(weights, source_rc, source_cost, most=math.inf, until_rc=(-1, -
         source_rc: (S, 2) cells to begin with; a blocked one is left out.
         source_cost: (S,) their costs.
         most: Cells that cost more are left out.
-        until_rc: Once this cell is reached (row, col), only those that cost at most `beyond` more follow.
-        beyond: Actions.
+        until_rc: Once this cell (row, col) is reached, only cells that cost at most `beyond` more are added.
+        beyond: Extra cost, in actions.
     """
     rows, cols = weights.shape
     costs = np.full((rows, cols), math.inf)
@@ -103,7 +103,7 @@ def spread_costs(weights, source_rc, source_cost, most=math.inf, until_rc=(-1, -
                     continue
                 is_diagonal = dr != 0 and dc != 0
                 if is_diagonal and not (math.isfinite(weights[r, to_c]) and math.isfinite(weights[to_r, c])):
-                    continue  # no corner is cut
+                    continue  # never cut a corner
                 length = _DIAGONAL if is_diagonal else 1.0
                 total = costs[r, c] + length * 0.5 * (weights[r, c] + weights[to_r, to_c])
                 if total < costs[to_r, to_c]:
@@ -125,7 +125,7 @@ def best_views(
     Args:
         targets: (T, 2) unknown cells beside known free ones.
         farthest: (T,) largest distance in cells from which each may be looked at.
-        groups: (T,) group of each.
+        groups: (T,) group of each target.
         num_groups: Number of groups, G.
         cells: (rows, cols) UNKNOWN, FREE or OCCUPIED.
         costs: (rows, cols) actions to get there, inf where the robot cannot.
@@ -177,7 +177,7 @@ def best_views(
 
 @njit(cache=True, nogil=True)
 def _turns(angle, turn_step):
-    """About the number of turns by this angle; anything within half a turn is in the middle of the view."""
+    """Approximate number of turns by this angle; half a turn less, because the target need not be exactly ahead."""
     away = abs((angle + math.pi) % (2 * math.pi) - math.pi)
     return max(0.0, away - 0.5 * turn_step) / turn_step
 
@@ -187,15 +187,15 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
     """(turns, cost): how far to turn first (positive = left) for the straight way that leads best to the goal.
 
     Args:
-        weights: (rows, cols) as for `spread_costs`; nan where nothing may be crossed even to get out of a tight place.
+        weights: (rows, cols) as for `spread_costs`; nan in cells not to be crossed even to leave a tight place.
         to_go: (rows, cols) actions from each cell to the goal.
         u: Robot's column, with fraction.
         v: Robot's row, with fraction.
         yaw: Robot's heading, radians.
         step: Length of one forward in cells.
         turn_step: Radians of one turn.
-        most_forwards: Longest straight way that is tried.
-        closed_cost: Actions to cross a blocked cell, which a robot that stands in one may do for one forward.
+        most_forwards: Length of the longest straight way to try, in forwards.
+        closed_cost: Actions to cross a blocked cell; a robot that stands in one may do so for one forward.
         extra: (num_turns,) extra cost of headings in actions, by turns to the left of the present one; inf = forbidden.
 
     Returns:
@@ -204,7 +204,7 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
     rows, cols = weights.shape
     here_r, here_c = int(v), int(u)
     here = to_go[here_r, here_c]
-    is_open = math.isfinite(here)  # else the robot stands closer to things than plans go
+    is_open = math.isfinite(here)  # otherwise the robot stands closer to things than plans allow
     best, best_turns = math.inf, 0
     num_turns = round(2 * math.pi / turn_step)
     for order in range(num_turns):
@@ -229,7 +229,7 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
             if k % int(step) != 0:
                 continue
             if not entered or not math.isfinite(to_go[r, c]):
-                if k == int(step) and walked + 3 * _AWAY_COST < best:  # out of a place where all is closed
+                if k == int(step) and walked + 3 * _AWAY_COST < best:  # to leave a place where everything is blocked
                     best, best_turns = walked + 3 * _AWAY_COST, turns
                 continue
             total = walked + to_go[r, c]

@@ -1,4 +1,4 @@
-"""Progress of the work in each scene, for a progress bar: worker processes leave a line in a small file."""
+"""The present work in each scene, for a progress bar: each worker process keeps a line in a small file."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ Say = Callable[[str], None]
 
 @contextlib.contextmanager
 def scene_note(folder: Path | None, scene: str) -> Iterator[Say]:
-    """Gives a function that notes the present work in the scene in a few words; at the end the note is removed.
+    """Yields a function that notes the present work in the scene in a few words; the note is removed at the end.
 
     Args:
         folder: Folder of the notes; None = no notes. A note that cannot be written is left out.
@@ -36,7 +36,7 @@ def read_notes(folder: Path) -> list[str]:
     found = []
     with contextlib.suppress(OSError):
         for path in sorted(folder.iterdir()):
-            with contextlib.suppress(OSError):  # its work has just ended
+            with contextlib.suppress(OSError):  # the work on this scene has just ended
                 if text := path.read_text():  # empty while it is written
                     found.append(f"{path.name}: {text}")
     return found

@@ -15,7 +15,7 @@ from .seeking import Seeker, SeekSettings
 
 
 class RandomFrontierAgent:
-    """An `Agent` that holds a uniformly drawn frontier until it is seen, gone or out of reach, then draws again.
+    """An `Agent` that pursues a uniformly drawn frontier until it is seen, gone or out of reach, then draws again.
 
     When none is left it turns in place, so that its path does not grow; STOP is its last step (BASELINES.md section 4).
     """

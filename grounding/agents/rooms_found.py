@@ -1,4 +1,4 @@
-"""The rooms and doors of a planned home that an exploration reached; on the researcher's side, with the home's plan.
+"""The rooms and doors of a planned home that an exploration reached, found from the home's plan for the researcher.
 
 HomePlan + floor of a storey -> `RoomMap` -> rooms missed, doors passed.
 """
@@ -21,7 +21,8 @@ SEEN_SHARE = 0.5
 MIN_CELLS = 40
 """Rooms with fewer visible floor cells (0.1 m2) are never counted as missed."""
 _BESIDE = 0.05
-"""A path goes through a door when it crosses the wall's middle line within its width and this much, metres."""
+"""A path goes through a door if it crosses the wall's middle line within the door's width plus this much on each side,
+metres."""
 
 
 class RoomMap:
@@ -57,7 +58,10 @@ class RoomMap:
         return tuple(found)
 
     def doors_passed(self, path: NDArray[np.float64]) -> int:
-        """Different doors that the path (T, 3) went through; in homes without walls, pairs of rooms it went between."""
+        """Number of doors that the path (T, 3) went through; in homes without walls, of pairs of rooms it went between.
+
+        Each counts once.
+        """
         if self._plan.walls:
             xz = path[:, [0, 2]]
             return sum(any(_crosses(door, a, b) for a, b in pairwise(xz)) for door in self._doors)

@@ -1,4 +1,4 @@
-"""Goes to a frontier to see it, for every exploring agent that has chosen one.
+"""Walks to a chosen frontier to see it; every exploring agent uses it.
 
 `Seeker` keeps the map, the frontiers that failed, and the way; agents choose which frontier it pursues.
 """
@@ -25,28 +25,29 @@ _ARRIVED = 0.8
 _STRAIGHT = 6
 """A heading is judged by this many forwards in a row."""
 _CLOSED_COST = 2.0
-"""Cost, in actions, of a cell too near to things for plans; it counts where the robot stands in one."""
+"""Cost, in actions, of a cell too near to things for plans; it counts only if the robot stands in one."""
 _SAME_PLACE, _NEAR_PLACE, _AGAIN_COST = 0.025, 0.12, 8.0
 """A heading that led into a wall is not tried again within the first distance (metres); up to the second distance it
 costs extra actions, most at the same place."""
 _TRIED_CELL, _TRIED_COSTS = 0.1, (1.5, 5.0)
 """A forward repeated from the same cell (of this side, metres) in the same direction costs this many extra actions
-until there is new floor: no going to and fro. The two costs take turns: each holds until no new floor comes."""
+until there is new floor, so that the robot does not go to and fro. The cost changes to the other one each time that a
+goal fails for lack of new floor."""
 _TRIED_MOST = 3
-"""A forward repeated this often frees the places of collisions, because they shut the robot in."""
+"""A forward repeated this often unblocks the places of collisions, because they shut the robot in."""
 _BAN_RADIUS, _LOOKED_RADIUS = 0.5, 0.3
-"""Radius (metres) that is left alone around a place that could not be reached, and around one that stayed unknown."""
+"""Radius (metres) that is ignored around a place that could not be reached, and around one that stayed unknown."""
 FOR_EVER = int(np.iinfo(np.int32).max)
 _NEWS = 100
 """Cells of new floor that justify another round: a quarter of a square metre."""
 _BEYOND = 12.0
 """Ways may lead to places that are this many actions farther from the goal than the robot."""
 _STEPS_PER_CELL, _LONGEST = 12, 60
-"""Extra steps without new floor for each cell of the longest frontier, and the largest number of cells that count."""
+"""Steps without new floor that each cell of the longest frontier adds to the limit, and the most cells that count."""
 _MOST_MISSES = 5
-"""Each time a frontier could not be reached it is left alone twice as long as before; doubled at most this often."""
+"""Each time a frontier could not be reached it is ignored twice as long as before; this doubles at most this often."""
 _PROGRESS = 0.5
-"""The robot comes nearer when its way becomes shorter by this many actions."""
+"""The robot has come nearer when its way is shorter by this many actions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ class SeekSettings:
     detour_steps: int = 40
     """Steps for which a frontier is ignored after it could not be reached."""
     rounds: int = 12
-    """Ignored frontiers come back together this often in a row without new floor before the robot is done..."""
+    """Number of times in a row, without new floor, that all ignored frontiers come back before the robot is done..."""
     last_steps: int = 200
     """...which is at the earliest this many steps after the last new floor."""
     bump_steps: int = 300
@@ -70,7 +71,7 @@ class SeekSettings:
     most_bumps: int = 8
     """Collisions on the way to one goal after which it counts as out of reach."""
     dull_steps: int = 150
-    """Steps without new floor after which the present goal has failed; each later goal fails after a third of them."""
+    """Steps without new floor after which the present goal has failed; each later goal fails after a third of that."""
     patience: int = 15
     """Steps without coming nearer after which a goal counts as out of reach."""
 
@@ -126,7 +127,7 @@ class Seeker:
             self._best_to_go, self._nearer_at = math.inf, self._step  # the way round may be longer
 
     def frontiers(self, *, even_banned: bool = False) -> list[Frontier]:
-        """The frontiers that are not ignored now, or all, best first; cost inf where no known way leads."""
+        """The frontiers that are not ignored now, or all of them, best first; cost is inf where no known way leads."""
         ground = self.memory.ground()
         failures = self._cut(self._failures, ground)
         banned = self._cut(self._banned_until, ground) > (FOR_EVER if even_banned else self._step)
@@ -145,7 +146,7 @@ class Seeker:
         )
 
     def choose(self, goal: Frontier | None) -> None:
-        """Goes to see `goal`, one of this step's `frontiers`, from now on; the cost of the last goal is stored."""
+        """Makes `goal`, one of this step's `frontiers`, the goal from now on; stores the steps spent on the last."""
         if self.goal is not None:
             rows, cols = self._goal_rc.T
             self._spent[rows, cols] += self._step - self._chosen_at
@@ -155,38 +156,42 @@ class Seeker:
         self._best_to_go, self._nearer_at, self._bumps = math.inf, self._step, 0
 
     def replan(self) -> None:
-        """Plans the way anew before the next action."""
+        """Discards the way, so that it is planned again before the next action."""
         self._way = None
 
     @property
     def is_turning(self) -> bool:
-        """Whether it is turning to its chosen heading; with a new goal at every turn it would never arrive."""
+        """Whether the robot is turning to its chosen heading; with a new goal at every turn it would never arrive."""
         return bool(self._begun)
 
     @property
     def cost_left(self) -> float:
-        """Actions until the goal is seen, with the turns at its place; inf without a goal or a way."""
+        """Actions until the goal is seen, including the turns at its place; inf without a goal or a way."""
         if self.goal is None:
             return math.inf
         turn = abs(wrap_angle(yaw_towards(self.goal.place_xz, self.goal.target_xz) - self.memory.yaw))
         return self._to_go() + max(0.0, turn / TURN_STEP - 0.5)
 
     def forgive(self) -> bool:
-        """Forgets collisions and ignored (not given-up) frontiers; False where that failed to help too often."""
+        """Unblocks collisions and brings back ignored (not given-up) frontiers.
+
+        Returns:
+            False if there was nothing to bring back, or if that has failed to help too often.
+        """
         known = self.memory.num_known
         is_news = known > self._known_before + _NEWS
         self._known_before, self._rounds = known, 0 if is_news else self._rounds + 1
         waiting = (self._banned_until > self._step) & (self._failures < self._settings.tries)
         self._rounds_now = self._rounds_now + 1 if self._step == self._forgiven_at else 0
         self._forgiven_at = self._step
-        is_idle = self._rounds_now >= self._settings.rounds  # everything fails again before the robot has moved
+        is_idle = self._rounds_now >= self._settings.rounds  # everything keeps failing before the robot can move
         if is_idle or (self._rounds >= self._settings.rounds and self.is_dull()):
             return False
         self._banned_until[waiting] = 0
         return bool(waiting.any()) | self.memory.forget_bumps()
 
     def is_dull(self) -> bool:
-        """Whether there was no new floor for too long to continue; the limit grows with the longest frontier."""
+        """Whether there has been no new floor for too long to continue; the limit grows with the longest frontier."""
         dull = self._step - self._news_at
         if dull <= self._settings.last_steps:
             return False
@@ -194,14 +199,14 @@ class Seeker:
         return dull > self._settings.last_steps + _STEPS_PER_CELL * min(most, _LONGEST)
 
     def squeeze(self) -> bool:
-        """Plans nearer to things until there is new floor, and searches it anew; False where it does so already."""
+        """Plans closer to things until there is new floor, and restarts the wait for it; False if it already does."""
         if not self.memory.squeeze():
             return False
         self._news_at = self._dull_at = self._step
         return True
 
     def pursue(self) -> Action | None:
-        """The next action towards seeing the goal; None when it is seen or has failed, or there is none."""
+        """The next action towards seeing the goal; None if the goal is seen, has failed, or does not exist."""
         goal = self.goal
         if goal is None:
             return None
@@ -244,7 +249,7 @@ class Seeker:
         )
 
     def _look(self, goal: Frontier) -> Action | None:
-        """Faces the target, then looks down where it is near; if it stays unknown, the goal has failed."""
+        """Faces the target, then looks down if it is near; if it stays unknown, the goal has failed."""
         away = wrap_angle(yaw_towards(self.memory.xz, goal.target_xz) - self.memory.yaw)
         if abs(away) > TURN_STEP / 2 + 1e-3:
             return Action.LEFT if away > 0 else Action.RIGHT
@@ -280,7 +285,7 @@ class Seeker:
         return self._counted(self._begun.pop())
 
     def _counted(self, action: Action) -> Action:
-        """The same action; a forward is remembered."""
+        """Returns the action; remembers it if it is a forward."""
         if action is Action.FORWARD:
             key = self._tried_key(0)
             self._tried[key] += 1
@@ -289,20 +294,20 @@ class Seeker:
         return action
 
     def _is_open_ahead(self) -> bool:
-        """Whether nothing was seen in the way of a forward."""
+        """Whether the map shows nothing in the way of a forward."""
         ahead = forward_from_yaw(self.memory.yaw)[[0, 2]]
         places = np.array(self.memory.xz) + np.array([[0.4], [0.8], [1.0]]) * FORWARD_STEP * ahead
         return all(self.memory.cell_at((float(x), float(z))) != OCCUPIED for x, z in places)
 
     def _tried_key(self, turns: int) -> tuple[int, int, int]:
-        """Cell and direction of a forward after some turns to the left."""
+        """Cell and direction of a forward after `turns` turns to the left."""
         x, z = self.memory.xz
         count = round(2 * math.pi / TURN_STEP)
         heading = (round(self.memory.yaw / TURN_STEP) + turns) % count
         return math.floor(x / _TRIED_CELL), math.floor(z / _TRIED_CELL), heading
 
     def _extra(self) -> NDArray[np.float64]:
-        """(12,) extra cost of headings, by turns to the left, from earlier events near here; in actions."""
+        """(12,) extra cost of headings in actions, by turns to the left: earlier forwards and collisions near here."""
         count = round(2 * math.pi / TURN_STEP)
         cost = _TRIED_COSTS[self._dull_goals % len(_TRIED_COSTS)]
         found = np.array([cost * self._tried[self._tried_key(turns)] for turns in range(count)])
@@ -329,7 +334,7 @@ class Seeker:
             self._way = _Way(ground, to_go)
         grid, to_go = self._way.ground.grid, self._way.to_go
         (row, col) = grid.rc_from_xz(np.array(self.memory.xz))
-        here = to_go[max(row - 2, 0) : row + 3, max(col - 2, 0) : col + 3]  # the robot may stand closer than plans go
+        here = to_go[max(row - 2, 0) : row + 3, max(col - 2, 0) : col + 3]  # it may stand closer than plans allow
         return float(here.min())
 
     def _leave(self, goal: Frontier, *, for_steps: int, has_looked: bool = False) -> None:

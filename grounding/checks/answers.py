@@ -44,10 +44,10 @@ def _text_rows(encoder: TextEncoder) -> NDArray[np.float32]:
 
 
 def require_encoder(encoder: TextEncoder) -> None:
-    """The contract of `TextEncoder` in this process.
+    """Refuses an encoder that breaks the contract of `TextEncoder` in this process.
 
     Raises:
-        AgentError: It is broken; the message names the first breach.
+        AgentError: The contract is broken; the message names the first breach.
     """
     where = f"encoder {encoder.name!r}"
     _require(bool(encoder.name), "encoder", "name", encoder.name, "a name that is unique to its vector space")
@@ -74,7 +74,7 @@ def check_grounder(
 
     Args:
         grounder: The object, a factory, or its name as package.module:factory; the factory gets the encoder.
-        encoder: Of the maps, or its name; small maps are built in its space.
+        encoder: The encoder of the maps, or its name; small maps are built in its space.
 
     Returns:
         The first breach; empty = the contract is kept.
@@ -156,7 +156,7 @@ def _encoded(encoder: TextEncoder, texts: Sequence[str]) -> NDArray[np.float32]:
 
 
 def _check_refusal(grounder: Grounder, encoder: TextEncoder, where: str) -> None:
-    """Whether the grounder refuses the kind of map that it does not take."""
+    """Checks that the grounder refuses the kind of map that it does not take."""
     other = _small_map(encoder) if grounder.takes == "objects" else _small_objects(encoder)
     try:
         grounder.ground(other, _TASK, _PHRASES)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from sim.errors import AgentError
 from sim.plugins import problems_of
+from sim.types import Camera, Frame
 
 from ..encoders.protocol import DenseEncoder, TextImageEncoder
-from ..types import Intrinsics, PosedFrame
 from .answers import require_encoder
 
 _TOLERANCE = 1e-3
@@ -22,7 +22,7 @@ def check_image_encoder(encoder: TextImageEncoder | Callable[[], TextImageEncode
     """How an encoder breaks the contract of `TextImageEncoder`, and of `DenseEncoder` if it has `encode_patches`.
 
     Args:
-        encoder: The object, a factory, or its name as package.module:factory. Its pictures show two kinds of random
+        encoder: The object, a factory, or its name as package.module:factory. It gets pictures of two kinds of random
             pattern, with instance ids 1 and 2.
 
     Returns:
@@ -51,7 +51,7 @@ def _require_image_encoder(encoder: TextImageEncoder) -> None:
     _require(same, encoder, "encode_images or encode_patches", "changed pictures", "pictures as they were given")
 
 
-def _check_patches(encoder: DenseEncoder, frames: Sequence[PosedFrame]) -> None:
+def _check_patches(encoder: DenseEncoder, frames: Sequence[Frame]) -> None:
     where, found = "encode_patches", encoder.encode_patches(frames)
     _require(found.ndim == 4, encoder, where, f"{found.ndim} dimensions", "(frames, rows, columns, dim)")
     shape = (len(frames), max(1, found.shape[1]), max(1, found.shape[2]), encoder.dim)
@@ -72,7 +72,7 @@ def _check_patches(encoder: DenseEncoder, frames: Sequence[PosedFrame]) -> None:
 
 
 def _check_rows(
-    encoder: TextImageEncoder, where: str, frames: Sequence[PosedFrame], rows: NDArray, shape: tuple[int, ...]
+    encoder: TextImageEncoder, where: str, frames: Sequence[Frame], rows: NDArray, shape: tuple[int, ...]
 ) -> NDArray[np.float32]:
     _require(rows.dtype == np.float32, encoder, where, f"dtype {rows.dtype}", "float32")
     _require(rows.shape == shape, encoder, where, f"shape {rows.shape} for {len(frames)} frames", str(shape))
@@ -98,7 +98,7 @@ def _flat(patches: NDArray[np.float32]) -> NDArray[np.float32]:
     return patches.reshape(-1, patches.shape[-1])
 
 
-def _halves(*, across: bool, first: int = 1) -> PosedFrame:
+def _halves(*, across: bool, first: int = 1) -> Frame:
     """A picture of two patterns, side by side or one above the other."""
     rng = np.random.default_rng(first)
     is_second = np.zeros((_HEIGHT, _WIDTH), bool)
@@ -109,8 +109,8 @@ def _halves(*, across: bool, first: int = 1) -> PosedFrame:
     ids = np.where(is_second, 3 - first, first).astype(np.int32)
     level = np.where(ids == 1, 40, 210)[..., None]
     rgb = (level + rng.integers(-30, 30, (_HEIGHT, _WIDTH, 3))).astype(np.uint8)
-    lens = Intrinsics(_WIDTH, _HEIGHT, 100.0, 100.0, _WIDTH / 2, _HEIGHT / 2)
-    return PosedFrame(rgb, np.ones((_HEIGHT, _WIDTH), np.float32), np.eye(4), lens, ids)
+    camera = Camera.of_lens(_WIDTH, _HEIGHT, fx=100.0, fy=100.0, cx=_WIDTH / 2, cy=_HEIGHT / 2)
+    return Frame(rgb, np.ones((_HEIGHT, _WIDTH), np.float32), np.eye(4), camera, ids)
 
 
 def _require(holds: bool, encoder: TextImageEncoder, where: str, found: str, expected: str) -> None:

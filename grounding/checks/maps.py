@@ -19,22 +19,22 @@ from ..types import FeatureMap
 from .room import BOXES, ROOM, CheckView, check_views, is_free, is_solid
 
 _NEAR = 0.1
-"""Metres that a mapped place may be away from what was seen."""
+"""Largest distance between a mapped place and the place that was seen, metres."""
 _RIGHT_SHARE = 0.98
 """Share of the free and of the blocked cells that must be right; single cells on edges may be wrong."""
 _SOME = 200
-"""Fewer free or blocked cells of 5 cm are no occupancy of a room of 30 m2."""
+"""Least number of free, and of blocked, cells of 5 cm for a room of 30 m2."""
 _DIFFERENT = 1e-3
-"""Difference of a unit vector's number that counts; less is rounding."""
+"""Least difference between two numbers of unit vectors that counts; less is rounding."""
 _EVERYWHERE = np.array([[-1e3, -1e3], [1e3, 1e3]])
 _MOVED = np.array([[0.0, 0, 1, 3], [0, 1, 0, 0.5], [-1, 0, 0, -2], [0, 0, 0, 1]])
-"""T_map_room of the second pass: a quarter turn to the left, 3 m, half a metre up, -2 m."""
+"""T_map_room of the second pass: a quarter turn to the left, then 3 m in x, half a metre up and -2 m in z."""
 
 
 def check_map_builder(
     builder: MapBuilder | Callable[[TextEncoder], MapBuilder] | str, encoder: TextEncoder
 ) -> list[str]:
-    """How a builder breaks the contract of `MapBuilder`, or puts things where they are not.
+    """How a builder breaks the contract of `MapBuilder`, or puts things in the wrong place.
 
     The views show a room with a red and a blue box (`instance_ids` 1 and 2), then the same with everything turned and
     moved, then with the boxes' colours exchanged.
@@ -42,7 +42,7 @@ def check_map_builder(
     Args:
         builder: The object, a factory, or its name as package.module:factory; the factory gets the encoder. It is made
             for cameras 0.88 m above the feet and without heights of floors.
-        encoder: The encoder that it was made with, which must say something of the boxes, and not the same.
+        encoder: The encoder that it was made with; it must give each box a vector, and the two must differ.
 
     Returns:
         The first breach, here or in a second process; empty = the contract is kept.
@@ -95,9 +95,9 @@ def _require(holds: bool, where: str, what: str, found: object, expected: str) -
 
 def _add_unchanged(builder: MapBuilder, view: CheckView, where: str) -> None:
     frame = view.frame
-    before = frame.rgb.copy(), frame.depth_m.copy(), frame.T_map_camera.copy()
+    before = frame.rgb.copy(), frame.depth_m.copy(), frame.T_world_camera.copy()
     builder.add(frame)
-    after = frame.rgb, frame.depth_m, frame.T_map_camera
+    after = frame.rgb, frame.depth_m, frame.T_world_camera
     same = all(np.array_equal(first, second) for first, second in zip(before, after, strict=True))
     _require(same, where, "a view's arrays after add", "changed", "unchanged")
 
@@ -163,7 +163,7 @@ def _built(builder: MapBuilder, views: Sequence[CheckView]) -> HomeMemory:
 
 
 def _changes(first: Memory, second: Memory, footprint: NDArray[np.float64]) -> bool:
-    """Whether two maps say different things of a rectangle of the floor, (2, 2) lowest and highest xz."""
+    """Whether two maps differ in a rectangle of the floor, (2, 2) lowest and highest xz."""
     one, other = _around(first, footprint), _around(second, footprint)
     return one.shape != other.shape or bool(np.abs(one - other).max(initial=0) > _DIFFERENT)
 

@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.frames import T_world_camera
-from sim.types import Camera, Pose
-
-from ..types import Intrinsics, PosedFrame
+from sim.types import Camera, Frame, Pose
 
 CAMERA = Camera(width=160, height=120)
 ROOM = ((2.7, 0.0, -9.2), (8.1, 2.5, -3.6))
@@ -24,16 +22,16 @@ COLOURS = np.array([(150, 140, 130), (200, 30, 30), (30, 60, 210)], np.uint8)
 class CheckView:
     """One exact view."""
 
-    frame: PosedFrame
+    frame: Frame
     points: NDArray[np.float64]
     """(H, W, 3) what each pixel shows, map frame."""
 
 
 def check_views(*, T_map_room: NDArray[np.float64] | None = None, exchanged: bool = False) -> list[CheckView]:
-    """Views of a robot that turns on three places of the room.
+    """Views of a robot that turns at three places in the room.
 
     Args:
-        T_map_room: (4, 4) moves the room, the boxes and the robot together; default nowhere.
+        T_map_room: (4, 4) moves the room, the boxes and the robot together; by default they stay.
         exchanged: The boxes have each other's colour and id.
     """
     moved = np.eye(4) if T_map_room is None else T_map_room
@@ -44,7 +42,7 @@ def check_views(*, T_map_room: NDArray[np.float64] | None = None, exchanged: boo
 
 
 def is_free(xz: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N,) which places (N, 2) of the unmoved room have floor, up to two cells of 5 cm under walls and boxes."""
+    """(N,) which places (N, 2) of the unmoved room may be free: floor, and two cells of 5 cm under walls and boxes."""
     (x0, _, z0), (x1, _, z1) = ROOM
     inside = _holds(xz, (x0, z0), (x1, z1), 0.1)
     for low, high in BOXES.values():
@@ -68,17 +66,17 @@ def _holds(xz: NDArray, low: tuple[float, float], high: tuple[float, float], gro
 
 def _view(T_room_camera: NDArray[np.float64], T_map_room: NDArray[np.float64], names: dict[int, int]) -> CheckView:
     rows, cols = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width] + 0.5
-    seen = Intrinsics.of(CAMERA)
-    rays = np.stack([(cols - seen.cx) / seen.fx, (rows - seen.cy) / seen.fy, np.ones_like(rows)], axis=-1)
+    fx, fy, cx, cy = CAMERA.lens
+    rays = np.stack([(cols - cx) / fx, (rows - cy) / fy, np.ones_like(rows)], axis=-1)
     directions, eye = rays @ T_room_camera[:3, :3].T, T_room_camera[:3, 3]
-    depth = _slabs(eye, directions, *ROOM)[1]  # the rays leave the room there
+    depth = _slabs(eye, directions, *ROOM)[1]  # where the rays leave the room
     ids = np.zeros(depth.shape, np.int32)
     for number, (low, high) in BOXES.items():
         enter, leave = _slabs(eye, directions, low, high)
         is_hit = (enter > 0) & (enter < leave) & (enter < depth)
         depth, ids = np.where(is_hit, enter, depth), np.where(is_hit, np.int32(names[number]), ids)
     points = (eye + directions * depth[..., None]) @ T_map_room[:3, :3].T + T_map_room[:3, 3]
-    frame = PosedFrame(COLOURS[ids], depth.astype(np.float32), T_map_room @ T_room_camera, seen, ids)
+    frame = Frame(COLOURS[ids], depth.astype(np.float32), T_map_room @ T_room_camera, CAMERA, ids)
     return CheckView(frame, points)
 
 

@@ -2,7 +2,7 @@
 
 `itc256` is the contrastive space, in which BLIP-2 takes the largest cosine of a text with the picture's 32 query
 tokens. A map cell holds one vector, so a picture is stored as the unit mean of its 32 unit tokens: the cosine with it
-is the mean cosine over the tokens up to a factor of the picture, never the largest. `hidden768` holds the Q-Former's
+is the mean cosine over the tokens, times a factor of the picture, never the largest. `hidden768` holds the Q-Former's
 states before the projection (query token 0 of pictures, the class token of texts), which the authors of PersONAL
 stored; no training has aligned them.
 
@@ -17,14 +17,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ..types import PosedFrame
+from sim.types import Frame
+
 from .pretrained import load_pretrained
 from .protocol import ModelOptions
 
 Blip2Space = Literal["itc256", "hidden768"]
 DEFAULT_MODEL = "Salesforce/blip2-itm-vit-g"
 _TILE = 4
-"""Patches along a side of a tile: 4 x 4 tiles of a picture of 16 x 16 patches, each with 16 states to read."""
+"""Patches along a side of a tile: a picture of 16 x 16 patches has 4 x 4 tiles of 16 states each."""
 
 
 class Blip2:
@@ -52,11 +53,11 @@ class Blip2:
         """(N, E) unit rows."""
         return self._parts.unit_rows(texts, self._texts, shape=(self.dim,))
 
-    def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, E) unit rows of whole pictures, squeezed to the model's square."""
         return self._parts.unit_rows(frames, lambda batch: self._answers(self._states(batch)), shape=(self.dim,))
 
-    def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit vectors of tiles of 4 x 4 patches (h = w = 4 for 224 pixels and patches of 14)."""
         tiles = self._side // _TILE
         return self._parts.unit_rows(frames, self._tiles, shape=(tiles, tiles, self.dim))
@@ -68,11 +69,11 @@ class Blip2:
         first = states.last_hidden_state[:, 0]
         return first if self._space == "hidden768" else model.text_projection(first)
 
-    def _states(self, frames: Sequence[PosedFrame]) -> Any:
+    def _states(self, frames: Sequence[Frame]) -> Any:
         """(B, 1 + P, D) states of the vision model, the class token first."""
         return self._parts.model.vision_model(self._parts.squashed(frames, self._size)).last_hidden_state
 
-    def _tiles(self, frames: Sequence[PosedFrame]) -> Any:
+    def _tiles(self, frames: Sequence[Frame]) -> Any:
         """(B, h, w, E) vectors of tiles."""
         states = self._states(frames)[:, 1:]
         tiles, (batch, _, width) = self._side // _TILE, states.shape

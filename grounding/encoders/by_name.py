@@ -99,10 +99,10 @@ def is_model(name: EncoderName) -> bool:
 
 
 def sees(name: EncoderName) -> bool:
-    """Whether an encoder makes vectors of pictures too: a real model's does, a user's own when it has `encode_images`.
+    """Whether an encoder also encodes pictures: real models do, a user's own does if it has `encode_images`.
 
     Raises:
-        AgentError: It is no encoder's name, or the plug-in cannot be built.
+        AgentError: No encoder has this name, or the plug-in cannot be built.
     """
     space, source = parse_encoder_name(name)
     if space == PLUGIN and not name.endswith(ORACLE_SUFFIX):
@@ -111,17 +111,17 @@ def sees(name: EncoderName) -> bool:
 
 
 def plain_name(name: EncoderName) -> EncoderName:
-    """The name with `hashed` or `minilm` for the names of their spaces, which map files carry."""
+    """The name as an option gives it: `hashed` or `minilm` in place of a space's name from a map file."""
     suffix = ORACLE_SUFFIX if name.endswith(ORACLE_SUFFIX) else ""
     plain = name.removesuffix(ORACLE_SUFFIX)
     return SPACES.get(plain, plain) + suffix
 
 
 def encoder_called(name: EncoderName) -> str:
-    """How runs and tables call an encoder: by its option, a user's own by its `name`.
+    """The encoder's name in runs and tables: that of the option, or the `name` of a user's own encoder.
 
     Raises:
-        AgentError: It is no encoder's name, or the plug-in cannot be built.
+        AgentError: No encoder has this name, or the plug-in cannot be built.
     """
     space, source = parse_encoder_name(name)
     suffix = ORACLE_SUFFIX if name.endswith(ORACLE_SUFFIX) else ""
@@ -169,7 +169,7 @@ def _families() -> str:
 
 @lru_cache(maxsize=1)
 def _plugin(name: str) -> Any:
-    """Keeps the last one, as `_model` does."""
+    """The user's encoder; the last one is kept, as in `_model`."""
     return build_plugin(name, option="--encoder", methods=("encode_texts",))
 
 

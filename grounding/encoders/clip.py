@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import PosedFrame
+from sim.types import Frame
+
 from .pretrained import features, load_pretrained
 from .protocol import ModelOptions
 
@@ -39,11 +40,11 @@ class Clip:
         """(N, E) unit rows; texts are cut at the model's 77 tokens."""
         return self._parts.unit_rows(texts, self._texts, shape=(self.dim,))
 
-    def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, E) unit rows of whole pictures, which are squeezed to a square instead of losing their sides."""
         return self._parts.unit_rows(frames, self._images, shape=(self.dim,))
 
-    def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit vectors; h = w = image size / patch size (16 for L/14 at 224)."""
         side = self._size // self._patch
         rows = self._parts.unit_rows(frames, self._patches, shape=(side * side, self.dim))
@@ -52,10 +53,10 @@ class Clip:
     def _texts(self, texts: Sequence[str]) -> Any:
         return features(self._parts.model.get_text_features(**self._parts.tokens(texts, max_length=self._max_tokens)))
 
-    def _images(self, frames: Sequence[PosedFrame]) -> Any:
+    def _images(self, frames: Sequence[Frame]) -> Any:
         return features(self._parts.model.get_image_features(self._parts.squashed(frames, self._size)))
 
-    def _patches(self, frames: Sequence[PosedFrame]) -> Any:
+    def _patches(self, frames: Sequence[Frame]) -> Any:
         """(B, h * w, E) vectors of patches, row by row."""
         model = self._parts.model.vision_model
         pixels = self._parts.squashed(frames, self._size)

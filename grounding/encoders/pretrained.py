@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from sim.errors import AgentError
 from sim.extras import require
+from sim.types import Frame
 
-from ..types import PosedFrame
 from .protocol import ModelOptions
 
 _DIGEST_VALUES = 64
@@ -39,13 +39,13 @@ class Pretrained:
     digest: str
     """Eight hex digits of the weights; equal weights give equal digits, from any source."""
 
-    def pixels(self, frames: Sequence[PosedFrame], **how: object) -> dict[str, Any]:
+    def pixels(self, frames: Sequence[Frame], **how: object) -> dict[str, Any]:
         """The model's picture inputs on the device; `how` overrides the processor's own settings."""
         pictures = [np.asarray(frame.rgb) for frame in frames]
         inputs = self.image_processor(pictures, return_tensors="pt", input_data_format="channels_last", **how)
         return {key: value.to(self.options.device) for key, value in inputs.items()}
 
-    def squashed(self, frames: Sequence[PosedFrame], size: int) -> Any:
+    def squashed(self, frames: Sequence[Frame], size: int) -> Any:
         """(N, 3, size, size) whole pictures, squeezed rather than cropped: maps place patches on the whole view."""
         return self.pixels(frames, size={"height": size, "width": size}, do_center_crop=False)["pixel_values"]
 

@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import PosedFrame
+from sim.types import Frame
 
 EncoderName = str
 """`hashed`, `minilm`, `clip:`, `siglip:`, `blip2-itc256:`, `blip2-hidden768:` and a model id or a folder, or a user's
@@ -17,7 +17,7 @@ TEXT_ENCODERS = ("hashed", "minilm")
 SPACES = {"hashed-words-768": "hashed", "minilm-l6-v2-384": "minilm"}
 """Names of vector spaces, as map files carry them, and the encoders that make them."""
 PLUGIN = "plug-in"
-"""What `parse_encoder_name` calls a user's own."""
+"""The name that `parse_encoder_name` returns for a user's own encoder."""
 MODEL_FAMILIES = ("clip", "siglip", "blip2-itc256", "blip2-hidden768")
 ORACLE_SUFFIX = "+oracle-perception"
 _MAX_CACHED_TEXTS = 50_000
@@ -44,7 +44,7 @@ class TextEncoder(Protocol):
 class TextImageEncoder(TextEncoder, Protocol):
     """Whole pictures and texts to unit vectors of one space. `grounding.checks.check_image_encoder` tests a plug-in."""
 
-    def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, E) unit rows, one per picture; zero for a picture without content. Real models read `rgb` only."""
         ...
 
@@ -52,7 +52,7 @@ class TextImageEncoder(TextEncoder, Protocol):
 class DenseEncoder(TextImageEncoder, Protocol):
     """Also gives a vector for each patch of a picture."""
 
-    def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit vectors of patches that tile each picture evenly; zero for a patch without content."""
         ...
 
@@ -63,7 +63,7 @@ Autocast = Literal["off", "bfloat16", "float16"]
 
 @dataclass(frozen=True, slots=True)
 class ModelOptions:
-    """Options of a real model; of these only `autocast` changes the vectors a little (about 1e-2)."""
+    """Options of a real model. Only `autocast` changes the vectors, by about 1e-2."""
 
     device: Device = "cpu"
     batch_size: int = 8
@@ -94,7 +94,7 @@ class CachedTextEncoder:
         return self._encoder.dim
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """(N, E) unit rows; only texts not met before are encoded, in one call."""
+        """(N, E) unit rows; only new texts are encoded, in one call."""
         unknown = [text for text in dict.fromkeys(texts) if text not in self._rows]
         if len(self._rows) + len(unknown) > self._max_texts:
             self._rows.clear()

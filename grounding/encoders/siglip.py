@@ -1,6 +1,6 @@
 """SigLIP and SigLIP 2 (fixed size and NaFlex): texts, pictures and patches in one space; extra `models`.
 
-Patches: the pooling head, which makes the picture's vector of all patches, is run on each patch alone.
+Patches: the pooling head, which makes the picture's vector from all patches, runs on each patch alone.
 """
 
 from collections.abc import Sequence
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
+from sim.types import Frame
 
-from ..types import PosedFrame
 from .pretrained import features, load_pretrained
 from .protocol import ModelOptions
 
@@ -50,11 +50,11 @@ class Siglip:
         """(N, E) unit rows; texts are cut at the model's 64 tokens."""
         return self._parts.unit_rows(texts, self._texts, shape=(self.dim,))
 
-    def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, E) unit rows of whole pictures, squeezed to the model's square (NaFlex keeps their proportions)."""
         return self._parts.unit_rows(frames, self._images, shape=(self.dim,))
 
-    def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit vectors of patches.
 
         Raises:
@@ -73,15 +73,15 @@ class Siglip:
         tokens = self._parts.tokens(lower, max_length=self._max_tokens, padding="max_length")
         return features(self._parts.model.get_text_features(input_ids=tokens["input_ids"]))
 
-    def _images(self, frames: Sequence[PosedFrame]) -> Any:
+    def _images(self, frames: Sequence[Frame]) -> Any:
         return features(self._parts.model.get_image_features(**self._pixels(frames)))
 
-    def _pixels(self, frames: Sequence[PosedFrame]) -> dict[str, Any]:
+    def _pixels(self, frames: Sequence[Frame]) -> dict[str, Any]:
         if self._is_naflex:
             return self._parts.pixels(frames)
         return {"pixel_values": self._parts.squashed(frames, self._size)}
 
-    def _patches(self, frames: Sequence[PosedFrame]) -> Any:
+    def _patches(self, frames: Sequence[Frame]) -> Any:
         """(B, h, w, E) vectors of patches."""
         model, pixels = self._parts.model.vision_model, self._pixels(frames)
         hidden = model(**pixels).last_hidden_state  # (B, P, E)

@@ -22,8 +22,8 @@ _WAIT_S = 30.0
 _PER_READ = 500
 """Texts per query; SQLite allows at least 999 values."""
 _PER_WRITE = 256
-"""New vectors that are kept in memory before they are written; a write waits for the disk (20 ms on a busy one), and a
-killed process loses no more than these."""
+"""Number of new vectors to collect in memory before a write; a write waits for the disk (20 ms on a busy one), and a
+killed process loses at most this many."""
 
 
 class StoredTextEncoder:
@@ -45,7 +45,7 @@ class StoredTextEncoder:
         self._load, self._encoder = load, None
         self._path = (folder or cache_dir() / "vectors") / f"{name}-{key}.sqlite"
         self._unwritten: dict[str, NDArray[np.float32]] = {}
-        # also when the program ends
+        # writes the rest when the program ends, too
         weakref.finalize(self, _write, self._path, self._unwritten)
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:

@@ -22,7 +22,7 @@ from .home_maps import HomeMaps, MapFolders, OracleMaps
 from .settings import GroundSettings as GroundSettings
 
 BATCH = 200
-"""Episodes per task of a process, more than any scene of the release has (106): with fewer, two processes would explore
+"""Episodes per task of a worker, more than any scene of the release has (106): with fewer, two workers would explore
 and map the same home."""
 _WRITE_EVERY_S = 0.5
 """Seconds between writes: a write takes longer than a quick answer. Slow answers are written one by one."""
@@ -150,7 +150,7 @@ def evaluate(
     Args:
         jobs: One per scene.
         writer: Stores the answers.
-        processes: Worker processes; 1 runs here. Answers and their order do not depend on it.
+        processes: Worker processes; 1 uses this process. Answers and their order do not depend on it.
         on_episode: Called after each answer is on disk.
 
     Raises:
@@ -177,7 +177,7 @@ def evaluate(
 
 
 def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
-    """Makes the maps of the job's scene; the result answers one of the scene's episodes.
+    """Makes the maps of the job's scene; returns a function that answers one of its episodes.
 
     Raises:
         DatasetError: The scene is unknown or a file is damaged.

@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     from ..maps.grid_map import MapBuilder
 
 MAP_VERSION = 1
-"""Raise it with every change of these maps; maps with another number are made again."""
+"""Increase it with every change to these maps; maps with another number are made again."""
 VIEWS_EVERY = 2
-"""Every second view of an exploration is mapped: neighbours differ by 30 degrees of 79, or by 25 cm."""
+"""Every second view of an exploration is mapped: views in a row differ by 30 of the 79 degrees in view, or by 25 cm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class OracleMaps:
         """The map of the target's storey, or of all storeys where the settings say so.
 
         Raises:
-            SceneError: No text to draw clutter from.
+            SceneError: There is no text to draw clutter from.
         """
         floor_id = None if self._settings.all_storeys else episode.record.floor_id
         if floor_id not in self._maps:
@@ -245,7 +245,7 @@ def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, m
     from ..maps.grid_map import GridMapBuilder
 
     encoder = _image_encoder(dataset, scene, settings, model)
-    centre_xz = oracle_home(dataset, scene.name).centre_xz  # the cells of the home's oracle map
+    centre_xz = oracle_home(dataset, scene.name).centre_xz  # the same cells as the home's oracle map
     if settings.layout == "objects":
         from ..maps.object_map import ObjectMapBuilder
         from ..perception.segments import InstanceIds

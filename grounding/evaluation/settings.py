@@ -36,7 +36,7 @@ class GroundSettings:
     """Settings of an evaluation; the same settings always give the same answers. Flat, as in run.json."""
 
     method: str
-    """Of `GrounderName`, or a user's own."""
+    """Name of a grounder (`GrounderName`), or a user's own."""
     map: MapName = "oracle"
     encoder: str = "hashed"
     seed: int = 0
@@ -50,7 +50,7 @@ class GroundSettings:
     """Name of the environment variable that holds the key, never the key; "" where the server needs no key."""
     layout: MapLayout = "grid"
     features: Literal["patches", "images"] = "patches"
-    """A vector for each patch, or one for the whole picture in each cell that it shows (as the authors' code)."""
+    """A vector for each patch, or one for the whole picture in each cell that it shows (as in the authors' code)."""
     blur: float = 0.0
     """Oracle maps: metres over which an object spreads (GROUNDING.md, section 0)."""
     object_noise: float = 0.0
@@ -86,7 +86,7 @@ class GroundSettings:
                 f"--phrases is {self.phrases!r} with --llm-url {self.llm_url!r} and --llm-model {self.llm_model!r}; "
                 "expected both for llm, and none for the others. Add or leave them out."
             )
-        _ = self.llm  # an address that is none is refused before anything is written
+        _ = self.llm  # an invalid address is refused before anything is written
         self._require_meaning()
         if self.map == "oracle" and self.layout != "grid":
             raise AgentError(
@@ -125,7 +125,7 @@ class GroundSettings:
 
     @property
     def map_encoder(self) -> str:
-        """Name of the space of map and queries; it says so where a text encoder uses oracle perception on a walk."""
+        """Name of the space of map and queries; its suffix marks a text encoder with oracle perception on a walk."""
         is_seen = self.map == "oracle" or sees(self.encoder) or self.encoder.endswith(ORACLE_SUFFIX)
         return self.encoder if is_seen else self.encoder + ORACLE_SUFFIX
 
@@ -155,7 +155,7 @@ class GroundSettings:
 
     @property
     def config(self) -> dict[str, str | int | float | bool | None]:
-        """The `config` of run.json: every field except method and seed, which have places of their own."""
+        """The `config` of run.json: every field except method and seed, which have fields of their own there."""
         return {name: value for name, value in asdict(self).items() if name not in ("method", "seed")}
 
     @property

@@ -49,7 +49,7 @@ class MapArrays:
         return found
 
     def require(self, holds: bool, name: str, found: str, expected: str) -> None:
-        """Refuses the file where `holds` is False."""
+        """Refuses the file if `holds` is False."""
         if not holds:
             self.refuse(f"{self.folder}/{name}", found, expected)
 

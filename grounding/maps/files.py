@@ -26,7 +26,7 @@ from .header import MapSource as MapSource
 from .home_map import HomeMemory, ObjectMap, StoreyMemory
 
 MAX_BYTES, MAX_RATIO = 128 << 20, 64
-"""Most unpacked bytes of all arrays of a file together, and most for each byte of the file. A storey of 50 x 50 m in
+"""Largest unpacked size of all arrays of a file together in bytes, and per byte of the file. A storey of 50 x 50 m in
 cells of 0.25 m with 768 numbers each unpacks to 117 MiB."""
 _HEADER = "header.json"
 _EXPECTED = "a map written by personal-viz (header.json and arrays)"
@@ -34,7 +34,7 @@ _AGAIN = "Build the map again, e.g. with personal-viz map or explore."
 
 
 def save_memory(path: Path, memory: HomeMemory, source: MapSource) -> None:
-    """Writes a map and makes its folder; at any time the file is the whole old one or the whole new one.
+    """Writes a map and makes its folder; at any time the file is either the complete old one or the complete new one.
 
     Args:
         path: `.npz` file.
@@ -79,14 +79,14 @@ def save_memory(path: Path, memory: HomeMemory, source: MapSource) -> None:
 
 
 def load_memory(path: Path, *, encoder: TextEncoder | None = None) -> HomeMemory:
-    """The map of a file, bit for bit.
+    """The map in a file, bit for bit.
 
     Args:
         path: Written by `save_memory`.
         encoder: The encoder of later queries; None = not known yet (`FeatureMap.require_encoder` checks it then).
 
     Raises:
-        RunFileError: The file is missing, damaged, of another version, or no map.
+        RunFileError: The file is missing, damaged, of another version, or not a map.
         AgentError: The map was made with another encoder.
     """
     with _opened(path) as archive:
@@ -104,7 +104,7 @@ def read_map_header(path: Path) -> MapHeader:
     """The header of a map file, without its arrays.
 
     Raises:
-        RunFileError: The file is missing, damaged, of another version, or no map.
+        RunFileError: The file is missing, damaged, of another version, or not a map.
     """
     with _opened(path) as archive:
         return _header(path, archive)

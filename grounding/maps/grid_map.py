@@ -1,6 +1,7 @@
 """Grid maps from posed pictures: the vector of each patch or picture is added to the cells that it shows.
 
-Posed frames + encoder -> sums per cell and storey -> `HomeMemory` (home_map.py). Seen places only, no ground truth.
+Posed frames + encoder -> sums per cell and storey -> `HomeMemory` (home_map.py). It holds seen places only, no ground
+truth.
 """
 
 from collections.abc import Sequence
@@ -10,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
-from sim.types import CAMERA_HEIGHT, GridSpec
+from sim.types import CAMERA_HEIGHT, Frame, GridSpec
 
 from ..encoders.protocol import DenseEncoder, TextImageEncoder
-from ..types import FeatureMap, PosedFrame, map_from_cells
+from ..types import FeatureMap, map_from_cells
 from .home_map import HomeMemory, StoreyMemory
 from .occupancy import MAX_DEPTH
 from .storeys import Storeys, points_at
@@ -24,7 +25,7 @@ GRID_SIZE = 50.0
 FeatureSource = Literal["patches", "images"]
 """A vector for each patch of a view, or one for the whole view in every cell that it shows (the authors' code)."""
 _EVERY_PIXEL = 8
-"""Whole views: only every 8th pixel of every 8th row is asked which cell it shows."""
+"""For whole views, only every 8th pixel of every 8th row is used to find the cells that they show."""
 _WHOLE = 1e-9
 _FIRST_CELLS = 64
 
@@ -34,24 +35,24 @@ class MapBuilder(Protocol):
 
     @property
     def name(self) -> str:
-        """Says how the map is made and from what; it is written into map files."""
+        """Says how the map is made and from which input; it is written into map files."""
         ...
 
     def reset(self) -> None:
         """Forgets all views."""
         ...
 
-    def add(self, frame: PosedFrame) -> None:
-        """Adds a view; changes none of its arrays, and may read them until `finish`: leave them as they are."""
+    def add(self, frame: Frame) -> None:
+        """Adds a view. The builder does not change its arrays but may read them until `finish`: do not change them."""
         ...
 
     def finish(self) -> HomeMemory:
-        """The map of all views since `reset`; no storeys when there was none. More views may be added later."""
+        """The map of all views since `reset`, without storeys if there was no view. More views may be added later."""
         ...
 
 
 class GridMapBuilder:
-    """Occupancy and one vector per cell, of each storey."""
+    """Builds the occupancy and one vector per cell for each storey."""
 
     def __init__(
         self,
@@ -109,7 +110,7 @@ class GridMapBuilder:
         self._sums: dict[int, CellSums] = {}
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
 
-    def add(self, frame: PosedFrame) -> None:
+    def add(self, frame: Frame) -> None:
         """Adds a view; some wait until a batch is full or until the robot is off the stairs.
 
         Raises:
@@ -134,7 +135,7 @@ class GridMapBuilder:
         )
         return HomeMemory(storeys, self._frame, self._storeys.num_frames)
 
-    def _place(self, frames: Sequence[PosedFrame]) -> None:
+    def _place(self, frames: Sequence[Frame]) -> None:
         """Encodes frames and adds their vectors to the cells that they show."""
         if not frames:
             return
@@ -163,8 +164,8 @@ class GridMapBuilder:
             rc = np.floor(xz[here][:, ::-1] / self._cell).astype(np.int64)
             self._sums.setdefault(index, CellSums(self._encoder.dim)).add(rc, vectors[here], weights[here])
 
-    def _shown_cells(self, frame: PosedFrame) -> tuple[NDArray, NDArray]:
-        """A point (N, 3) in each cell that a view shows, and its weight (N,): the mean of its pixels' bearing."""
+    def _shown_cells(self, frame: Frame) -> tuple[NDArray, NDArray]:
+        """A point (N, 3) in each cell that a view shows, and its weight (N,): the mean bearing weight of its pixels."""
         height, width = frame.depth_m.shape
         rows, cols = np.mgrid[_EVERY_PIXEL // 2 : height : _EVERY_PIXEL, _EVERY_PIXEL // 2 : width : _EVERY_PIXEL]
         depth = frame.depth_m[rows, cols]
@@ -173,7 +174,7 @@ class GridMapBuilder:
         points = points_at(frame, rc)
         cells = np.column_stack([np.floor(points[:, [0, 2]] / self._cell), self._storeys.index_of(points[:, 1])])
         _, first, inverse = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-        trust = bearing_weight(rc[:, 1] + 0.5, frame.intrinsics)
+        trust = bearing_weight(rc[:, 1] + 0.5, frame.camera)
         weights = np.bincount(inverse.reshape(-1), trust) / np.bincount(inverse.reshape(-1))
         return points[first], weights if len(first) else np.empty(0)
 
@@ -239,18 +240,18 @@ class CellSums:
             self._weights = np.concatenate([self._weights, np.zeros(more)])
 
 
-def encoded_patches(encoder: DenseEncoder, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+def encoded_patches(encoder: DenseEncoder, frames: Sequence[Frame]) -> NDArray[np.float32]:
     """Patch vectors (N, h, w, E) from an encoder, with shape and numbers checked.
 
     Raises:
-        AgentError: The array is not as `DenseEncoder` promises.
+        AgentError: The array breaks the contract of `DenseEncoder`.
     """
     vectors = encoder.encode_patches(frames)
     _require_vectors(encoder.name, "encode_patches", vectors, 4, (len(frames), encoder.dim))
     return vectors
 
 
-def _encoded_images(encoder: TextImageEncoder, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+def _encoded_images(encoder: TextImageEncoder, frames: Sequence[Frame]) -> NDArray[np.float32]:
     vectors = encoder.encode_images(frames)
     _require_vectors(encoder.name, "encode_images", vectors, 2, (len(frames), encoder.dim))
     return vectors

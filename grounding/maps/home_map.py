@@ -1,4 +1,4 @@
-"""The result of exploring a home: per storey the free space and a map of features or of objects. numpy only.
+"""The result of exploring a home: for each storey, the free space and a map of features or of objects. numpy only.
 
 Map builders make a `HomeMemory`, map files hold it, grounders get one storey's `Memory`, recordings draw it.
 """
@@ -136,9 +136,9 @@ class HomeMemory:
     storeys: tuple[StoreyMemory, ...]
     """Ascending in `floor_y`."""
     frame: str
-    """`world` for homes of the simulator; else words that name the robot's frame."""
+    """`world` for homes of the simulator; otherwise words that name the robot's frame."""
     num_frames: int
-    """Views that are in the map."""
+    """Number of views in the map."""
 
     def storey_near(self, y: float) -> StoreyMemory:
         """The storey whose floor is nearest to this height, metres.

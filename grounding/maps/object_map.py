@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.types import CAMERA_HEIGHT
+from sim.types import CAMERA_HEIGHT, Camera, Frame
 
 from ..encoders.protocol import DenseEncoder
 from ..perception.segments import Segmenter
-from ..types import Intrinsics, PosedFrame
 from .grid_map import encoded_patches
 from .home_map import HomeMemory, ObjectInstance, ObjectMap, StoreyMemory
 from .occupancy import MAX_DEPTH
@@ -21,11 +20,11 @@ MERGE_M, MIN_SHARE, MIN_COSINE = 0.1, 0.3, 0.7
 """Defaults of `MergeRule`: metres, share of points, cosine."""
 _EVERY_PIXEL = 2
 _LEAST_IN_PATCH = 0.25
-"""A patch counts for a mask that covers at least this share of it, or if no patch has a larger share."""
+"""A patch counts for a mask that covers at least this share of it; the mask's best patch always counts."""
 
 
 class ObjectMapBuilder:
-    """Occupancy and the things of each storey."""
+    """Builds the occupancy and the list of things of each storey."""
 
     def __init__(
         self,
@@ -49,7 +48,7 @@ class ObjectMapBuilder:
 
         Args:
             encoder: Encodes the patches.
-            segmenter: Finds the things of a view; `InstanceIds` where the simulator gives them.
+            segmenter: Finds the things in a view; `InstanceIds` if the simulator gives them.
             merge_m: Points of two views this near (metres) to each other overlap.
             min_share: Share of the smaller view's points that must overlap for the two to be one thing.
             min_cosine: Least cosine of the two features for the two to be one thing.
@@ -84,7 +83,7 @@ class ObjectMapBuilder:
         self._storeys = self._new_storeys()
         self._things: list[Thing] = []
 
-    def add(self, frame: PosedFrame) -> None:
+    def add(self, frame: Frame) -> None:
         """Adds a view; some wait until a batch is full or until the robot is off the stairs.
 
         Raises:
@@ -124,19 +123,19 @@ class ObjectMapBuilder:
             caption = self._labels[int(np.argmax(self._encoder.encode_texts(self._labels) @ feature))]
         return ObjectInstance(thing.points.astype(np.float32), feature, caption, float(thing.views))
 
-    def _place(self, frames: Sequence[PosedFrame]) -> None:
+    def _place(self, frames: Sequence[Frame]) -> None:
         if not frames:
             return
         for frame, patches in zip(frames, encoded_patches(self._encoder, frames), strict=True):
             for view in self._views(frame, patches):
                 add_view(self._things, view, self._rule)
 
-    def _views(self, frame: PosedFrame, patches: NDArray[np.float32]) -> list[View]:
+    def _views(self, frame: Frame, patches: NDArray[np.float32]) -> list[View]:
         """The things of one frame that have points; patches (h, w, E)."""
         found = self._segmenter.segment(frame)
         if not len(found.masks):
             return []
-        shares = _shares_of_patches(found.masks, frame.intrinsics, patches.shape[:2])
+        shares = _shares_of_patches(found.masks, frame.camera, patches.shape[:2])
         features = (shares.astype(np.float32) @ patches.reshape(-1, self._encoder.dim)).astype(np.float64)
         coarse = _inner(found.masks[:, ::_EVERY_PIXEL, ::_EVERY_PIXEL])
         depth = frame.depth_m[::_EVERY_PIXEL, ::_EVERY_PIXEL]
@@ -160,9 +159,9 @@ class ObjectMapBuilder:
         return views
 
 
-def _shares_of_patches(masks: NDArray[np.bool_], intrinsics: Intrinsics, shape: tuple[int, int]) -> NDArray[np.float64]:
+def _shares_of_patches(masks: NDArray[np.bool_], camera: Camera, shape: tuple[int, int]) -> NDArray[np.float64]:
     """(M, h*w) share of each patch that each mask covers; small shares are 0 unless a mask has nothing better."""
-    pixels = patch_pixels(intrinsics, shape)
+    pixels = patch_pixels(camera, shape)
     shares = masks[:, pixels[..., 0], pixels[..., 1]].mean(axis=2)
     least = np.minimum(_LEAST_IN_PATCH, shares.max(axis=1, keepdims=True))
     return np.where(shares >= least, shares, 0.0)

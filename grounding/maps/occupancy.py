@@ -7,15 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
-from sim.types import AGENT_HEIGHT, AGENT_RADIUS, GridSpec
+from sim.types import AGENT_HEIGHT, AGENT_RADIUS, Camera, GridSpec
 
-from ..types import Intrinsics
 from .occupancy_kernels import mark, vote
 
 SIZE, CELL = 50.0, 0.05
 """Side of the mapped square and of its cells, metres (GROUNDING.md, issue 7)."""
 MAX_DEPTH = 5.0
-"""Planar depth that a sensor of ObjectNav-HM3D returns at most, metres."""
+"""Largest planar depth that a sensor of ObjectNav-HM3D returns, metres."""
 FLOOR_LOW, FLOOR_HIGH = -0.2, 0.2
 """Points between these heights (metres) are floor: homes are uneven, and the robot climbs 0.2 m. Lower is a hole or a
 stair down, higher an obstacle."""
@@ -86,26 +85,26 @@ class OccupancyMapper:
         self._box = (min(box[0], r0), max(box[1], r1), min(box[2], c0), max(box[3], c1))
 
     def cell_at(self, xz: tuple[float, float]) -> int:
-        """UNKNOWN, FREE or OCCUPIED at a place; UNKNOWN outside of the square."""
+        """UNKNOWN, FREE or OCCUPIED at a place; UNKNOWN outside the square."""
         row, col = self.grid.rc_from_xz(np.array(xz)).tolist()
         if not (0 <= row < self.grid.shape[0] and 0 <= col < self.grid.shape[1]):
             return UNKNOWN
         votes = int(self._votes[row, col])
         return FREE if votes < 0 else OCCUPIED if votes > 0 else UNKNOWN
 
-    def add(self, depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], intrinsics: Intrinsics) -> None:
+    def add(self, depth_m: NDArray[np.float32], T_map_camera: NDArray[np.float64], camera: Camera) -> None:
         """Adds one view.
 
         A cell is free where the floor is seen, between neighbouring pixels too; blocked where at least two points are
-        between FLOOR_HIGH and OBSTACLE_TOP above it, or where rays fall through the floor's height. In one view blocked
-        wins; over views the votes count, so that the place of a removed thing is free after some clear views.
+        between FLOOR_HIGH and OBSTACLE_TOP above it, or where rays fall through the floor's height. Within one view
+        blocked wins; across views votes decide, so the place of a removed thing is free after some clear views.
 
         Args:
             depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing.
             T_map_camera: (4, 4) pose of the camera (OpenCV axes).
-            intrinsics: Intrinsics of the picture.
+            camera: Camera of the picture.
         """
-        assert depth_m.shape == (intrinsics.height, intrinsics.width), depth_m.shape
+        assert depth_m.shape == (camera.height, camera.width), depth_m.shape
         x, y, z = T_map_camera[:3, 3]
         u, v = self.grid.uv_from_xz(np.array([x, z]))
         box = mark(
@@ -114,7 +113,7 @@ class OccupancyMapper:
             float(u),
             float(v),
             float(y - self.floor_y),
-            (intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy),
+            camera.lens,
             1.0 / self.grid.cell,
             (FLOOR_LOW, FLOOR_HIGH, OBSTACLE_TOP),
             self._max_depth,
@@ -124,7 +123,7 @@ class OccupancyMapper:
         self._grow(*box.tolist())
 
     def stand(self, xz: tuple[float, float], *, radius: float = AGENT_RADIUS) -> None:
-        """Marks the robot's own footprint free: since it stands there, views do not matter.
+        """Marks the robot's own footprint free, whatever the views say: the robot stands there.
 
         Args:
             xz: Middle of the robot, metres.

@@ -1,4 +1,4 @@
-"""Compiled loops over the pixels of a depth picture: which cells of the floor it shows free, and which blocked.
+"""Compiled loops over the pixels of a depth picture: which floor cells it shows as free, and which as blocked.
 
 Coordinates are grid units as in sim/walk/grid_kernels.py: u = columns, v = rows; heights are metres above the floor.
 """
@@ -12,11 +12,11 @@ from sim.compiled import njit
 FREE_HIT, BLOCKED_HIT = 1, 16
 """Hits that `mark` stores in a cell's byte: a flag for free, and a count of blocked hits up to 15 in the upper bits."""
 _LEAST_BLOCKED = 2
-"""Points above a cell that block it; a single one may be noise."""
+"""Least number of points above a cell that block it; a single one may be noise."""
 _MOST_BLOCKED = 240
 _KNOWN_MOST = 12
 _BLOCKED_GAIN = 4
-"""Votes that one view gives a blocked cell; that many clear views, and at most _KNOWN_MOST, make it free again."""
+"""Votes that one view gives a blocked cell; as many clear views, and at most _KNOWN_MOST, make it free again."""
 
 
 @njit(cache=True, nogil=True)
@@ -27,8 +27,8 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
         depth: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing.
         R: (3, 3) camera (OpenCV axes) in the map.
         u0: Camera's column on the grid, with fraction.
-        v0: Its row.
-        y0: Its height above the floor, metres.
+        v0: The camera's row.
+        y0: The camera's height above the floor, metres.
         focal: (fx, fy, cx, cy) pixels.
         scale: Cells per metre.
         band: (lowest floor, highest floor, highest obstacle) metres.
@@ -74,7 +74,7 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
 
 @njit(cache=True, nogil=True)
 def _put(hits, box, v, u, what):
-    """Adds one hit where (v, u) is on the grid."""
+    """Adds one hit if (v, u) is on the grid."""
     r, c = math.floor(v), math.floor(u)
     if r < 0 or c < 0 or r >= hits.shape[0] or c >= hits.shape[1]:
         return
@@ -88,7 +88,7 @@ def _put(hits, box, v, u, what):
 
 @njit(cache=True, nogil=True)
 def _fill(hits, box, from_v, from_u, v, u):
-    """Free hits between two neighbouring pixels that both show the floor; nothing where the first is nan."""
+    """Adds free hits between two neighbouring pixels that both show the floor; none if the first is nan."""
     gap = max(abs(v - from_v), abs(u - from_u))
     if not gap > 1.0:
         return

@@ -1,7 +1,7 @@
 """Oracle maps: grids whose cells hold the texts of the objects that the episode files know (GROUNDING.md, section 0).
 
 They rank methods; they do not predict success on maps built from camera views. `oracle_home` reads the objects of a
-home once; `objects_map` makes a storey's `FeatureMap` of them. Built from ground truth: grounders see only the map.
+home once; `objects_map` turns them into a storey's `FeatureMap`. It uses ground truth: grounders see only the map.
 """
 
 from collections import defaultdict
@@ -42,7 +42,7 @@ class OracleObject:
 
 @dataclass(frozen=True, slots=True)
 class OracleHome:
-    """Everything that the episode files know about a home; no encoder is used yet."""
+    """Everything that the episode files say about a home, before any encoder is used."""
 
     scene: str
     grid: GridSpec
@@ -75,7 +75,7 @@ def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
         )
         for goal in goals
     )
-    # each call would search the goal's floor again
+    # floor_y is read once per goal: each call would search for the goal's floor again
     seen_from = [
         (floor_y, goal.floor_id, point.agent_state.position)
         for goal, floor_y in ((goal, goal.floor_y) for goal in goals)
@@ -148,7 +148,7 @@ def storey_objects(home: OracleHome, floor_id: str | None) -> list[int]:
 
 
 def lower_median(heights: np.ndarray) -> float:
-    """The lower median of the heights, so that it is one of them: the mean of two storeys would be on neither."""
+    """The lower median of the heights, which is always one of them: a mean of two storeys would lie on neither."""
     return float(np.sort(heights)[(len(heights) - 1) // 2])
 
 

@@ -58,7 +58,7 @@ def variant_map(
         home: From `oracle_home`.
         encoder: Encodes the texts.
         floor_id: Label of the storey; None merges all storeys.
-        variant: How the map is made worse.
+        variant: Says how to make the map worse.
         clutter_texts: Texts of other homes (`other_texts`); drawn from when the variant has clutter.
 
     Raises:
@@ -139,9 +139,9 @@ def _drawn(texts: Sequence[str], count: int, scene: str, rng: np.random.Generato
 def _spread(
     home: OracleHome, cells: NDArray[np.int64], places: NDArray[np.float64], *, blur: float
 ) -> NDArray[np.float64]:
-    """Weights (N, M) of objects at `places` (M, 2) in the cells (N, 2); without blur 1 in an object's own cell."""
+    """Weights (N, M) of objects at `places` (M, 2) in the cells (N, 2); without blur, 1 in an object's own cell."""
     if not blur:
         return (cells[:, None] == home.grid.rc_from_xz(places)[None]).all(axis=2).astype(np.float64)
     square = ((home.grid.xz_from_rc(cells)[:, None] - places[None]) ** 2).sum(axis=2)
-    # rows become unit vectors later, so each may be scaled here; without it far cells would round to zero
+    # rows become unit vectors later, so each may be scaled here; unscaled, far cells would round to zero
     return np.exp(-(square - square.min(axis=1, keepdims=True)) / (2 * blur**2))

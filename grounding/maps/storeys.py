@@ -9,17 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
-from sim.types import CAMERA_HEIGHT, STOREY_GAP
+from sim.types import CAMERA_HEIGHT, STOREY_GAP, Frame
 from sim.walk.storeys import BELOW_FLOOR, same_storey, storey_levels
 
-from ..types import PosedFrame
 from .home_map import OccupancyGrid
 from .occupancy import MAX_DEPTH, OccupancyMapper
 
 _LEVEL_RISE, _LEVEL_RUN = 0.1, 0.6
 """A robot is on a new storey once it has gone this far (metres) within this height; on stairs it rises 0.3 m."""
 _MOST_HELD = 64
-"""Most frames that wait until their storey is known; on longer stairs the newest height becomes a storey."""
+"""Largest number of frames that wait for their storey to be known; on longer stairs the newest height becomes one."""
 _EYE_ABOVE_FLOOR = 0.1
 """A camera is at least this high (metres) above its storey's floor."""
 _PEAK, _PEAK_SHARE = 0.05, 0.25
@@ -43,15 +42,15 @@ class Storeys:
         """Starts without views.
 
         Args:
-            floors: Heights of all storeys' floors, metres; None = found from the heights of the robot's feet: that of
-                the first frame, and each level STOREY_GAP or more from the known ones on which the robot moves about.
+            floors: Heights of all storeys' floors, metres; None = found from the heights of the robot's feet: the first
+                frame's height, and each level on which the robot moves about, STOREY_GAP or more from the known ones.
             mount_height: Height of the camera above the feet, metres; needed where `floors` is None.
             centre_xz: Middle of the occupancy grids, rounded to whole metres; default the first camera's place.
             max_depth: Planar metres; farther returns are not mapped.
             batch: Number of frames that come out together; batches make encoders faster.
 
         Raises:
-            AgentError: Two floors are less than STOREY_GAP apart, or there is none.
+            AgentError: Two floors are less than STOREY_GAP apart, or the list is empty.
         """
         if floors is not None and (not len(floors) or (np.diff(np.sort(floors)) < STOREY_GAP).any()):
             raise AgentError(
@@ -67,11 +66,11 @@ class Storeys:
         self._centre_xz = centre_xz
         self._max_depth = max_depth
         self._batch = batch
-        self._held: list[PosedFrame] = []
-        self._ready: list[PosedFrame] = []
+        self._held: list[Frame] = []
+        self._ready: list[Frame] = []
         self._mappers: dict[int, OccupancyMapper] = {}
 
-    def take(self, frame: PosedFrame) -> list[PosedFrame]:
+    def take(self, frame: Frame) -> list[Frame]:
         """Adds a view; returns a batch of frames whose storeys are known, or [] until a batch is full."""
         if not self._are_given:
             self._held.append(frame)
@@ -84,13 +83,13 @@ class Storeys:
             self._release()
         return self._out() if len(self._ready) >= self._batch else []
 
-    def rest(self) -> list[PosedFrame]:
-        """All frames that have not come out yet; those that wait on a stair go to the nearest storey below."""
+    def rest(self) -> list[Frame]:
+        """All frames that have not come out yet; frames that wait on a stair go to the nearest storey below."""
         self._release()
         return self._out()
 
     def index_of(self, y: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(N,) index into `floors` of the storey of each height (N,): the nearest floor below; -1 = under the home."""
+        """(N,) index into `floors` for each height (N,): that of the nearest floor below; -1 = under the home."""
         order = np.argsort(self.floors)
         ordered = np.asarray(self.floors)[order] - BELOW_FLOOR
         ordered[0] = self.floors[order[0]] - STOREY_GAP  # sunken parts of the lowest storey
@@ -102,15 +101,15 @@ class Storeys:
         mapper = self._mapper(index, near=(0.0, 0.0))
         return OccupancyGrid(mapper.cells, mapper.grid)
 
-    def _feet(self, frame: PosedFrame) -> float:
-        return float(frame.T_map_camera[1, 3]) - self._mount_height
+    def _feet(self, frame: Frame) -> float:
+        return float(frame.T_world_camera[1, 3]) - self._mount_height
 
     def _is_near_known(self, feet: float) -> bool:
         return any(same_storey(feet, floor) for floor in self.floors)
 
     def _opens_storey(self) -> bool:
-        """Whether the newest held frames are on a level of their own, which is then a new storey."""
-        places = np.array([frame.T_map_camera[:3, 3] for frame in self._held])
+        """Whether the newest held frames are on a level of their own, which makes it a new storey."""
+        places = np.array([frame.T_world_camera[:3, 3] for frame in self._held])
         is_off = np.abs(places[:, 1] - places[-1, 1]) > _LEVEL_RISE
         level = places[len(places) - int(np.argmax(is_off[::-1])) if is_off.any() else 0 :]
         run = np.hypot(*(level[:, [0, 2]] - level[-1, [0, 2]]).T).max()
@@ -122,17 +121,17 @@ class Storeys:
     def _release(self) -> None:
         """Releases the held frames and adds each to its storey's occupancy."""
         for frame in self._held:
-            eye = float(frame.T_map_camera[1, 3])
+            eye = float(frame.T_world_camera[1, 3])
             index = int(self.index_of(np.array([eye - _EYE_ABOVE_FLOOR - BELOW_FLOOR]))[0])
-            x, z = frame.T_map_camera[[0, 2], 3].tolist()
+            x, z = frame.T_world_camera[[0, 2], 3].tolist()
             depth = frame.depth_m
-            if frame.instance_ids is None:  # a real sensor: no return is a gap, not the sky
+            if frame.ids is None:  # a real sensor: no return is a gap, not the sky
                 depth = np.where(depth > 0, depth, np.float32(np.nan))
-            self._mapper(max(index, 0), near=(x, z)).add(depth, frame.T_map_camera, frame.intrinsics)
+            self._mapper(max(index, 0), near=(x, z)).add(depth, frame.T_world_camera, frame.camera)
         self._ready += self._held
         self._held = []
 
-    def _out(self) -> list[PosedFrame]:
+    def _out(self) -> list[Frame]:
         out, self._ready = self._ready, []
         self.num_frames += len(out)
         return out
@@ -147,8 +146,8 @@ class Storeys:
         return self._mappers[index]
 
 
-def floors_of_frames(frames: Sequence[PosedFrame], *, mount_height: float | None = None) -> tuple[float, ...]:
-    """Heights of the floors under cameras whose poses are all known, ascending.
+def floors_of_frames(frames: Sequence[Frame], *, mount_height: float | None = None) -> tuple[float, ...]:
+    """Heights of the floors under the cameras of a recording whose poses are all known, ascending.
 
     Storeys are the levels at which many cameras are, at least STOREY_GAP apart.
 
@@ -160,7 +159,7 @@ def floors_of_frames(frames: Sequence[PosedFrame], *, mount_height: float | None
     Raises:
         AgentError: The mount height is unknown and no view shows anything below a camera.
     """
-    eyes = np.array([frame.T_map_camera[1, 3] for frame in frames])
+    eyes = np.array([frame.T_world_camera[1, 3] for frame in frames])
     levels = storey_levels(eyes, np.zeros(len(eyes), np.int32), None)
     if mount_height is not None:
         return tuple(level - mount_height for level in levels)
@@ -173,7 +172,7 @@ def floors_of_frames(frames: Sequence[PosedFrame], *, mount_height: float | None
     return tuple(floors)
 
 
-def _drop_below(frames: Sequence[PosedFrame]) -> float:
+def _drop_below(frames: Sequence[Frame]) -> float:
     """The distance from these cameras down to the floor, metres."""
     drops = []
     for frame in frames:
@@ -181,7 +180,7 @@ def _drop_below(frames: Sequence[PosedFrame]) -> float:
         rows, cols = np.mgrid[_EVERY_PIXEL // 2 : height : _EVERY_PIXEL, _EVERY_PIXEL // 2 : width : _EVERY_PIXEL]
         rc = np.column_stack([rows.ravel(), cols.ravel()])
         points = points_at(frame, rc[frame.depth_m[rc[:, 0], rc[:, 1]] <= MAX_DEPTH])
-        drops.append(frame.T_map_camera[1, 3] - points[~np.isnan(points[:, 1]), 1])
+        drops.append(frame.T_world_camera[1, 3] - points[~np.isnan(points[:, 1]), 1])
     below = np.concatenate(drops)
     below = below[(below > _LOWEST_EYE) & (below < _HIGHEST_EYE)]
     if not len(below):
@@ -194,11 +193,11 @@ def _drop_below(frames: Sequence[PosedFrame]) -> float:
     return float(np.median(below[np.abs(below / _PEAK - layer - 0.5) <= 1.0]))
 
 
-def points_at(frame: PosedFrame, rc: NDArray[np.integer]) -> NDArray[np.float64]:
+def points_at(frame: Frame, rc: NDArray[np.integer]) -> NDArray[np.float64]:
     """Map points (N, 3) that a view shows at pixels (N, 2), given as (row, column); nan where there is no return."""
     depth = frame.depth_m[rc[:, 0], rc[:, 1]].astype(np.float64)
     depth[~(depth > 0)] = np.nan
-    seen = frame.intrinsics
-    right, down = (rc[:, 1] + 0.5 - seen.cx) / seen.fx, (rc[:, 0] + 0.5 - seen.cy) / seen.fy
+    fx, fy, cx, cy = frame.camera.lens
+    right, down = (rc[:, 1] + 0.5 - cx) / fx, (rc[:, 0] + 0.5 - cy) / fy
     points_camera = np.column_stack([right * depth, down * depth, depth])
-    return points_camera @ frame.T_map_camera[:3, :3].T + frame.T_map_camera[:3, 3]
+    return points_camera @ frame.T_world_camera[:3, :3].T + frame.T_world_camera[:3, 3]

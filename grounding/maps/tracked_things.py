@@ -24,7 +24,7 @@ class View:
     """Trust in the feature, in (0, 1]."""
     caption: str = ""
     number: int | None = None
-    """Number from a source that recognizes things; None = compare points and features."""
+    """Number from a source that recognises things; None = compare points and features."""
 
 
 @dataclass
@@ -55,7 +55,7 @@ class Thing:
         return self._box
 
     def may_touch(self, other: "Thing", *, within: float) -> bool:
-        """Whether the two boxes are this near (metres) to each other; cheap, and true whenever points are."""
+        """Whether the two boxes are this near (metres) to each other; cheap, and always True if two points are."""
         (low, high), (other_low, other_high) = self.box, other.box
         return all(
             low[axis] - within <= other_high[axis] and other_low[axis] - within <= high[axis] for axis in range(3)
@@ -68,7 +68,7 @@ class Thing:
         return float(np.isfinite(found).sum() / len(points))
 
     def take(self, other: "Thing") -> None:
-        """Takes over the points and features of another record of the same thing."""
+        """Adds the points and features of another record of the same thing to this one."""
         self.points = thinned(np.concatenate([self.points, other.points]))
         self.feature_sum = self.feature_sum + other.feature_sum
         self.views += other.views
@@ -79,7 +79,7 @@ class Thing:
 
 @dataclass(frozen=True, slots=True)
 class MergeRule:
-    """When two sets of points are one thing."""
+    """Decides whether two sets of points are one thing."""
 
     merge_m: float
     """Points this near (metres) to each other overlap."""
@@ -89,7 +89,7 @@ class MergeRule:
     """Least cosine of the features; ignored where one thing has none."""
 
     def match(self, thing: Thing, other: Thing) -> float:
-        """The overlapping share, or 0 where they are two things."""
+        """The overlapping share, or 0 if they are two things."""
         if thing.numbers and other.numbers:
             return 1.0 if thing.numbers & other.numbers else 0.0
         if not thing.may_touch(other, within=self.merge_m):
@@ -119,7 +119,7 @@ def add_view(things: list[Thing], view: View, rule: MergeRule) -> None:
 
 
 def merged(things: list[Thing], rule: MergeRule) -> list[Thing]:
-    """New things, in which those that have grown into each other are merged; the first keeps its place."""
+    """New things, where things that have grown into each other are merged; the first keeps its place."""
     kept: list[Thing] = []
     for thing in things:
         copy = Thing(thing.points, thing.feature_sum, thing.views, Counter(thing.captions), set(thing.numbers))

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import Intrinsics, PosedFrame
+from sim.types import Camera, Frame
+
 from .storeys import points_at
 
 NEAR = 0.1
@@ -29,12 +30,12 @@ class Patches(NamedTuple):
     """The patches of one view, row by row."""
 
     points: NDArray[np.float64]
-    """(h*w, 3) map point at each patch's median depth; nan where it has none."""
+    """(h*w, 3) map point at each patch's median depth; nan for a patch without depth."""
     weights: NDArray[np.float64]
     """(h*w,) in [0, 1]; 0 where the patch is not used."""
 
 
-def patches_of(frame: PosedFrame, shape: tuple[int, int], *, max_depth: float) -> Patches:
+def patches_of(frame: Frame, shape: tuple[int, int], *, max_depth: float) -> Patches:
     """Places and weights of the patches that tile a view evenly.
 
     A patch is placed at the pixel that has the median of its depths, so that it lies on a surface. It weighs more the
@@ -45,7 +46,7 @@ def patches_of(frame: PosedFrame, shape: tuple[int, int], *, max_depth: float) -
         shape: Rows and columns (h, w) of patches.
         max_depth: Farther returns count as none, planar metres.
     """
-    pixels = patch_pixels(frame.intrinsics, shape)  # (P, S, 2)
+    pixels = patch_pixels(frame.camera, shape)  # (P, S, 2)
     depth = frame.depth_m[pixels[..., 0], pixels[..., 1]]
     is_valid = (depth >= NEAR) & (depth <= max_depth)
     known = np.where(is_valid, depth, np.float32(np.inf))
@@ -62,10 +63,10 @@ def patches_of(frame: PosedFrame, shape: tuple[int, int], *, max_depth: float) -
     return Patches(points, weights)
 
 
-def patch_pixels(intrinsics: Intrinsics, shape: tuple[int, int]) -> NDArray[np.int64]:
+def patch_pixels(camera: Camera, shape: tuple[int, int]) -> NDArray[np.int64]:
     """(h*w, S, 2) row and column of pixels spread evenly over each of (h, w) patches."""
     sides = []
-    for count, pixels in zip(shape, (intrinsics.height, intrinsics.width), strict=True):
+    for count, pixels in zip(shape, (camera.height, camera.width), strict=True):
         at = (np.arange(count * _SAMPLES) + 0.5) / _SAMPLES / count * pixels
         sides.append(np.floor(at).astype(np.int64).reshape(count, _SAMPLES))
     rows, cols = sides
@@ -78,8 +79,8 @@ def distance_weight(depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.exp(-(((depth_m - _BEST_DISTANCE) / _DISTANCE_SPREAD) ** 2) / 3)
 
 
-def bearing_weight(columns: NDArray[np.floating], intrinsics: Intrinsics) -> NDArray[np.float64]:
+def bearing_weight(columns: NDArray[np.floating], camera: Camera) -> NDArray[np.float64]:
     """(N,) VLFM's trust in a whole view at these pixel columns (N,); 1 in the middle, .25 at the edges."""
-    half = np.arctan(intrinsics.width / 2 / intrinsics.fx)
-    share = np.arctan((columns - intrinsics.width / 2) / intrinsics.fx) / half
+    half = np.arctan(camera.width / 2 / camera.focal)
+    share = np.arctan((columns - camera.width / 2) / camera.focal) / half
     return _EDGE_OF_VIEW + (1 - _EDGE_OF_VIEW) * np.cos(share * np.pi / 2) ** 2

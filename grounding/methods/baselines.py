@@ -60,7 +60,7 @@ class MapCentre:
 
 
 class QueryScoring:
-    """QS: the cell that is most like the query; ignores the description."""
+    """QS: answers the cell that is most like the query; ignores the description."""
 
     name = "qs"
     uses_phrases = False
@@ -97,7 +97,7 @@ def rank_cells(
     Args:
         scores: (N,); cells with -inf are never taken, ties (closer than TIE) go to the first.
         rc: (N, 2).
-        count: Most indices to return.
+        count: Largest number of indices to return.
         nms_r: Radius in cells; 0 drops only the cell itself.
     """
     left = np.array(scores, np.float64)

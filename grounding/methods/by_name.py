@@ -47,7 +47,7 @@ class Grounder(Protocol):
 
     @property
     def frame(self) -> str:
-        """The places among which it chooses; a baseline's figure means nothing without it."""
+        """The places among which it chooses; a baseline's figure means nothing without them."""
         ...
 
     @property
@@ -70,16 +70,16 @@ def takes_objects(name: str) -> bool:
     """Whether the method of this name answers on maps of objects, not on grid maps.
 
     Raises:
-        AgentError: There is none of this name, or a plug-in cannot be built.
+        AgentError: No method has this name, or a plug-in cannot be built.
     """
     return name in OBJECT_MATCHERS or (is_plugin(name) and make_grounder(name, HashedWords()).takes == "objects")
 
 
 def require_method(name: str) -> None:
-    """Refuses what is no method's name.
+    """Refuses a name that belongs to no method.
 
     Raises:
-        AgentError: It is neither one of ours nor of the form of a plug-in.
+        AgentError: The name is neither one of ours nor has the form of a plug-in.
     """
     if name not in get_args(GrounderName) and not is_plugin(name):
         raise AgentError(
@@ -92,12 +92,12 @@ def make_grounder(name: GrounderName | str, encoder: TextEncoder, *, seed: int =
     """The grounder of this name with the paper's parameters, or a user's own.
 
     Args:
-        name: Of `GrounderName`, or package.module:factory, whose factory gets the encoder.
+        name: A `GrounderName`, or package.module:factory, whose factory gets the encoder.
         encoder: The map's encoder; `random` and `center` do not use it.
         seed: Seed of `random`'s draws.
 
     Raises:
-        AgentError: There is none of this name, or a plug-in cannot be built.
+        AgentError: No method has this name, or a plug-in cannot be built.
     """
     require_method(name)
     match name:

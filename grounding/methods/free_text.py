@@ -29,14 +29,14 @@ def ground(
         map: A map made by `build_map`, or its `.npz` file.
         description: The paragraph about the owners; may be empty.
         query: The object to find, such as "Lily's backpack".
-        method: Name of a grounder, or your own as package.module:factory; None = `joint`, on maps of objects
-            `object-dual`.
+        method: Name of a grounder, or your own as package.module:factory; None = `joint`, or `object-dual` on maps of
+            objects.
         phrases: Source that reads the description, or its name; `dataset` needs episodes and is refused.
-        encoder: The one that the map was built with, or its name.
-        storey_y: Height of the storey that is searched, metres; None = all storeys.
+        encoder: The encoder that the map was built with, or its name.
+        storey_y: Height of the storey to search, metres; None = all storeys.
 
     Raises:
-        RunFileError: The file is missing, damaged or no map.
+        RunFileError: The file is missing, damaged or not a map.
         AgentError: The map is empty, was made with another encoder, or is of a kind that the method does not take.
     """
     home = map if isinstance(map, HomeMemory) else load_memory(Path(map))

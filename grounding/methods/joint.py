@@ -1,17 +1,19 @@
-"""`joint`: the place most probably within 1 m of the thing that the query means, from all phrases and cells at once.
+"""`joint`: finds the place most probably within 1 m of the thing that the query means, from all phrases and cells.
 
 The steps, and the reason for each (no training, no language model; it sees only the map, the phrases and the query):
 
 1. Text. The query's phrase is chosen as in `phrase`; room and article are cut off, because map cells hold things.
-2. Contrast. Ridge regression takes away the part of each phrase's vector that the task's other phrases and ordinary
-   texts about things in homes share: a cell that resembles those equally well is no evidence. The dual softmax has the
-   same effect, but this step comes before noise and neighbours are weighed.
-3. Standard scores. Cosines of one phrase with all cells get mean 0 and deviation 1: encoders and noise levels differ.
-4. Matched filter. A thing colours its own cell and the cells around it. For each place on a sub-cell grid: log
-   likelihood ratio of "it is here" with the expected footprint against "it is not", amplitudes and footprints averaged.
+2. Contrast. Ridge regression removes the part of each phrase's vector that it shares with the task's other phrases and
+   with ordinary texts about things in homes: a cell that resembles those equally well is no evidence. The dual softmax
+   has the same effect, but this step comes before noise and neighbours are weighed.
+3. Standard scores. The cosines of one phrase with all cells get mean 0 and deviation 1, because encoders and noise
+   levels differ.
+4. Matched filter. A thing colours its own cell and the cells around it. Each place on a sub-cell grid gets the log
+   likelihood ratio of "the thing is here", with its expected footprint, against "it is not here", averaged over
+   amplitudes and footprints.
 5. Rooms. Phrases of the same room say where that room is: their places, widened, are a soft prior; part of it is flat.
-6. Decision. Success is a distance, so the answer is the place with most probability within 1 m of it, the middle one
-   where places tie; the next answers are the best places for the remaining probability.
+6. Decision. Success is a distance, so the answer is the place with the most probability within 1 m of it, and the
+   middle one of tied places; the next answers are the best places for the remaining probability.
 """
 
 from collections.abc import Sequence
@@ -31,9 +33,9 @@ from .baselines import NUM_CANDIDATES, QueryScoring
 from .matching import candidates_near, peaks_of
 
 REACH = 1.0
-"""Metres that count as right (DESIGN.md)."""
+"""Distance that counts as right, metres (DESIGN.md)."""
 SPACING = 1 / 3
-"""Largest distance of the places that are considered, metres: 3 x 3 in a cell of 1 m."""
+"""Largest distance between neighbouring places, metres: 3 x 3 places in a cell of 1 m."""
 FROZEN = (
     "The constants of joint were frozen on 24 invented homes (2026-11-22 16:16 UTC, first in commit a8d71bb), before "
     "the one run on the released episodes that docs/figures.md reports."
@@ -42,10 +44,10 @@ FROZEN = (
 
 @dataclass(frozen=True, slots=True)
 class JointOptions:
-    """The constants of the steps, frozen on 24 invented homes with clutter and noise, then run once on the release."""
+    """The constants of the steps, chosen on 24 invented homes with clutter and noise, then run once on the release."""
 
     ridge: float = 2.0
-    """Step 2; a smaller value takes away more of the shared part."""
+    """Step 2; a smaller value removes more of the shared part."""
     ordinary: float = 15.0
     """Step 2: the ordinary texts together count as this many phrases."""
     amplitudes: tuple[float, ...] = (3.0,)
@@ -143,7 +145,7 @@ _RELATIONS = ("next to", "on top of", "near", "in front of", "hanging above", "b
 def household_texts() -> tuple[str, ...]:
     """Ordinary texts of things in homes, the background of step 2: a few hundred, always the same.
 
-    Each thing by its name, with attributes, with a relation, and with a detail.
+    Each thing appears with its name alone, with attributes, with a relation, and with a detail.
 
     The steps through attributes and neighbours share no factor with the lengths of their lists, which mixes all pairs.
     """
@@ -159,14 +161,14 @@ def household_texts() -> tuple[str, ...]:
 
 
 def contrasted(vectors: NDArray[np.floating], inverse: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(K, E): (B + O'O)^-1 v of each vector, where O holds the other vectors and `inverse` is B^-1 (`background`)."""
+    """(K, E): (B + O'O)^-1 v for each vector v; O holds the other vectors, and `inverse` is B^-1 (`background`)."""
     rows = np.asarray(vectors, np.float64)
     solved = rows @ inverse
     products = solved @ rows.T
     result = solved.copy()
     for index in range(len(rows)):
         others = np.delete(np.arange(len(rows)), index)
-        # Woodbury: a system of the others' number instead of E
+        # Woodbury: solves a system whose size is the number of other vectors, not E
         gram = products[np.ix_(others, others)] + np.eye(len(others))
         result[index] -= np.linalg.solve(gram, products[others, index]) @ solved[others]
     return result
@@ -200,7 +202,7 @@ class Places:
         """Log likelihood ratio (K, places of the raster) of standard scores (K, N); -inf where no cell is stored."""
         pictures = np.zeros((len(scores) + 1, *self._shape))
         pictures[:-1, self._rows, self._cols] = scores
-        pictures[-1, self._rows, self._cols] = 1  # last: which cells are stored
+        pictures[-1, self._rows, self._cols] = 1  # the last picture marks the stored cells
         options_tried = []
         for sigma in options.footprints:
             response, energy = self._filtered(pictures, sigma, options.crowd)
@@ -241,7 +243,7 @@ class Places:
         reach = int(REACH / self._step + 1e-9)
         offsets = np.arange(-reach, reach + 1) * self._step
         square = offsets[:, None] ** 2 + offsets[None] ** 2
-        # nearly flat inside the reach: among places that cover equally much, this prefers the one in the middle
+        # nearly flat inside the reach: of places that cover equal probability, this prefers the one in the middle
         disc = np.where(square <= REACH**2 + 1e-9, 1 - 0.1 * square / REACH**2, 0)
         left = self._probability(total)
         points, cells, shares = [], [], []

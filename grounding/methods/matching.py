@@ -1,4 +1,4 @@
-"""Grounders `phrase` and `dual` look for the phrase that the query means, not for the query (GROUNDING.md, section 3).
+"""Grounders `phrase` and `dual`: search for the phrase that the query means, not the query (GROUNDING.md, section 3).
 
 Cosines of the phrases (owners stripped) with the cells -> optional smoothing -> optional dual softmax -> the row of
 the query's phrase ranks the cells -> optional refinement of each answer within its cell's neighbourhood.
@@ -23,7 +23,7 @@ from .baselines import CANDIDATE_NMS, NUM_CANDIDATES, QueryScoring, candidates_a
 DUAL_TEMPERATURE = 10.0
 """Scale of cosines in both softmaxes (GROUNDING.md, section 3: 10-20); 10 beat 15 and 20 on noisy invented homes."""
 SMOOTH_SIGMA = 0.7
-"""Cells (GROUNDING.md, section 3)."""
+"""Width of the smoothing, in cells (GROUNDING.md, section 3)."""
 POINT_BETA = 20.0
 """Scale of cosines in the centroid's weights (GROUNDING.md, section 3)."""
 MatchName = Literal["phrase", "dual", "dual-smooth", "dual-smooth-point"]
@@ -78,7 +78,7 @@ class PhraseMatcher:
         wanted = wanted_phrase(things, parse_query(task.queries[0]), self._encoder)
         if wanted is None:
             return QueryScoring(self._encoder).ground(memory, task, phrases)
-        # a thing that several people own competes for a cell once
+        # a thing that several people own competes for a cell only once
         texts = tuple(dict.fromkeys(item.text for item in things))
         chosen = texts.index(things[wanted].text)
         similarity = self._encoder.encode_texts(texts) @ memory.rows.T
@@ -101,7 +101,7 @@ class PhraseMatcher:
 
 
 def smoothed(values: NDArray[np.floating], rc: NDArray[np.integer], *, sigma: float) -> NDArray[np.floating]:
-    """Gaussian mean (K, N) of values (K, N) over the stored cells; empty ones weigh nothing, so borders do not fade.
+    """Gaussian mean (K, N) of values (K, N) over the stored cells; empty cells weigh nothing, so borders do not fade.
 
     Args:
         values: Scores of the cells.

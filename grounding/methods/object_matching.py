@@ -1,4 +1,4 @@
-"""Grounders `object-phrase` and `object-dual`: match phrases with the things of an object map, answer their middles.
+"""Grounders `object-phrase` and `object-dual` match phrases with the things of an object map and answer their middles.
 
 They work as `phrase` and `dual` do on grids (GROUNDING.md, section 3), with instances instead of cells: cosines of the
 phrases (owners stripped) with the instances' features -> dual softmax (`object-dual` only) -> the row of the query's
@@ -22,14 +22,14 @@ from .matching import DUAL_TEMPERATURE, dual_scores, peaks_of
 
 _CELL = 1.0
 _MARGIN = 1
-"""Margin of the layers' grid around the instances, in metres and in cells, since its cells have 1 m."""
+"""Margin of the layers' grid around the instances, in metres and in cells, since its cells measure 1 m."""
 ObjectMatchName = Literal["object-phrase", "object-dual"]
 OBJECT_MATCHERS: dict[ObjectMatchName, float] = {"object-phrase": 0.0, "object-dual": DUAL_TEMPERATURE}
 """Temperature of the dual softmax; 0 = cosines alone."""
 
 
 class ObjectMatcher:
-    """Ranks a map's things by the phrase that the query means; by the query itself where there is no such phrase."""
+    """Ranks a map's things by the phrase that the query means, or by the query itself if there is no such phrase."""
 
     uses_phrases = True
     frame = "middles of the map's objects"

@@ -1,8 +1,8 @@
-"""RPG, region-gated personalized grounding (the paper's Algorithm 1): products in torch, loops compiled, two layouts.
+"""RPG, region-gated personalized grounding (the paper's Algorithm 1): products in torch, compiled loops, two layouts.
 
 `rpg_packed` runs many episodes on one sparse map, as evaluations do; `rpg_dense` runs the paper's batch of full grids.
-Steps: cosine of every phrase with every cell; each phrase's `top_k` peaks with non-maximum suppression; peaks grown by
-`nhood` cells open a gate; inside it the cell most like the query is the answer.
+Steps: take the cosine of every phrase with every cell; find each phrase's `top_k` peaks with non-maximum suppression;
+open a gate of the cells within `nhood` of a peak; answer the cell inside the gate that is most like the query.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,8 +28,8 @@ RpgPreset = Literal["paper", "authors", "literal"]
 _SHORTEST = 1e-12
 """Length below which a text's vector counts as zero."""
 _FEW = 16
-"""Texts up to which loops of our own beat the general product (texts of one episode; 9: 4.9 against 6.6 ms of CPU time
-on 64 maps of 175 x 768)."""
+"""Largest number of texts for which our own loops beat the general product; one episode has about 9 texts, which take
+4.9 against 6.6 ms of CPU time on 64 maps of 175 x 768."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class RpgOptions:
     nhood: int = 1
     """Distance by which peaks grow (paper: 1 pixel = 1 m)."""
     nms_r: int = 1
-    """Peaks of one phrase are farther apart than this; 0 = plain top-k."""
+    """Peaks of one phrase are more than this many cells apart; 0 = plain top-k."""
     literal: bool = False
     """Algorithm 1 as printed: empty cells take part with cosine 0, and cells outside the gate score 0 instead of -inf,
     so the answer leaves the gate when all cosines in it are negative."""
@@ -53,7 +53,7 @@ class RpgOptions:
 
 PRESETS: dict[RpgPreset, RpgOptions] = {
     "paper": RpgOptions(),
-    # the values with which the authors' public code calls it
+    # the values that the authors' public code uses
     "authors": RpgOptions(top_k=4, nhood=0, nms_r=0),
     "literal": RpgOptions(literal=True),
 }
@@ -86,11 +86,11 @@ def rpg_packed(
     uses: Tensor | None = None,
     options: RpgOptions = PRESETS["paper"],
 ) -> RpgResult:
-    """Algorithm 1 for B episodes on one map, given by its non-empty cells; cost = one product with the cells.
+    """Algorithm 1 for B episodes on one map, given by its non-empty cells; it costs one product with the cells.
 
     Args:
         rows: (N, E) unit vectors of the cells.
-        rc: (N, 2) their rows and columns, in row-major order.
+        rc: (N, 2) rows and columns of the cells, in row-major order.
         phrases: (P, E) different phrases of all episodes, any length.
         queries: (B, E), any length.
         width: Columns of the grid.
@@ -125,7 +125,7 @@ def rpg_dense(
         phrases: D (B, K, E), any length.
         queries: q (B, E), any length.
         phrase_mask: (B, K) bool, False for padding; default all True. An episode without any phrase gets QS.
-        options: Parameters. An empty map has no answer, with `literal` too.
+        options: Parameters. An empty map has no answer, not even with `literal`.
     """
     batch, height, width, dim = features.shape
     cells = features.reshape(batch, height * width, dim)
@@ -237,7 +237,7 @@ class RegionGated:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keeps torch to one thread: products this small wait for each other's threads, 4 times slower on busy cores."""
+    """Keeps torch to one thread: more threads wait for each other, which made products this small 4 times slower."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -251,6 +251,6 @@ def _unit(vectors: Tensor) -> Tensor:
 
 
 def _cosines(texts: Tensor, rows: Tensor) -> NDArray[np.float32]:
-    """Cosines (L, N) of texts (L, E) of any length with unit rows (N, E); divides the product, which copies nothing."""
+    """Cosines (L, N) of texts (L, E) of any length with unit rows (N, E); divides the product, so copies no texts."""
     lengths = torch.linalg.vector_norm(texts, dim=1, keepdim=True).clamp(min=_SHORTEST)
     return (texts @ rows.T).div_(lengths).numpy()

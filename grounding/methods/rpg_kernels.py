@@ -19,14 +19,14 @@ def few_answers(phrases, queries, rows, rc, width, uses, top_k, nms_r, nhood, ti
         phrases: (P, E) float32, any length.
         queries: (B, E) float32, any length.
         rows: (N, E) float32 unit rows.
-        rc: As in `gated_answers`, like the next six.
-        width: See there.
-        uses: See there.
-        top_k: See there.
-        nms_r: See there.
-        nhood: See there.
-        tie: See there.
-        shortest: float32, see `few_cosines`.
+        rc: As in `gated_answers`.
+        width: As in `gated_answers`.
+        uses: As in `gated_answers`.
+        top_k: As in `gated_answers`.
+        nms_r: As in `gated_answers`.
+        nhood: As in `gated_answers`.
+        tie: As in `gated_answers`.
+        shortest: float32, as in `few_cosines`.
     """
     cosines = np.empty((len(phrases) + len(queries), len(rows)), np.float32)
     few_cosines(np.concatenate((phrases, queries)), rows, shortest, cosines)
@@ -38,13 +38,13 @@ def few_answers(phrases, queries, rows, rc, width, uses, top_k, nms_r, nhood, ti
 def few_cosines(texts, rows, shortest, cosines):
     """Fills cosines (L, N) of texts (L, E) of any length with unit rows (N, E); reads the rows once.
 
-    Four texts at a time share a load of the row. A general product first copies rows and texts into its own layout,
-    which for so few texts costs as much as the product.
+    Four texts at a time share each load of a row. A general product first copies rows and texts into its own layout,
+    which costs as much as the product itself when there are few texts.
 
     Args:
         texts: (L, E) float32, contiguous like the others.
         rows: (N, E) float32.
-        shortest: float32; shorter texts have cosine 0 or nearly so.
+        shortest: float32; the cosine of a shorter text is 0 or nearly 0.
         cosines: (L, N) float32, filled.
     """
     num, dim = texts.shape
@@ -79,7 +79,7 @@ def gated_answers(cosines, rc, width, uses, top_k, nms_r, nhood, tie):
     """Algorithm 1 after the product: flat index (B,), value (B,), final (B, N), gate (B, N), peaks (P, top_k).
 
     Args:
-        cosines: (P + B, N) float32; first those of the phrases, then those of the queries.
+        cosines: (P + B, N) float32; first the phrases' cosines, then the queries'.
         rc: (N, 2) int64.
         width: Columns of the grid, for the flat index row * width + column; -1 = no answer.
         uses: (B, P) bool, which phrases each episode has.
@@ -153,7 +153,10 @@ def open_cells(peaks, rc, nhood, opened):
 
 @njit(cache=True, nogil=True)
 def join_gates(opened, uses, gates):
-    """Marks in gates (B, N) bool the cells opened (P, N) by a phrase that the episode uses (B, P); without any, all."""
+    """Marks in gates (B, N) bool the cells opened (P, N) by the phrases that each episode uses (B, P).
+
+    An episode that uses no phrase gets an open gate everywhere.
+    """
     for episode in range(uses.shape[0]):
         has_any = False
         for phrase in range(uses.shape[1]):
@@ -167,7 +170,7 @@ def join_gates(opened, uses, gates):
 
 @njit(cache=True, nogil=True)
 def best_inside(scores, gates, tie, final, cells, values):
-    """Fills each episode's answer: the best cell (B,) inside its gate and its score (B,); -1 and -inf stay if none is.
+    """Fills each episode's answer: the best cell (B,) inside its gate and its score (B,); an empty gate leaves both.
 
     Args:
         scores: (B, N) float32.

@@ -1,8 +1,8 @@
 """Oracle perception: turns the instance ids of a picture into vectors of their captions, with adjustable errors.
 
-It lets the whole of mapping and grounding run without a vision model. Maps made with it rank methods; they do not
-predict success on pictures. Noise: v <- unit(v + c sqrt(E) n), n a random unit vector (GROUNDING.md, section 0), so c
-is the standard deviation of a cosine's error.
+With it, mapping and grounding run without a vision model. Maps made with it rank methods; they do not predict success
+on pictures. Noise: v <- unit(v + c sqrt(E) n), n a random unit vector (GROUNDING.md, section 0), so c is the standard
+deviation of a cosine's error.
 """
 
 import math
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
+from sim.types import Frame
 
 from ..encoders.protocol import ORACLE_SUFFIX, TextEncoder
-from ..types import PosedFrame
 
 CLUTTER_TEXTS = (
     "white wall", "brick wall", "wooden floor", "tiled floor", "plaster ceiling", "skirting board", "door frame",
@@ -39,7 +39,7 @@ class PerceptionOptions:
 
     view_noise: float = 0.0
     """c for the error of each patch in each view; averaging views of one place reduces it. The same picture from the
-    same pose gets the same error, as from a real model."""
+    same pose gets the same error, as with a real model."""
     object_noise: float = 0.0
     """c for the error that an instance keeps in all views; averaging does not reduce it."""
     confusion: float = 0.0
@@ -82,7 +82,7 @@ class OraclePerception:
 
         Args:
             text_encoder: Encodes the captions and the queries.
-            captions: Instance id to text, as `object_texts` gives them; empty for one that only reads queries.
+            captions: Instance id to text, as `object_texts` gives them; empty if only queries will be encoded.
             options: Errors, background, patches; none by default.
             home: Name of the home, so that homes with the same ids get different draws.
             clutter: Texts for the background `clutter`.
@@ -123,7 +123,7 @@ class OraclePerception:
         """(N, E) unit rows from the text encoder."""
         return self.text_encoder.encode_texts(texts)
 
-    def encode_images(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, E) unit mean of the visible captioned objects, weighted by pixels; zero where none is in view.
 
         Raises:
@@ -137,7 +137,7 @@ class OraclePerception:
             row[:] = _disturbed(_unit(total[None]), self.options.view_noise, self._view_rng(frame, 0))[0]
         return rows
 
-    def encode_patches(self, frames: Sequence[PosedFrame]) -> NDArray[np.float32]:
+    def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit vectors of the instance with the most pixels in each patch.
 
         Raises:
@@ -153,7 +153,7 @@ class OraclePerception:
             return np.zeros((0, 0, 0, self.dim), np.float32)
         return np.stack([self._patches(frame) for frame in frames])
 
-    def _patches(self, frame: PosedFrame) -> NDArray[np.float32]:
+    def _patches(self, frame: Frame) -> NDArray[np.float32]:
         winners = winning_ids(_ids(frame), patch=self.options.patch)
         ids, where = np.unique(winners, return_inverse=True)
         rows = np.array([self._row(int(instance)) for instance in ids])[where.reshape(winners.shape)]
@@ -172,14 +172,14 @@ class OraclePerception:
             self._rows[instance] = known
         return known
 
-    def _background(self, frame: PosedFrame, empty: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def _background(self, frame: Frame, empty: NDArray[np.bool_]) -> NDArray[np.float32]:
         """(M, E) clutter vectors for the places that patches without an instance show; zero where depth is unknown."""
         rows, cols = np.nonzero(empty)
         v = ((rows + 0.5) * frame.depth_m.shape[0] / empty.shape[0]).astype(int)
         u = ((cols + 0.5) * frame.depth_m.shape[1] / empty.shape[1]).astype(int)
-        depth, lens = frame.depth_m[v, u].astype(float), frame.intrinsics
-        x, y = (u + 0.5 - lens.cx) / lens.fx * depth, (v + 0.5 - lens.cy) / lens.fy * depth
-        points = np.column_stack([x, y, depth, np.ones(len(depth))]) @ frame.T_map_camera.T
+        depth, (fx, fy, cx, cy) = frame.depth_m[v, u].astype(float), frame.camera.lens
+        x, y = (u + 0.5 - cx) / fx * depth, (v + 0.5 - cy) / fy * depth
+        points = np.column_stack([x, y, depth, np.ones(len(depth))]) @ frame.T_world_camera.T
         places = np.floor(points[:, :3] / _PLACE).astype(int).tolist()
         found = self._clutter[[self._clutter_at(tuple(place)) for place in places]]
         return np.where((depth > 0)[:, None], found, 0)
@@ -202,13 +202,13 @@ class OraclePerception:
     def _rng(self, stream: int, *what: int) -> np.random.Generator:
         return np.random.default_rng([self.options.seed, self._home, stream, *what])
 
-    def _view_rng(self, frame: PosedFrame, kind: int) -> np.random.Generator:
-        pose = np.ascontiguousarray(frame.T_map_camera, np.float64).tobytes()
+    def _view_rng(self, frame: Frame, kind: int) -> np.random.Generator:
+        pose = np.ascontiguousarray(frame.T_world_camera, np.float64).tobytes()
         return self._rng(_VIEW, kind, zlib.crc32(pose), zlib.crc32(np.ascontiguousarray(_ids(frame)).tobytes()))
 
 
 def winning_ids(ids: NDArray[np.integer], *, patch: int) -> NDArray[np.int64]:
-    """(h, w) id with the most pixels in each patch; of equals the lowest.
+    """(h, w) id with the most pixels in each patch; ties go to the lowest id.
 
     Args:
         ids: (H, W), 0 or more.
@@ -223,13 +223,13 @@ def winning_ids(ids: NDArray[np.integer], *, patch: int) -> NDArray[np.int64]:
     return present[counts.reshape(rows, cols, len(present)).argmax(axis=2)].astype(np.int64)
 
 
-def _ids(frame: PosedFrame) -> NDArray[np.int32]:
-    if frame.instance_ids is None:
+def _ids(frame: Frame) -> NDArray[np.int32]:
+    if frame.ids is None:
         raise AgentError(
             "oracle perception: a frame has no instance ids; expected those of the simulator. Use a real encoder "
             "(clip:, siglip:, blip2-itc256:) for pictures of a robot."
         )
-    return frame.instance_ids
+    return frame.ids
 
 
 def _unit(rows: NDArray[np.floating]) -> NDArray[np.float32]:

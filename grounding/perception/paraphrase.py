@@ -10,53 +10,20 @@ from typing import Literal
 
 import numpy as np
 
+from sim.words.places import PLACED
+from sim.words.synonyms import REWORDINGS
+
 from ..encoders.hashed import STOP_WORDS
 
 ParaphraseLevel = Literal[0, 1, 2, 3]
 
-_SYNONYMS: dict[str, tuple[str, ...]] = {
-    # sizes and shapes
-    "small": ("little", "compact"), "little": ("small",), "tiny": ("very small",), "large": ("big", "sizeable"),
-    "big": ("large", "bulky"), "huge": ("very big",), "tall": ("high",), "high": ("tall",), "low": ("short",),
-    "long": ("lengthy", "elongated"), "short": ("low",), "wide": ("broad",), "broad": ("wide",), "narrow": ("slim",),
-    "thin": ("slender",), "thick": ("heavy",), "round": ("circular",), "circular": ("round",), "oval": ("elliptical",),
-    "square": ("four-sided",), "rectangular": ("oblong",), "l-shaped": ("angled",), "flat": ("level",),
-    "double": ("two-person",), "single": ("one-person",), "king": ("extra large",),
-    # colours
-    "white": ("snowy", "ivory"), "black": ("ebony", "jet"), "grey": ("gray", "ash"), "gray": ("grey", "ash"),
-    "brown": ("chestnut", "tan"), "red": ("crimson", "scarlet"), "blue": ("azure", "navy"), "green": ("emerald",),
-    "yellow": ("lemon", "golden"), "orange": ("tangerine",), "purple": ("violet",), "pink": ("rose",),
-    "beige": ("sand", "cream"), "golden": ("gilded",), "silver": ("silvery",), "dark": ("deep",), "light": ("pale",),
-    "colorful": ("multicoloured",), "striped": ("banded",), "patterned": ("figured",), "plain": ("simple",),
-    # materials
-    "wooden": ("timber", "wood"), "wood": ("timber",), "metal": ("metallic",), "steel": ("metal",), "iron": ("metal",),
-    "leather": ("hide",), "glass": ("glazed",), "plastic": ("synthetic",), "stone": ("rock",), "fabric": ("cloth",),
-    "marble": ("veined stone",), "woven": ("braided",), "fur": ("fluffy",), "cushioned": ("padded",),
-    # looks
-    "old": ("aged",), "modern": ("contemporary",), "decorative": ("ornamental",), "decorated": ("adorned",),
-    "carved": ("sculpted",), "framed": ("bordered",), "mounted": ("fixed",), "hanging": ("suspended",),
-    # things nearby
-    "couch": ("sofa",), "sofa": ("couch",), "rug": ("carpet",), "carpet": ("rug",), "picture": ("image",),
-    "painting": ("canvas",), "tv": ("television",), "television": ("tv",), "wardrobe": ("closet",),
-    "closet": ("wardrobe",), "cupboard": ("cabinet",), "cabinet": ("cupboard",), "lamp": ("light",),
-    "blanket": ("throw",), "pillow": ("cushion",), "cushion": ("pillow",), "curtain": ("drape",),
-    "refrigerator": ("fridge",), "fridge": ("refrigerator",), "stove": ("cooker",), "bathtub": ("bath",),
-    "nightstand": ("bedside table",), "fireplace": ("hearth",), "corner": ("nook",), "window": ("pane",),
-    # places
-    "near": ("close to", "not far from"), "beside": ("next to", "alongside"), "next to": ("beside", "adjacent to"),
-    "above": ("over", "higher than"), "over": ("above",), "below": ("beneath", "underneath"),
-    "under": ("beneath", "underneath"), "in front of": ("before", "facing"), "behind": ("at the back of",),
-    "between": ("amid",), "located": ("placed", "situated"), "positioned": ("placed",), "standing": ("placed",),
-    "on top of": ("atop",), "with": ("having", "featuring"), "against": ("up to",), "opposite": ("across from",),
-}  # fmt: skip
-"""Written for this project; a replacement means nearly the same, a little less exactly."""
-_LONG_FIRST = sorted(_SYNONYMS, key=len, reverse=True)
+_LONG_FIRST = sorted(REWORDINGS, key=len, reverse=True)
 _KNOWN = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, _LONG_FIRST))})(?![\w-])")
 _CLAUSE = re.compile(
     r"[.,;:!?]+\s*|\s+(?=(?:near|beside|next to|above|over|below|under|in front of|behind|between|located|positioned|"
     r"standing|on|in|with|against|opposite|that|which|and|is|has|there)\b)"
 )
-_POSITION = frozenset(("located", "positioned", "placed", "situated", "standing"))
+_POSITION = frozenset((*PLACED, "standing"))
 _LEADING = re.compile(r"^(?:and|that|which|it|there|is|are|has|also)\s+")
 
 
@@ -95,7 +62,7 @@ def _stem(word: str) -> str:
 
 
 def _clauses(caption: str) -> list[str]:
-    """The head with its adjectives, and each further statement, without the words that tied them together."""
+    """The head noun with its adjectives, and each further statement, without the words that tied them together."""
     found = []
     for clause in _CLAUSE.split(caption.lower()):
         while (shorter := _LEADING.sub("", clause.strip())) != clause:
@@ -110,7 +77,7 @@ def _is_content(word: str) -> bool:
 
 
 def _says_more(clause: str, kept: set[str]) -> bool:
-    """Whether the clause says more than "the bed" does in "the bed is located ..."."""
+    """Whether the clause says more than the category, as "the bed" in "the bed is located ..." does not."""
     return any(_is_content(word) and _stem(word) not in kept for word in clause.split())
 
 
@@ -126,7 +93,7 @@ def _reordered(clause: str, kept: set[str], rng: np.random.Generator) -> str:
 def _reworded(clause: str, kept: set[str], rng: np.random.Generator) -> str:
     def other(match: re.Match[str]) -> str:
         word = match.group(1)
-        choices = _SYNONYMS[word]
+        choices = REWORDINGS[word]
         return word if _stem(word) in kept else choices[int(rng.integers(len(choices)))]
 
     return _KNOWN.sub(other, clause)

@@ -1,6 +1,6 @@
 """Things in a view from depth alone: smooth or bulging regions above the floor. No weights, no colours, no labels.
 
-It is for use without a segmentation model: things that touch become one where their joint is smooth, and a thing with
+Use it where there is no segmentation model: things that touch become one where their joint is smooth, and a thing with
 dents may become several. Walls and other regions larger than furniture are left out.
 """
 
@@ -10,23 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from sim.types import Frame
+
 from ..maps.occupancy import MAX_DEPTH
 from ..maps.storeys import points_at
-from ..types import PosedFrame
 from .segments import Segments
 
 _COLUMNS = 160
-"""About this many columns of a view are used, and rows at the same step."""
+"""About this many columns of a view are used, and rows with the same spacing."""
 _REACH = 2
 """Normals and dents are measured over this many columns or rows to each side."""
 _JUMP, _JUMP_SHARE = 0.05, 0.03
-"""Metres, plus share of the depth, by which neighbouring pixels of one surface differ at most along the view."""
+"""Largest depth difference between neighbouring pixels of one surface: metres, plus a share of the depth."""
 _DENT = 0.25
-"""A joint is a dent when the normals turn towards each other by more than this (cosine units)."""
+"""A joint is a dent if its normals turn towards each other by more than this (cosine units)."""
 _LOW, _HIGH = 0.08, 2.3
 """Things are searched between these heights above the floor, metres."""
 _LEAST_PIXELS, _LARGEST = 40, 3.0
-"""Least number of used pixels of a thing; most metres along its longest side."""
+"""Least number of used pixels of a thing; greatest length of its longest side, metres."""
 
 
 class DepthRegions:
@@ -39,14 +40,14 @@ class DepthRegions:
         self._floors = np.sort(np.asarray(floors, float))
         self._max_depth = max_depth
 
-    def segment(self, frame: PosedFrame) -> Segments:
+    def segment(self, frame: Frame) -> Segments:
         """One mask per region, without captions."""
         height, width = frame.depth_m.shape
         every = max(1, round(width / _COLUMNS))
         rows, cols = np.mgrid[0:height:every, 0:width:every]
         points = points_at(frame, np.column_stack([rows.ravel(), cols.ravel()])).reshape(*rows.shape, 3)
         depth = frame.depth_m[::every, ::every]
-        eye = frame.T_map_camera[:3, 3]
+        eye = frame.T_world_camera[:3, 3]
         floor = self._floors[max(0, int(np.searchsorted(self._floors, eye[1], side="right")) - 1)]
         above = points[..., 1] - floor
         with np.errstate(invalid="ignore"):

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
-
-from ..types import PosedFrame
+from sim.types import Frame
 
 _LEAST_PIXELS = 30
 
@@ -35,20 +34,20 @@ class Segments:
 
 
 class Segmenter(Protocol):
-    """Finds the things in a view, by colours and depth."""
+    """Finds the things in a view from its colours and depth."""
 
     @property
     def name(self) -> str:
-        """The segmenter's name, part of the map's name."""
+        """The segmenter's name, which becomes part of the map's name."""
         ...
 
-    def segment(self, frame: PosedFrame) -> Segments:
+    def segment(self, frame: Frame) -> Segments:
         """Masks of the view's size; the same view gives the same masks."""
         ...
 
 
 class InstanceIds:
-    """The simulator's own ids as a segmenter: perfect masks, and perfect matching over views. Ground truth."""
+    """The simulator's own ids as a segmenter: perfect masks, and perfect matching across views. Ground truth."""
 
     name = "oracle-perception instance ids"
 
@@ -57,13 +56,13 @@ class InstanceIds:
         self._captions = captions or {}
         self._least_pixels = least_pixels
 
-    def segment(self, frame: PosedFrame) -> Segments:
+    def segment(self, frame: Frame) -> Segments:
         """One mask per id in view.
 
         Raises:
             AgentError: The view has no instance ids.
         """
-        if frame.instance_ids is None:
+        if frame.ids is None:
             raise AgentError(
                 "object map: the view has no instance ids; expected those of the simulator. Give a segmenter for "
                 "views of a real robot."

@@ -28,15 +28,15 @@ One entry per owner and object: an object shared by three people gives three ent
 them. Describe each object as fully as the paragraph does (colour, material, what it is near), in its words. Replace
 "it", "both" and "the same room" by what they stand for. Leave out objects without an owner."""
 _PROMPT_VERSION = 1
-"""Part of the cache's key with the prompt itself."""
+"""Part of the cache's key, as is the prompt itself."""
 _GIVE_UP_AFTER = 5
-"""Failures in a row after which no more requests are sent: a dead server would cost a time-out per description."""
+"""Failures in a row after which no more requests are sent: a dead server would cost one time-out per description."""
 _REFUSALS = {401: "the key", 403: "the key", 404: "--llm-url and --llm-model"}
 """HTTP statuses that a second request will not change, and the setting to correct."""
 
 
 class LlmOptions(BaseModel):
-    """Address of the model. Holds the name of the key's environment variable, never the key."""
+    """Address of the model, with the name of the key's environment variable but never the key."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     base_url: HttpUrl
@@ -98,15 +98,15 @@ class ChatPhrases:
         )
 
     def phrases(self, task: Task) -> tuple[str, ...]:
-        """The model's phrases "X owns Y in the Z"; the rules' where it gives none.
+        """The model's phrases "X owns Y in the Z"; the phrases of the rules if the model gives none.
 
         Raises:
-            AgentError: The server refuses key or model, and would refuse every other request too.
+            AgentError: The server refuses the key or the model, and would refuse every other request too.
         """
         try:
             content = self._content(task.description)
             entries = _Reply.model_validate_json(_json_in(content)).ownership
-        except ValueError as error:  # in the body, which is JSON, or in the model's words inside it
+        except ValueError as error:  # the body is not JSON, or the model's words inside it are not
             first = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
             return self._fall_back(task, f"the answer is not the JSON asked for: {first}")
         except self._openai.OpenAIError as error:
@@ -158,7 +158,7 @@ class ChatPhrases:
 
 def _key(options: LlmOptions) -> str:
     if options.api_key_env is None:
-        return "none"  # the client demands a key
+        return "none"  # the client requires some key
     key = os.environ.get(options.api_key_env)
     if not key:
         raise AgentError(
@@ -169,7 +169,7 @@ def _key(options: LlmOptions) -> str:
 
 
 def _content_of(reply: Any) -> str:
-    """The text of a chat completion; empty (so no JSON) where the server's answer has another shape."""
+    """The text of a chat completion; empty (so not JSON) if the server's answer has another shape."""
     choices = getattr(reply, "choices", None) or ()
     message = getattr(choices[0], "message", None) if choices else None
     content = getattr(message, "content", None)

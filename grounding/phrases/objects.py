@@ -41,7 +41,7 @@ _TAIL = re.compile(
     re.I,
 )
 _TAIL_REACH = 80
-"""Characters at the end in which loose ends are looked for."""
+"""Number of characters at the end of a text that are searched for loose ends."""
 _TAIL_PLACE = re.compile(
     r"(?:,\s*(?:and\s+)?|\s+(?:and|while)\s+|;\s*)(?:also\s+|then\s+|further\s+)?(?:in|on|at|inside|within|moving|near|"
     r"nearby|just|over|down)\b[^,;]{0,70},?\s*$",
@@ -86,7 +86,7 @@ _PLACED_AT = re.compile(
     r"\b(?:near|next to|beside|to|by|of|with|on|under|above|below|over|behind|from|between|facing)\s+$"
 )
 _SHORT = 4
-"""A thing named in at most this many words is looked up in the text before it."""
+"""A thing named with at most this many words is looked up in the text before it."""
 
 
 def before_words(text: str) -> tuple[str, bool]:
@@ -122,7 +122,7 @@ def after_words(text: str) -> str:
 
 
 def split_at_next_place(text: str) -> tuple[str, str]:
-    """ "the bed, while in the hall" between two owners: the first's things, and the place that leads to the second."""
+    """Splits "the bed, while in the hall" between two owners: the first owner's things, then the second's place."""
     *_, last = [None, *_PARTED.finditer(text)]
     if last and (_ADVERBIAL.match(text[last.end() :].strip() + ",") or not text[last.end() :].strip(" ,")):
         return _trimmed(text[: last.start()]), text[last.end() :]
@@ -132,7 +132,7 @@ def split_at_next_place(text: str) -> tuple[str, str]:
 
 
 def split_at_next_thing(text: str) -> tuple[str, str]:
-    """ "the bed, while the lamp near it" between "Ada owns" and "belongs to Bo": the first's thing, the second's."""
+    """Splits "the bed, while the lamp near it" between "Ada owns" and "belongs to Bo": her things, then his."""
     if parting := _PARTED.search(text):
         return _trimmed(text[: parting.start()]), text[parting.end() :]
     for pattern in (_NEXT_THING, _NEXT_AND):
@@ -152,7 +152,8 @@ def listed(text: str, *, several: bool = False) -> list[str]:
 
     Args:
         text: From `before_words` or `after_words`.
-        several: Whether there is surely more than one thing ("both are owned by"), so that any "and" may part them.
+        several: Whether there is certainly more than one thing ("both are owned by"), so that any "and" may separate
+            them.
     """
     parts = [part for part in _LIST.split(text) if part.strip(" ,")]
     if several and len(parts) == 1:
@@ -173,7 +174,7 @@ def is_pointing(text: str) -> bool:
 
 
 def short_names(text: str) -> list[str]:
-    """The names in "the oven, the glass window and microwave"; none if one of them has further words."""
+    """The names in a list of short names ("the oven, the glass window and microwave"); none if one has more words."""
     parts = [part for part in re.split(r"\s*(?:,\s*(?:and\s+)?|\band\b)\s*", text) if part]
     short = all(len(part.split()) <= _SHORT and not any(map(_STOPS.match, part.split())) for part in parts)
     return [f"the {bare(part)}" for part in parts] if short and len(parts) > 1 and _DEFINITE.match(text) else []
@@ -184,10 +185,10 @@ def recalled(text: str, before: str) -> str:
 
     Args:
         text: The thing, e.g. "the microwave".
-        before: All of the description before the thing.
+        before: The whole description before the thing.
 
     Returns:
-        The fuller words, or `text` where it is long, new ("a microwave") or not found.
+        The fuller words, or `text` itself if it is long, new ("a microwave") or not found.
     """
     words = re.findall(r"[\w'-]+", bare(text))
     cut = next((k for k, word in enumerate(words) if _STOPS.match(word)), len(words))

@@ -19,7 +19,7 @@ _OWNS = re.compile(r"^\s*(?P<owner>\S+)\s+owns\s+(?P<thing>.*\S)\s*$", re.IGNORE
 _ROOM = re.compile(r"^(?P<thing>.*\S)[\s,.]+in\s+(?P<room>(?:the|a|an|one|another)?\s*[^,.]+?)[\s.]*$", re.DOTALL)
 _ARTICLE = re.compile(r"^(?:an?|the|one|some|another)\s+", re.IGNORECASE)
 _LONGEST_ROOM = 4
-"""Words; a longer tail after the last " in " is part of the thing ("in the style of an old ...")."""
+"""Most words in a room's name; a longer tail after the last " in " belongs to the thing ("in the style of ...")."""
 
 
 @dataclass(frozen=True, slots=True)

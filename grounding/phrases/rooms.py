@@ -2,23 +2,18 @@
 
 import re
 
-_NOUN = (
-    r"(?:(?:bed|bath|living|dining|laundry|tv|game|storage|sitting|family|guest|play|media|work|sun|utility|toilet)"
-    r"[ -]?rooms?|kitchen|corridor|hallway|hall|entrance|entryway|foyer|studio|office|closet|staircase|stairs|garage|"
-    r"terrace|balcony|basement|attic|gym|library|lounge|pantry|open[- ]space|study|landing|cellar|wardrobe room|"
-    r"veranda|porch|restroom|room|area|lobby|loft|suite|wc|den|parlou?r|nook|conservatory|mezzanine|"
-    r"cloakroom|nursery|dressing[ -]room)"
-)
+from sim.words.places import ROOM_NOUN
+
 _WORDS = r"(?:(?!in\b|on\b|and\b|is\b|next\b|near\b)[\w'-]+\s+)"
 _NO_FURNITURE = (
     r"(?!'s?\b|[ -](?:cabinets?|counter\w*|tables?|chairs?|island|doors?|sinks?|windows?|shel\w+|walls?|worktop|"
     r"lamps?))"
 )
-""" "kitchen cabinets" is no room."""
+"""Not before the nouns of furniture: "kitchen cabinets" is not a room."""
 _NAME = (
-    rf"(?:(?:the|a|an|another|this|that|same)\s+)*{_WORDS}{{0,3}}?{_NOUN}\b(?:\s+{_NOUN}\b)*{_NO_FURNITURE}"
+    rf"(?:(?:the|a|an|another|this|that|same)\s+)*{_WORDS}{{0,3}}?{ROOM_NOUN}\b(?:\s+{ROOM_NOUN}\b)*{_NO_FURNITURE}"
     r"(?:\s+(?:\d|one|two)\b)?"
-    rf"(?:\s+(?:of|before|after|between|next to|near|leading to|and|or)\s+(?:the\s+)?{_WORDS}{{0,2}}?{_NOUN}\b"
+    rf"(?:\s+(?:of|before|after|between|next to|near|leading to|and|or)\s+(?:the\s+)?{_WORDS}{{0,2}}?{ROOM_NOUN}\b"
     r"(?:\s+\d\b)?)*"
     r"(?:\s+with(?:out)?\s+(?:(?:a|an|the|two|three)\s+)?(?!which)[\w'-]+(?:\s+(?:beds?|single beds?))?(?=\s*,|\s*$))?"
 )

@@ -139,7 +139,7 @@ class _Reader:
         return things
 
     def _wholes(self, thing: str) -> list[str]:
-        """The thing, or all things of "the oven and the chair" where the text has described them before."""
+        """The thing, or each thing in "the oven and the chair" if the text has described them before."""
         names = short_names(thing)
         fuller = [recalled(name, self.before) for name in names]
         if names and all(full != name for full, name in zip(fuller, names, strict=True)):
@@ -147,7 +147,7 @@ class _Reader:
         return [self._whole(thing)]
 
     def _whole(self, thing: str) -> str:
-        """The thing, with its noun and its room added where the text leaves them out."""
+        """The thing in full words: with the noun that the text left out, or as the text first described it."""
         if one := _ONE_OF_SEVERAL.match(thing):
             several = _SEVERAL_THINGS.findall(self.before)
             if several and not thing.startswith(("one of", "One of")):
@@ -165,7 +165,7 @@ class _Reader:
 
 
 def _portions(sentence: str, cues: list[Cue]) -> list[tuple[Cue, str, str]]:
-    """Each cue with the text before it and the text after it that belong to it."""
+    """Each cue with the text before it and after it that belongs to it."""
     if not cues:
         return []
     leads, rests = [sentence[: cues[0].start]], []

@@ -25,12 +25,12 @@ _OWNS = (
     r"keeps? a thing of their own:|(?:jointly |collectively )?(?:co-?)?own(?:s|ing|ed)?|"
     r"(?:co-?)?possess(?:es|ing|ed)?|shar(?:es?|ing))(?!\s+(?:\w+\s+)?(?:by|among|between)\b)"
 )
-"""Always ownership."""
+"""Words that always mean ownership."""
 _KEEPS = (
     r"(?:has|have|having|had|keeps?|claims?|holds?|boasts?|enjoys?|uses?|maintains?|cherish(?:es)?)"
     r"(?!\s+(?:\w+ed|been|chosen)\b)"
 )
-"""Ownership after a name only."""
+"""Words that mean ownership only after a name."""
 _BELONGS = (
     rf"(?:(?:is|are|being)\s+)?(?:{_ADVERB}\s+|(?:\w+ly)\s+|co-)*(?:co-?)?(?:owned|possessed|shared|claimed|held|kept)"
     rf"(?:\s+(?:{_ADVERB}|ownership|property))*\s*,?\s*(?:by|among(?:st)?|between|with)"

@@ -16,7 +16,7 @@ PhraseSourceName = str
 
 
 class PhraseSource(Protocol):
-    """Takes short phrases of who owns what from a task. `grounding.checks.check_phrases` tests a plug-in."""
+    """Finds the short phrases in a task that say who owns what. `grounding.checks.check_phrases` tests a plug-in."""
 
     @property
     def name(self) -> str:
@@ -25,7 +25,7 @@ class PhraseSource(Protocol):
 
     @property
     def num_fallbacks(self) -> int:
-        """Number of calls so far that another source had to answer instead; answers say so."""
+        """Number of calls so far that another source had to answer instead; the answers' files say so."""
         ...
 
     def phrases(self, task: Task) -> tuple[str, ...]:
@@ -73,8 +73,8 @@ def make_phrases(
         llm: Address of the model for `llm`.
 
     Raises:
-        AgentError: The name is none, `llm` has no options or its key is missing, or a plug-in cannot be built.
-        MissingDependencyError: `llm` without the extra of that name.
+        AgentError: The name is unknown, `llm` has no options or no key, or a plug-in cannot be built.
+        MissingDependencyError: The extra `llm` is not installed.
     """
     match name:
         case "dataset":
@@ -100,20 +100,23 @@ def make_phrases(
 
 
 def phrases_called(name: PhraseSourceName) -> str:
-    """How runs and tables call a phrase source: by its option, a user's own by its `name`.
+    """The phrase source's name in runs and tables: that of the option, or the `name` of a user's own source.
 
     Raises:
-        AgentError: The name is none, or the plug-in cannot be built.
+        AgentError: The name is unknown, or the plug-in cannot be built.
     """
     return own_name(make_phrases(name), name) if name not in ("dataset", "rules", "llm") else name
 
 
 def without_owner(phrase: str) -> str:
-    """ "the lamp in the hall" from "Ada owns the lamp in the hall"; a phrase without " owns " stays as it is."""
+    """The phrase without its owner: "the lamp in the hall" from "Ada owns the lamp in the hall".
+
+    A phrase without " owns " stays as it is.
+    """
     return phrase.partition(" owns ")[2] or phrase
 
 
 def owner_of(phrase: str) -> str | None:
-    """ "Ada" from "Ada owns the lamp"; None for a phrase without " owns "."""
+    """The owner in a phrase: "Ada" from "Ada owns the lamp"; None for a phrase without " owns "."""
     owner, verb, _ = phrase.partition(" owns ")
     return owner.strip() or None if verb else None

@@ -1,4 +1,4 @@
-"""Asks a run's grounder again: run files hold only the answers, and views show how the grounder found them.
+"""Asks a run's grounder again: run files hold only the answers, but views show how the grounder found them.
 
 The grounder answers with the settings in `run.json` and must give the same points.
 """
@@ -28,7 +28,7 @@ _SETTINGS = TypeAdapter(GroundSettings)
 _NEEDED = ("map", "encoder", "all_storeys")
 """Config keys that must be present; they are never guessed."""
 _SAME = 1e-6
-"""Metres within which an answer given again is the same."""
+"""Largest distance between two equal answers, metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +41,16 @@ class AnswerAgain:
     map_file: Path | None = None
     """The file of the home's map; None for oracle maps."""
     problem: str = ""
-    """A sentence without its subject when there is no answer; empty otherwise."""
+    """Why there is no answer, as a sentence without its subject; empty if there is one."""
 
 
 def settings_of(info: RunInfo) -> GroundSettings | None:
-    """The settings with which `personal-viz ground` made a run; None if another program made it."""
+    """The settings with which `personal-viz ground` made a run; None if another program or a plug-in made it."""
     names = {field.name for field in fields(GroundSettings)} - {"method", "seed"}
     config = {name: value for name, value in info.config.items() if name in names}
     if config.get("phrases") == "none":  # the method uses none
         del config["phrases"]
-    config["method"] = info.config.get("method", info.who)  # a run may have a name of its own
+    config["method"] = info.config.get("method", info.who)  # the run's own name may differ from the method's
     if any(name not in config for name in _NEEDED) or _names_plugin(config):
         return None
     try:
@@ -60,7 +60,7 @@ def settings_of(info: RunInfo) -> GroundSettings | None:
 
 
 def _names_plugin(config: Mapping[str, object]) -> bool:
-    """Whether a run was made with a user's own code, which a file that is only looked at must not start."""
+    """Whether a run was made with a user's own code, which merely viewing a file must not start."""
     with suppress(AgentError):
         if parse_encoder_name(str(config["encoder"]))[0] == PLUGIN:
             return True
@@ -101,7 +101,7 @@ class AskAgain:
         return AnswerAgain(self._made[where].memory(episode), grounding, map_file)
 
     def _folders(self, info: RunInfo, scene: str) -> MapFolders | None:
-        """The folders of a run's map of a scene; None for oracle maps and where the map is missing."""
+        """The folders of a run's map of a scene; None for oracle maps, and if the map is missing."""
         maps = info.config.get("maps")
         if not isinstance(maps, str):
             return None

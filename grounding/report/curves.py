@@ -1,4 +1,4 @@
-"""Curves of a POG report: over the allowed distance, and over an option in which runs differ; numbers only."""
+"""The numbers of a POG report's curves: over the allowed distance, and over an option in which runs differ."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from .rows import RADII, MapVariant, MethodTrials
 from .statistics import HomeDraws, Range, mean_of_splits, percent
 
 KNOBS = ("object_noise", "view_noise", "cell_noise", "confusion", "paraphrase", "blur")
-"""Options over which curves are drawn where runs differ in only one of them."""
+"""Options over which a curve is drawn if runs differ in only one of them."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 

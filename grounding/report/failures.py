@@ -28,9 +28,9 @@ KINDS: dict[FailureKind, str] = {
     "another object": "an object of another category",
     "nothing known there": "no object of the data set within 1 m",
 }
-"""In order: the first that fits counts."""
+"""Kinds of failure and their meaning, in order: the first that fits counts."""
 NEAR_MISS = 2.0
-"""Metres; from SUCCESS_RADIUS on."""
+"""Largest distance of a near miss, metres; the smallest is SUCCESS_RADIUS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Failure:
 
     kind: FailureKind
     distance: float
-    """Planar metres to the nearest right object on the answer's storey; inf where none is."""
+    """Planar metres to the nearest right object on the answer's storey; inf if there is none."""
     object_name: str
     """The data set's object nearest to the answer, within SUCCESS_RADIUS; "" when there is none."""
 
@@ -61,7 +61,7 @@ def failure_of(
     distance = math.inf if answer.measures is None else answer.measures.planar_distance
     distance = math.inf if distance is None else distance
     here = [goal for goal in goals if storey_of(goal.floor_y, storeys) == storey_of(point[1], storeys)]
-    # of the things within a metre one is named: those of the right category come before others that are nearer
+    # names one of the things within a metre: the right category comes before a nearer thing of another one
     near = [goal for goal in here if planar_distance(point, goal.position) <= SUCCESS_RADIUS]
     same = [goal for goal in near if goal.object_category == episode.record.object_category]
     nearest = min(

@@ -16,13 +16,13 @@ from ..encoders.protocol import ORACLE_SUFFIX
 from ..evaluation.settings import GroundSettings
 
 RADII = np.round(np.arange(0.0, 10.01, 0.25), 2)
-"""(R,) metres of the curves over distance."""
+"""(R,) distances of the curves over distance, metres."""
 _METHODS = ("random", "center", "qs", "rpg")
 """The paper's methods in its order; others follow, sorted by name."""
 _OF_ROW = ("phrases", "layout", "features", "frame", "method")
 """Config keys that say how a method works; the others describe the map."""
 _MAP_FOLDER = "maps"
-"""Config key of the folder of map files: it tells maps apart where they were made elsewhere."""
+"""Config key of the folder of map files: it tells apart maps that were made elsewhere."""
 _TEXT_ENCODERS = {"hashed": "hashed words", "minilm": "MiniLM"}
 _DEFAULTS = {field.name: field.default for field in fields(GroundSettings)}
 _KIND_NAMES = {
@@ -48,7 +48,7 @@ class MapVariant:
     scene_kind: str
     dataset_digest: str
     options: tuple[tuple[str, ConfigValue], ...] = ()
-    """Values that differ from the default, by name; empty for people, who have the home itself."""
+    """Values that differ from the default, by name; empty for people, who see the home itself."""
 
     @property
     def title(self) -> str:
@@ -85,16 +85,16 @@ class MethodTrials:
     within: NDArray[np.float64]
     """(N, R) share of the episode's trials whose first point is within each of RADII of the target."""
     top3_within: NDArray[np.float64] | None
-    """(N, R) the same for the nearest of three points; None for people, and where a run holds only the first point."""
+    """(N, R) the same for the nearest of three points; None for people, and if a run holds only the first point."""
     success: NDArray[np.float64]
-    """(N,) share of its trials that succeed, as stored with the run."""
+    """(N,) share of the episode's trials that succeed, as stored with the run."""
     top3: NDArray[np.float64]
     """(N,) the same for any of three points."""
     num_trials: int
     num_fallbacks: int
-    """Trials whose phrases were read by rules because the language model gave none."""
+    """Number of trials whose phrases were read by rules because the language model gave none."""
     is_ranked: bool
-    """Whether points are ranked by scores: people give one point, and no score."""
+    """Whether points are ranked by scores; people give one point and no score."""
 
     @cached_property
     def homes(self) -> tuple[str, ...]:
@@ -118,7 +118,7 @@ def variant_of(info: RunInfo) -> MapVariant:
         if name not in _OF_ROW and not name.endswith("_code") and (name in always or value != _DEFAULTS.get(name, ""))
         if name != _MAP_FOLDER or info.config.get("map") == "files"
     }
-    shown.setdefault("map", info.condition)  # for runs of another program
+    shown.setdefault("map", info.condition)  # in case another program made the run
     return MapVariant(info.scene_kind, info.dataset_digest, tuple(sorted(shown.items())))
 
 

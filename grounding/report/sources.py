@@ -1,4 +1,4 @@
-"""Notes on the sources of grounding figures: map words, phrases, and the paper's printed figures on its own maps.
+"""Notes on the sources of grounding figures: the map's texts, the phrases, and the paper's figures on its own maps.
 
 Every table of POG figures, in every form, takes its line about sources from here.
 """
@@ -19,7 +19,7 @@ PAPER_POG: dict[str, tuple[float, float, float, float]] = {
     "human": (95.3, 89.1, 83.4, 87.0),
 }
 """Easy, medium, hard, total in percent (paper, POG Results); people had the scans' GLB files. RPG's total is as
-printed, though its splits have mean 21.4."""
+printed, although the mean of its splits is 21.4."""
 _NOT_COMPARABLE = (
     "Not comparable with the paper: its maps were made by a vision model from renders of HM3D; oracle maps hold the "
     "captions of the same episode files that the queries come from (circular). They rank methods and do not predict "
@@ -35,8 +35,9 @@ _PHRASES = {
 def pog_notes(infos: Sequence[RunInfo]) -> tuple[str, ...]:
     """The notes beside the POG figures of runs on one kind of map, in every form; empty for people alone.
 
-    They say where map words, phrases and storey come from; which methods have a row with the dataset's phrases but none
-    with phrases read by rules; and on oracle maps the paper's figures, and why they cannot be compared.
+    They say where the map's texts, the phrases and the storey come from, and which methods have a row with the
+    dataset's phrases but none with phrases read by rules. On oracle maps they give the paper's figures and say why they
+    cannot be compared.
     """
     agents = [info for info in infos if info.who_kind == "agent"]
     if not agents:

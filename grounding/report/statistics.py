@@ -1,7 +1,7 @@
 """Intervals of success rates over episodes of several homes: by episode (Wilson), and by home (cluster bootstrap).
 
 Episodes of one home share its map and resemble each other. An interval that treats episodes as independent holds for
-more questions about these homes; one that draws whole homes again holds for other homes, as claims usually mean.
+more questions about these homes; one that resamples whole homes holds for other homes, which claims usually are about.
 """
 
 import math
@@ -42,7 +42,7 @@ def mean_of_shares(shares: Sequence[float], ranges: Sequence[Range]) -> Range:
 
 
 def mean_of_splits(values: NDArray[np.float64], splits: Sequence[str]) -> float:
-    """Plain mean of the means in each split of values (N,), whose splits are (N,)."""
+    """Plain mean of the splits' means of values (N,); `splits` (N,) names the split of each value."""
     names = np.asarray(splits)
     return float(np.mean([values[names == split].mean() for split in sorted(set(splits))]))
 
@@ -53,14 +53,14 @@ def percent(interval: Range | None) -> Range | None:
 
 
 class HomeDraws:
-    """Homes drawn again, with replacement; the same draws for every figure, so that differences are paired."""
+    """Homes resampled with replacement; every figure uses the same draws, so that differences are paired."""
 
     def __init__(self, homes: Sequence[str], *, seed: int, num_resamples: int = NUM_RESAMPLES) -> None:
         """Draws the homes.
 
         Args:
             homes: Names; the order does not matter.
-            seed: Same seed and homes, same draws.
+            seed: The same seed and homes give the same draws.
             num_resamples: Number of draws.
         """
         self._place = {name: index for index, name in enumerate(sorted(set(homes)))}
@@ -73,12 +73,12 @@ class HomeDraws:
 
         Args:
             values: One per episode: a share, or a difference of two.
-            homes: (N,) the home of each; all of them were drawn.
+            homes: (N,) the home of each; all must be among the names given at the start.
             strata: (N,) the split of each.
 
         Returns:
-            None with fewer than FEWEST_HOMES homes among these, and where all values are alike, which tells nothing of
-            how homes differ. Draws that hold no episode of a stratum are left out.
+            None with fewer than FEWEST_HOMES homes among these, and if all values are equal, which says nothing about
+            how homes differ. Draws without an episode of some stratum are left out.
         """
         if len(set(homes)) < FEWEST_HOMES or self._times is None or not np.ptp(values):
             return None

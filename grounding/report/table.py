@@ -1,8 +1,8 @@
-"""The paper's POG table of run folders, with curves and paired differences; numbers only, nothing is drawn here.
+"""Computes the paper's POG table of run folders, with curves and paired differences; numbers only, no drawing.
 
-Oracle maps, maps of schematic homes, of invented homes and of scans each have tables of their own, and so has each
-variant of a map (encoder, noise, storey given or not). The paper's figures are shown beside ours with the note that
-they were measured on its HM3D maps, which are none of these.
+Oracle maps, maps of schematic homes, of invented homes and of scans each have their own tables, and so does each
+variant of a map (encoder, noise, storey given or not). The paper's figures stand beside ours with the note that they
+were measured on its HM3D maps, which are none of these.
 """
 
 from collections import defaultdict
@@ -21,7 +21,7 @@ from .sources import PAPER_POG, pog_notes
 from .statistics import FEWEST_HOMES, HomeDraws, Range, mean_of_shares, mean_of_splits, percent, wilson
 
 TOTAL = "total"
-"""Plain mean of the splits, as the paper's column."""
+"""Plain mean of the splits, as in the paper's column."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -33,7 +33,7 @@ class PogCell(BaseModel):
     n: int
     """Episodes."""
     k: float
-    """Successes; with fractions where trials of an episode were averaged."""
+    """Number of successes; a fraction if trials of an episode were averaged."""
     sr: float
     by_episode: Range
     by_home: Range | None
@@ -209,7 +209,7 @@ def _total_cell(row: MethodTrials, cells: Sequence[PogCell], draws: HomeDraws) -
 
 
 def _difference(first: MethodTrials, second: MethodTrials, draws: HomeDraws) -> PogDifference | None:
-    """None where no episode was answered by both."""
+    """The paired difference of two rows; None if no episode was answered by both."""
     places = {key: index for index, key in enumerate(second.keys)}
     pairs = [(index, places[key]) for index, key in enumerate(first.keys) if key in places]
     if not pairs:

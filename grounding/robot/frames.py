@@ -1,4 +1,4 @@
-"""A folder of a real robot's posed RGB-D pictures as `PosedFrame`s, for the same map builders as simulated views.
+"""Reads a folder of a real robot's posed RGB-D pictures as `Frame`s, for the same map builders as simulated views.
 
 `color/*.jpg|png`, `depth/*.png` (16 bit, mm), `poses/*.txt` or a trajectory file, `intrinsics.json|txt`; other names
 are in layout.py. Frames that cannot be used are skipped and counted by reason. Pictures are read when needed.
@@ -15,21 +15,21 @@ from PIL import Image
 from sim.errors import SceneError
 from sim.frames import CameraAxes
 from sim.scans.up_axis import Up
+from sim.types import Camera, Frame
 
-from ..types import Intrinsics, PosedFrame
 from .layout import RobotFiles, find_files, matching, read_intrinsics
 from .poses import BadPose, T_map_camera_of, pose_lines, pose_of_file, up_warning
 
 MM_PER_METRE = 1000.0
 _NO_RETURN = 65535
-"""Value without a return in 16-bit depth, besides 0 (7-Scenes)."""
+"""Another value besides 0 that means no return in 16-bit depth (7-Scenes)."""
 Reason = (
     Literal["no depth picture", "picture not readable", "another size", "depth not 16 bit", "empty depth"] | BadPose
 )
 
 
 class FrameCounts:
-    """Counts found pictures, and those that were not used, by reason; it grows while the pictures are read."""
+    """Counts the pictures found, and the unused ones by reason; it grows while the pictures are read."""
 
     def __init__(self, num_found: int) -> None:
         """Starts without skipped pictures."""
@@ -64,38 +64,36 @@ class _Place(NamedTuple):
 class RobotFrames:
     """The usable frames of a recording, in order; each pass over them reads the pictures again."""
 
-    def __init__(
-        self, places: list[_Place], intrinsics: Intrinsics, *, depth_per_metre: float, counts: FrameCounts
-    ) -> None:
-        """Is called by `read_robot_frames`."""
+    def __init__(self, places: list[_Place], camera: Camera, *, depth_per_metre: float, counts: FrameCounts) -> None:
+        """Takes the matched files; call `read_robot_frames` instead."""
         self._places = places
-        self._intrinsics = intrinsics
+        self._camera = camera
         self._depth_per_metre = depth_per_metre
         self._counts = counts
 
     def __len__(self) -> int:
-        """Number of frames with a pose and both pictures; iteration gives fewer where a picture is damaged."""
+        """Number of frames with a pose and both pictures; iteration gives fewer if a picture is damaged."""
         return len(self._places)
 
-    def __iter__(self) -> Iterator[PosedFrame]:
+    def __iter__(self) -> Iterator[Frame]:
         """The frames; damaged and empty ones are counted and left out."""
         return self._loaded(self._places)
 
-    def some(self, count: int) -> list[PosedFrame]:
+    def some(self, count: int) -> list[Frame]:
         """At most `count` frames, spread evenly."""
         chosen = np.unique(np.linspace(0, len(self._places) - 1, count).round().astype(np.int64))
         return list(self._loaded([self._places[index] for index in chosen.tolist()]))
 
-    def _loaded(self, places: list[_Place]) -> Iterator[PosedFrame]:
+    def _loaded(self, places: list[_Place]) -> Iterator[Frame]:
         for place in places:
             frame = self._frame(place)
-            if isinstance(frame, PosedFrame):
+            if isinstance(frame, Frame):
                 yield frame
             else:
                 self._counts.skip(frame, place.colour.name)
 
-    def _frame(self, place: _Place) -> PosedFrame | Reason:
-        size = (self._intrinsics.width, self._intrinsics.height)
+    def _frame(self, place: _Place) -> Frame | Reason:
+        size = (self._camera.width, self._camera.height)
         try:
             with Image.open(place.colour) as image:
                 rgb = np.asarray(_resized(image.convert("RGB"), size))
@@ -106,7 +104,7 @@ class RobotFrames:
         depth_m = np.where(depth == _NO_RETURN, 0, depth).astype(np.float32) / np.float32(self._depth_per_metre)
         if not depth_m.any():
             return "empty depth"
-        return PosedFrame(rgb, depth_m, place.T_map_camera, self._intrinsics)
+        return Frame(rgb, depth_m, place.T_map_camera, self._camera)
 
 
 def read_robot_frames(
@@ -123,9 +121,9 @@ def read_robot_frames(
 
     Args:
         folder: Folder as described in this module and layout.py.
-        up: Which axis of the poses' frame points up; the map is y-up, (x, y, z) of a z-up frame becomes (x, z, -y).
+        up: Which axis of the poses' frame points up. The map is y-up: (x, y, z) of a z-up frame becomes (x, z, -y).
         camera_axes: Camera axes of the poses; `opencv` looks along +z with y down.
-        depth_per_metre: Depth units per metre; default the value in the intrinsics file, else millimetres.
+        depth_per_metre: Depth units per metre; None = the value in the intrinsics file, or else millimetres.
 
     Raises:
         SceneError: Files are missing or damaged, or no frame can be used.
@@ -149,13 +147,13 @@ def read_robot_frames(
             f"pictures with depth and a pose ({_examples(files)}). Rename the files so that their numbers or times "
             "match."
         )
-    intrinsics, scale = read_intrinsics(files.intrinsics, colour_size=colour_size, depth_size=depth_size)
+    camera, scale = read_intrinsics(files.intrinsics, colour_size=colour_size, depth_size=depth_size)
     places = [
         _Place(colour, depth, T_map_camera_of(pose, up=up, camera_axes=camera_axes)) for colour, depth, pose in usable
     ]
     counts.warning = up_warning([place.T_map_camera for place in places])
     units = depth_per_metre or scale or MM_PER_METRE
-    return RobotFrames(places, intrinsics, depth_per_metre=units, counts=counts), counts
+    return RobotFrames(places, camera, depth_per_metre=units, counts=counts), counts
 
 
 def _poses(files: RobotFiles) -> dict[str, NDArray[np.float64] | BadPose]:

@@ -15,8 +15,8 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import SceneError, line_from_validation_error
 from sim.files import bounded_json
+from sim.types import Camera
 
-from ..types import Intrinsics
 from .poses import MAX_APART
 
 _PICTURES = (".jpg", ".jpeg", ".png")
@@ -39,7 +39,7 @@ _INTRINSICS = (
 )
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 HALF_PIXEL = 0.5
-"""Files count pixel centres from 0 (OpenCV, ROS); ours are at +0.5 (`Intrinsics`)."""
+"""Files put the first pixel's centre at 0 (OpenCV, ROS); ours is at 0.5 (`Camera`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class RobotFiles:
     """Colour pictures by key, in order."""
     depth: dict[str, Path]
     poses: dict[str, Path]
-    """Files with one matrix each; empty where there is a trajectory."""
+    """Files with one matrix each; empty if there is a trajectory."""
     trajectory: Path | None
     """One file with all poses."""
     intrinsics: Path
@@ -96,7 +96,7 @@ def find_files(folder: Path) -> RobotFiles:
 
 
 def matching(key: str, files: dict[str, Path]) -> Path | None:
-    """The file with this key; with time stamps the nearest one, at most MAX_APART seconds away."""
+    """The file with this key; for time stamps the nearest one, at most MAX_APART seconds away."""
     if key in files or "." not in key:
         return files.get(key)
     stamps = [other for other in files if "." in other]
@@ -108,10 +108,10 @@ def matching(key: str, files: dict[str, Path]) -> Path | None:
 
 def read_intrinsics(
     path: Path, *, colour_size: tuple[int, int], depth_size: tuple[int, int]
-) -> tuple[Intrinsics, float | None]:
-    """Intrinsics for pictures of the depth's size, and depth units per metre where the file gives them.
+) -> tuple[Camera, float | None]:
+    """The camera of pictures of the depth's size, and depth units per metre where the file gives them.
 
-    A file that gives width and height, or has `depth` or `color` in its name, may be for either size and is scaled.
+    A file that gives width and height, or has `depth` or `color` in its name, may be for either size; it is scaled.
     Colour and depth must be registered: the same camera, or one mapped onto the other.
 
     Args:
@@ -143,11 +143,11 @@ def read_intrinsics(
             f"{path}: fx fy cx cy are {values} for pictures of {size[0]} x {size[1]}; expected positive focal lengths "
             "and a middle inside of the picture, in pixels. Correct the file."
         )
-    return Intrinsics(*depth_size, fx * across, fy * down, cx, cy), scale
+    return Camera.of_lens(*depth_size, fx=fx * across, fy=fy * down, cx=cx, cy=cy), scale
 
 
 def _first(folder: Path, places: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Path]:
-    """The files in the first of these places that has any, by key, in the order of the keys."""
+    """The files in the first of these places that holds any, by key, in the order of the keys."""
     for place in places:
         head, _, start = place.rpartition("/")
         if place.startswith("*"):

@@ -1,4 +1,4 @@
-"""Poses of a robot's recording as text files: a 4 x 4 matrix per frame, or one file of TUM or matrix lines."""
+"""Reads the poses of a robot's recording: text files with a 4 x 4 matrix each, or one file of TUM or matrix lines."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -64,7 +64,7 @@ def pose_of_numbers(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
 
 
 def pose_lines(path: Path) -> PoseLines:
-    """The poses of a file of lines `time tx ty tz qx qy qz qw` (TUM), or of 16 or 12 numbers in the pictures' order.
+    """The poses in a file with lines `time tx ty tz qx qy qz qw` (TUM), or of 16 or 12 numbers in the pictures' order.
 
     Raises:
         SceneError: A line has another form.
@@ -106,7 +106,7 @@ def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axe
 
     Args:
         T_recording_body: (4, 4) pose in the recording's own axes.
-        up: Which axis of the recording's frame points up; z-up is turned to y-up as scans are: (x, z, -y).
+        up: Which axis of the recording's frame points up; z-up is turned to y-up, as for scans: (x, z, -y).
         camera_axes: Axes of the recording's camera.
     """
     T_body_camera = np.eye(4)
@@ -116,7 +116,7 @@ def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axe
 
 
 def up_warning(Ts_map_camera: Sequence[NDArray[np.float64]]) -> str:
-    """A warning if the pictures' own up points sideways or down on average, else ""; few cameras lie on their sides."""
+    """A warning if the pictures' up axis points sideways or down on average, else ""; few cameras lie on their side."""
     if not len(Ts_map_camera):
         return ""
     mean = -np.mean([T[:3, 1] for T in Ts_map_camera], axis=0)

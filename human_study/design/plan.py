@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -34,6 +34,16 @@ class StudyScene(BaseModel):
     """Homes of one group have one condition for a person; 0 where there is one condition."""
 
 
+class Slot(NamedTuple):
+    """An episode in a condition, for one person at a time."""
+
+    task: TaskKind
+    condition: Condition
+    key: EpisodeKey
+    rep: int
+    """As in `PlannedTrial`."""
+
+
 class PlannedTrial(BaseModel):
     """One trial of one participant."""
 
@@ -49,10 +59,30 @@ class PlannedTrial(BaseModel):
     rep: int = Field(default=0, ge=0)
     """Number of the person among those who do this episode in this condition, from 1; 0 outside `main`."""
 
+    @classmethod
+    def of(cls, slot: Slot, *, order_no: int, phase: Phase) -> "PlannedTrial":
+        """The trial that a participant does at this place of the order."""
+        task, condition, (split, scene, episode_id), rep = slot
+        return cls(
+            order_no=order_no,
+            phase=phase,
+            task=task,
+            condition=condition,
+            split=split,
+            scene=scene,
+            episode_id=episode_id,
+            rep=rep,
+        )
+
     @property
     def key(self) -> EpisodeKey:
         """The episode."""
         return EpisodeKey(self.split, self.scene, self.episode_id)
+
+    @property
+    def slot(self) -> Slot:
+        """The slot that the participant holds until the trial is given back."""
+        return Slot(self.task, self.condition, self.key, self.rep)
 
 
 class PlannedParticipant(BaseModel):
@@ -65,7 +95,7 @@ class PlannedParticipant(BaseModel):
     arm: int = Field(default=0, ge=0)
     """Shifts the conditions over the groups of homes."""
     trials: tuple[PlannedTrial, ...]
-    """The trials in order. A spare person has none of phase `main`, and later gets those that others leave."""
+    """The trials in order. A spare person has none of phase `main`, and later gets the trials that others leave."""
 
 
 class StudyPlan(BaseModel):

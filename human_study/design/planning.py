@@ -2,21 +2,23 @@
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from sim.errors import StudyError
-from sim.types import EpisodeKey, TaskKind
+from sim.types import EpisodeKey, Split, TaskKind
+from sim.words.english import how_many
 
 from .max_flow import flow_of
-from .ordering import in_order
-from .plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, with_groups
+from .plan import Phase, PlannedParticipant, PlannedTrial, Slot, StudyPlan, StudyScene, with_groups
 from .study import Condition, StudyConfig
 
+T = TypeVar("T")
 _MORE_PEOPLE = 200
-"""This many people more than the minimum are tried before a plan counts as impossible."""
+"""Number of people above the minimum that are tried before a plan counts as impossible."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +30,6 @@ class Practice:
     """Practice episodes, easiest first; used in turns."""
     check_keys: tuple[EpisodeKey, ...] = ()
     """Episodes of attention trials, whose target is in plain view; used in turns."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Slot:
-    """An episode in a condition, for one person."""
-
-    condition: Condition
-    key: EpisodeKey
-    rep: int = 0
 
 
 def make_plan(
@@ -69,7 +62,7 @@ def make_plan(
     homes = sorted(scenes, key=lambda scene: scene.name)
     grouped = with_groups(config, homes, [int(place) for place in rng.permutation(len(homes))])
     groups = {scene.name: scene.group for scene in grouped}
-    people: list[tuple[TaskKind, int, list[_Slot]]] = []
+    people: list[tuple[TaskKind, int, list[Slot]]] = []
     by_task = [_people(config, task, keys, groups, rng) for task in config.task]
     for place in range(max(len(found) for found in by_task)):  # tasks in turns
         for task, found in zip(config.task, by_task, strict=True):
@@ -93,6 +86,41 @@ def make_plan(
     return draft.model_copy(update={"participants": tuple(planned), "changes": _changes(config, planned)})
 
 
+def in_order(items: Sequence[T], rng: np.random.Generator, *, key: Callable[[T], EpisodeKey]) -> list[T]:
+    """The items in a random order in which all splits progress evenly.
+
+    Args:
+        items: The items in a fixed order, so that only `rng` decides (sort them first).
+        rng: Draws the order.
+        key: The episode of an item.
+    """
+    left = [items[place] for place in rng.permutation(len(items))]
+    totals: Counter[Split] = Counter(key(item).split for item in left)
+    homes: Counter[str] = Counter(key(item).scene for item in left)
+    splits = totals.copy()
+    ordered: list[T] = []
+    last = ""
+    while left:
+        must = next((home for home, count in homes.items() if home != last and count > len(left) // 2), None)
+
+        def cost(item: T, last: str = last, must: str | None = must) -> tuple[bool, bool, float]:
+            """Costs of the same home again, of not choosing a home that must be every second one, of a split ahead."""
+            episode = key(item)
+            return (
+                episode.scene == last,
+                must is not None and episode.scene != must,
+                -splits[episode.split] / totals[episode.split],
+            )
+
+        best = min(left, key=cost)
+        left.remove(best)
+        ordered.append(best)
+        last = key(best).scene
+        homes[last] -= 1
+        splits[key(best).split] -= 1
+    return ordered
+
+
 def _changes(config: StudyConfig, people: Sequence[PlannedParticipant]) -> tuple[str, ...]:
     """Requests of the study file that the plan does not meet, with the reasons."""
     main = [[trial for trial in person.trials if trial.phase == "main"] for person in people]
@@ -104,49 +132,51 @@ def _changes(config: StudyConfig, people: Sequence[PlannedParticipant]) -> tuple
         per_home = Counter(key.scene for key in {trial.key for trials in main for trial in trials})
         changes.append(
             f"design.trials_per_person: {asked} asked, {planned} planned, because {len(counts)} people, the fewest "
-            f"among whom nobody meets a home twice, share {sum(counts)} counted trials evenly ({len(per_home)} "
-            f"home{'s' if len(per_home) > 1 else ''}, up to {max(per_home.values())} episodes in one)"
+            f"among whom nobody meets a home twice, share {sum(counts)} counted trials evenly "
+            f"({how_many(len(per_home), 'home')}, up to {max(per_home.values())} episodes in one)"
         )
     if every is not None and not any(trial.phase == "check" for person in people for trial in person.trials):
-        changes.append(f"checks.every: {every} asked, no attention trial planned, because nobody has so many trials")
+        changes.append(f"checks.every: {every} asked, no attention trial planned, because nobody has that many trials")
     return tuple(changes)
 
 
 def _people(
     config: StudyConfig, task: TaskKind, keys: list[EpisodeKey], groups: dict[str, int], rng: np.random.Generator
-) -> list[tuple[int, list[_Slot]]]:
+) -> list[tuple[int, list[Slot]]]:
     """(arm, slots) of each person who does the task."""
     conditions = config.conditions(task)
     if config.design.kind == "crossed":
         num_people = config.design.raters_per_episode * len(conditions)
         chosen = [
-            [_Slot(_condition(conditions, groups, key, person), key) for key in keys] for person in range(num_people)
+            [Slot(task, _condition(conditions, groups, key, person), key, 0) for key in keys]
+            for person in range(num_people)
         ]
     else:
-        chosen = _house_once(config, conditions, keys, groups, rng)
+        chosen = _house_once(config, task, keys, groups, rng)
     raters: Counter[tuple[Condition, EpisodeKey]] = Counter()
     people = []
     for person, slots in enumerate(chosen):
         numbered = []
         for slot in slots:
             raters[slot.condition, slot.key] += 1
-            numbered.append(_Slot(slot.condition, slot.key, raters[slot.condition, slot.key]))
+            numbered.append(slot._replace(rep=raters[slot.condition, slot.key]))
         people.append((person % len(conditions), numbered))
     return people
 
 
 def _house_once(
     config: StudyConfig,
-    conditions: tuple[Condition, ...],
+    task: TaskKind,
     keys: list[EpisodeKey],
     groups: dict[str, int],
     rng: np.random.Generator,
-) -> list[list[_Slot]]:
+) -> list[list[Slot]]:
     """Slots of each person, never twice in one home: the fewest people that a maximum flow allows, as even as possible.
 
     Raises:
         StudyError: No number of people is enough.
     """
+    conditions = config.conditions(task)
     raters, most = config.design.raters_per_episode, config.design.trials_per_person or len(groups)
     num_slots = raters * len(keys) * len(conditions)
     per_home = Counter(key.scene for key in keys)
@@ -167,18 +197,17 @@ def _house_once(
             loads = [("from", f"person {person}", each) for person in order]
             flow = flow_of([*loads, *edges], source="from", sink="to")
             if sum(amount for (tail, _), amount in flow.items() if tail == "from") == num_slots:
-                return _slots_of(flow, num_people, conditions, keys)
+                by_name = {f"episode {of} {key}": Slot(task, of, key, 0) for of in conditions for key in keys}
+                return _slots_of(flow, num_people, by_name)
     raise StudyError(
         f"study {config.study}: design house-once with {most} trials a person and {max(per_home.values())} episodes in "
         f"one home found no plan with up to {least + _MORE_PEOPLE} people; expected one. Lower dataset.max_per_scene."
     )
 
 
-def _slots_of(
-    flow: dict[tuple[str, str], int], num_people: int, conditions: tuple[Condition, ...], keys: list[EpisodeKey]
-) -> list[list[_Slot]]:
-    by_name = {f"episode {condition} {key}": _Slot(condition, key) for condition in conditions for key in keys}
-    slots: dict[int, list[_Slot]] = defaultdict(list)
+def _slots_of(flow: dict[tuple[str, str], int], num_people: int, by_name: dict[str, Slot]) -> list[list[Slot]]:
+    """Slots of each person in a flow; `by_name` has them by the names of their nodes."""
+    slots: dict[int, list[Slot]] = defaultdict(list)
     for tail, head in flow:
         if tail.startswith("visit "):
             slots[int(tail.split()[1])].append(by_name[head])
@@ -189,26 +218,23 @@ def _condition(conditions: tuple[Condition, ...], groups: dict[str, int], key: E
     return conditions[(groups[key.scene] + person % len(conditions)) % len(conditions)]
 
 
-def _trials(
-    config: StudyConfig, task: TaskKind, slots: Sequence[_Slot], practice: Practice
-) -> tuple[PlannedTrial, ...]:
+def _trials(config: StudyConfig, task: TaskKind, slots: Sequence[Slot], practice: Practice) -> tuple[PlannedTrial, ...]:
     """A person's trials: practice first, then the counted ones with attention trials between them."""
     conditions = config.conditions(task)
     num_practice = config.practice.pan if task == "pan" else config.practice.pog
     trials: list[PlannedTrial] = []
 
-    def add(phase: str, condition: Condition, key: EpisodeKey, rep: int = 0) -> None:
-        names = {"split": key.split, "scene": key.scene, "episode_id": key.episode_id}
-        number = len(trials) + 1
-        trials.append(PlannedTrial(order_no=number, phase=phase, task=task, condition=condition, rep=rep, **names))  # type: ignore[arg-type]
+    def add(phase: Phase, slot: Slot) -> None:
+        trials.append(PlannedTrial.of(slot, order_no=len(trials) + 1, phase=phase))
 
     for number in range(num_practice):
-        add("practice", conditions[number % len(conditions)], practice.keys[number % len(practice.keys)])
+        key = practice.keys[number % len(practice.keys)]
+        add("practice", Slot(task, conditions[number % len(conditions)], key, 0))
     for number, slot in enumerate(slots, start=1):
-        add("main", slot.condition, slot.key, slot.rep)
+        add("main", slot)
         if config.checks.every is not None and number % config.checks.every == 0:
             place = number // config.checks.every - 1
-            add("check", slot.condition, practice.check_keys[place % len(practice.check_keys)])
+            add("check", slot._replace(key=practice.check_keys[place % len(practice.check_keys)], rep=0))
     return tuple(trials)
 
 

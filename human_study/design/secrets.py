@@ -1,8 +1,11 @@
-"""`secrets.json` of a study: personal tokens and the study's own key. Readable by the owner only, never exported."""
+"""Secrets and ids: personal tokens (the store keeps only their hash), the file that holds them, ids of the server."""
 
 import base64
+import hashlib
+import hmac
 import json
 import secrets
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,8 +14,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from sim.errors import StudyError, line_from_validation_error
 
 from ..private_files import write_private
-from ..tickets import new_token
 
+_CROCKFORD = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
+_TOKEN_BYTES = 16
+"""128 bit (HUMAN_STUDY.md, section 7)."""
 SECRETS_FILE = "secrets.json"
 
 
@@ -32,7 +37,7 @@ class StudySecrets(BaseModel):
 
 
 def load_secrets(folder: Path) -> StudySecrets:
-    """The study's secrets; empty ones where there are none yet.
+    """The study's secrets; empty where there are none yet.
 
     Raises:
         StudyError: The file is damaged.
@@ -61,3 +66,24 @@ def make_secrets(folder: Path, codes: Sequence[str]) -> StudySecrets:
     if made != found:
         write_private(folder / SECRETS_FILE, json.dumps(made.model_dump(), indent=1) + "\n")
     return made
+
+
+def new_token() -> str:
+    """A fresh personal token of 128 random bits, as 22 characters that are safe in a link."""
+    return secrets.token_urlsafe(_TOKEN_BYTES)
+
+
+def token_hash(token: str) -> str:
+    """sha256 of a token, 64 hex digits: all that the store keeps of it."""
+    return hashlib.sha256(token.encode()).hexdigest()
+
+
+def token_matches(token: str, stored_hash: str) -> bool:
+    """Whether `stored_hash` is this token's hash; takes the same time wherever they differ."""
+    return hmac.compare_digest(token_hash(token), stored_hash)
+
+
+def new_id() -> str:
+    """A ULID: 26 characters that sort by the millisecond they were made in and cannot be guessed."""
+    number = (time.time_ns() // 1_000_000) << 80 | secrets.randbits(80)
+    return "".join(_CROCKFORD[number >> shift & 31] for shift in range(125, -1, -5))

@@ -90,7 +90,7 @@ class StudyDesign(BaseModel):
     trials_per_person: Annotated[int, Field(ge=1)] | None = None
     """Counted trials; None = as many as the design gives (crossed: all)."""
     overbook: Annotated[float, Field(ge=1, le=3)] = 1.0
-    """1.15 makes 15 % more links than needed; these people get the trials that others leave."""
+    """1.15 makes 15 % more links than needed; the people who use them get the trials that others leave."""
 
 
 class StudyMemory(BaseModel):
@@ -239,7 +239,7 @@ class StudyConfig(BaseModel):
     resume_within_s: Seconds = 600.0
     """After a longer absence the trial has ended as `abandoned`."""
     hidden_max_s: Seconds | None = 60.0
-    """A trial whose page was in the background for longer is flagged, and still counts; None = no flags."""
+    """A trial is flagged when its page was in the background for longer, and still counts; None = no flags."""
     lease_s: Annotated[float, Field(gt=0)] = 900.0
     """After a longer absence in the middle of the study, the remaining trials go to others."""
     camera: StudyCamera = StudyCamera()

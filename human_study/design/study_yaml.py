@@ -27,7 +27,7 @@ def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
 
     Raises:
         OSError: The file cannot be read.
-        StudyError: The file is not YAML, repeats a field, has keys that are no text, or values that JSON cannot hold.
+        StudyError: The file is not YAML, repeats a field, has keys that are not text, or values that JSON cannot hold.
     """
     content = bounded_bytes(path, MAX_BYTES)
     try:
@@ -49,7 +49,7 @@ def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """YAML that refuses duplicate keys and keys that are no text."""
+    """YAML that refuses duplicate keys and keys that are not text."""
 
     def get_single_node(self) -> yaml.Node | None:
         """The whole document, unless it has too many values.
@@ -69,7 +69,7 @@ class _StrictLoader(yaml.SafeLoader):
         """The mapping.
 
         Raises:
-            yaml.YAMLError: A key is repeated, or is no text.
+            yaml.YAMLError: A key is repeated, or is not text.
         """
         seen: set[str] = set()
         for key_node, _ in node.value if isinstance(node, yaml.MappingNode) else ():

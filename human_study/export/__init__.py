@@ -1,1 +1,1 @@
-"""A study's records as files, and whether they hold together: tables, run folders, verification."""
+"""Exports a study's records as tables and run folders, and verifies them."""

@@ -1,4 +1,4 @@
-"""The meaning of every exported column, from the models of the rows: type, unit and the line under the field."""
+"""The meaning of every exported column, from the rows' models: its type, its unit and the line under its field."""
 
 import types
 from collections.abc import Mapping
@@ -26,10 +26,10 @@ class Column:
     name: str
     type: ColumnType
     unit: str
-    """Empty where a column has none."""
+    """The unit; empty where a column has none."""
     is_optional: bool
     choices: tuple[str, ...]
-    """All possible values of a closed set; () elsewhere."""
+    """All possible values, where these are a closed set; else ()."""
     meaning: str
 
 
@@ -39,11 +39,11 @@ def columns_of(model: type[BaseModel]) -> tuple[Column, ...]:
 
 
 def dictionary_text(title: str, tables: Mapping[str, tuple[str, type[BaseModel]]]) -> str:
-    """`data_dictionary.md`.
+    """The text of `data_dictionary.md`.
 
     Args:
         title: First line.
-        tables: (what one row is, row model) by table name.
+        tables: (meaning of one row, row model) by table name.
     """
     parts = [
         f"# {title}",
@@ -83,7 +83,7 @@ def _column(name: str, field: FieldInfo) -> Column:
 
 
 def _options(annotation: Any) -> list[Any]:
-    """The members of a union, also of nested ones; the type itself where it is none."""
+    """The members of a union and of unions inside it; the type itself where it is not a union."""
     if get_origin(annotation) in (Union, types.UnionType):
         return [option for member in get_args(annotation) for option in _options(member)]
     return [annotation]
@@ -94,7 +94,7 @@ def _metadata(options: list[Any]) -> list[Any]:
 
 
 def _type_name(options: list[Any]) -> ColumnType:
-    """What people and file formats call the type."""
+    """The name of the type for people and file formats."""
     bare = [get_args(option)[0] if hasattr(option, "__metadata__") else option for option in options]
     if all(get_origin(option) is Literal or option is str for option in bare):
         return "text"

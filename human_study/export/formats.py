@@ -1,4 +1,4 @@
-"""One table in three formats, the same bytes for the same rows: JSON lines, CSV and Parquet; and any table as CSV."""
+"""Writes a table as JSON lines, CSV and Parquet, with the same bytes for the same rows; and any table as CSV."""
 
 import io
 import json
@@ -23,8 +23,8 @@ def table_bytes(model: type[BaseModel], rows: Sequence[BaseModel]) -> dict[str, 
     """The table in each format, by file ending.
 
     Args:
-        model: Of each row; gives the columns, also of a table without rows.
-        rows: In the order in which they are written.
+        model: Model of each row; gives the columns, even for a table without rows.
+        rows: The rows, in the order in which they are written.
     """
     columns = columns_of(model)
     names = [column.name for column in columns]
@@ -41,12 +41,12 @@ def table_bytes(model: type[BaseModel], rows: Sequence[BaseModel]) -> dict[str, 
 
 
 def csv_lines(heads: Iterable[str], lines: Iterable[Sequence[object]]) -> str:
-    """CSV text with cells that a spreadsheet takes for what they are; empty where there is no value."""
+    """CSV text whose cells no spreadsheet reads as formulas; a cell without value is empty."""
     return "".join(",".join(_quoted(_csv_cell(value)) for value in line) + "\n" for line in (list(heads), *lines))
 
 
 def _quoted(text: str) -> str:
-    """A cell in quotes where it needs them; the csv module leaves a bare carriage return without any."""
+    """A cell, in quotes where it needs them; the csv module does not quote a bare carriage return."""
     return '"' + text.replace('"', '""') + '"' if _NEEDS_QUOTES.search(text) else text
 
 

@@ -1,4 +1,4 @@
-"""Read an export back and do its sums again: unchanged files, and every outcome is what the exported events give."""
+"""Reads an export back and checks it: files are unchanged, and every outcome follows from the exported events."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
@@ -18,8 +18,7 @@ from ..trial.outcome import Outcome, has_begun
 from .manifest import Manifest, read_manifest, require_unchanged
 from .rows import EventRow
 from .runs import run_condition
-from .trial_figures import TrialFigures, trial_figures
-from .trial_table import TrialRow, is_long_hidden
+from .trial_table import TrialFigures, TrialRow, is_long_hidden, trial_figures
 from .verify import TrialHome, first_difference, recompute, run_as_known
 
 Row = TypeVar("Row", bound=BaseModel)
@@ -30,18 +29,18 @@ _Counted = tuple[str, str, EpisodeKey]
 
 
 class ImportReport(BaseModel):
-    """What reading an export back found."""
+    """The result of reading an export back."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     folder: str
     num_files: int
-    """All as they were written."""
+    """Number of files; all are as they were written."""
     num_attempts: int
-    """Rows of attempts that ended."""
+    """Number of attempts that ended."""
     num_agreeing: int
-    """Of these, recomputed from their events with the same figures, and the same result in the run folders."""
+    """Attempts whose events give the same figures again, and that have the same result in the run folders."""
     num_unsupported: int
-    """Of these, done in another version of a home than the one given."""
+    """Attempts that were done in a different version of a home than the given one."""
     problems: tuple[str, ...]
     """One sentence for each attempt or run that does not agree."""
 
@@ -52,14 +51,14 @@ class ImportReport(BaseModel):
 
 
 def import_check(folder: Path, open_home: OpenHome) -> ImportReport:
-    """Compare an export with what its own events lead to.
+    """Compares an export with the results that its own events give.
 
     Args:
-        folder: That `export_study` wrote.
+        folder: The folder that `export_study` wrote.
         open_home: Opens the homes of the trials; each is opened once.
 
     Raises:
-        StudyError: A file is missing, was changed, or holds rows that are none.
+        StudyError: A file is missing, was changed, or holds invalid rows.
         DatasetError, SceneError: A home or an episode cannot be read.
     """
     manifest = read_manifest(folder)
@@ -98,10 +97,10 @@ def _difference(
     config: StudyConfig,
     in_runs: EpisodeRun | Answer | None,
 ) -> str | None:
-    """What does not agree about one attempt; `in_runs` is its result in the run folders."""
+    """The first disagreement about one attempt, None if all agrees; `in_runs` is its result in the run folders."""
     if row.left_out is None and in_runs is None:
         return "is in no run folder, though nothing leaves it out"
-    # whether a failure of ours ended it is the one thing that the record alone knows
+    # only the record knows whether a failure of ours ended the trial
     stored: Outcome = EpisodeEnd(reason=row.end_reason or "technical")
     if row.end_reason == "technical" and not has_begun(events):  # it failed before anything was shown
         return _other_figures(row, events, stored, config)
@@ -135,7 +134,7 @@ def _name_in_runs(row: TrialRow) -> _Counted:
 def _with_homes(
     rows: Sequence[TrialRow], manifest: Manifest, open_home: OpenHome
 ) -> Iterable[tuple[TrialRow, TrialHome]]:
-    """The rows by home, each with its home open; one home is open at a time."""
+    """Yields the rows, grouped by home, each with its open home; one home is open at a time."""
     scenes = {scene.name: scene for scene in (*manifest.scenes, *manifest.practice_scenes)}
     by_scene: defaultdict[str, list[TrialRow]] = defaultdict(list)
     for row in rows:
@@ -148,7 +147,7 @@ def _with_homes(
 
 
 def _counted(folder: Path, manifest: Manifest) -> dict[_Counted, EpisodeRun | Answer]:
-    """Every result in the run folders."""
+    """Every result in the run folders, by participant, condition and episode."""
     found: dict[_Counted, EpisodeRun | Answer] = {}
     for name in manifest.files:
         if name.endswith("/run.json"):

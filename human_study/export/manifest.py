@@ -1,4 +1,4 @@
-"""`manifest.json` of an export folder: every file with its hash, and what the records are of."""
+"""`manifest.json` of an export folder: every file with its hash, and facts about the study and its records."""
 
 import hashlib
 from collections.abc import Mapping
@@ -27,11 +27,11 @@ class ExportedFile(BaseModel):
 
 
 class LeftOutTrial(BaseModel):
-    """An attempt that is in the tables and in no run folder."""
+    """An attempt that is in the tables but in no run folder."""
 
     model_config = _MODEL
     attempt: str
-    """participant/order_no/attempt."""
+    """Name of the attempt: participant/order_no/attempt."""
     reason: str
 
 
@@ -45,36 +45,36 @@ class Manifest(BaseModel):
     """sha256 of the study's choices; all hash chains begin with it."""
     plan_version: str
     is_pilot: bool
-    """Served without an ethics id."""
+    """Whether the study was served without an ethics id."""
     plan_changes: tuple[str, ...] = ()
-    """What the study file asked for and the plan could not give, and why."""
+    """Wishes of the study file that the plan could not fulfil, each with the reason."""
     dataset_digest: str
     app_version: str
-    """Of personal-viz, which took the records."""
+    """Version of personal-viz that took the records."""
     tasks: tuple[TaskKind, ...]
     scenes: tuple[StudyScene, ...]
     practice_scenes: tuple[StudyScene, ...]
-    """Their episodes are in the folder `practice`."""
+    """Homes of practice trials; their episodes are in the folder `practice`."""
     num_participants: int
-    """Links with rows in the tables, used or not."""
+    """Number of links with rows in the tables, used or not."""
     num_deleted: int
-    """People who withdrew and whose records were deleted: nothing else of them is here."""
+    """Number of people who withdrew and whose records were deleted; nothing else about them is in the export."""
     num_not_begun: int
-    """Assigned trials that nobody opened."""
+    """Number of assigned trials that nobody opened."""
     left_out: tuple[LeftOutTrial, ...]
-    """Every begun attempt that is in no run folder, and why."""
+    """Every begun attempt that is in no run folder, with the reason."""
     head_hashes: dict[str, str]
-    """Hash of each attempt's last event; with the database it proves that nothing was changed since."""
+    """Hash of each attempt's last event; together with the database it proves that nothing was changed since."""
     files: dict[str, ExportedFile] = Field(min_length=1)
-    """By path inside the folder; all but this one."""
+    """All files except the manifest itself, by path inside the folder."""
     scene_labels: tuple[str, ...] = ()
-    """What must be said of results in these homes; () for scans, and in exports of older programs."""
+    """Labels that results in these homes must carry; () for scans, and in exports of older programs."""
     scene_terms: tuple[str, ...] = ()
-    """Whose terms the homes may stand under; () for invented homes and scans, and in exports of older programs."""
+    """Terms that may apply to the homes; () for invented homes and scans, and in exports of older programs."""
 
 
 def exported_file(content: bytes, num_rows: int | None) -> ExportedFile:
-    """The manifest's entry of a file."""
+    """The manifest's entry for a file."""
     return ExportedFile(sha256=hashlib.sha256(content).hexdigest(), num_bytes=len(content), num_rows=num_rows)
 
 
@@ -82,7 +82,7 @@ def read_manifest(folder: Path) -> Manifest:
     """The manifest of an export folder.
 
     Raises:
-        StudyError: There is none, or it is damaged.
+        StudyError: There is no manifest, or it is damaged.
     """
     path = folder / MANIFEST_FILE
     try:
@@ -97,10 +97,10 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def require_unchanged(folder: Path, manifest: Manifest) -> dict[str, bytes]:
-    """The content of every file, by path, when all are as they were written.
+    """The content of every file, by path, if all files are as they were written.
 
     Raises:
-        StudyError: A file is missing, changed or none of the export's; names the first.
+        StudyError: A file is missing, was changed, or does not belong to the export; the message names the first one.
     """
     contents = {}
     for name, entry in manifest.files.items():

@@ -1,7 +1,7 @@
-"""Rows of the exported tables beside the trials': events, participants, exclusions, verifications.
+"""Rows of the exported tables other than the trials' table: events, participants, exclusions, verifications.
 
-Nothing in them leads back to a person: new codes, no ids of the store, times from the trial's or the person's start,
-window sizes rounded.
+Nothing in them leads back to a person: codes are new, the store's ids are left out, times count from the trial's or
+the person's start, and window sizes are rounded.
 """
 
 import json
@@ -14,12 +14,19 @@ from sim.types import TaskKind
 
 from ..design.study import Condition, StudyConfig
 from ..store.exclusions import rules_before_data
-from ..store.record_types import ExclusionEntry, ParticipantRecord, StoredEvent, TrialStatus, VerificationEntry
-from ..store.stages import Stage, StageEntry, way_out
+from ..store.record_types import (
+    ExclusionEntry,
+    ParticipantRecord,
+    Stage,
+    StageEntry,
+    StoredEvent,
+    StoredTrial,
+    VerificationEntry,
+    way_out,
+)
 from ..trial.events import Event, event_from_json, event_to_json
 from .data_dictionary import Unit
-from .trial_figures import Metres, Seconds
-from .trial_table import AttemptName
+from .trial_table import AttemptName, Metres, Seconds
 
 SIZE_STEP = 100
 """Pixels to which window sizes are rounded."""
@@ -50,7 +57,7 @@ class EventRow(AttemptName):
         """The event itself.
 
         Raises:
-            StudyError: It is none that this version knows.
+            StudyError: This version does not know such an event.
         """
         fields = {"kind": self.kind, "t_s": self.t_s, "t_cli_ms": self.t_cli_ms, **self.payload}
         return event_from_json(json.dumps(fields), where=f"{self.attempt_name}, event {self.seq}")
@@ -94,7 +101,7 @@ class ParticipantRow(BaseModel):
     num_assigned: Annotated[int, Unit("trials")]
     """Trials of phase `main`, released ones included."""
     num_ended: Annotated[int, Unit("trials")]
-    """Of these, ended in any way."""
+    """How many of these ended in any way."""
     time_in_study_s: Seconds | None
     """From the first stage to the last, breaks and days between sittings included."""
     stages: tuple[StageRow, ...]
@@ -138,7 +145,7 @@ class VerificationRow(AttemptName):
     detail: str
     """One sentence about what differs."""
     sim_hash: str
-    """Of the program and the home with which it was done again."""
+    """Hash of the program and the home with which it was done again."""
 
 
 def event_rows(name: AttemptName, events: Sequence[StoredEvent]) -> list[EventRow]:
@@ -167,7 +174,7 @@ def event_rows(name: AttemptName, events: Sequence[StoredEvent]) -> list[EventRo
     return rows
 
 
-def participant_row(record: ParticipantRecord, trials: Sequence[TrialStatus], *, code: str) -> ParticipantRow:
+def participant_row(record: ParticipantRecord, trials: Sequence[StoredTrial], *, code: str) -> ParticipantRow:
     """One person's row under a new code."""
     main = [trial for trial in trials if trial.phase == "main"]
     assigned = {trial.order_no for trial in main}
@@ -193,10 +200,10 @@ def participant_row(record: ParticipantRecord, trials: Sequence[TrialStatus], *,
 def exclusion_rows(
     config: StudyConfig, entries: Iterable[ExclusionEntry], names: Mapping[str, AttemptName], codes: Mapping[str, str]
 ) -> list[ExclusionRow]:
-    """Exclusions of what is exported.
+    """Rows of the exclusions of exported trials and people.
 
     Args:
-        config: Names the rules written before data.
+        config: Names the rules that were written down before data.
         entries: All exclusions, oldest first.
         names: Exported name of each exported attempt, by trial id.
         codes: Exported code of each exported person.
@@ -223,7 +230,7 @@ def exclusion_rows(
 
 
 def verification_rows(entries: Iterable[VerificationEntry], names: Mapping[str, AttemptName]) -> list[VerificationRow]:
-    """Verifications of what is exported, by attempt and then by time."""
+    """Rows of the verifications of exported attempts, by attempt and then by time."""
     numbers: dict[str, int] = {}
     rows = []
     for entry in entries:
@@ -255,6 +262,6 @@ def _stage_row(entry: StageEntry, start_ns: int) -> StageRow:
 
 
 def _rounded(key: str, value: Any) -> Any:
-    """Sizes of windows rounded, anything else as it is."""
+    """The value, rounded if it is the size of a window."""
     is_size = key in ("width", "height") and isinstance(value, int | float)
     return SIZE_STEP * round(value / SIZE_STEP) if is_size else value

@@ -35,18 +35,19 @@ def trial_run_info(
     mixes_kinds: bool = False,
     is_pilot: bool = False,
 ) -> RunInfo:
-    """`run.json` of the run folder that a participant's trials of one task and condition go to.
+    """The `run.json` of the run folder for a participant's trials of one task and condition.
 
     Args:
         config: The study.
-        home: In which the trial takes place; trials in homes of one kind share a folder.
-        code: What the participant is called in the run.
-        task: Of the trial.
-        condition: Of the trial; part of the run's name where the task has several.
+        home: The home of the trial; trials in homes of one kind share a folder.
+        code: The participant's code in the run.
+        task: The trial's task.
+        condition: The trial's condition; part of the run's name where the task has several.
         created_utc: ISO 8601.
-        app_version: Of the program that took the records.
-        study_version: As the records say it; None = of `config`. They differ in studies of the first version.
-        mixes_kinds: Whether the study has homes of several kinds; then the run's name says which.
+        app_version: Version of the program that took the records.
+        study_version: The version in the records; None = that of `config`. In studies of the first format the two
+            differ.
+        mixes_kinds: Whether the study has homes of several kinds; then the run's name holds the kind.
         is_pilot: Whether the study was served without an ethics id.
     """
     parts = [config.study, code, task]
@@ -77,17 +78,17 @@ def trial_run_info(
 
 
 def created_utc(created_ns: int) -> str:
-    """When a study was made, as run files say it: ISO 8601 to the second."""
+    """The time at which a study was made, as run files write it: ISO 8601 to the second."""
     return datetime.fromtimestamp(created_ns / 1e9, UTC).isoformat(timespec="seconds")
 
 
 def result_of(events: Sequence[Event], outcome: Outcome, *, code: str) -> EpisodeRun | Answer:
-    """A finished trial as a run file has it, under a person's exported code.
+    """The result of a finished trial as run files hold it, under a person's exported code.
 
     Args:
-        events: All of the trial, in order; only PAN needs them.
-        outcome: As stored.
-        code: What the person is called.
+        events: All events of the trial, in order; only PAN needs them.
+        outcome: The stored outcome.
+        code: The person's exported code.
     """
     if isinstance(outcome, EpisodeEnd):
         return episode_run(events, end=outcome, participant=code)
@@ -95,7 +96,7 @@ def result_of(events: Sequence[Event], outcome: Outcome, *, code: str) -> Episod
 
 
 def run_files(run: Run) -> dict[str, tuple[bytes, int]]:
-    """(content, number of results) of each file of a run folder, by path."""
+    """Content and number of results of each file of a run folder, by path."""
     num_results = len(run.episodes) + len(run.answers)
     found = {f"{run.info.run_id}/run.json": (run.info.model_dump_json(indent=2).encode() + b"\n", num_results)}
     if run.episodes:

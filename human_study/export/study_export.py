@@ -1,6 +1,7 @@
 """A study's records as files for analysis: run folders like those of agents, tables in three formats, a manifest.
 
-Written from one read transaction, so it works while the study is served. The same records give the same bytes.
+The export is written from one read transaction, so it works while the study is served. The same records give the same
+bytes.
 """
 
 import os
@@ -37,17 +38,17 @@ TABLES: dict[str, tuple[str, type[BaseModel]]] = {
     "exclusions": ("One row per use of a rule that leaves something out of the figures.", ExclusionRow),
     "verifications": ("One row per time that an attempt was done again and compared.", VerificationRow),
 }
-"""(what a row is, row model) by file name without ending."""
+"""(meaning of one row, row model) by file name without ending."""
 
 
 def export_study(folder: Path, out: Path) -> list[Path]:
-    """Write a study's records to a folder, whole or not at all.
+    """Writes a study's records to a folder, whole or not at all.
 
-    An earlier export of the same study in that folder is replaced. Works while the study is served.
+    An earlier export of the same study in that folder is replaced. The export works while the study is served.
 
     Args:
-        folder: Of the study.
-        out: New, empty, or an earlier export of this study.
+        folder: The study's folder.
+        out: Folder of the export: new, empty, or an earlier export of this study.
 
     Returns:
         The run folders, by run id.
@@ -68,7 +69,7 @@ def export_study(folder: Path, out: Path) -> list[Path]:
 
 
 def _table_files(found: Collected) -> dict[str, tuple[bytes, int | None]]:
-    """(content, number of rows) of each table in each format, and of the data dictionary."""
+    """Content and number of rows of each table in each format, and of the data dictionary."""
     files: dict[str, tuple[bytes, int | None]] = {}
     events = [line for row, stored in found.events for line in event_rows(row, stored)]
     rows_of = {"events": events, **{name: getattr(found, name) for name in TABLES if name != "events"}}
@@ -81,7 +82,7 @@ def _table_files(found: Collected) -> dict[str, tuple[bytes, int | None]]:
 
 
 def _study_files(reader: StudyReader, folder: Path) -> dict[str, tuple[bytes, int | None]]:
-    """The study file, and the practice homes' episodes, which are in no public dataset."""
+    """Content of the study file, and of the practice homes' episodes, which are in no public dataset."""
     choices = reader.config.model_dump(mode="json", exclude_defaults=True)
     files: dict[str, tuple[bytes, int | None]] = {
         STUDY_FILE: (yaml.safe_dump(choices, sort_keys=False, allow_unicode=True).encode(), None)
@@ -94,7 +95,7 @@ def _study_files(reader: StudyReader, folder: Path) -> dict[str, tuple[bytes, in
 
 
 def _manifest(reader: StudyReader, found: Collected, files: Mapping[str, tuple[bytes, int | None]]) -> Manifest:
-    """What `manifest.json` says."""
+    """The content of `manifest.json`."""
     config, plan = reader.config, reader.plan
     begun = [row for row in found.trials if row.attempt > 0]
     return Manifest(
@@ -145,10 +146,10 @@ def _require_replaceable(out: Path, study_version: str) -> None:
 
 
 def _write_folder(out: Path, files: Mapping[str, bytes], manifest: Manifest) -> None:
-    """Write all files beside `out`, then put the new folder in its place.
+    """Writes all files beside `out`, then puts the new folder in its place.
 
     Raises:
-        StudyError: It cannot be written; an earlier export stays.
+        StudyError: The folder cannot be written; an earlier export stays.
     """
     out = out.resolve()
     beside, old = out.with_name(f".{out.name}.part"), out.with_name(f".{out.name}.old")

@@ -1,23 +1,62 @@
-"""Every attempt of every trial as one row of plain figures: what is exported, tabulated and compared with agents."""
+"""Every attempt of every trial as one row of plain figures, to be exported, tabulated and compared with agents."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict
 
 from sim.homes.kind import scene_label
-from sim.types import EndReason, SceneKind, Split, TaskKind
+from sim.tasks.run_files import EpisodeEnd
+from sim.types import EndReason, SceneKind, Split, SuccessRule, TaskKind
 
 from ..design.plan import Phase, StudyPlan
 from ..design.study import Condition, StudyConfig
-from ..store.record_types import TrialStatus, VerificationStatus
+from ..store.record_types import StoredTrial, VerificationStatus
 from ..store.records import StudyReader
-from ..trial.events import Event
-from .trial_figures import Seconds, TrialFigures, trial_figures
+from ..trial.events import Act, Confidence, Event, Hidden, MapOff, MapOn, Open, Shown
+from ..trial.outcome import Outcome, has_begun, trial_end
+from .data_dictionary import Unit
 
 NOT_A_RESULT: tuple[EndReason, ...] = ("technical", "abandoned")
-"""Ends that are not a result of the person (HUMAN_STUDY.md, section 4): kept, given out again, in no run folder."""
+"""Ends that are not a person's result (HUMAN_STUDY.md, section 4): the trial is kept, but is in no run folder, and its
+episode is given out again."""
+Seconds = Annotated[float, Unit("s")]
+Metres = Annotated[float, Unit("m")]
+
+
+class TrialFigures(BaseModel):
+    """What a trial's events and outcome say, without anything about the person."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    end_reason: EndReason | None
+    """How the trial ended; empty while it has not."""
+    success: bool | None
+    """Under the success rule of the study file; empty without a result, or where the rule is undefined."""
+    spl: Annotated[float, Unit("share")] | None
+    """Success weighted by path length, 0 to 1; PAN only."""
+    softspl: Annotated[float, Unit("share")] | None
+    """Progress to the target weighted by path length, 0 to 1; PAN only."""
+    dtg: Metres | None
+    """Walking distance left to the rule's success region at the end, 0 inside; PAN only, empty when unreachable."""
+    planar_distance: Metres | None
+    """From the last position or the answer to the nearest valid target's middle, on the floor plan."""
+    n_steps: Annotated[int, Unit("steps")] | None
+    """Actions, STOP included; PAN only."""
+    path_m: Metres | None
+    """Length of the robot's way; PAN only."""
+    t_total_s: Seconds | None
+    """From the trial's start to its end, however it ended, without time away; includes the look at a map. The report's
+    time to decision is this minus `t_look_s`."""
+    t_look_s: Seconds | None
+    """How long the map or home was shown before the task; empty when nothing was to be shown."""
+    t_hidden_s: Seconds
+    """How long the page was in the background."""
+    t_first_view_s: Seconds | None
+    """From the trial's start to the robot's first picture; PAN only."""
+    confidence: int | None
+    """How sure the participant was: 1 (guessed) to 5 (certain); empty when not asked or not told."""
 
 
 class AttemptName(BaseModel):
@@ -33,12 +72,12 @@ class AttemptName(BaseModel):
 
     @property
     def attempt_name(self) -> str:
-        """The three in one text: p03/12/1."""
+        """Participant, place and attempt as one text: p03/12/1."""
         return f"{self.participant}/{self.order_no}/{self.attempt}"
 
 
-class AssignedTrial(AttemptName):
-    """What the person was asked to do."""
+class _AskedTrial(AttemptName):
+    """What the person was asked to do: the first columns of a trial's row."""
 
     phase: Phase
     """`practice` is never counted, `check` shows attention, `main` is the study."""
@@ -53,18 +92,18 @@ class AssignedTrial(AttemptName):
     scene_kind: SceneKind
     """Where the home comes from; tables never mix kinds."""
     episode_id: str
-    """Of the dataset, unique within split and home."""
+    """Id in the dataset, unique within split and home."""
     rep: int
     """Which of the people with this episode and condition, from 1; 0 outside `main`."""
 
 
-class TrialRow(TrialFigures, AssignedTrial):
+class TrialRow(TrialFigures, _AskedTrial):
     """One attempt at an assigned trial, or an assigned trial that was never opened."""
 
     prior_visits_scene: int | None
     """Attempts of this person at trials in this home before this one, of any phase and however they ended."""
     prior_visits_split: int | None
-    """Of these, in the same split."""
+    """How many of these were in the same split."""
     secs_in_scene_before: Seconds | None
     """Time that the person had spent in this home before."""
     is_long_hidden: bool
@@ -81,13 +120,18 @@ class TrialRow(TrialFigures, AssignedTrial):
     """What must be said of results in homes of this kind; empty for scans, and in exports of older programs."""
 
     @property
+    def is_result(self) -> bool:
+        """Whether it is a counted trial that the person ended; rules may still leave it out."""
+        return self.phase == "main" and self.end_reason is not None and self.end_reason not in NOT_A_RESULT
+
+    @property
     def is_never_ended(self) -> bool:
-        """Whether it is a counted trial that somebody began and nobody ended; also while it still runs."""
+        """Whether it is a counted trial that somebody began and nobody has ended; true also while it still runs."""
         return self.phase == "main" and self.end_reason is None and self.head_hash is not None
 
     @property
     def left_out(self) -> str | None:
-        """Why the trial is in no run folder; None when it is a counted result."""
+        """The reason why the trial is in no run folder; None when it is a counted result."""
         if self.phase != "main":
             return self.phase
         if self.end_reason is None:
@@ -99,14 +143,14 @@ class TrialRow(TrialFigures, AssignedTrial):
 
 @dataclass(frozen=True, slots=True)
 class RowContext:
-    """What rows of one study share."""
+    """The facts that all rows of one study need."""
 
     config: StudyConfig
     plan: StudyPlan
     verifications: Mapping[str, VerificationStatus]
-    """The latest, by trial id."""
+    """The latest verification of each trial, by trial id."""
     excluded_trials: Mapping[str, Sequence[str]]
-    """Rule ids by trial id; undone exclusions are not in it."""
+    """Rule ids by trial id, without undone exclusions."""
     excluded_people: Mapping[str, Sequence[str]]
     """Rule ids by participant code."""
 
@@ -116,8 +160,56 @@ def is_long_hidden(t_hidden_s: float, config: StudyConfig) -> bool:
     return config.hidden_max_s is not None and t_hidden_s > config.hidden_max_s
 
 
+def trial_figures(events: Sequence[Event], outcome: Outcome | None, *, rule: SuccessRule) -> TrialFigures:
+    """The figures of one attempt.
+
+    Args:
+        events: All events of the attempt, in order; () when it was never opened. An attempt that failed before its
+            first event `open` has no figures.
+        outcome: The stored or recomputed outcome; None while the attempt has not ended.
+        rule: Success rule of PAN.
+    """
+    acts = [event for event in events if isinstance(event, Act)]
+    end = trial_end(events) if has_begun(events) and outcome is not None else None
+    is_pan = bool(events) and isinstance(events[0], Open) and events[0].task == "pan"
+    figures = TrialFigures(
+        end_reason=outcome.reason if outcome is not None else None,
+        success=None,
+        spl=None,
+        softspl=None,
+        dtg=None,
+        planar_distance=None,
+        n_steps=len(acts) if is_pan else None,
+        path_m=None,
+        t_total_s=end[0].t_s if end is not None else None,
+        t_look_s=_look_time(events),
+        t_hidden_s=_hidden_time(events),
+        t_first_view_s=next((event.t_s for event in events if isinstance(event, Shown)), None),
+        confidence=next((event.value for event in reversed(events) if isinstance(event, Confidence)), None),
+    )
+    return figures.model_copy(update=measured(outcome, rule))
+
+
+def measured(outcome: Outcome | None, rule: SuccessRule) -> dict[str, float | None]:
+    """The figures that come from the outcome's measures; {} if it has none."""
+    if outcome is None or outcome.measures is None:
+        return {}
+    if not isinstance(outcome, EpisodeEnd):
+        return {"success": outcome.measures.success, "planar_distance": outcome.measures.planar_distance}
+    measures = outcome.measures
+    found: dict[str, float | None] = {
+        "planar_distance": measures.centre_distance,
+        "n_steps": measures.num_steps,
+        "path_m": measures.path_m,
+    }
+    ruled = measures.rules[rule]
+    if ruled is not None:
+        found |= {"success": ruled.success, "spl": ruled.spl, "softspl": ruled.soft_spl, "dtg": ruled.dtg}
+    return found
+
+
 def row_context(reader: StudyReader) -> RowContext:
-    """What `trial_row` needs besides a trial."""
+    """The facts that `trial_row` needs besides a trial."""
     targets: dict[str, defaultdict[str, list[str]]] = {"trial": defaultdict(list), "participant": defaultdict(list)}
     for entry in reader.exclusions():
         if not entry.is_undone and entry.rule_id not in targets[entry.target_kind][entry.target]:
@@ -132,16 +224,16 @@ def row_context(reader: StudyReader) -> RowContext:
 
 
 def trial_row(
-    context: RowContext, status: TrialStatus, events: Sequence[Event], *, head_hash: str | None, code: str
+    context: RowContext, status: StoredTrial, events: Sequence[Event], *, head_hash: str | None, code: str
 ) -> TrialRow:
-    """One row.
+    """The row of one attempt.
 
     Args:
-        context: Of the study.
+        context: The facts that all rows of the study need.
         status: The attempt.
-        events: All of the attempt, in order.
-        head_hash: Of the last event.
-        code: What the person is called in the row.
+        events: All events of the attempt, in order.
+        head_hash: Hash of the last event.
+        code: The person's code in the row.
     """
     rules = dict.fromkeys(
         [*context.excluded_people.get(status.code, ()), *context.excluded_trials.get(status.trial_id or "", ())]
@@ -171,3 +263,29 @@ def trial_row(
         is_released=status.is_released,
         head_hash=head_hash,
     )
+
+
+def _look_time(events: Sequence[Event]) -> float | None:
+    """Seconds for which a map was shown; a look that was cut off counts until its last event."""
+    if not any(isinstance(event, MapOn) for event in events):
+        return None
+    ended = [event.look_s for event in events if isinstance(event, MapOff)]
+    if ended:
+        return sum(ended)
+    times = [event.t_s for event in events if event.t_s is not None]
+    first = next(event.t_s for event in events if isinstance(event, MapOn))
+    return max(times) - first if first is not None else None
+
+
+def _hidden_time(events: Sequence[Event]) -> float:
+    """Seconds with the page in the background: from each `hidden` to the next event that needs the page, or the end."""
+    total, since = 0.0, None
+    for event in events:
+        if event.t_s is None:
+            continue
+        if isinstance(event, Hidden):
+            since = event.t_s if since is None else since
+        elif since is not None and event.kind in ("visible", "reconnect", "abandoned"):
+            total, since = total + event.t_s - since, None
+    times = [event.t_s for event in events if event.t_s is not None]
+    return total + (max(times) - since if since is not None else 0.0)

@@ -1,4 +1,4 @@
-"""Do a trial's steps again and compare: is the record what the simulator does, and the outcome what the record says?"""
+"""Repeats a trial's steps and compares: is the record what the simulator does, and the outcome what the record says?"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -27,16 +27,16 @@ from ..trial.outcome import (
 )
 
 POSITION_TOLERANCE = 1e-4
-"""Metres; the same program on the same scene agrees to the last bit, other builds of numpy to far less than this."""
+"""Largest error in metres; the same program on the same scene agrees to the last bit, other builds of numpy almost."""
 ANGLE_TOLERANCE = 1e-6
-"""Radians."""
+"""Largest error of an angle, radians."""
 FAR_OFF = 1e6
-"""Metres that stand for a click of which only the stored or only the new ray meets anything."""
+"""Error in metres that stands for a click where only one of the two rays, stored and new, meets anything."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrialHome:
-    """A home with all that is needed to do its trials again."""
+    """A home with everything that is needed to do its trials again."""
 
     navigation: NavigationMap
     scene_digest: str
@@ -51,17 +51,17 @@ class TrialHome:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What doing a trial again found."""
+    """The result of doing a trial again."""
 
     status: VerificationStatus
-    """`verified`: all agrees. `drift`: a step or click leads elsewhere. `failed`: the events are impossible, or the
-    stored outcome is not theirs. `unsupported`: the trial was done on another scene."""
+    """`verified`: all agrees. `drift`: a step or click leads elsewhere. `failed`: the events are impossible, or give
+    another outcome than the stored one. `unsupported`: the trial was done on another scene."""
     max_position_error: float
     """Largest distance in metres between a stored and a simulated pose, or between the points of a click."""
     first_bad_step: int | None
-    """From 1, 0 = the start pose; None unless a step leads elsewhere."""
+    """First step that leads elsewhere, from 1, 0 = the start pose; None if there is none."""
     recomputed: EpisodeRun | Answer | None
-    """The result that the events give; None when they give none."""
+    """The result that the events give; None if they give none."""
     detail: str
     """One sentence about what differs; empty when verified."""
 
@@ -69,14 +69,14 @@ class Verification:
 def verify_trial(
     events: Sequence[Event], outcome: Outcome, key: EpisodeKey, *, home: TrialHome, participant: str
 ) -> Verification:
-    """Compare a finished trial with what its events lead to.
+    """Compares a finished trial with the result that its events give.
 
     Args:
-        events: All of the trial, in order.
-        outcome: What the store says.
+        events: All events of the trial, in order.
+        outcome: The stored outcome.
         key: The trial's episode.
-        home: In which the trial was done.
-        participant: Public code.
+        home: The home of the trial.
+        participant: The participant's public code.
 
     Raises:
         DatasetError: The home has no such episode.
@@ -111,11 +111,11 @@ def recompute(
     """The result that a finished trial's events give.
 
     Args:
-        events: All of the trial, in order.
-        outcome: What the store says; only whether it is a technical failure counts, which has no measures.
+        events: All events of the trial, in order.
+        outcome: The stored outcome. It is used only to tell a technical failure, which has no measures.
         episode: The trial's episode, with its targets.
-        home: In which the trial was done.
-        participant: Public code.
+        home: The home of the trial.
+        participant: The participant's public code.
 
     Raises:
         StudyError: The events are not those of a finished trial of this episode.
@@ -169,13 +169,13 @@ def end_as_known(found: EpisodeEnd, stored: EpisodeEnd) -> EpisodeEnd:
 
 
 def run_as_known(found: EpisodeRun, stored: EpisodeRun) -> EpisodeRun:
-    """`found` in the version of `stored`."""
+    """`found` with the schema version of `stored`, and without a rule that the program of `stored` did not compute."""
     start = found.start.model_copy(update={"schema_version": stored.start.schema_version})
     return found.model_copy(update={"start": start, "end": end_as_known(found.end, stored.end)})
 
 
 def first_difference(stored: object, found: object, where: str) -> str | None:
-    """Where two JSON values differ by more than rounding; None when they agree."""
+    """The place where two JSON values differ by more than rounding, with both values; None when they agree."""
     if isinstance(stored, dict) and isinstance(found, dict) and stored.keys() == found.keys():
         pairs = [(stored[key], found[key], f"{where}.{key}") for key in stored]
     elif isinstance(stored, list) and isinstance(found, list) and len(stored) == len(found):

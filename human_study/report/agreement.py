@@ -1,68 +1,57 @@
-"""How far people agree on the same episodes: on success, and on the place where they pointed or stopped."""
+"""Measures how far people agree on the same episodes: on success, and on the place where they pointed or stopped."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import EpisodeKey, TaskKind
 
 from .rows import Aggregate, counted_trials
-from .trials import Frame, TrialGroup
+from .trials import Frame, PeopleRow, ReportValue, TrialGroup
 
 SUSPECT_SHARE = 0.8
-"""An episode is suspect when so many of its people chose the same wrong place."""
+"""An episode is suspect if at least this share of its people chose the same wrong place."""
 SUSPECT_RADIUS = 1.0
-"""Metres; how near to each other, on the floor plan, answers count as the same place."""
+"""Largest distance on the floor plan at which answers count as the same place, metres."""
 SUSPECT_PEOPLE = 3
-"""Fewer people say nothing."""
-_MODEL = ConfigDict(frozen=True, extra="forbid")
+"""Least number of people at a suspect episode; fewer prove nothing."""
 HomeObjects = Mapping[str, Sequence[tuple[str, tuple[float, float]]]]
 """(name, middle on the floor plan) of each object, by home."""
 
 
-class AgreementRow(BaseModel):
-    """How far people agree whether an episode succeeds."""
+class AgreementRow(PeopleRow):
+    """Agreement of people on which episodes succeed."""
 
-    model_config = _MODEL
-    task: TaskKind
-    scene_kind: str
-    condition: str
     num_episodes: int
-    """With at least two people."""
+    """Episodes with at least two people."""
     krippendorff_alpha: float | None
     gwet_ac1: float | None
 
 
-class PlaceRow(BaseModel):
-    """How far people of one condition choose alike."""
+class PlaceRow(PeopleRow):
+    """Agreement of people in one condition on the place that they choose."""
 
-    model_config = _MODEL
-    task: TaskKind
-    scene_kind: str
-    condition: str
     num_episodes: int
-    """With at least two people who chose a place."""
+    """Episodes with at least two people who chose a place."""
     num_choices: int
     spread_lower: float | None
     spread_median: float | None
     """Metres: mean distance of the answers at one episode from their middle; quartiles over the episodes."""
     spread_upper: float | None
     place_alpha: float | None
-    """Krippendorff's alpha of the place, where answers within a metre of each other are one."""
+    """Krippendorff's alpha of the place; answers within a metre of each other are one place."""
     place_ac1: float | None
-    """Gwet's AC1 of it."""
+    """Gwet's AC1 of the place."""
     object_alpha: float | None
     """Krippendorff's alpha of the object that is nearest to the answer; None without the dataset."""
     object_ac1: float | None
 
 
-class SuspectEpisode(BaseModel):
+class SuspectEpisode(ReportValue):
     """An episode at which people agree on a wrong place: perhaps its label is wrong."""
 
-    model_config = _MODEL
     task: TaskKind
     episode: str
     scene_kind: str
@@ -148,7 +137,7 @@ def suspect_episodes(group: TrialGroup, objects: HomeObjects | None = None) -> l
 
 
 def chosen_place(item: EpisodeRun | Answer | None) -> NDArray[np.float64] | None:
-    """(2,) where the person pointed, or the robot stopped, on the floor plan; None = nowhere."""
+    """The point (2,) on the floor plan where the person pointed or the robot stopped; None = nowhere."""
     if isinstance(item, Answer) and item.candidates:
         point = item.candidates[0]
     elif isinstance(item, EpisodeRun) and item.end.reason == "stop":
@@ -169,7 +158,7 @@ def krippendorff_alpha(counts: NDArray[np.integer]) -> float | None:
     """Krippendorff's alpha for names: 1 = all agree, 0 = as by chance; None where nothing differs or nothing repeats.
 
     Args:
-        counts: (N, C), how many people put episode n into category c; episodes of one person do not count.
+        counts: (N, C), number of people who put episode n into category c; episodes of one person do not count.
 
     The formula is that of Krippendorff, "Computing Krippendorff's alpha-reliability" (2011), nominal data.
     """
@@ -204,21 +193,21 @@ def gwet_ac1(counts: NDArray[np.integer]) -> float | None:
 
 
 def common_place(points: NDArray[np.float64], *, radius: float, share: float) -> NDArray[np.float64] | None:
-    """The point (2,) of `points` (N, 2) with at least `share` of all within `radius`, and most of them; None = none."""
+    """The point (2,) of `points` (N, 2) with the most others within `radius`; None if fewer than `share` of all are."""
     near = np.linalg.norm(points[:, None] - points[None], axis=-1) <= radius
     best = int(near.sum(axis=1).argmax())
     return points[best] if near[best].mean() >= share else None
 
 
 def counts_of(labels: Sequence[int], episode_index: NDArray[np.intp], *, num_categories: int) -> NDArray[np.int64]:
-    """(N, C): how many labels of each category each episode has."""
+    """Number of labels of each category at each episode, (N, C)."""
     counts = np.zeros((int(episode_index.max(initial=-1)) + 1, num_categories), np.int64)
     np.add.at(counts, (episode_index, np.asarray(labels, np.intp)), 1)
     return counts
 
 
 def _places(trials: Frame) -> dict[EpisodeKey, NDArray[np.float64]]:
-    """(N, 2) chosen places by episode, in order."""
+    """Chosen places (N, 2) of each episode, in order."""
     found: dict[EpisodeKey, list[NDArray[np.float64]]] = {}
     for key, item in zip(trials["key"], trials["item"], strict=True):
         place = chosen_place(item)
@@ -228,7 +217,7 @@ def _places(trials: Frame) -> dict[EpisodeKey, NDArray[np.float64]]:
 
 
 def _clusters(points: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Label of each of `points` (N, 2): those that are linked by steps of at most the radius are one place."""
+    """Label of each of `points` (N, 2): points linked by steps of at most the radius are one place."""
     near = np.linalg.norm(points[:, None] - points[None], axis=-1) <= SUSPECT_RADIUS
     labels = np.arange(len(points))
     for _ in points:
@@ -237,7 +226,7 @@ def _clusters(points: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _agreements(labels: Sequence[tuple[EpisodeKey, object]]) -> tuple[float | None, float | None]:
-    """(Krippendorff's alpha, Gwet's AC1) of one label per answer."""
+    """Krippendorff's alpha and Gwet's AC1 of one label per answer."""
     if not labels:
         return None, None
     episodes = {key: at for at, key in enumerate(sorted({key for key, _ in labels}))}

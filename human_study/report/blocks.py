@@ -1,4 +1,4 @@
-"""A report as headings, texts, tables and pictures, and these as Markdown or as one HTML page."""
+"""A report as headings, texts, tables and pictures; writes them as Markdown or as one HTML page."""
 
 import html
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ class Table:
     heads: tuple[str, ...]
     lines: tuple[tuple[str, ...], ...]
     note: str = ""
-    """Below it."""
+    """Text below the table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,8 @@ def html_text(blocks: Sequence[Block], pictures: Mapping[str, str]) -> str:
     """The blocks as one HTML page that needs no other file.
 
     Args:
-        blocks: In order.
-        pictures: SVG text by name; those of the blocks are put in.
+        blocks: The blocks, in order.
+        pictures: SVG text by name; the pictures that the blocks name are put into the page.
     """
     title = next((block.text for block in blocks if isinstance(block, Heading)), "Report")
     body = "\n".join(_html(block, pictures) for block in blocks)
@@ -69,6 +69,21 @@ def html_text(blocks: Sequence[Block], pictures: Mapping[str, str]) -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
+
+
+def markdown_table(heads: Sequence[str], lines: Sequence[Sequence[str]], *, num_text: int | None = None) -> str:
+    """A table in Markdown.
+
+    Args:
+        heads: Headings of the columns.
+        lines: Cells, with Markdown escaped where needed.
+        num_text: Number of columns at the left that hold text; the others hold numbers, set to the right. None = all
+            hold text.
+    """
+    num_text = len(heads) if num_text is None else num_text
+    rule = "|" + "---|" * num_text + "---:|" * (len(heads) - num_text)
+    first, *others = (f"| {' | '.join(cells)} |" for cells in (heads, *lines))
+    return "\n".join([first, rule, *others])
 
 
 def _markdown(block: Block) -> str:
@@ -80,8 +95,7 @@ def _markdown(block: Block) -> str:
         case Picture(name, caption):
             return f"![{caption}]({name})"
         case Table(heads, lines, note):
-            rows = ["| " + " | ".join(_piped(cell) for cell in line) + " |" for line in (heads, *lines)]
-            table = "\n".join([rows[0], "|" + "---|" * len(heads), *rows[1:]])
+            table = markdown_table([*map(_piped, heads)], [[*map(_piped, line)] for line in lines])
             return f"{table}\n\n{note}" if note else table
 
 

@@ -1,4 +1,4 @@
-"""What reviewers ask about human baselines, answered from the study file where the answer is in it.
+"""Questions that reviewers ask about human baselines, answered from the study file where it holds the answer.
 
 After Wei et al., "Human Baselines in Model Evaluations Need Rigor and Transparency" (ICML 2025), and Kress-Gazit et
 al., "Robot Learning as an Empirical Science" (2024). The questions are in our words; the papers' own lists go further.
@@ -6,12 +6,12 @@ al., "Robot Learning as an Empirical Science" (2024). The questions are in our w
 
 from collections.abc import Sequence
 
-from pydantic import BaseModel, ConfigDict
-
 from ..design.study import StudyConfig
 from ..texts.words import words_of
 from .counts import ExclusionCount, FlowCount
+from .measures import WITHIN
 from .rows import TOTAL, ReportRow
+from .trials import ReportValue
 
 NOT_IN_FILE = "not in the study file"
 _WEI, _KRESS = "Wei et al.", "Kress-Gazit et al."
@@ -19,15 +19,14 @@ Answers = dict[str, str]
 """Answer by question."""
 
 
-class ChecklistItem(BaseModel):
+class ChecklistItem(ReportValue):
     """A question and its answer."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     source: str
     part: str
     question: str
     answer: str
-    """`not in the study file` where nobody but the researcher can say."""
+    """The answer; `not in the study file` where only the researcher knows it."""
 
 
 def checklist(
@@ -136,7 +135,7 @@ def _robotics(config: StudyConfig, rows: Sequence[ReportRow]) -> Answers:
     has_several = any(len(config.conditions(task)) > 1 for task in config.task)
     words = words_of(config)
     mixed = "conditions alternate within people" if has_several else "one condition per task"
-    measures = {row.measure for row in rows if not row.measure.startswith("sr_within") and row.split == TOTAL}
+    measures = {row.measure for row in rows if row.measure not in WITHIN and row.split == TOTAL}
     return {
         "Success criterion, stated exactly?": " ".join(
             f"{task.upper()}{f', rule {config.success}' if task == 'pan' else ''}: {words[f'board_{task}_rule']}"

@@ -1,33 +1,26 @@
-"""What is counted beside the figures: ends, spreads, attention, the flow of people, verifications, exclusions."""
+"""Counts and spreads beside the figures: ends, quartiles, attention, the flow of people, verifications, exclusions."""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from sim.types import SPLITS, EndReason, TaskKind
 
 from ..export.rows import ExclusionRow, ParticipantRow
 from ..export.runs import run_condition
-from ..export.trial_table import NOT_A_RESULT, TrialRow
-from .trials import TrialGroup, is_first_condition
+from ..export.trial_table import TrialRow
+from .measures import MEASURES
+from .trials import GroupRow, PeopleRow, ReportValue, TrialGroup, is_first_condition
 
-_MODEL = ConfigDict(frozen=True, extra="forbid")
 NO_REASON = "not in the export"
-SPREAD_MEASURES = ("dtg", "distance", "steps", "path_m", "t_s", "t_look_s")
 
 
-class SpreadRow(BaseModel):
+class SpreadRow(GroupRow):
     """Quartiles of a measure over all trials of a row, in one split or all."""
 
-    model_config = _MODEL
-    task: TaskKind
-    scene_kind: str
-    who: str
-    condition: str
     split: str
-    """A split, or `all` trials alike."""
+    """A split, or `all` for all trials together."""
     measure: str
     lower: float
     median: float
@@ -35,64 +28,52 @@ class SpreadRow(BaseModel):
     n: int
     """Trials with a value."""
     num_missing: int
-    """Trials without one: for `dtg` those from whose end no way leads to the goal (unreachable)."""
+    """Trials without a value: for `dtg`, those that ended where no way leads to the goal (unreachable)."""
 
 
-class EndRow(BaseModel):
+class EndRow(GroupRow):
     """Trials of a row that ended in one way."""
 
-    model_config = _MODEL
-    task: TaskKind
-    scene_kind: str
-    who: str
-    condition: str
     reason: EndReason
     k: int
     """Successes among them."""
     n: int
 
 
-class AttentionCount(BaseModel):
-    """Trials with a target in plain view."""
+class AttentionCount(ReportValue):
+    """Attention trials, which have their target in plain view."""
 
-    model_config = _MODEL
     task: TaskKind
     num_trials: int
     num_passed: int
     num_people: int
     num_failing: int
-    """People who failed more than one."""
+    """People who failed more than one attention trial."""
 
 
-class HiddenCount(BaseModel):
+class HiddenCount(ReportValue):
     """Counted trials whose page was in the background for longer than the study file allows without a flag."""
 
-    model_config = _MODEL
     limit_s: float
     num_trials: int
     num_flagged: int
-    """They count as all others."""
+    """Flagged trials; they count like all others."""
     num_people: int
-    """With a flagged trial."""
+    """People with a flagged trial."""
 
 
-class FlowCount(BaseModel):
-    """How many people came to a point of the study."""
+class FlowCount(ReportValue):
+    """The number of people who reached a point of the study."""
 
-    model_config = _MODEL
     point: str
     n: int
     is_aside: bool
-    """Whether it is beside the way through the study: a way out, or a detour."""
+    """Whether it is a way out or a detour, not a step of the study itself."""
 
 
-class VerificationCount(BaseModel):
-    """What doing the counted trials again found."""
+class VerificationCount(PeopleRow):
+    """Results of doing the counted trials again."""
 
-    model_config = _MODEL
-    task: TaskKind
-    scene_kind: str
-    condition: str
     num_verified: int
     num_drift: int
     num_failed: int
@@ -105,16 +86,15 @@ class VerificationCount(BaseModel):
         return self.num_verified + self.num_drift + self.num_failed + self.num_unsupported + self.num_not_yet
 
 
-class ExclusionCount(BaseModel):
-    """What one rule leaves out."""
+class ExclusionCount(ReportValue):
+    """People and trials that one rule leaves out."""
 
-    model_config = _MODEL
     rule_id: str
     is_planned: bool | None
     """Whether the rule was written down before the first trial; None = not known."""
     reason: str
     num_participants: int
-    """Whose trials are concerned."""
+    """People whose trials the rule leaves out."""
     num_trials: int
     """Trials with a result; they stay in the tables (intention to treat)."""
 
@@ -122,7 +102,7 @@ class ExclusionCount(BaseModel):
 def spread_rows(group: TrialGroup) -> list[SpreadRow]:
     """Quartiles per split and of all trials, for every measure of the group that has a spread worth showing."""
     rows = []
-    for measure in (name for name in SPREAD_MEASURES if name in group.measures):
+    for measure in (name for name in group.measures if MEASURES[name].has_spread):
         for split in (*SPLITS, "all"):
             values = group.trials[measure] if split == "all" else group.trials[measure][group.trials["split"] == split]
             if values.notna().any():
@@ -142,7 +122,7 @@ def end_rows(group: TrialGroup) -> list[EndRow]:
 
 
 def attention_counts(rows: Sequence[TrialRow]) -> list[AttentionCount]:
-    """Per task, over attention trials that ended with a result."""
+    """Counts per task, over attention trials that ended with a result."""
     checks = [row for row in rows if row.phase == "check" and row.success is not None]
     found = []
     tasks: set[TaskKind] = {row.task for row in checks}
@@ -163,21 +143,22 @@ def attention_counts(rows: Sequence[TrialRow]) -> list[AttentionCount]:
 
 
 def hidden_count(rows: Sequence[TrialRow], limit_s: float | None) -> HiddenCount | None:
-    """The flagged ones among trials of phase `main` with a result; None where the study file has no limit."""
+    """Counts of flagged trials of phase `main` with a result; None where the study file has no limit."""
     if limit_s is None:
         return None
-    flagged = [row for row in _results(rows) if row.is_long_hidden]
+    results = [row for row in rows if row.is_result]
+    flagged = [row for row in results if row.is_long_hidden]
     num_people = len({row.participant for row in flagged})
-    return HiddenCount(limit_s=limit_s, num_trials=len(_results(rows)), num_flagged=len(flagged), num_people=num_people)
+    return HiddenCount(limit_s=limit_s, num_trials=len(results), num_flagged=len(flagged), num_people=num_people)
 
 
 def flow_counts(people: Sequence[ParticipantRow], rows: Sequence[TrialRow], *, num_deleted: int) -> list[FlowCount]:
-    """How far the participants came.
+    """The number of participants at each point of the study.
 
     Args:
-        people: Of the export.
+        people: Rows of the participants.
         rows: Their trials.
-        num_deleted: Participants who withdrew and whose records were deleted: they are in no table.
+        num_deleted: Participants who withdrew and whose records were deleted; they are in no table.
     """
     opened: dict[str, set[str]] = defaultdict(set)
     for row in rows:
@@ -221,13 +202,13 @@ _POINTS: tuple[tuple[str, bool], ...] = (
     ("withdrew, records deleted", True),
     ("finished", False),
 )
-"""In the order of the study, and whether it is beside the way."""
+"""Points in study order; True marks ways out and detours."""
 
 
 def verification_counts(rows: Sequence[TrialRow]) -> list[VerificationCount]:
-    """Counts per task, scene kind and condition, over trials with a result; without memory before with it."""
+    """Counts per task, scene kind and condition, over trials with a result; conditions without memory come first."""
     groups: dict[tuple[TaskKind, str, bool, str], Counter[str]] = defaultdict(Counter)
-    for row in _results(rows):
+    for row in (row for row in rows if row.is_result):
         condition = run_condition(row.condition)
         name = (row.task, row.scene_kind, not is_first_condition(condition), condition)
         groups[name][row.verification or "not_yet"] += 1
@@ -242,11 +223,11 @@ def verification_counts(rows: Sequence[TrialRow]) -> list[VerificationCount]:
 
 
 def exclusion_counts(rows: Sequence[TrialRow], uses: Sequence[ExclusionRow]) -> list[ExclusionCount]:
-    """Counts per rule, with the reasons that were given.
+    """Counts per rule, with the given reasons.
 
     Args:
-        rows: Of the study's trials.
-        uses: Every use of a rule; those taken back do not count.
+        rows: Rows of the study's trials.
+        uses: Every use of a rule; undone ones do not count.
     """
     reasons: dict[str, set[str]] = defaultdict(set)
     is_planned: dict[str, bool] = {}
@@ -254,7 +235,7 @@ def exclusion_counts(rows: Sequence[TrialRow], uses: Sequence[ExclusionRow]) -> 
         if not use.is_undone:
             reasons[use.rule_id].add(use.reason)
             is_planned[use.rule_id] = use.is_planned
-    trials = _results(rows)
+    trials = [row for row in rows if row.is_result]
     rules = sorted({rule for row in trials for rule in row.excluded} | set(reasons))
     return [
         ExclusionCount(
@@ -265,10 +246,4 @@ def exclusion_counts(rows: Sequence[TrialRow], uses: Sequence[ExclusionRow]) -> 
             num_trials=sum(rule in row.excluded for row in trials),
         )
         for rule in rules
-    ]
-
-
-def _results(rows: Sequence[TrialRow]) -> list[TrialRow]:
-    return [
-        row for row in rows if row.phase == "main" and row.end_reason is not None and row.end_reason not in NOT_A_RESULT
     ]

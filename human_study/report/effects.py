@@ -1,7 +1,7 @@
-"""Effects within people and within episodes: of memory, of the place in the order, of having been in the home before.
+"""Effects of memory, of the place in the order and of earlier visits to the home, within people and within episodes.
 
-Whoever is better than others, and whichever episode is easier, drops out; what is left is how one person's trials
-differ, at the same episodes as other people's. Both stay random for the interval, as in `statistics`.
+Differences between people and between episodes drop out. What remains is how one person's trials differ, compared with
+other people's trials at the same episodes. For the interval both stay random, as in `statistics`.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,74 +10,63 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pandas import concat
-from pydantic import BaseModel, ConfigDict
 from scipy.special import stdtr, stdtrit
 
 from sim.types import SPLITS, TaskKind
 
 from ..design.analysis import LEVEL
+from .measures import MEASURES, measures_of
 from .rows import Aggregate, estimate_of
 from .statistics import clustered_variance, numbered
-from .trials import Frame, TrialGroup, is_first_condition
+from .trials import Frame, PeopleRow, ReportValue, TrialGroup, is_first_condition
 
 PER_PLACES = 10
-"""The order effect is given per so many trials."""
+"""The order effect is given per this number of trials."""
 ORDER_BLOCK = 10
 """Trials in one row of the order table."""
-EFFECT_MEASURES: dict[TaskKind, tuple[str, ...]] = {
-    "pan": ("sr", "spl", "steps", "t_s"),
-    "pog": ("sr", "distance", "t_s"),
-}
-_MODEL = ConfigDict(frozen=True, extra="forbid")
 _TINY = 1e-9
-"""Share of a covariate's variation within people and episodes below which it has none."""
+"""A covariate with less than this share of its variation within people and episodes counts as constant there."""
 
 
-class Effect(BaseModel):
-    """By how much a measure differs per unit of a covariate."""
+class Effect(ReportValue):
+    """The change of a measure per unit of a covariate."""
 
-    model_config = _MODEL
     value: float | None
-    """In units of the measure; None = it cannot be told, `method` says why."""
+    """The effect in units of the measure; None = it cannot be estimated, and `method` says why."""
     low: float | None
     high: float | None
     p: float | None
-    """Two-sided, of no effect."""
+    """Two-sided p of no effect."""
     n: int
-    """Trials."""
+    """Number of trials."""
     num_participants: int
     num_episodes: int
     method: str
 
 
-class EffectRow(BaseModel):
+class EffectRow(ReportValue):
     """An effect on one measure."""
 
-    model_config = _MODEL
     task: TaskKind
     scene_kind: str
     what: str
     """`CONDITION - none`, `per 10 trials`, `visited before`, or `per minute in the home before`."""
     condition: str
-    """In which it was looked for; `all` = all of them."""
+    """The condition in which the effect was looked for; `all` = all of them."""
     split: str
     """A split, or `all`."""
     measure: str
     effect: Effect
-    """In percent points for success and SPL."""
+    """The effect; in percent points for success and SPL."""
 
 
-class BlockRow(BaseModel):
-    """A measure over trials that have something in common: their place in the order, or earlier visits."""
+class BlockRow(PeopleRow):
+    """A measure over trials that share their place in the order, or whether the person had visited the home."""
 
-    model_config = _MODEL
-    task: TaskKind
-    scene_kind: str
-    condition: str
     by: str
     """`order` or `visits`."""
     block: str
-    """Such as `1-10`, or `visited before`."""
+    """Name of the trials, such as `1-10` or `visited before`."""
     measure: str
     value: float
     low: float | None
@@ -103,7 +92,7 @@ def memory_effects(people: Sequence[TrialGroup]) -> list[EffectRow]:
 
 
 def order_effects(people: Sequence[TrialGroup]) -> list[EffectRow]:
-    """Slopes on the place in the order, and on having been in the home before; needs the study's records."""
+    """Slopes on the place in the order and on earlier visits to the home; needs the study's records."""
     rows = []
     for group in people:
         if group.trials["place"].notna().any():
@@ -136,10 +125,10 @@ _COVARIATES: dict[str, Callable[[Frame], Any]] = {
 
 
 def _effects(group: TrialGroup, what: str, condition: str, split: str, trials: Frame) -> list[EffectRow]:
-    """Of the column `covariate` on each measure."""
+    """The effect of the column `covariate` on each measure."""
     rows = []
     designs: dict[tuple[int, ...], WithinDesign] = {}  # measures that the same trials have share one
-    for measure in EFFECT_MEASURES[group.task]:
+    for measure in (name for name in measures_of(group.task) if MEASURES[name].has_effect):
         known = trials[trials[measure].notna() & trials["covariate"].notna()]
         if len(known) < 2:
             continue
@@ -179,7 +168,7 @@ def _blocks(group: TrialGroup, by: str, block: str, trials: Frame) -> list[Block
 
 
 class WithinDesign:
-    """Which trials there are and what the covariate is; many sets of outcomes may be tried on one."""
+    """The trials and their covariate, prepared once; `effect` can then be called for many sets of outcomes."""
 
     def __init__(
         self,
@@ -189,7 +178,7 @@ class WithinDesign:
         *,
         is_within_episodes: bool = True,
     ) -> None:
-        """Takes out what people and episodes differ by.
+        """Takes the differences between people and between episodes out of the covariate.
 
         Args:
             covariate: (N,), such as 1 with memory and 0 without.
@@ -239,7 +228,7 @@ class WithinDesign:
         within = self._within(values)
         slope = float(self._covariate @ within) / self._spread
         residual = within - slope * self._covariate
-        correction = np.sqrt(len(values) / self._left)  # residuals are too small by what was taken out
+        correction = np.sqrt(len(values) / self._left)  # residuals lack what was taken out
         variance, df = clustered_variance(correction * self._covariate * residual / self._spread, people, episodes)
         error = float(np.sqrt(variance))
         if not error > _TINY * max(1.0, abs(slope)):
@@ -250,14 +239,14 @@ class WithinDesign:
         return found(method, slope, slope - half, slope + half, p)
 
     def _within(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What is left of values (N,) when each factor's levels may have means of their own."""
+        """The residuals of values (N,) when each level of each factor has a mean of its own."""
         pairs = list(zip(self._factors, self._sizes, strict=True))
         sums = np.concatenate([np.bincount(index, values, minlength=size) for index, size in pairs])
         levels = np.split(self._inverse @ sums, np.cumsum(self._sizes)[:-1])
         return values - sum(level[index] for level, index in zip(levels, self._factors, strict=True))
 
     def _sums_of_dummies(self) -> NDArray[np.float64]:
-        """(K, K): how many trials each two levels share."""
+        """Number of trials that each pair of levels shares, (K, K)."""
         firsts = np.concatenate([[0], np.cumsum(self._sizes)])
         gram = np.zeros((firsts[-1], firsts[-1]))
         for first, one in zip(firsts, self._factors, strict=False):
@@ -267,7 +256,7 @@ class WithinDesign:
 
 
 def holm(p_values: list[float]) -> list[float]:
-    """Holm's adjusted p of each of a family of hypotheses, in the given order."""
+    """Holm's adjusted p of each hypothesis in a family, in the given order."""
     order = sorted(range(len(p_values)), key=lambda at: p_values[at])
     adjusted, largest = [0.0] * len(p_values), 0.0
     for rank, at in enumerate(order):

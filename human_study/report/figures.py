@@ -1,4 +1,4 @@
-"""A study's report as pictures (SVG): people beside agents, who succeeded where, effort, order, and the flow."""
+"""A study's report as pictures (SVG): people beside agents, each outcome, effort, order, and the flow of people."""
 
 import io
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ _PERSON, _AGENT = "#1f5fa8", "#b5472f"
 _ROW_INCHES, _COLUMN_INCHES = 0.22, 0.16
 _LINES, _MARKERS = ("#1f5fa8", "#2e7d4f", "#7a4fa3", "#b5472f"), ("o", "s", "^", "D")
 _MOST_LABELS = 60
-"""More episodes than this are not named."""
+"""Most episodes that are named in a picture."""
 
 
 def person_dots_svg(report: StudyReport, task: TaskKind) -> str:
-    """Success rate of each person as a dot, conditions as rows; agents' as dashed lines with their names."""
+    """Success rate of each person as a dot, one row per condition; rates of agents as dashed lines with their names."""
     outcomes = [outcome for outcome in report.outcomes if outcome.task == task]
     people = {row.who for row in report.rows if row.kind == "human" and row.task == task}
     conditions = list(dict.fromkeys((o.who, o.condition) for o in outcomes if o.who in people))
@@ -126,7 +126,7 @@ def order_svg(report: StudyReport, task: TaskKind) -> str:
 
 
 def flow_svg(report: StudyReport) -> str:
-    """Boxes from top to bottom for those who go on, ways out and detours beside them."""
+    """The flow of people: boxes from top to bottom for those who go on, with ways out and detours beside them."""
     step, width = 46, 250
     parts, at = [], 0
     for count in report.flow:
@@ -166,7 +166,7 @@ def _row_name(who: str, condition: str, participant: str) -> str:
 
 
 def _rates(outcomes: Sequence[PersonOutcome]) -> list[float]:
-    """Percent per person."""
+    """Success rate of each person, percent."""
     people = dict.fromkeys(outcome.participant for outcome in outcomes)
     return [100 * float(np.mean([o.success for o in outcomes if o.participant == name])) for name in people]
 
@@ -176,7 +176,7 @@ def _kinds(report: StudyReport, task: TaskKind) -> list[str]:
 
 
 def _svg(figure: Figure, kinds: Sequence[str]) -> str:
-    """The same figure gives the same text; above it stands what must be said of these kinds of homes."""
+    """The figure as SVG text, with the labels of these kinds of homes above it; the same figure gives the same text."""
     labels = scene_labels(kinds)
     if labels:
         figure.set_figheight(figure.get_figheight() + 0.25 * len(labels))

@@ -1,4 +1,4 @@
-"""The mixed model of HUMAN_STUDY.md, section 8, as data and a script for R: this program fits none itself."""
+"""The mixed model of HUMAN_STUDY.md, section 8, as data and a script for R; this program does not fit it."""
 
 from collections.abc import Iterable, Sequence
 from math import isnan
@@ -19,7 +19,7 @@ COLUMNS = (
 
 
 def glmm_csv(people: Sequence[TrialGroup], task: TaskKind) -> str:
-    """One line per counted trial of people; empty cells where the study's records are not at hand."""
+    """One line per counted trial of people; empty cells where the study's records are missing."""
     lines = []
     for group in (group for group in people if group.task == task):
         for trial in group.trials.itertuples():

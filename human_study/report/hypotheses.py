@@ -1,36 +1,35 @@
-"""Tests: the study's primary hypotheses with Holm's adjustment, and agents of one run each against each other."""
+"""Tests: the study's primary hypotheses with Holm's adjustment, and comparisons of agents that have one run each."""
 
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from itertools import combinations
 
-from pydantic import BaseModel, ConfigDict
 from scipy.special import stdtr
 
 from sim.types import TaskKind
 
 from ..design.analysis import ALPHA, HYPOTHESIS_NAME
 from .effects import EffectRow, holm
+from .measures import MEASURES
 from .rows import Aggregate, counted_trials
 from .statistics import mcnemar_p, mean_interval, two_way_variance
-from .trials import TrialGroup, is_first_condition, row_label
+from .trials import ReportValue, TrialGroup, is_first_condition, row_label
 
-_MODEL = ConfigDict(frozen=True, extra="forbid")
-_MEASURES = {"SR": "sr", "SPL": "spl", "SoftSPL": "soft_spl", "DTG": "dtg", "steps": "steps", "time": "t_s"}
+_MEASURES = {measure.claim: name for name, measure in MEASURES.items() if measure.claim}
+"""Names of columns, by their names in a study file."""
 
 
-class HypothesisRow(BaseModel):
-    """What became of one primary hypothesis."""
+class HypothesisRow(ReportValue):
+    """The result of one primary hypothesis."""
 
-    model_config = _MODEL
     name: str
     value: float | None
     low: float | None
     high: float | None
     p: float | None
-    """Two-sided, of no difference; None = it could not be tested, `method` says why."""
+    """Two-sided p of no difference; None = it could not be tested, and `method` says why."""
     p_holm: float | None
-    """Adjusted over all primary hypotheses, those not tested included."""
+    """p adjusted over all primary hypotheses, including those not tested."""
     n: int
     method: str
 
@@ -40,20 +39,19 @@ class HypothesisRow(BaseModel):
         return self.p_holm is not None and self.p_holm < ALPHA
 
 
-class AgentPairRow(BaseModel):
-    """On how many episodes only one of two agents succeeded."""
+class AgentPairRow(ReportValue):
+    """The numbers of episodes on which only one of two agents succeeded."""
 
-    model_config = _MODEL
     task: TaskKind
     scene_kind: str
     first: str
     second: str
     n: int
-    """Episodes that both did."""
+    """Number of episodes that both agents did."""
     num_only_first: int
     num_only_second: int
     p: float | None
-    """Exact, two-sided; None where an agent has several runs, which are no single yes or no."""
+    """Exact two-sided p; None where an agent has several runs, because these are not a single yes or no."""
 
 
 def hypothesis_rows(
@@ -62,10 +60,10 @@ def hypothesis_rows(
     """A row per name of `primary` in the study file.
 
     Args:
-        names: As in the study file.
+        names: The names, as in the study file.
         differences: People minus agents on the same episodes.
         memory: Effects of conditions, of all splits together.
-        aggregate: Of the totals.
+        aggregate: How cells and totals are averaged.
     """
     rows = [_tested(name, differences, memory, aggregate) for name in names]
     adjusted = holm([1.0 if row.p is None else row.p for row in rows])
@@ -153,8 +151,8 @@ def agent_pairs(agents: Sequence[TrialGroup], episodes: AbstractSet[str]) -> lis
     """A row per pair of agents of the same task that did the same episodes: McNemar's exact test.
 
     Args:
-        agents: With all their runs.
-        episodes: Those that people did.
+        agents: Agents with all their runs.
+        episodes: Episodes that people did.
     """
     pairs = [_pair(first, second, episodes) for first, second in combinations(agents, 2) if first.task == second.task]
     return [row for row in pairs if row.n]

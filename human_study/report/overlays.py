@@ -1,4 +1,4 @@
-"""Where people and agents walked and pointed at one episode, seen from above, as SVG; under them the free floor."""
+"""Draws where people and agents walked and pointed at one episode, seen from above, on the free floor, as SVG."""
 
 import html
 from collections.abc import Mapping, Sequence
@@ -21,19 +21,19 @@ _PIXELS = 640
 _MARGIN = 0.6
 """Metres around everything that is drawn."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#7a5c00", "#332288", "#000000", "#6b6b6b")
-"""Of rows of the report in order; people's first. The first ones after Okabe and Ito, for colour-blind readers, who
-also have the shapes."""
+"""Colours of the report's rows in order; people's first. The first ones are those of Okabe and Ito, for colour-blind
+readers, who also have the shapes."""
 _SHAPES = ("circle", "square", "triangle", "diamond", "triangle down")
 _LINE = 18
 """Height of a line of the legend in pixels."""
 _TITLE = 26
 DASHES = ' stroke-dasharray="6 3"'
-"""Of an agent's path."""
+"""Dash pattern of an agent's path."""
 
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
-    """What lies under the paths."""
+    """The floor that is drawn under the paths."""
 
     free: NDArray[np.bool_]
     """(rows, cols), True where the robot's centre can be."""
@@ -43,12 +43,12 @@ class FloorPlan:
 
 
 def overlay_keys(groups: Sequence[TrialGroup], task: TaskKind, *, most: int) -> list[EpisodeKey]:
-    """The episodes that most people did, those on which they differ most first.
+    """The episodes that most people did, beginning with those on which people differ most.
 
     Args:
         groups: People and agents.
-        task: Of the overlays.
-        most: So many at most.
+        task: The overlays' task.
+        most: Largest number of episodes.
     """
     hits: dict[EpisodeKey, list[float]] = {}
     for group in (group for group in groups if group.task == task and group.kind == "human"):
@@ -62,13 +62,13 @@ def overlay_keys(groups: Sequence[TrialGroup], task: TaskKind, *, most: int) -> 
 def overlay_svg(
     groups: Sequence[TrialGroup], key: EpisodeKey, task: TaskKind, *, floor: FloorPlan | None = None
 ) -> str:
-    """All paths (PAN) or marks (POG) of one episode, a shape and a colour per row, and what must be said of the home.
+    """All paths (PAN) or marks (POG) of one episode, a shape and a colour per row, with the label of the home.
 
     Args:
-        groups: People and agents, several runs of an agent included.
+        groups: People and agents, with all runs of each agent.
         key: The episode.
-        task: Of the overlay.
-        floor: Under the paths; None = only a frame.
+        task: The overlay's task.
+        floor: The floor under the paths; None = only a frame.
     """
     shown = [(group, _drawn(group, str(key))) for group in groups]
     shown = [(group, trials) for group, trials in shown if group.task == task and trials]
@@ -94,7 +94,7 @@ def overlay_svg(
 
 
 def _view_around(points: NDArray[np.float64], floor: FloorPlan | None) -> PlanView:
-    """The view of all that is drawn."""
+    """The view that shows everything drawn."""
     corners = [points]
     if floor is not None and floor.free.any():
         rows, cols = np.nonzero(floor.free)
@@ -106,7 +106,7 @@ def _view_around(points: NDArray[np.float64], floor: FloorPlan | None) -> PlanVi
 
 
 class _Trial(Protocol):
-    """A line of a group's trials."""
+    """One row of a group's trials."""
 
     key: EpisodeKey
     sr: float
@@ -114,13 +114,13 @@ class _Trial(Protocol):
 
 
 def _drawn(group: TrialGroup, episode: str | None = None) -> list[_Trial]:
-    """Trials whose run or answer is at hand, of one episode or of all."""
+    """Trials that have a run or an answer, of one episode or of all."""
     trials = group.trials if episode is None else group.trials[group.trials["episode"] == episode]
     return list(trials[trials["item"].notna()].itertuples())
 
 
 def _points(trial: _Trial) -> NDArray[np.float64]:
-    """(N, 2) metres: the path, or the mark."""
+    """The points (N, 2) of the path, or the mark, metres."""
     if isinstance(trial.item, EpisodeRun):
         return np.array([[pose.position[0], pose.position[2]] for pose in trial.item.poses])
     found = trial.item.candidates[:1] if isinstance(trial.item, Answer) else ()
@@ -155,7 +155,7 @@ def _targets(view: PlanView, floor: FloorPlan | None) -> str:
 
 
 def _floor(view: PlanView, floor: FloorPlan | None) -> str:
-    """The free floor, on what nobody can stand on."""
+    """The free floor, drawn over a background where nobody can stand."""
     if floor is None:
         return ""
     ground = f'<rect width="{view.width}" height="{view.height}" fill="#dcdcd8"/>'
@@ -168,7 +168,7 @@ def overlay_name(key: EpisodeKey, task: TaskKind) -> str:
 
 
 def floors_needed(groups: Sequence[TrialGroup], keys: Sequence[EpisodeKey]) -> Mapping[EpisodeKey, float]:
-    """Height of the floor on which each episode starts, or was pointed at; for the plan under it."""
+    """Height of the floor on which each episode starts or people pointed, for the floor plan under its overlay."""
     found: dict[EpisodeKey, float] = {}
     for trial in (trial for group in groups for trial in _drawn(group) if trial.key in keys):
         if isinstance(trial.item, EpisodeRun):
@@ -181,7 +181,7 @@ def floors_needed(groups: Sequence[TrialGroup], keys: Sequence[EpisodeKey]) -> M
 
 
 def _mark(x: float, y: float, number: int, *, is_filled: bool) -> str:
-    """The end of a path, or a mark, of the row with this number; a thin white edge keeps neighbours apart."""
+    """The end of a path, or a mark, for the row with this number; a thin white edge keeps neighbours apart."""
     colour = COLOURS[number % len(COLOURS)]
     edge, width = ("white", 2) if is_filled else (colour, 1.8)
     paint = f'fill="{colour if is_filled else "white"}" stroke="{edge}" stroke-width="{width}" paint-order="stroke"'
@@ -200,7 +200,7 @@ def _mark(x: float, y: float, number: int, *, is_filled: bool) -> str:
 
 
 def _line(points: str, number: int, *, is_dashed: bool) -> str:
-    """A path of the row with this number."""
+    """A path in the colour of the row with this number."""
     colour = COLOURS[number % len(COLOURS)]
     dashes = DASHES if is_dashed else ""
     return f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6" opacity=".75"{dashes}/>'
@@ -219,7 +219,7 @@ def _ring(x: float, y: float, radius: float) -> str:
 
 
 def _scale_bar(metre: float, y: float) -> str:
-    """A bar of a metre, or of five where a metre is short."""
+    """A scale bar of one metre, or of five where one metre is short on the picture."""
     length = 1 if metre >= 30 else 5
     return (
         f'<path d="M10 {y:g} h{length * metre:.1f}" stroke="black" stroke-width="2"/>'
@@ -235,8 +235,8 @@ def _legend(
     Args:
         rows: Text of each row in order, and whether its paths are dashed; None = it has marks and no paths.
         has_start: Whether the start is drawn.
-        has_targets: Whether the right objects are.
-        has_floor: Whether the free floor is.
+        has_targets: Whether the right objects are drawn.
+        has_floor: Whether the free floor is drawn.
     """
     lines = []
     for number, (text, is_dashed) in enumerate(rows):
@@ -258,9 +258,9 @@ def _framed(title: str, picture: str, lines: Sequence[str], *, size: tuple[int, 
     """The whole file: a title, the picture, and the legend.
 
     Args:
-        title: Above the picture.
-        picture: From (0, 0).
-        lines: Of the legend.
+        title: Text above the picture.
+        picture: SVG elements of the picture, drawn from (0, 0).
+        lines: Lines of the legend.
         size: (width, height) of the picture in pixels.
     """
     width, height = size

@@ -1,4 +1,4 @@
-"""How precise a study will be, by simulation with the report's own intervals (`study plan --power`).
+"""Simulates how precise a study will be, with the report's own intervals (`study plan --power`).
 
 People and episodes are drawn at random on the logit scale (HUMAN_STUDY.md, section 8): planning figures, not findings.
 """
@@ -22,11 +22,11 @@ from .effects import WithinDesign
 from .statistics import Interval, Trials, mean_interval, rate_interval
 
 RELEASED = {"easy": 600, "medium": 700, "hard": 700}
-"""Episodes of the authors' repository (d997eca), for a study that takes them all."""
+"""Episodes in the authors' repository (d997eca), for a study that uses all of them."""
 NUM_HOMES = 31
-"""Of the released dataset; nobody has more trials where nobody meets a home twice."""
+"""Number of homes in the released dataset, and most trials of a person where nobody meets a home twice."""
 MOST_SD = 4.0
-"""Largest spread on the logit scale: from 2 to 98 of 100 succeed one spread around a half."""
+"""Largest spread on the logit scale; people one spread below and above one half succeed in 2 and 98 percent."""
 _MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _ADVICE = "See personal-viz study plan --help."
 _HEADS = (
@@ -36,30 +36,30 @@ _HEADS = (
 
 
 class PowerAssumptions(BaseModel):
-    """What is supposed about people, episodes and agents."""
+    """Assumptions about people, episodes and agents."""
 
     model_config = _MODEL
     base_rate: float = Field(default=0.65, gt=0, lt=1)
     """Success rate of people over all splits."""
     split_gap: float = Field(default=0.10, gt=0, lt=1)
-    """Between two splits, around the base rate."""
+    """Difference of success between two splits, around the base rate."""
     agent_gap: float = Field(default=0.15, gt=0, lt=1)
-    """By which an agent is worse than people, on the same episodes, one run."""
+    """How much lower an agent's success rate is than people's, on the same episodes, in one run."""
     memory_gap: float = Field(default=0.10, gt=0, lt=1)
-    """By which people are better with memory."""
+    """How much higher people's success rate is with memory."""
     person_sds: tuple[Annotated[float, Field(ge=0, le=MOST_SD)], ...] = Field(default=(0.3, 0.9), min_length=1)
-    """Spread of people on the logit scale: alike, and different."""
+    """Spreads of people on the logit scale: one for similar people and one for different people."""
     episode_sd: float = Field(default=1.3, ge=0, le=MOST_SD)
     """Spread of episodes on the logit scale; 1.3 gives the figures of HUMAN_STUDY.md, section 3."""
     agent_alike: float = Field(default=0.5, ge=0, le=1)
-    """How far what is hard for people is hard for the agent (share of the variance)."""
+    """Share of the episodes' variance in difficulty that people and the agent have in common."""
     num_simulations: int = Field(default=150, ge=20, le=20_000)
     seed: int = Field(default=0, ge=0)
 
 
 @dataclass(frozen=True, slots=True)
 class PowerDesign:
-    """Who does what, as far as precision depends on it; the same in every split."""
+    """The assignment of people to episodes, as far as precision depends on it; the same in every split."""
 
     label: str
     num_people: int
@@ -71,19 +71,19 @@ class PowerDesign:
 
     @property
     def trials_per_split(self) -> int:
-        """Trials of one condition."""
+        """Number of trials of one condition in one split."""
         return self.episodes_per_split * self.raters
 
     @property
     def trials_per_person(self) -> float:
-        """Of all splits and conditions."""
+        """Number of trials of one person in all splits and conditions."""
         return self.trials_per_split * self.num_splits * self.num_conditions / self.num_people
 
     def split_trials(self, condition: int = 0) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(people, episodes) of a split's trials of a condition, each (N,).
+        """The people and the episodes of a split's trials of a condition, each (N,).
 
-        Episodes are in as many groups as there are conditions; people of one arm meet a group's episodes in one
-        condition, those of the next arm in the next.
+        There are as many groups of episodes as conditions. People of one arm meet a group's episodes in one condition,
+        people of the next arm in the next condition.
         """
         arms = self.num_conditions
         episodes = np.repeat(np.arange(self.episodes_per_split), self.raters)
@@ -105,33 +105,33 @@ class PowerRow(BaseModel):
     raters_per_episode: int
     trials_per_person: float
     trials: int
-    """Of everybody, in all splits and conditions."""
+    """Trials of all people, in all splits and conditions."""
     width_split: float
     """Mean full width of a split's 95 % interval of the success rate, points."""
     width_total: float
-    """The same of the total."""
+    """Mean full width of the total's interval, points."""
     power_splits: float
     """Share of studies that tell two splits apart."""
     power_agent: float
-    """Share that tells people and agent apart, on one split's episodes."""
+    """Share of studies that tell people and agent apart, on one split's episodes."""
     power_memory: float | None
-    """Share that finds the effect of memory, within people, all splits together; None = one condition."""
+    """Share of studies that find the effect of memory within people, all splits together; None = one condition."""
 
 
 class PowerReport(BaseModel):
-    """What `study plan --power --json` prints."""
+    """The output of `study plan --power --json`."""
 
     model_config = _MODEL
     assumptions: PowerAssumptions
     rows: tuple[PowerRow, ...]
-    """The design first, then alternatives; for each spread of people."""
+    """For each spread of people: the design first, then alternatives."""
 
 
 def power_report(design: PowerDesign, *, assumptions: PowerAssumptions) -> PowerReport:
     """Precision and power of a design and of others like it.
 
     Raises:
-        StudyError: The gaps lead outside of 0 to 1.
+        StudyError: The gaps give a success rate outside 0 to 1.
     """
     low, high = assumptions.base_rate - assumptions.agent_gap, assumptions.base_rate + assumptions.memory_gap
     edges = (
@@ -158,8 +158,8 @@ def design_of(config: StudyConfig, plan: StudyPlan | None = None) -> PowerDesign
     """A study's design for its first task; splits of different sizes count as their mean.
 
     Args:
-        config: Of the study.
-        plan: Names the people and the drawn episodes exactly; None = not made yet, as the study file has it.
+        config: The study.
+        plan: Gives the exact people and drawn episodes; None = there is no plan yet, and the study file gives them.
     """
     task, kind = config.task[0], config.design.kind
     arms, raters = len(config.conditions(task)), config.design.raters_per_episode
@@ -178,7 +178,7 @@ def design_of(config: StudyConfig, plan: StudyPlan | None = None) -> PowerDesign
 
 
 def alternatives(design: PowerDesign) -> list[PowerDesign]:
-    """Other ways to spend as many trials, and twice as many."""
+    """Other designs with the same number of trials, and with twice as many."""
     arms = design.num_conditions
     people, episodes, raters = design.num_people, design.episodes_per_split, design.raters
     half = max(1, raters // 2)
@@ -226,7 +226,7 @@ def power_row(design: PowerDesign, *, person_sd: float, assumptions: PowerAssump
 
 
 class _Model:
-    """Draws studies of a design."""
+    """Draws random studies of a design."""
 
     def __init__(self, design: PowerDesign, person_sd: float, assumptions: PowerAssumptions) -> None:
         self._design, self._person_sd, self._assumptions = design, person_sd, assumptions
@@ -236,7 +236,7 @@ class _Model:
         self._within = _memory_design(design) if design.num_conditions > 1 else None
 
     def over(self, once: Callable[[], float]) -> float:
-        """Mean over the simulations."""
+        """Mean of `once` over the simulations."""
         return float(np.mean([once() for _ in range(self._assumptions.num_simulations)]))
 
     def split_width(self) -> float:
@@ -254,7 +254,7 @@ class _Model:
         return _excludes_zero(mean_interval(Trials(hits, *self._strata(2), stratum_shares=(1.0, -1.0))))
 
     def tells_agent(self) -> bool:
-        """On one split's episodes, as `report` does: people minus agent, trial by trial."""
+        """Whether a drawn study tells people and agent apart on one split, trial by trial as the report does it."""
         base, gap, spread = self._assumptions.base_rate, self._assumptions.agent_gap, self._assumptions.episode_sd
         ease = self._rng.normal(size=self._design.episodes_per_split)
         own = self._rng.normal(size=len(ease))
@@ -267,7 +267,7 @@ class _Model:
         return _excludes_zero(mean_interval(Trials(hits - agent[self._episodes], *self._strata(1))))
 
     def finds_memory(self) -> bool:
-        """Within people and episodes, first two conditions, all splits together."""
+        """Whether a drawn study tells the first two conditions apart, within people and episodes, over all splits."""
         assert self._within is not None
         within, people, episodes, has_map = self._within
         base, gap = self._assumptions.base_rate, self._assumptions.memory_gap
@@ -279,7 +279,7 @@ class _Model:
         return effect.p is not None and effect.p < 0.05
 
     def _hits(self, rates: list[float]) -> NDArray[np.float64]:
-        """Outcomes of so many splits, one after the other; people are the same in all."""
+        """Outcomes of several splits, one after the other; people are the same in all."""
         size = self._design.episodes_per_split
         skill = self._person_sd * self._rng.normal(size=self._design.num_people)
         ease = self._assumptions.episode_sd * self._rng.normal(size=(len(rates), size))
@@ -298,7 +298,7 @@ class _Model:
 
 
 def power_markdown(report: PowerReport) -> str:
-    """Tables by spread of people, and what they say."""
+    """One table per spread of people, with a sentence on its meaning."""
     told = report.assumptions
     blocks: list[Block] = [
         Heading("Precision and power", 1),
@@ -327,7 +327,7 @@ def _line(row: PowerRow) -> tuple[str, ...]:
 
 
 def _advice(report: PowerReport) -> str:
-    """The design of as many trials with the narrowest total where people differ most."""
+    """Advice: the design with the same number of trials and the narrowest total where people differ most."""
     widest = max(report.assumptions.person_sds)
     rows = [row for row in report.rows if row.person_sd == widest]
     alike = [row for row in rows if row.trials <= 1.05 * rows[0].trials]
@@ -344,7 +344,7 @@ def _advice(report: PowerReport) -> str:
 def _memory_design(
     design: PowerDesign,
 ) -> tuple[WithinDesign, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Trials of the first two conditions in all splits: (within people and episodes, people, episodes, condition)."""
+    """Trials of the first two conditions in all splits: their `WithinDesign`, people, episodes and conditions."""
     size, splits = design.episodes_per_split, range(design.num_splits)
     both = [design.split_trials(condition) for condition in (0, 1)]
     people = np.concatenate([who for who, _ in both for _ in splits])

@@ -4,13 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
-
 from sim.errors import StudyError
 from sim.homes.kind import scene_labels
 from sim.tasks.metrics import made_for_warning, metric_rows, require_comparable
 from sim.tasks.run_files import Run
-from sim.types import SuccessRule, TaskKind
+from sim.types import SuccessRule
 
 from .agreement import (
     AgreementRow,
@@ -44,54 +42,46 @@ from .rows import Aggregate, ReportRow, TotalKind, require_totals, rows_of
 from .sensitivity import SensitivityRow, sensitivity_rows
 from .source import ReportSource, StudyRecords
 from .statistics import Weight
-from .trials import LeftOut, TrialGroup, averaged_agent, difference, trial_groups
-
-_MODEL = ConfigDict(frozen=True, extra="forbid")
+from .trials import GroupRow, LeftOut, ReportValue, TrialGroup, averaged_agent, difference, trial_groups
 
 
-class PersonOutcome(BaseModel):
-    """Whether one person succeeded at one episode, or an agent, whose runs are averaged."""
+class PersonOutcome(GroupRow):
+    """The success of one person at one episode, or of an agent, averaged over its runs."""
 
-    model_config = _MODEL
-    task: TaskKind
-    scene_kind: str
-    who: str
-    condition: str
     participant: str
     episode: str
     success: float
-    """0 or 1; between them for an agent with several runs."""
+    """0 or 1; a value between them for an agent with several runs."""
 
 
-class StudyReport(BaseModel):
-    """What `study report --json` prints."""
+class StudyReport(ReportValue):
+    """The output of `study report --json`."""
 
-    model_config = _MODEL
     study: str | None
     """Name in the study file; None = the runs came without one."""
     study_version: str | None
     is_pilot: bool
-    """Served without an ethics id."""
+    """Whether the study was served without an ethics id."""
     num_open: int
-    """Assigned counted trials that nobody has ended: the study is still running."""
+    """Assigned counted trials that nobody has ended; while there are any, the study is still running."""
     information: tuple[str, ...] | None
-    """What people had to go by; None = not known."""
+    """The information that people were shown besides the task; None = not known."""
     rule: SuccessRule
-    """Of the PAN rows."""
+    """Success rule of the PAN rows."""
     total: TotalKind
     weight: Weight
     scene_kinds: tuple[str, ...]
-    """A human baseline for PersONAL is claimed on scans only."""
+    """Kinds of the homes. A human baseline for PersONAL is claimed on scans only."""
     scene_labels: tuple[str, ...]
-    """What must be said of these homes; () for scans."""
+    """Labels that results in these homes must carry; () for scans."""
     warnings: tuple[str, ...]
-    """Runs that were made for another rule than the report's."""
+    """One line per row name whose runs were made for another success rule than the report's."""
     rows: tuple[ReportRow, ...]
     spreads: tuple[SpreadRow, ...]
     ends: tuple[EndRow, ...]
-    """Of all runs of agents, on the people's episodes."""
+    """Ends of trials; for agents, of all runs on the people's episodes."""
     hypotheses: tuple[HypothesisRow, ...]
-    """The primary ones; everything else in the report is exploratory."""
+    """The primary hypotheses; everything else in the report is exploratory."""
     memory: tuple[EffectRow, ...]
     order: tuple[EffectRow, ...]
     blocks: tuple[BlockRow, ...]
@@ -101,32 +91,34 @@ class StudyReport(BaseModel):
     places: tuple[PlaceRow, ...]
     suspects: tuple[SuspectEpisode, ...]
     flow: tuple[FlowCount, ...]
-    """() = the study's records are not at hand."""
+    """Counts of people at each point of the study; () = the study's records are missing."""
     verification: tuple[VerificationCount, ...]
     attention: tuple[AttentionCount, ...]
     hidden: HiddenCount | None
-    """None = the study file has no limit, or is not at hand."""
+    """Counted trials with the page in the background; None = the study file has no limit, or is missing."""
     exclusions: tuple[ExclusionCount, ...]
     left_out: tuple[LeftOut, ...]
     checklist: tuple[ChecklistItem, ...]
     outcomes: tuple[PersonOutcome, ...]
-    """Of every counted trial, agents on the people's episodes."""
+    """Every counted trial; agents on the people's episodes."""
     dataset_digest: str
     versions: tuple[str, ...]
-    """Of the programs that made the runs."""
+    """Programs that made the runs, with their versions."""
     runs: tuple[str, ...]
     """Ids of the runs, in order."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportGroups:
-    """The trials behind a report, for pictures and for other programs."""
+    """The trials behind a report, for its numbers and its pictures."""
 
+    rule: SuccessRule
+    """Success rule of the PAN trials."""
     people: tuple[TrialGroup, ...]
     agents: tuple[TrialGroup, ...]
-    """All runs, on the people's episodes."""
+    """All runs of agents, on the people's episodes."""
     averaged: tuple[TrialGroup, ...]
-    """One trial per episode."""
+    """The agents with one trial per episode, the mean of their runs."""
     differences: tuple[TrialGroup, ...]
     left_out: tuple[LeftOut, ...]
 
@@ -139,27 +131,38 @@ def study_report(
     split_sizes: Mapping[str, int] | None = None,
     objects: HomeObjects | None = None,
 ) -> StudyReport:
-    """Rows for people, for agents on the episodes that people did, and for people minus agents.
+    """The report: rows for people, for agents on the episodes that people did, and for people minus agents.
 
     Args:
         runs: Exported runs of people and, if wanted, runs of agents.
         rule: Success rule of the PAN rows; None = the study file's, or `paper`.
-        records: Of the people's study; None = only runs are at hand, and what needs more is left out.
+        records: Records of the people's study; None = there are only runs, and tables that need more are left out.
         split_sizes: Episodes of each split in the dataset, for `aggregate.total: dataset_weighted`.
-        objects: Of the homes, for the agreement on the chosen object.
+        objects: Objects of the homes, for the agreement on the chosen object.
 
     Raises:
-        StudyError: No run is of people, an agent did none of their episodes, or totals need the splits' sizes.
+        StudyError: There is no run of people, an agent did none of their episodes, or totals need the splits' sizes.
         RunFileError: Runs are on different episode files, or scans and other homes are mixed.
     """
+    source = ReportSource(tuple(runs), records)
+    return report_of(source, report_groups(source, rule=rule), split_sizes=split_sizes, objects=objects)
+
+
+def report_of(
+    source: ReportSource,
+    groups: ReportGroups,
+    *,
+    split_sizes: Mapping[str, int] | None = None,
+    objects: HomeObjects | None = None,
+) -> StudyReport:
+    """The report on these groups of the source; the other arguments are those of `study_report`."""
+    records, rule = source.records, groups.rule
+    runs = sorted(source.runs, key=lambda run: run.info.run_id)
     config = records.config if records else None
-    rule = rule or (config.success if config else "paper")
     aggregate = Aggregate(split_sizes=split_sizes)
     if config is not None:
         aggregate = Aggregate(config.aggregate.total, config.aggregate.weight, split_sizes)
     aggregate.require_sizes()
-    runs = sorted(runs, key=lambda run: run.info.run_id)
-    groups = report_groups(ReportSource(tuple(runs), records), rule=rule)
     people, trial_rows = groups.people, records.rows if records else ()
     rows = _rows(groups, aggregate)
     memory = memory_effects(people)
@@ -203,7 +206,7 @@ def _warnings(runs: Sequence[Run], rule: SuccessRule) -> tuple[str, ...]:
 
 
 def _rows(groups: ReportGroups, aggregate: Aggregate) -> list[ReportRow]:
-    """People, agents where people were, and people minus agents; every total is what it is declared to be."""
+    """Rows for people, for agents on the people's episodes, and for people minus agents, with checked totals."""
     rows = [row for group in groups.people for row in rows_of(group, aggregate)]
     for full, same in zip(groups.agents, groups.averaged, strict=True):
         rows += rows_of(same, aggregate, behind=full)
@@ -213,7 +216,7 @@ def _rows(groups: ReportGroups, aggregate: Aggregate) -> list[ReportRow]:
 
 
 def _of_records(records: StudyRecords | None, rows: Sequence[ReportRow], runs: Sequence[Run]) -> dict[str, Any]:
-    """The fields of a report that come from the study's records; without them, what the runs say."""
+    """The fields of a report that come from the study's records; without records, the fields that the runs give."""
     if records is None:
         told = next(run.info.config for run in runs if run.info.who_kind == "human")
         information = str(told["information"]).split(",") if "information" in told else None
@@ -254,14 +257,19 @@ def _of_records(records: StudyRecords | None, rows: Sequence[ReportRow], runs: S
     }
 
 
-def report_groups(source: ReportSource, *, rule: SuccessRule) -> ReportGroups:
+def report_groups(source: ReportSource, *, rule: SuccessRule | None = None) -> ReportGroups:
     """The trials that the report counts.
 
+    Args:
+        source: Runs of people and agents, and the records of the people's study.
+        rule: Success rule of the PAN trials; None = the study file's, or `paper`.
+
     Raises:
-        StudyError: No run is of people, of two studies, or an agent did none of their episodes.
-        RunFileError: Runs are on different episode files, scans and other homes are mixed, or a trial stands twice.
+        StudyError: There is no run of people, their runs are of two studies, or an agent did none of their episodes.
+        RunFileError: Runs are on different episode files, scans and other homes are mixed, or a trial occurs twice.
     """
-    runs, records = source.runs, source.records
+    runs, records = sorted(source.runs, key=lambda run: run.info.run_id), source.records
+    rule = rule or (records.config.success if records else "paper")
     require_comparable(run.info for run in runs)
     _require_one_study(runs)
     metric_rows(runs, rule=rule)  # refuses runs that were never scored, and trials that would count twice
@@ -275,7 +283,7 @@ def report_groups(source: ReportSource, *, rule: SuccessRule) -> ReportGroups:
         agents.append(replace(agent, trials=agent.trials[agent.trials["episode"].isin(same.trials["episode"])]))
         averaged.append(same)
         differences += [difference(group, same) for group in beside]
-    return ReportGroups(tuple(people), tuple(agents), tuple(averaged), tuple(differences), tuple(left_out))
+    return ReportGroups(rule, tuple(people), tuple(agents), tuple(averaged), tuple(differences), tuple(left_out))
 
 
 def _require_one_study(runs: Sequence[Run]) -> None:
@@ -295,12 +303,12 @@ def _require_one_study(runs: Sequence[Run]) -> None:
 
 
 def _may_stand_beside(people: TrialGroup, agent: TrialGroup) -> bool:
-    """Answers on oracle maps (no home at all) may stand beside any people."""
+    """Whether the agent may be compared with the people; answers on oracle maps (no home) may be, with any people."""
     return people.task == agent.task and agent.scene_kind in (people.scene_kind, "oracle-map")
 
 
 def _on_the_same_episodes(agent: TrialGroup, people: Sequence[TrialGroup]) -> TrialGroup:
-    """The agent where people were, its runs averaged."""
+    """The agent's trials on the people's episodes, with its runs averaged."""
     done = _episodes_of(people)
     same = averaged_agent(agent, done)
     if same.trials.empty:

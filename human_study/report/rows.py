@@ -5,20 +5,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
-
 from sim.errors import StudyError
 from sim.homes.kind import scene_label
 from sim.types import SPLITS, TaskKind
 
+from .measures import MEASURES
 from .statistics import Estimate, Interval, Trials, Weight, mean, rate, trials_of
-from .trials import FAR, STRICT, Frame, TrialGroup
+from .trials import Frame, ReportValue, TrialGroup
 
 TOTAL = "total"
 TotalKind = Literal["mean_of_splits", "pooled", "dataset_weighted"]
 RowKind = Literal["human", "agent", "difference"]
-_SHARES = ("sr", "spl", "soft_spl")
-"""Measures, or beginnings of their names, in percent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +23,7 @@ class Aggregate:
     """How cells and totals are averaged (`aggregate` of the study file)."""
 
     total: TotalKind = "mean_of_splits"
-    """`mean_of_splits` as the paper's, `pooled` over all trials alike, or `dataset_weighted` by the splits' sizes."""
+    """`mean_of_splits` as in the paper, `pooled` over all trials, or `dataset_weighted` by the splits' sizes."""
     weight: Weight = "trials"
     split_sizes: Mapping[str, int] | None = None
     """Episodes of each split in the whole dataset; needed for `dataset_weighted`."""
@@ -40,10 +37,9 @@ class Aggregate:
             )
 
 
-class ReportRow(BaseModel):
+class ReportRow(ReportValue):
     """One number of one row of a table, with its intervals."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     task: TaskKind
     scene_kind: str
     who: str
@@ -51,33 +47,33 @@ class ReportRow(BaseModel):
     kind: RowKind
     condition: str
     split: str
-    """A split, or `total` over the splits present, as `aggregate` says."""
+    """A split, or `total` over the splits present, averaged as `aggregate` says."""
     measure: str
     """`sr`, `spl`, `soft_spl`, `sr_within_K` in percent, `dtg`, `distance`, `path_m` in metres, `steps`, `t_s`.
 
-    `sr_strict` = success by rule `paper-strict` in percent, of the trials that have it; `far_from_view` = percent of
-    the successes by `paper` that end more than 1 m of walking from every view point. Trials that a rule excludes have
-    neither.
+    `sr_strict` = percent of successes by rule `paper-strict`, over the trials that have it; `far_from_view` = percent
+    of the successes by `paper` that end more than 1 m of walking from every view point. Trials that a rule excludes
+    have neither.
     """
     value: float
     low: float | None
     high: float | None
     method: str
-    """Of the interval, or why there is none."""
+    """Method of the interval, or the reason why there is none."""
     bootstrap_low: float | None
-    """None also for `sr_within_K`, `sr_strict` and `far_from_view`, for which none is made."""
+    """Ends of the bootstrap interval; None also for `sr_within_K`, `sr_strict` and `far_from_view`, which have none."""
     bootstrap_high: float | None
     k: int | None
     """Successes; None for other measures."""
     n: int
     """Trials."""
     num_participants: int
-    """People; runs of an agent are averaged before, so it counts as one."""
+    """Number of people; an agent counts as one, because its runs are averaged first."""
     num_episodes: int
     share: float | None
-    """What a split's cell counts in its total; None = the total is no mean of its cells (people's means over all)."""
+    """Weight of a split's cell in its total; None = the total is not a mean of cells but of people's means."""
     scene_label: str
-    """What must be said of these homes; empty for scans."""
+    """Label that results in these homes must carry; empty for scans."""
 
 
 def rows_of(
@@ -87,7 +83,7 @@ def rows_of(
     kind: Literal["difference"] | None = None,
     behind: TrialGroup | None = None,
 ) -> list[ReportRow]:
-    """A row per measure and split, then its total; `behind` has the trials that were averaged, for k and n."""
+    """One row per measure and split, then its total; `behind` holds the trials before averaging, for k and n."""
     rows = []
     for measure in group.measures:
         known = group.trials[group.trials[measure].notna()]
@@ -106,11 +102,11 @@ def estimate_of(
     """Mean of a measure over at least one trial that has it, in its own unit; shares are in percent.
 
     Args:
-        trials: Of one row.
+        trials: Trials of one row.
         measure: One of their columns.
         aggregate: How splits are put together.
-        is_share: Whether it is 0 or 100, and the interval stays between them.
-        seed: Of the bootstrap; None = none is made.
+        is_share: Whether the measure is 0 or 100, so that the interval must stay between them.
+        seed: Seed of the bootstrap; None = none is made.
     """
     found = counted_trials(trials, measure, aggregate)
     return (
@@ -119,7 +115,7 @@ def estimate_of(
 
 
 def counted_trials(trials: Frame, measure: str, aggregate: Aggregate) -> Trials:
-    """The trials that have the measure, as the statistics take them."""
+    """The trials that have the measure, as input for the statistics."""
     known = trials[trials[measure].notna()]
     return trials_of(
         known[measure].tolist(),
@@ -172,12 +168,12 @@ def _row(
     counted: Frame,
     aggregate: Aggregate,
 ) -> ReportRow:
-    is_rate = measure.startswith(("sr", FAR)) and kind is None
-    seed = None if measure.startswith(("sr_within_", STRICT, FAR)) else 0
+    told = MEASURES[measure]
+    is_rate, seed = told.is_rate and kind is None, 0 if told.has_bootstrap else None
     estimate = estimate_of(found, measure, aggregate, is_share=is_rate, seed=seed)
     hits = counted[measure].dropna()
     interval, bootstrap = estimate.interval, estimate.bootstrap
-    if interval is not None and not is_rate and measure.startswith(_SHARES):
+    if interval is not None and not is_rate and told.is_share:
         interval = _possible(interval, low=-100.0 if kind == "difference" else 0.0)
     return ReportRow(
         **group.names,
@@ -200,7 +196,7 @@ def _row(
 
 
 def _possible(interval: Interval, *, low: float) -> Interval:
-    """The part of the interval that a share, or a difference of shares, can be."""
+    """The interval, cut to values that a share or a difference of shares can have."""
     if interval.low >= low and interval.high <= 100:
         return interval
     method = f"{interval.method}, cut to {low:g} to 100"

@@ -1,4 +1,4 @@
-"""A whole report for a reader: what was done, the tables, the tests, and what may stand against them."""
+"""The whole report for a reader: the study, the tables, the tests, and their limits."""
 
 from collections.abc import Iterable, Sequence
 
@@ -8,8 +8,9 @@ from ..design.analysis import LEVEL, NUM_RESAMPLES
 from .agreement import SUSPECT_SHARE
 from .blocks import Block, Heading, Picture, Table, Text, html_text, markdown_text
 from .effects import BlockRow, EffectRow
+from .measures import MEASURES
 from .report import StudyReport
-from .tables import HEADS, NOBODY, TITLES, digits_of, result_tables, table_kinds, verification_note, with_interval
+from .tables import NOBODY, TITLES, result_tables, table_kinds, verification_note, with_interval
 from .trials import row_label
 
 _TOTALS = {
@@ -21,7 +22,7 @@ _WEIGHTS = {"trials": "each trial counts the same", "participants": "each person
 
 
 def report_blocks(report: StudyReport, pictures: Iterable[str] = ()) -> list[Block]:
-    """The report in order; pictures that are named are shown where they belong."""
+    """The report's blocks in order, with the named pictures where they belong."""
     shown = list(pictures)
     blocks = [*_intro(report), *_flow(report, shown), *_hypotheses(report)]
     for task, kind in table_kinds(report):
@@ -40,12 +41,12 @@ def report_blocks(report: StudyReport, pictures: Iterable[str] = ()) -> list[Blo
 
 
 def markdown(report: StudyReport, pictures: Iterable[str] = ()) -> str:
-    """The whole report for a reader."""
+    """The whole report as Markdown."""
     return markdown_text(report_blocks(report, pictures))
 
 
 def html_page(report: StudyReport, pictures: dict[str, str]) -> str:
-    """The whole report as one page with its pictures (SVG text by name)."""
+    """The whole report as one HTML page with its pictures (SVG text by name)."""
     return html_text(report_blocks(report, pictures), pictures)
 
 
@@ -139,7 +140,7 @@ def _effects(report: StudyReport, rows: Sequence[EffectRow]) -> Table:
             "cannot be told" if effect.value is None else with_interval(effect.value, effect.low, effect.high, digits=2)
         )
         where = "all" if row.condition == "all" else row_label("human", row.condition)
-        names = (TITLES[row.task], row.what, where, row.split, HEADS[row.measure])
+        names = (TITLES[row.task], row.what, where, row.split, MEASURES[row.measure].head)
         lines.append((*names, found, _p(effect.p), str(effect.n), effect.method))
     heads = ("task", "effect", "condition", "split", "measure", "by", "p", "trials", "how")
     return Table(heads, tuple(lines), _notes(report))
@@ -149,10 +150,10 @@ def _blocks(report: StudyReport, rows: Sequence[BlockRow]) -> Table:
     lines = []
     for row in rows:
         count = f"n {row.n}" if row.k is None else f"{row.k}/{row.n}"
-        value = with_interval(row.value, row.low, row.high, digits=digits_of(row.measure))
+        value = with_interval(row.value, row.low, row.high, digits=MEASURES[row.measure].digits)
         by = "place in the order" if row.by == "order" else "home"
         label = row_label("human", row.condition)
-        lines.append((TITLES[row.task], label, f"{by}: {row.block}", HEADS[row.measure], value, count))
+        lines.append((TITLES[row.task], label, f"{by}: {row.block}", MEASURES[row.measure].head, value, count))
     return Table(("task", "condition", "trials", "measure", "value", "count"), tuple(lines), _notes(report))
 
 

@@ -1,35 +1,27 @@
-"""Whether the main figures hold when trials are counted otherwise (HUMAN_STUDY.md, section 8)."""
+"""Checks whether the main figures hold when trials are counted in other ways (HUMAN_STUDY.md, section 8)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 from pandas import concat
-from pydantic import BaseModel, ConfigDict
-
-from sim.types import TaskKind
 
 from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
 from .rows import Aggregate, counted_trials, estimate_of
 from .statistics import Interval, mean_interval, numbered, rate_interval
-from .trials import Frame, TrialGroup, row_key, trial_frame
+from .trials import Frame, GroupRow, TrialGroup, row_key, trial_frame
 
 FIRST_TRIALS = 10
-"""Left out in one of the rows: people get used to the keys."""
+"""One row leaves out this many first trials, in which people get used to the keys."""
 MAIN = "intention to treat (as in the tables)"
 
 
-class SensitivityRow(BaseModel):
+class SensitivityRow(GroupRow):
     """The total success rate, counted in one way."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    task: TaskKind
-    scene_kind: str
-    who: str
-    condition: str
     way: str
     value: float | None
-    """Percent, or percent points for differences; None = no trial is left, `method` says why."""
+    """Percent, or percent points for differences; None = no trial is left, and `method` says why."""
     low: float | None
     high: float | None
     k: int | None
@@ -42,8 +34,8 @@ def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Agg
 
     Args:
         group: People, or differences of people's trials.
-        rows: Of the study; () = not at hand, and the ways that need them say so.
-        aggregate: As in the tables.
+        rows: Rows of the study's trials; () = they are missing, and the rows that need them say so.
+        aggregate: How cells and totals are averaged, as in the tables.
     """
     trials = group.trials
     ways = {MAIN: trials}
@@ -60,7 +52,7 @@ def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Agg
 
 
 def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> Frame:
-    """Trials, and a failure for whoever ended one this way, in place of the same person's later attempt."""
+    """The trials, with a failure in place of the later attempt of each person whose trial ended for this reason."""
     prefix = group.trials["participant"].iloc[0].rpartition("/")[0]
     failed = {}
     for row in rows:
@@ -82,7 +74,7 @@ def _counted(group: TrialGroup, way: str, trials: Frame, aggregate: Aggregate) -
 
 
 def _by_house(group: TrialGroup, aggregate: Aggregate) -> SensitivityRow:
-    """Homes as a third random factor: episodes lie in homes, so people by homes is the three-way sum."""
+    """The rate with homes as a third random factor; each episode lies in one home, so people by homes is enough."""
     way = "homes random too (three-way)"
     trials = group.trials[group.trials["sr"].notna()]
     if trials.empty:
@@ -100,7 +92,7 @@ def _by_house(group: TrialGroup, aggregate: Aggregate) -> SensitivityRow:
 
 
 def _row(group: TrialGroup, way: str, trials: Frame, value: float | None, interval: Interval | str) -> SensitivityRow:
-    """A row of these trials; `interval` may be why there is none."""
+    """A row of these trials; a text as `interval` is the reason why there is none."""
     has_interval = isinstance(interval, Interval)
     hits = trials["sr"].dropna()
     return SensitivityRow(

@@ -1,4 +1,4 @@
-"""What a report is made from: run folders, exports of a study, or study folders, whose records are read directly."""
+"""Reads the input of a report: run folders, exports of a study, or study folders, whose records are read directly."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _PARTICIPANTS_FILE, _EXCLUSIONS_FILE = "participants.jsonl", "exclusions.jsonl"
 
 @dataclass(frozen=True, slots=True)
 class StudyRecords:
-    """What a study, or its export, holds beside the runs."""
+    """The records that a study or its export holds beside the runs."""
 
     config: StudyConfig
     rows: tuple[TrialRow, ...]
@@ -35,12 +35,12 @@ class StudyRecords:
     """People who withdrew and whose records were deleted."""
     is_pilot: bool = False
     plan_changes: tuple[str, ...] = ()
-    """What the study file asked for and the plan could not give, and why."""
+    """Wishes of the study file that the plan could not fulfil, each with the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportSource:
-    """Runs of people and agents, and the records of the people's study if they are at hand."""
+    """Runs of people and agents, and the records of the people's study if there are any."""
 
     runs: tuple[Run, ...]
     records: StudyRecords | None = None
@@ -50,7 +50,7 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
     """Everything in the named folders.
 
     Args:
-        folders: Run folders, folders that hold some, exports (with `trials.jsonl`), study folders (with `study.db`).
+        folders: Run folders, folders of run folders, exports (with `trials.jsonl`), study folders (with `study.db`).
 
     Raises:
         StudyError: There are records of more than one study, or records are damaged.
@@ -77,7 +77,7 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
 
 
 def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:
-    """People's runs and their records, as an export would say them."""
+    """People's runs and the study's records, with the names that an export would give them."""
     with read_study(folder) as reader:
         reader.check()
         found = collect(reader)

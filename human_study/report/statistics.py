@@ -1,8 +1,8 @@
 """Intervals for means over trials, where participants and episodes are both samples (HUMAN_STUDY.md, section 8).
 
-A trial is one participant at one episode. Trials of one participant resemble each other, so do trials of one episode,
-and an interval that takes trials for independent is too narrow: with five people it covers 57 of 100 times, not 95
-(section 8's simulation).
+A trial is one participant at one episode. Trials of one participant resemble each other, and so do trials of one
+episode. An interval that treats trials as independent is therefore too narrow: with five people it covers the truth in
+57 of 100 studies, not in 95 (section 8's simulation).
 """
 
 import functools
@@ -21,18 +21,18 @@ from sim.tasks.metrics import wilson
 from ..design.analysis import LEVEL, NUM_RESAMPLES
 
 _ROUNDING = 1e-12
-"""Relative; standard errors below it are none."""
+"""Standard errors below this share of the largest value are rounding errors, that is, zero."""
 _BLOCK = 1_000
 """Resamples held in memory at a time."""
 
 
 Weight = Literal["trials", "participants"]
-"""How a split is averaged: over its trials, or over its people's means."""
+"""Average of a split: over its trials, or over its people's means."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """One number per trial, and whose it is."""
+    """One number per trial, with its participant, episode and stratum."""
 
     values: NDArray[np.float64]
     """(N,), successes 0 or 1, or any measure; finite."""
@@ -41,46 +41,47 @@ class Trials:
     episode_index: NDArray[np.intp]
     """(N,), 0 to the number of episodes - 1, each at least once."""
     stratum_index: NDArray[np.intp]
-    """(N,), 0 to the number of strata - 1, each at least once: the splits. An episode is in one of them."""
+    """(N,), 0 to the number of strata - 1, each at least once. Strata are the splits; an episode is in one of them."""
     stratum_shares: tuple[float, ...] | None = None
-    """Of each stratum in the mean; None = the plain mean of the strata's means, as the paper's Total. (1, -1) makes the
-    mean a difference of two strata."""
+    """Share of each stratum in the mean; None = the plain mean of the strata's means, as the paper's Total.
+
+    (1, -1) makes the mean a difference of two strata."""
     weight: Weight = "trials"
-    """Within a stratum: each trial counts the same, or each participant."""
+    """Whether each trial or each participant counts the same within a stratum."""
 
     @property
     def num_strata(self) -> int:
-        """Different strata."""
+        """Number of strata."""
         return int(self.stratum_index.max(initial=-1)) + 1
 
     @property
     def shares(self) -> NDArray[np.float64]:
-        """(S,), what each stratum counts in the mean."""
+        """Weight of each stratum in the mean, (S,)."""
         if self.stratum_shares is None:
             return np.full(self.num_strata, 1 / self.num_strata)
         return np.asarray(self.stratum_shares, np.float64)
 
     @property
     def weights(self) -> NDArray[np.float64]:
-        """(N,), what each trial counts in the mean."""
+        """Weight of each trial in the mean, (N,)."""
         each = self._within_stratum
         return self.shares[self.stratum_index] * each / np.bincount(self.stratum_index, each)[self.stratum_index]
 
     @property
     def stratum_means(self) -> NDArray[np.float64]:
-        """(S,)"""
+        """Mean of each stratum, (S,)."""
         each = self._within_stratum
         return np.bincount(self.stratum_index, each * self.values) / np.bincount(self.stratum_index, each)
 
     @property
     def mean(self) -> float:
-        """The strata's means, by their shares."""
+        """The mean of the strata's means, weighted by their shares."""
         means = self.stratum_means
         return float(means.mean() if self.stratum_shares is None else self.shares @ means)
 
     @property
     def _within_stratum(self) -> NDArray[np.float64]:
-        """(N,), what each trial counts in its stratum, in any unit."""
+        """Weight of each trial in its stratum, in any unit, (N,)."""
         if self.weight == "trials":
             return np.ones(len(self.values))
         _, cell = np.unique(self.participant_index * self.num_strata + self.stratum_index, return_inverse=True)
@@ -88,23 +89,23 @@ class Trials:
 
     @property
     def num_participants(self) -> int:
-        """Different participants."""
+        """Number of participants."""
         return int(self.participant_index.max(initial=-1)) + 1
 
     @property
     def num_episodes(self) -> int:
-        """Different episodes."""
+        """Number of episodes."""
         return int(self.episode_index.max(initial=-1)) + 1
 
 
 class Interval(BaseModel):
-    """Where the mean may lie."""
+    """A confidence interval of a mean."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     low: float
     high: float
     method: str
-    """For the reader of a report, with what limits it."""
+    """Name of the method for the reader of a report, with its limits."""
 
 
 class Estimate(BaseModel):
@@ -117,9 +118,9 @@ class Estimate(BaseModel):
     num_participants: int
     num_episodes: int
     interval: Interval | None
-    """Two-way; None where one participant and one episode, or one trial, say nothing about others."""
+    """Two-way interval; None where one participant and one episode, or one trial, say nothing about others."""
     bootstrap: Interval | None
-    """Participants and episodes both drawn again; None as for `interval`, and where none is made."""
+    """Interval from drawing participants and episodes again; None as for `interval`, and where none is made."""
 
 
 def trials_of(
@@ -137,9 +138,9 @@ def trials_of(
         values: Finite numbers.
         participants: Any text.
         episodes: Any text.
-        strata: Any text; None = one for all.
-        shares: Of each stratum in the mean, of those that occur, in any unit; None = all the same.
-        weight: Within a stratum.
+        strata: Any text; None = one stratum for all.
+        shares: Share of each stratum that occurs in the mean, in any unit; None = all the same.
+        weight: Whether each trial or each participant counts the same within a stratum.
     """
     people, where = numbered(participants), numbered(episodes)
     stratum = numbered(strata or ["all"] * len(values))
@@ -157,8 +158,8 @@ def rate(trials: Trials, *, seed: int | None = 0) -> Estimate:
     """Share of successes; the interval is built on the logit scale, so it stays within 0 and 1.
 
     Args:
-        trials: At least one, each 0 or 1, or between them where runs of one agent at an episode were averaged.
-        seed: Of the bootstrap; None = none is made.
+        trials: At least one trial; values are 0 or 1, or between them where an agent's runs were averaged.
+        seed: Seed of the bootstrap; None = none is made.
     """
     return _estimate(trials, interval=rate_interval(trials), seed=seed)
 
@@ -167,17 +168,18 @@ def mean(trials: Trials, *, seed: int | None = 0) -> Estimate:
     """Mean of any measure, or of differences on the same episodes.
 
     Args:
-        trials: At least one.
-        seed: Of the bootstrap; None = none is made.
+        trials: At least one trial.
+        seed: Seed of the bootstrap; None = none is made.
     """
     return _estimate(trials, interval=mean_interval(trials), seed=seed)
 
 
 def two_way_variance(trials: Trials) -> tuple[float, float]:
-    """(variance of the mean, Satterthwaite's degrees of freedom), participants and episodes both random.
+    """Variance of the mean and Satterthwaite's degrees of freedom, with participants and episodes both random.
 
-    The largest of the two-way sum and its parts, because the sum may come out too small, even negative (Cameron,
-    Gelbach and Miller 2011). A factor with a single level adds nothing; with one level of both the variance is NaN.
+    The variance is the largest of the two-way sum and its parts, because the sum may come out too small, even negative
+    (Cameron, Gelbach and Miller 2011). A factor with a single level adds nothing; with one level of both the variance
+    is NaN.
     """
     centred = trials.values - trials.stratum_means[trials.stratum_index]
     return clustered_variance(trials.weights * centred, trials.participant_index, trials.episode_index)
@@ -186,12 +188,12 @@ def two_way_variance(trials: Trials) -> tuple[float, float]:
 def clustered_variance(
     shares: NDArray[np.float64], participant_index: NDArray[np.intp], episode_index: NDArray[np.intp]
 ) -> tuple[float, float]:
-    """(variance of a weighted sum, Satterthwaite's degrees of freedom), from each trial's part in it.
+    """Variance of a weighted sum and Satterthwaite's degrees of freedom, from each trial's part in the sum.
 
     Args:
         shares: (N,), weight times residual of each trial.
         participant_index: (N,), as in `Trials`.
-        episode_index: (N,), as in `Trials`; of homes, which hold episodes, it makes the sum the three-way one.
+        episode_index: (N,), as in `Trials`. Indices of homes, which hold episodes, give the three-way sum.
     """
     by_person = _cluster_variance(shares, participant_index)
     by_episode = _cluster_variance(shares, episode_index)
@@ -212,11 +214,11 @@ def clustered_variance(
 
 
 def rate_interval(trials: Trials) -> Interval | None:
-    """Two-way interval of a share, built on the logit scale; None where one trial says nothing of others.
+    """Two-way interval of a share, built on the logit scale; None where one trial says nothing about others.
 
     Args:
-        trials: At least one, all within 0 and 1. Each participant and episode once, or one run: Wilson's. All alike:
-            exact, with people counted instead of trials.
+        trials: At least one trial, all values within 0 and 1. If each participant and episode occurs once, or there is
+            one run, the interval is Wilson's. If all values are equal, it is exact and counts people, not trials.
     """
     assert ((trials.values >= 0) & (trials.values <= 1)).all()
     n, share = len(trials.values), min(max(trials.mean, 0.0), 1.0)  # weights sum to 1 but for rounding
@@ -279,8 +281,11 @@ def pigeonhole_interval(trials: Trials, *, seed: int = 0, num_resamples: int = N
 
 
 def wilson_interval(k: int, n: int) -> Interval:
-    """Of a share of n independent trials: each participant and each episode once, or one run, which says nothing of
-    other participants."""
+    """Wilson's interval of a share of n independent trials.
+
+    Trials are independent where each participant and each episode occurs once, or in one run, which says nothing about
+    other participants.
+    """
     low, high = wilson(k, n)
     return Interval(low=low, high=high, method="Wilson, trials independent")
 
@@ -293,7 +298,7 @@ def mcnemar_p(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> float:
 
 
 def numbered(names: Sequence[str]) -> NDArray[np.intp]:
-    """(N,) place of each name among the different ones in order."""
+    """Index (N,) of each name among the sorted distinct names."""
     places = {name: place for place, name in enumerate(sorted(set(names)))}
     return np.array([places[name] for name in names], np.intp)
 
@@ -310,7 +315,7 @@ def _estimate(trials: Trials, *, interval: Interval | None, seed: int | None) ->
 
 
 def _one_sided(trials: Trials, share: float) -> Interval:
-    """Where all trials agree nothing tells how alike one participant's are: at worst each person counts once."""
+    """Exact interval where all trials agree. They do not show how alike one person's trials are: each person is one."""
     n = min(count for count in (trials.num_participants, trials.num_episodes) if count > 1)
     rest = ((1 - LEVEL) / 2) ** (1 / n)
     low, high = (rest, 1.0) if share == 1 else (0.0, 1 - rest)
@@ -318,7 +323,7 @@ def _one_sided(trials: Trials, share: float) -> Interval:
 
 
 def _cluster_variance(share: NDArray[np.float64], group: NDArray[np.intp]) -> tuple[float, int] | None:
-    """(variance of the sum of centred shares when whole groups are drawn, its degrees of freedom); None = one group."""
+    """Variance of the sum of centred shares when whole groups are drawn, its degrees of freedom; None = one group."""
     sums = np.bincount(group, weights=share)
     groups = len(sums)
     return None if groups < 2 else (float(groups / (groups - 1) * (sums**2).sum()), groups - 1)
@@ -326,12 +331,12 @@ def _cluster_variance(share: NDArray[np.float64], group: NDArray[np.intp]) -> tu
 
 @functools.lru_cache(maxsize=4)
 def _draws(sizes: tuple[int, ...], num_resamples: int, seed: int) -> list[tuple[NDArray[np.float64], ...]]:
-    """Per block of resamples: how often each of so many is drawn, for each of `sizes`. Measures of one row share it."""
+    """How often each member is drawn, per block of resamples and for each of `sizes`. Measures of one row share it."""
     rng = np.random.default_rng(seed)
     blocks = [min(_BLOCK, num_resamples - first) for first in range(0, num_resamples, _BLOCK)]
     return [tuple(_drawn_again(size, block, rng) for size in sizes) for block in blocks]
 
 
 def _drawn_again(number: int, num_resamples: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(num_resamples, number): how often each is drawn when as many are drawn with replacement."""
+    """How often each of `number` members is drawn when `number` are drawn with replacement, (num_resamples, number)."""
     return rng.multinomial(number, np.full(number, 1 / number), size=num_resamples).astype(np.float64)

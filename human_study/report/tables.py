@@ -3,30 +3,17 @@
 from collections.abc import Sequence
 
 from sim.homes.kind import scene_label
-from sim.tasks.run_files import FAR_FROM_VIEW
 from sim.types import SPLITS, EndReason, TaskKind
 
 from ..design.analysis import LEVEL
 from ..export.formats import csv_lines
 from .blocks import Block, Heading, Table, Text
+from .measures import MEASURES, WITHIN
 from .report import StudyReport
 from .rows import TOTAL, ReportRow
-from .trials import FAR, STRICT, row_label
+from .trials import row_label
 
 TITLES: dict[TaskKind, str] = {"pan": "PAN", "pog": "POG"}
-HEADS = {
-    "sr": "SR (%)",
-    "spl": "SPL (%)",
-    "soft_spl": "soft SPL (%)",
-    "dtg": "DTG (m)",
-    "distance": "distance to the goal's centre (m)",
-    "steps": "steps to decision",
-    "path_m": "path (m)",
-    "t_s": "time to decision (s)",
-    "t_look_s": "look at the home or its map before (s)",
-    STRICT: "SR by rule paper-strict (%)",
-    FAR: f"successes by rule paper that end more than {FAR_FROM_VIEW:g} m of walking from every view point (%)",
-}
 NOBODY = "no such trials"
 END_NAMES: dict[EndReason, str] = {
     "stop": "STOP",
@@ -43,15 +30,15 @@ _PAPER: dict[TaskKind, tuple[str, ...]] = {"pan": ("sr", "spl", "dtg"), "pog": (
 
 
 def result_tables(report: StudyReport, task: TaskKind, kind: str) -> list[Block]:
-    """A table per measure with who by split, for one task and kind of home; oracle maps stand beside the people."""
+    """One table per measure, row names by splits, for one task and kind of home; with answers on oracle maps."""
     rows = [row for row in report.rows if row.task == task and row.scene_kind in (kind, "oracle-map")]
     note = verification_note(report, task, kind)
     if any(row.kind == "agent" for row in rows):
         note += f" People have: {', '.join(report.information) if report.information else 'not in the runs'}."
     blocks: list[Block] = []
-    for measure in dict.fromkeys(row.measure for row in rows if row.measure in HEADS):
+    for measure in dict.fromkeys(row.measure for row in rows if MEASURES[row.measure].head):
         blocks.append(_measure_table(report, rows, measure, note))
-    anytime = [row for row in rows if row.measure.startswith("sr_within_") and row.split == TOTAL]
+    anytime = [row for row in rows if row.measure in WITHIN and row.split == TOTAL]
     if anytime:
         blocks += [Heading("Success within so many steps, total (%)", 3), _anytime(anytime, note)]
     spreads = [row for row in report.spreads if row.task == task and row.scene_kind in (kind, "oracle-map")]
@@ -59,7 +46,7 @@ def result_tables(report: StudyReport, task: TaskKind, kind: str) -> list[Block]
         lines = [
             (
                 row_label(row.who, row.condition),
-                HEADS[row.measure],
+                MEASURES[row.measure].head,
                 row.split,
                 f"{row.median:.2f}",
                 f"{row.lower:.2f} to {row.upper:.2f}",
@@ -86,7 +73,7 @@ def _ends(report: StudyReport, task: TaskKind, kind: str, note: str) -> list[Blo
 
 
 def verification_note(report: StudyReport, task: TaskKind, kind: str) -> str:
-    """How many of the people's trials were done again and agree, for below a table."""
+    """A note below a table: how many of the people's trials were done again and agree."""
     parts = [
         f"{row_label('human', row.condition)}: {row.num_verified} of {row.n} verified, {row.num_drift} drift, "
         f"{row.num_failed} failed, {row.num_unsupported} unsupported, {row.num_not_yet} not yet"
@@ -97,12 +84,12 @@ def verification_note(report: StudyReport, task: TaskKind, kind: str) -> str:
 
 
 def table_kinds(report: StudyReport) -> list[tuple[TaskKind, str]]:
-    """Tasks and kinds of homes of the people's rows; kinds never share a table."""
+    """The task and kind of homes of each table of people's rows; kinds never share a table."""
     return list(dict.fromkeys((row.task, row.scene_kind) for row in report.rows if row.kind == "human"))
 
 
 def names_of(rows: Sequence[ReportRow]) -> list[tuple[str, str]]:
-    """(who, condition) of each row of a table, in order."""
+    """The row name and condition of each row of a table, in order."""
     return list(dict.fromkeys((row.who, row.condition) for row in rows))
 
 
@@ -112,29 +99,24 @@ def splits_of(rows: Sequence[ReportRow]) -> list[str]:
 
 
 def find_row(rows: Sequence[ReportRow], who: str, condition: str, split: str, measure: str) -> ReportRow | None:
-    """The one row of these names, or None."""
+    """The row with these names, or None."""
     names = (who, condition, split, measure)
     return next((row for row in rows if (row.who, row.condition, row.split, row.measure) == names), None)
 
 
-def digits_of(measure: str) -> int:
-    """Decimals that a reader needs."""
-    return 2 if measure in ("dtg", "distance", "path_m") else 1
-
-
 def with_interval(value: float, low: float | None, high: float | None, *, digits: int = 1) -> str:
-    """`value [low, high]`."""
+    """The text `value [low, high]`."""
     shown, *limits = (f"{round(x, digits) + 0.0:.{digits}f}" for x in (value, low, high) if x is not None)  # no -0.0
     return f"{shown} [{', '.join(limits)}]" if len(limits) == 2 else shown
 
 
 def csv_text(report: StudyReport) -> str:
-    """Every row with all its fields."""
+    """Every row with all its fields, as CSV."""
     return csv_lines(ReportRow.model_fields, [tuple(row.model_dump().values()) for row in report.rows])
 
 
 def latex(report: StudyReport) -> str:
-    """The paper's columns per split, intervals and k/n beside the figures."""
+    """LaTeX tables with the paper's columns per split, and intervals and k/n beside the figures."""
     parts = []
     for task, kind in table_kinds(report):
         rows = [row for row in report.rows if row.task == task and row.scene_kind in (kind, "oracle-map")]
@@ -160,7 +142,7 @@ def latex(report: StudyReport) -> str:
 
 
 def tex_lines(texts: Sequence[str], *, num_columns: int) -> str:
-    """Rows below a table that print these texts: whoever copies the table copies what must be said of it."""
+    """LaTeX rows below a table that print these texts, so that a copy of the table keeps the remarks."""
     rows = [f"\\multicolumn{{{num_columns}}}{{l}}{{\\footnotesize {tex(text)}.}} \\\\\n" for text in texts]
     return "".join(rows)
 
@@ -168,7 +150,7 @@ def tex_lines(texts: Sequence[str], *, num_columns: int) -> str:
 def _tex_cell(row: ReportRow | None) -> str:
     if row is None:
         return "--"
-    digits = digits_of(row.measure)
+    digits = MEASURES[row.measure].digits
     count = "" if row.k is None else f" ({row.k}/{row.n})"
     if row.low is None or row.high is None:
         return f"${row.value:.{digits}f}${count}"
@@ -176,7 +158,7 @@ def _tex_cell(row: ReportRow | None) -> str:
 
 
 def tex(text: str) -> str:
-    """Text as LaTeX prints it."""
+    """The text, escaped for LaTeX."""
     return "".join(f"\\{letter}" if letter in "#$%&_{}" else letter for letter in text)
 
 
@@ -191,12 +173,12 @@ def _measure_table(report: StudyReport, rows: Sequence[ReportRow], measure: str,
             if splits[-1] == TOTAL and done < len(splits) - 1 and cells[-1] is not None:
                 shown[-1] += f" ({done} of {len(splits) - 1} splits)"
             lines.append((row_label(who, condition), *shown))
-    return Table((HEADS[measure], *splits), tuple(lines), note)
+    return Table((MEASURES[measure].head, *splits), tuple(lines), note)
 
 
 def _cell(row: ReportRow) -> str:
     count = f"n {row.n}" if row.k is None else f"{row.k}/{row.n}"
-    return f"{with_interval(row.value, row.low, row.high, digits=digits_of(row.measure))} {count}"
+    return f"{with_interval(row.value, row.low, row.high, digits=MEASURES[row.measure].digits)} {count}"
 
 
 def _anytime(rows: Sequence[ReportRow], note: str) -> Table:

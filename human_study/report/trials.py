@@ -1,6 +1,6 @@
-"""Counted trials of people and agents as one long frame: whose each is, and every measure that a report averages.
+"""Counted trials of people and agents as one long frame, with their names and every measure that a report averages.
 
-Runs go in and, where they are at hand, the study's rows; the frame's groups are the rows of the report's tables.
+Input: runs and, if there are any, the study's rows. The frame's groups are the rows of the report's tables.
 """
 
 from collections import Counter
@@ -15,27 +15,17 @@ from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
 
 from ..export.runs import run_condition
-from ..export.trial_figures import measured
-from ..export.trial_table import NOT_A_RESULT, TrialRow
+from ..export.trial_table import NOT_A_RESULT, TrialRow, measured
+from .measures import FAR, MEASURES, STEP_LIMITS, STRICT, WITHIN, measures_of
 
-STEP_LIMITS = (25, 50, 100, 200, 300, 400, 500)
-"""Steps of the anytime success rate: success within each of these."""
-STRICT, FAR = "sr_strict", "far_from_view"
-"""Success by rule `paper-strict`; and whether a success by `paper` ends far from every view point."""
 Frame = Any
-"""A pandas DataFrame: pandas has no types of its own that tell a cut of a frame from a column."""
-_WITHIN = tuple(f"sr_within_{limit}" for limit in STEP_LIMITS)
-MEASURES: dict[TaskKind, tuple[str, ...]] = {
-    "pan": ("sr", "spl", "soft_spl", "dtg", "steps", "path_m", "t_s", *_WITHIN, STRICT, FAR, "t_look_s"),
-    "pog": ("sr", "distance", "t_s", "t_look_s"),
-}
-"""Columns with figures, in the order of the report; shares in percent, lengths in metres, times in seconds."""
-_ALL_MEASURES = list(dict.fromkeys(name for names in MEASURES.values() for name in names))
+"""A pandas DataFrame; pandas has no types that tell a part of a frame from a column."""
+_ALL_MEASURES = list(MEASURES)
 _NAMES = ["task", "scene_kind", "who", "kind", "condition"]
 _ROW_NUMBERS = ("place", "prior_visits", "secs_before")
 _COLUMNS = (*_NAMES, "key", "participant", "end", "item", *_ROW_NUMBERS, "excluded", "verification", *_ALL_MEASURES)
 NEVER_ENDED = "begun, never ended (taken as abandoned)"
-"""Of who left in mid-trial, where nobody else could take the episode; and of trials that still run."""
+"""Trials that a person left and nobody else could take, and trials that still run."""
 PEOPLE = {
     "none": "Human",
     "memory": "Human with memory",
@@ -47,10 +37,33 @@ PEOPLE = {
 }
 
 
-class LeftOut(BaseModel):
-    """Trials that are in no number, and why."""
+class ReportValue(BaseModel):
+    """Base of the values in a report's document."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class PeopleRow(ReportValue):
+    """A line of a list about the people of one condition, with their names."""
+
+    task: TaskKind
+    scene_kind: str
+    condition: str
+
+
+class GroupRow(ReportValue):
+    """A line of a list about the trials of one row name."""
+
+    task: TaskKind
+    scene_kind: str
+    who: str
+    """`human`, an agent, or `human - AGENT`."""
+    condition: str
+
+
+class LeftOut(ReportValue):
+    """Trials that are in no figure, and the reason."""
+
     who: str
     task: TaskKind
     reason: str
@@ -76,7 +89,7 @@ class TrialGroup:
     kind: WhoKind
     condition: str
     trials: Frame
-    """As `trial_frame` makes it."""
+    """The trials, as `trial_frame` makes them."""
 
     @property
     def names(self) -> GroupNames:
@@ -85,12 +98,12 @@ class TrialGroup:
 
     @property
     def measures(self) -> list[str]:
-        """Those that at least one of its trials has."""
-        return [name for name in MEASURES[self.task] if self.trials[name].notna().any()]
+        """Measures that at least one of its trials has."""
+        return [name for name in measures_of(self.task) if self.trials[name].notna().any()]
 
 
 def is_first_condition(condition: str) -> bool:
-    """Whether the others are compared with it, and stand below it: no memory, or the paper's order in POG."""
+    """Whether other conditions are compared with it and listed below it: no memory, or the paper's order in POG."""
     return condition in ("none", "map_first")
 
 
@@ -103,12 +116,12 @@ def row_label(who: str, condition: str) -> str:
 
 
 def trial_frame(trials: Iterable[Mapping[str, Any]]) -> Frame:
-    """A line per trial, by episode and person; a number that a trial lacks is NaN.
+    """A frame with one line per trial, by episode and person; a number that a trial lacks is NaN.
 
     Each trial needs `key` (an `EpisodeKey`) and `participant` (the same text in all conditions of one study). `item` is
-    its run or answer, None where only the study's row is at hand: an excluded trial, which still counts for intention
-    to treat. `place` is that in the person's order of counted trials, from 1; it and `prior_visits`, `secs_before`,
-    `excluded` (rules, joined by `;`) and `verification` come from the study's rows.
+    its run or answer; None where there is only the study's row, for an excluded trial, which still counts for intention
+    to treat. `place` is the place in the person's order of counted trials, from 1. `place`, `prior_visits`,
+    `secs_before`, `excluded` (rules, joined by `;`) and `verification` come from the study's rows.
     """
     ordered = sorted(trials, key=lambda trial: (trial["key"], trial["participant"]))
     frame = DataFrame(ordered, columns=list(_COLUMNS))
@@ -122,13 +135,13 @@ def trial_frame(trials: Iterable[Mapping[str, Any]]) -> Frame:
 def trial_groups(
     runs: Sequence[Run], rule: SuccessRule, rows: Sequence[TrialRow] = (), *, row_rule: SuccessRule = "paper"
 ) -> tuple[list[TrialGroup], list[LeftOut]]:
-    """Trials by row name, people first, and counts of those that are left out.
+    """Trials by row name, people first, and counts of trials that are left out.
 
     Args:
-        runs: Of people and agents.
+        runs: Runs of people and agents.
         rule: Success rule of PAN.
-        rows: Of the people's study. Trials that a rule excludes have no run; they count here from their rows, if the
-            rows are under the same success rule.
+        rows: Trials of the people's study. Trials that a rule excludes have no run; their rows count here, if these are
+            under the same success rule.
         row_rule: Success rule of the rows.
     """
     trials: list[dict[str, Any]] = []
@@ -171,7 +184,7 @@ def trial_groups(
 
 
 def averaged_agent(agent: TrialGroup, episodes: Iterable[str]) -> TrialGroup:
-    """One trial per episode of an agent: the mean of its runs."""
+    """The agent's group with one trial per episode, the mean of its runs."""
     found = agent.trials[agent.trials["episode"].isin(list(episodes))]
     means = found.groupby("episode")[_ALL_MEASURES].mean()
     once = found.drop_duplicates("episode").assign(participant=agent.who)
@@ -180,11 +193,11 @@ def averaged_agent(agent: TrialGroup, episodes: Iterable[str]) -> TrialGroup:
 
 
 def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
-    """People minus the agent, trial by trial on the same episodes; only figures that both have.
+    """People minus the agent, trial by trial on the same episodes; holds only figures that both have.
 
     Args:
         people: Any group of people.
-        agent: With one trial per episode, as `averaged_agent` gives.
+        agent: An agent with one trial per episode, from `averaged_agent`.
     """
     theirs = agent.trials.set_index("episode")[_ALL_MEASURES]
     apart = people.trials[people.trials["episode"].isin(theirs.index)].copy()
@@ -200,7 +213,7 @@ def row_key(row: TrialRow) -> EpisodeKey:
 
 
 def _order_of_rows(group: TrialGroup) -> tuple:
-    """People first, without memory before with it."""
+    """Sort key of a group: people first, then conditions without memory before those with it."""
     is_later = not is_first_condition(group.condition)
     return (group.task, group.scene_kind, group.kind != "human", group.who, is_later, group.condition)
 
@@ -209,13 +222,13 @@ _At = tuple[str, TaskKind, str, EpisodeKey]
 
 
 def _results(rows: Sequence[TrialRow]) -> dict[_At, tuple[TrialRow, int]]:
-    """Rows of counted phases that ended with a result, and the place of each in its person's order of these.
+    """Rows of counted phases that ended with a result, and the place of each in its person's order of these rows.
 
-    By what also names a run's trial.
+    The keys also name trials of runs.
     """
     last: dict[_At, TrialRow] = {}
     for row in sorted(rows, key=lambda row: (row.participant, row.order_no, row.attempt)):
-        if row.phase == "main" and row.end_reason is not None and row.end_reason not in NOT_A_RESULT:
+        if row.is_result:
             last[row.participant, row.task, run_condition(row.condition), row_key(row)] = row
     done: Counter[str] = Counter()
     found = {}
@@ -226,7 +239,7 @@ def _results(rows: Sequence[TrialRow]) -> dict[_At, tuple[TrialRow, int]]:
 
 
 def _names_of(run: Run, item: EpisodeRun | Answer) -> dict[str, Any]:
-    """Whose trial it is; one person has several runs, of each condition."""
+    """The names of a run's trial; one person has several runs, one for each condition."""
     info, is_walk = run.info, isinstance(item, EpisodeRun)
     code = (item.start.participant if isinstance(item, EpisodeRun) else item.participant) or ""
     return {
@@ -248,7 +261,7 @@ def _study_of(run: Run) -> object:
 
 
 def _told(row: TrialRow | None, place: int | None) -> dict[str, Any]:
-    """What the study's records say of a trial; nothing for agents, and where the runs came without records."""
+    """Fields of a trial from the study's records; empty for agents, and for runs without records."""
     if row is None:
         return {}
     return {
@@ -261,32 +274,32 @@ def _told(row: TrialRow | None, place: int | None) -> dict[str, Any]:
 
 
 def _figures(task: TaskKind, plain: Mapping[str, Any]) -> dict[str, float | None]:
-    """The report's measures from a trial's plain figures, those of its run or of its exported row."""
+    """The report's measures from the plain figures of a run's trial or of an exported row."""
     hit = bool(plain["success"])
     if task == "pog":
         return {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
     steps = plain["n_steps"] or 0
     spl, soft_spl = (None if plain[name] is None else 100.0 * plain[name] for name in ("spl", "softspl"))
     figures = {"sr": 100.0 * hit, "spl": spl, "soft_spl": soft_spl, "dtg": plain["dtg"], "steps": float(steps)}
-    within = {name: 100.0 * (hit and steps <= limit) for name, limit in zip(_WITHIN, STEP_LIMITS, strict=True)}
+    within = {name: 100.0 * (hit and steps <= limit) for name, limit in zip(WITHIN, STEP_LIMITS, strict=True)}
     return {**figures, "path_m": plain["path_m"], **within}
 
 
 def _row_figures(row: TrialRow, *, same_rule: bool) -> dict[str, float | None] | str:
-    """Figures of a trial that has a row only, or why it does not count."""
+    """Figures of a trial that has only a row, or the reason why it does not count."""
     if not same_rule:
         return "excluded; its row is under another success rule"
     return "never scored" if row.success is None else _figures(row.task, dict(row)) | _row_times(row)
 
 
 def _row_times(row: TrialRow) -> dict[str, float | None]:
-    """Time to decision, from the start of the task to the trial's end however it ended; and the look before it."""
+    """Time to decision, from the start of the task to the trial's end, however it ended, and the look before it."""
     total_s = row.t_total_s
     return {"t_s": None if total_s is None else total_s - (row.t_look_s or 0.0), "t_look_s": row.t_look_s}
 
 
 def _run_figures(item: EpisodeRun | Answer, rule: SuccessRule) -> dict[str, float | None] | str:
-    """Figures by measure, or why the trial does not count."""
+    """Figures by measure, or the reason why the trial does not count."""
     end = item.end if isinstance(item, EpisodeRun) else item
     if end.reason == "technical":
         return "technical failure"
@@ -299,7 +312,7 @@ def _run_figures(item: EpisodeRun | Answer, rule: SuccessRule) -> dict[str, floa
         return f"no usable point under rule {rule}"
     assert item.end.measures is not None
     strict, is_far = item.end.measures.rules["paper-strict"], item.end.measures.ends_far_from_view
-    # run files have no time of the end but that of the last step, which ends no trial that was given up
+    # run files hold no end time but that of the last step, and a trial that was given up does not end with a step
     has_time = item.start.participant is not None and item.end.reason in ("stop", "steps") and item.steps
     return _figures("pan", plain) | {
         "t_s": item.steps[-1].t_s if has_time else None,

@@ -1,4 +1,4 @@
-"""Assigns episodes while a study runs: trials that are due, episodes given back, and who does those instead.
+"""Assigns episodes while a study runs: finds due trials, takes back episodes, and gives these to other people.
 
 All functions run inside one write transaction, so nobody else decides the same thing at the same time. The database
 itself refuses a second live holder (trigger `one_holder`).
@@ -8,18 +8,17 @@ import hashlib
 import math
 import sqlite3
 import time
-from typing import NamedTuple
 
 from sim.types import EpisodeKey, TaskKind
 
-from ..design.plan import Phase, PlannedTrial, StudyPlan
-from ..design.study import Condition, StudyConfig
-from ..tickets import new_id
+from ..design.plan import PlannedTrial, Slot, StudyPlan
+from ..design.secrets import new_id
+from ..design.study import StudyConfig
 
 _LIVE = "NOT EXISTS(SELECT 1 FROM release WHERE release.assignment_id = assignment.assignment_id)"
 _SLOT = "task, condition, split, scene, episode_id, rep"
 MOST_FAILURES = 2
-"""`technical` is queued again once (HUMAN_STUDY.md, section 4)."""
+"""Technical failures after which nobody gets an episode again: it is queued again once (HUMAN_STUDY.md, section 4)."""
 _SPENT = (
     "((SELECT count(*) FROM assignment AS held JOIN trial ON trial.assignment_id = held.assignment_id"
     " JOIN outcome USING(trial_id) WHERE held.phase = 'main' AND end_reason = 'technical'"
@@ -28,15 +27,6 @@ _SPENT = (
     f" >= {MOST_FAILURES})"
 )
 """Whether the episode of a row of `assignment` failed too often, counted over all its holders."""
-
-
-class Slot(NamedTuple):
-    """An episode in a condition, for one person."""
-
-    task: TaskKind
-    condition: Condition
-    key: EpisodeKey
-    rep: int
 
 
 def assign(database: sqlite3.Connection, code: str, trial: PlannedTrial, *, made_by: str = "plan") -> None:
@@ -130,7 +120,7 @@ def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, cod
     if slot is None:
         return False
     number = _last_order_no(database, code) + 1
-    assign(database, code, _trial(number, "main", slot), made_by="fill")
+    assign(database, code, PlannedTrial.of(slot, order_no=number, phase="main"), made_by="fill")
     every = config.checks.every
     if every is not None and _num_main(database, code) % every == 0:
         checks: list[tuple[EpisodeKey, TaskKind]] = [
@@ -141,7 +131,8 @@ def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, cod
         ]
         if checks:
             key, task = checks[_num_main(database, code) // every % len(checks)]
-            assign(database, code, _trial(number + 1, "check", Slot(task, slot.condition, key, 0)), made_by="fill")
+            check = Slot(task, slot.condition, key, 0)
+            assign(database, code, PlannedTrial.of(check, order_no=number + 1, phase="check"), made_by="fill")
     return True
 
 
@@ -167,27 +158,14 @@ def free_slot(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan
         if slot.condition == conditions[slot.key.scene]
         and (slot.key.scene not in homes if config.design.kind == "house-once" else slot.key not in met)
     ]
-    planned = {(trial.task, trial.condition, trial.key, trial.rep): trial.order_no for trial in person.trials}
+    planned = {trial.slot: trial.order_no for trial in person.trials}
 
     def preference(slot: Slot) -> tuple[float, int, str]:
-        """The participant's own episodes first, in the plan's order; then the rarest, in no order of difficulty."""
+        """Sort key: the participant's own episodes in the plan's order, then the rarest; equally rare ones mixed."""
         mixed = hashlib.sha256(f"{code}/{slot}".encode()).hexdigest()
         return planned.get(slot, math.inf), _num_holders(database, slot), mixed
 
     return min(allowed, key=preference, default=None)
-
-
-def _trial(number: int, phase: Phase, slot: Slot) -> PlannedTrial:
-    return PlannedTrial(
-        order_no=number,
-        phase=phase,
-        task=slot.task,
-        condition=slot.condition,
-        split=slot.key.split,
-        scene=slot.key.scene,
-        episode_id=slot.key.episode_id,
-        rep=slot.rep,
-    )
 
 
 def _last_order_no(database: sqlite3.Connection, code: str) -> int:
@@ -195,7 +173,7 @@ def _last_order_no(database: sqlite3.Connection, code: str) -> int:
 
 
 def _num_main(database: sqlite3.Connection, code: str) -> int:
-    """Counted trials that the participant has or did."""
+    """Number of counted trials that the participant has or did."""
     return database.execute(
         f"SELECT count(*) FROM assignment WHERE code = ? AND phase = 'main' AND {_LIVE}", (code,)
     ).fetchone()[0]

@@ -1,4 +1,4 @@
-"""Opens a study's database file for writing: the lock, SQLite's settings, numbered migrations, the study's own row."""
+"""Opens a study's database for writing: lock, settings, migrations, the study's own row; checks a study's files."""
 
 import fcntl
 import hashlib
@@ -15,18 +15,19 @@ from typing import IO
 
 from sim.errors import StudyError
 
-from ..design.plan import PLAN_FILE, StudyPlan
-from ..design.study import STUDY_FILE, StudyConfig
+from ..design.plan import PLAN_FILE, StudyPlan, load_plan
+from ..design.study import STUDY_FILE, StudyConfig, load_study
 from ..private_files import PRIVATE_FILE, make_private, private_folder
-from .migrations import APPLICATION_ID, MIGRATIONS
-from .records import DATABASE_FILE, require_known_version, store_error
+from .migrations import APPLICATION_ID, FIRST_VERSION, MIGRATIONS, SCHEMA_VERSION
+from .records import DATABASE_FILE, StudyReader, require_known_version, store_error
+from .vault import KEYS_FILE, Vault
 
 LOCK_FILE = "study.lock"
 BACKUP_FOLDER = "backups"
 _PART = ".part"
 """Suffix of an unfinished copy."""
 MIN_FREE_MB = 500
-"""Free space that is needed to serve a study: thousands of trials and their copies take less."""
+"""Free space needed to serve a study, MB; thousands of trials and their copies take less."""
 
 
 class StudyInUseError(StudyError):
@@ -80,7 +81,7 @@ def bring_up_to_date(folder: Path) -> list[int]:
         raise StudyError(f"{path}: found no such file; expected a study. Run personal-viz study serve first.")
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
-            if require_known_version(database, path) == len(MIGRATIONS):
+            if require_known_version(database, path) == SCHEMA_VERSION:
                 return []
         with take_lock(folder), closing(sqlite3.connect(path, isolation_level=None)) as database:
             _apply_settings(database, path)
@@ -90,7 +91,7 @@ def bring_up_to_date(folder: Path) -> list[int]:
 
 
 def free_mb(folder: Path) -> int:
-    """Free space on the disk of a folder, MB. Raises StudyError where it cannot be read."""
+    """Free space on the disk of a folder, MB. Raises StudyError if it cannot be read."""
     try:
         return shutil.disk_usage(folder).free // 2**20
     except OSError as error:
@@ -139,7 +140,7 @@ def take_lock(folder: Path) -> IO[str]:
 
 
 def close_to_others(folder: Path) -> None:
-    """Sets a study's folder to mode 0700, and its database, plan, lock and backups to 0600; earlier versions did not.
+    """Sets a study's folder to mode 0700, and its database, plan, lock and backups to 0600. Earlier versions did not.
 
     SQLite gives `-wal` and `-shm` the database's mode when it makes them.
     """
@@ -147,6 +148,49 @@ def close_to_others(folder: Path) -> None:
     backups = folder / BACKUP_FOLDER
     for path in (folder, backups, *(folder / name for name in (*files, PLAN_FILE, LOCK_FILE)), *backups.glob("*.db*")):
         make_private(path)
+
+
+def require_same_files(reader: StudyReader) -> None:
+    """Refuses a folder whose `study.yaml` or `plan.json` was changed after the start; a missing file is ignored.
+
+    Raises:
+        StudyError: A file is damaged, has another format version, or is not the original one.
+    """
+    if not (reader.folder / STUDY_FILE).is_file():
+        return
+    config = load_study(reader.folder)
+    _require_same(reader, STUDY_FILE, "study_version", config.study_version, reader.study_version)
+    if (reader.folder / PLAN_FILE).is_file():
+        found = load_plan(reader.folder, config).plan_version
+        _require_same(reader, PLAN_FILE, "plan_version", found, reader.plan.plan_version)
+
+
+def require_keys(reader: StudyReader) -> None:
+    """Refuses a folder whose `keys.json` does not open each participant's records, unless they were deleted.
+
+    Raises:
+        StudyError: The file is missing or damaged, or a participant's key is missing or wrong.
+    """
+    vault, codes = Vault(reader.folder), reader.codes()
+    of_trial = "JOIN trial USING(trial_id) JOIN assignment USING(assignment_id)"
+    sealed = reader.rows(
+        f"SELECT code, trial_id || '/' || seq, payload FROM event {of_trial} WHERE seq = 1 UNION ALL"
+        f" SELECT code, trial_id || '/outcome', payload FROM outcome {of_trial}"
+    )
+    withdrew = {code for (code,) in reader.rows("SELECT code FROM stage WHERE stage = 'withdrawn'")}
+    deleted = withdrew if reader.config.privacy.on_withdraw == "delete" else set()
+    lost = sorted({code for code in codes if not (vault.has_key(code) or vault.is_shredded(code) or code in deleted)})
+    if lost:
+        path = reader.folder / KEYS_FILE
+        found = f"has no key of {', '.join(lost[:3])}" if path.exists() else "found no such file"
+        more = f" and {len(lost) - 3} more" if path.exists() and len(lost) > 3 else ""
+        raise StudyError(
+            f"{path}: {found}{more}; expected a key of each participant who has not withdrawn. Restore the file: "
+            "without it nothing that they did can be read."
+        )
+    for code, where, payload in sealed:
+        if vault.has_key(code):
+            vault.open(code, payload, where=where)
 
 
 def _private_database(path: Path) -> None:
@@ -213,10 +257,11 @@ def migrate(database: sqlite3.Connection, path: Path, *, steps: Sequence[str] = 
         StudyError: A step failed; the database is as it was before that step.
     """
     version = database.execute("PRAGMA user_version").fetchone()[0]
-    if 0 < version < len(steps):
+    num_done = max(0, version - FIRST_VERSION + 1)
+    if 0 < num_done < len(steps):
         backup(database, path.parent / BACKUP_FOLDER / f"{path.stem}-v{version}-{time.time_ns()}.db")
     done = []
-    for number, sql in enumerate(steps[version:], start=version + 1):
+    for number, sql in enumerate(steps[num_done:], start=FIRST_VERSION + num_done):
         try:
             database.executescript(
                 f"BEGIN IMMEDIATE; {sql}; PRAGMA application_id = {APPLICATION_ID};"
@@ -254,5 +299,13 @@ def backup(database: sqlite3.Connection, path: Path) -> None:
 
 
 def audit(database: sqlite3.Connection, action: str, target: str) -> None:
-    """Stores that somebody changed the study as a whole."""
+    """Records a change to the study as a whole."""
     database.execute("INSERT INTO audit(at_ns, action, target) VALUES (?, ?, ?)", (time.time_ns(), action, target))
+
+
+def _require_same(reader: StudyReader, name: str, what: str, found: str, expected: str) -> None:
+    if found != expected:
+        raise StudyError(
+            f"{reader.folder / name}: {what} is {found[:12]}; expected {expected[:12]}, which the database holds. "
+            "It was changed after the start: restore it. The records are whole, and say themselves how they were made."
+        )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from sim.errors import StudyError
 
 from ..design.study import StudyConfig
-from .record_types import TrialStatus
+from .record_types import StoredTrial
 from .records import StudyReader
 
 STANDARD_RULES: dict[str, str] = {
@@ -85,7 +85,7 @@ def find_target(reader: StudyReader, *, trial: str | None, participant: str | No
     return ExclusionTarget(code, _opened(attempts, trial))
 
 
-def _opened(attempts: Sequence[TrialStatus], trial: str) -> tuple[str, ...]:
+def _opened(attempts: Sequence[StoredTrial], trial: str) -> tuple[str, ...]:
     ids = tuple(status.trial_id for status in attempts if status.trial_id is not None)
     if not ids:
         found = "never opened" if attempts else "not assigned"

@@ -1,4 +1,4 @@
-"""The database's schema as numbered steps: step n leads from version n - 1 to n. Never edit a released step.
+"""The database's schema as numbered steps; each brings a database to the next version. Never edit a released step.
 
 Every table is append-only by trigger: a change is a new row. An id is a ULID; `*_ns` is the server's wall clock,
 `*_mono_ns` its monotonic clock, comparable within one `boot_id`.
@@ -6,6 +6,10 @@ Every table is append-only by trigger: a change is a new row. An id is a ULID; `
 
 APPLICATION_ID = 0x50565354
 """`PRAGMA application_id` of our databases: "PVST"."""
+FIRST_VERSION = 2
+"""`PRAGMA user_version` after the first step; version 1 was never released and is not read."""
+_TABLES = ("study", "participant", "assignment", "trial", "sitting", "event", "outcome", "audit", "claim", "release")
+_TABLES += ("stage", "consent", "verification", "exclusion", "exclusion_undone")
 
 
 def _guards(*tables: str) -> str:
@@ -18,34 +22,45 @@ def _guards(*tables: str) -> str:
     )
 
 
-_VERSION_1 = """
+_SCHEMA = """
 CREATE TABLE study(
     study_version TEXT PRIMARY KEY,
     config TEXT NOT NULL CHECK(json_valid(config)),
     app_version TEXT NOT NULL,
-    created_ns INTEGER NOT NULL
+    created_ns INTEGER NOT NULL,
+    plan TEXT NOT NULL CHECK(json_valid(plan))
 ) STRICT;
 CREATE TABLE participant(
     code TEXT PRIMARY KEY,
     token_hash TEXT NOT NULL UNIQUE,
-    created_ns INTEGER NOT NULL
+    created_ns INTEGER NOT NULL,
+    task TEXT NOT NULL CHECK(task IN ('pan', 'pog')),
+    arm INTEGER NOT NULL
 ) STRICT;
-CREATE TABLE slot(
-    slot_id TEXT PRIMARY KEY,
+CREATE TABLE assignment(
+    assignment_id TEXT PRIMARY KEY,
     code TEXT NOT NULL REFERENCES participant(code),
     order_no INTEGER NOT NULL,
     task TEXT NOT NULL CHECK(task IN ('pan', 'pog')),
     split TEXT NOT NULL CHECK(split IN ('easy', 'medium', 'hard')),
     scene TEXT NOT NULL,
     episode_id TEXT NOT NULL,
+    phase TEXT NOT NULL CHECK(phase IN ('practice', 'check', 'main')),
+    condition TEXT NOT NULL,
+    rep INTEGER NOT NULL,
+    made_by TEXT NOT NULL CHECK(made_by IN ('plan', 'fill')),
+    at_ns INTEGER NOT NULL,
     UNIQUE(code, order_no)
 ) STRICT;
 CREATE TABLE trial(
     trial_id TEXT PRIMARY KEY,
-    slot_id TEXT NOT NULL REFERENCES slot(slot_id),
+    assignment_id TEXT NOT NULL REFERENCES assignment(assignment_id),
     attempt INTEGER NOT NULL,
     opened_ns INTEGER NOT NULL,
-    UNIQUE(slot_id, attempt)
+    prior_visits_scene INTEGER,
+    prior_visits_split INTEGER,
+    secs_in_scene_before REAL,
+    UNIQUE(assignment_id, attempt)
 ) STRICT;
 CREATE TABLE sitting(
     trial_id TEXT NOT NULL REFERENCES trial(trial_id),
@@ -79,58 +94,6 @@ CREATE TABLE audit(
     action TEXT NOT NULL,
     target TEXT NOT NULL
 ) STRICT;
-CREATE TRIGGER event_after_outcome BEFORE INSERT ON event
-WHEN EXISTS(SELECT 1 FROM outcome WHERE trial_id = NEW.trial_id)
-BEGIN SELECT RAISE(ABORT, 'the trial has ended'); END;
-""" + _guards("study", "participant", "slot", "trial", "sitting", "event", "outcome", "audit")
-_GUARDED_LATER = ("release", "stage", "consent", "verification", "exclusion", "exclusion_undone")
-_VERSION_2 = """
-DROP TRIGGER slot_no_update;
-DROP TRIGGER slot_no_delete;
-DROP TRIGGER study_no_update;
-DROP TRIGGER study_no_delete;
-DROP TRIGGER participant_no_update;
-DROP TRIGGER participant_no_delete;
-ALTER TABLE study ADD COLUMN plan TEXT NOT NULL DEFAULT '' CHECK(plan = '' OR json_valid(plan));
-UPDATE study SET
-    plan = json_object(
-        'schema_version', 2,
-        'study_version', study_version,
-        'scenes', json(json_extract(config, '$.scenes')),
-        'participants', json('[{"code": "p01", "task": "pog", "trials": []},'
-            || ' {"code": "p02", "task": "pan", "trials": []}]')
-    ),
-    config = json_object(
-        'study', json_extract(config, '$.study'),
-        'version', 1,
-        'dataset', json_object(
-            'sha256', json_extract(config, '$.dataset_digest'), 'seed', coalesce(json_extract(config, '$.seed'), 0)
-        ),
-        'task', json(coalesce(json_extract(config, '$.tasks'), '["pan", "pog"]')),
-        'actions', coalesce(json_extract(config, '$.actions'), 'paper4'),
-        'steps', coalesce(json_extract(config, '$.max_steps'), 500),
-        'query_index', coalesce(json_extract(config, '$.query_index'), 0),
-        'design', json('{"kind": "crossed", "raters_per_episode": 1}'),
-        'pog', json('{"conditions": ["map_open"]}'),
-        'flow', json('["instructions"]'),
-        'resume_within_s', coalesce(json_extract(config, '$.resume_within_s'), 600.0),
-        'camera', json(coalesce(json_extract(config, '$.camera'), '{}'))
-    );
-ALTER TABLE participant ADD COLUMN task TEXT NOT NULL DEFAULT 'pan' CHECK(task IN ('pan', 'pog'));
-ALTER TABLE participant ADD COLUMN arm INTEGER NOT NULL DEFAULT 0;
-UPDATE participant SET task = coalesce((SELECT task FROM slot WHERE slot.code = participant.code LIMIT 1), 'pan');
-ALTER TABLE slot RENAME TO assignment;
-ALTER TABLE assignment RENAME COLUMN slot_id TO assignment_id;
-ALTER TABLE assignment ADD COLUMN phase TEXT NOT NULL DEFAULT 'main' CHECK(phase IN ('practice', 'check', 'main'));
-ALTER TABLE assignment ADD COLUMN condition TEXT NOT NULL DEFAULT 'none';
-ALTER TABLE assignment ADD COLUMN rep INTEGER NOT NULL DEFAULT 1;
-ALTER TABLE assignment ADD COLUMN made_by TEXT NOT NULL DEFAULT 'plan' CHECK(made_by IN ('plan', 'fill'));
-ALTER TABLE assignment ADD COLUMN at_ns INTEGER NOT NULL DEFAULT 0;
-UPDATE assignment SET condition = 'map_open' WHERE task = 'pog';
-ALTER TABLE trial RENAME COLUMN slot_id TO assignment_id;
-ALTER TABLE trial ADD COLUMN prior_visits_scene INTEGER;
-ALTER TABLE trial ADD COLUMN prior_visits_split INTEGER;
-ALTER TABLE trial ADD COLUMN secs_in_scene_before REAL;
 CREATE INDEX assignment_of_slot ON assignment(task, condition, split, scene, episode_id, rep);
 CREATE INDEX trial_of_assignment ON trial(assignment_id);
 CREATE TABLE claim(
@@ -196,7 +159,12 @@ WHEN EXISTS(
       AND consent.seq = (SELECT max(seq) FROM consent AS latest WHERE latest.code = consent.code)
 )
 BEGIN SELECT RAISE(ABORT, 'the participant did not consent'); END;
-""" + _guards("study", "participant", "assignment", "claim", *_GUARDED_LATER)
+CREATE TRIGGER event_after_outcome BEFORE INSERT ON event
+WHEN EXISTS(SELECT 1 FROM outcome WHERE trial_id = NEW.trial_id)
+BEGIN SELECT RAISE(ABORT, 'the trial has ended'); END;
+""" + _guards(*_TABLES)
 
-MIGRATIONS: tuple[str, ...] = (_VERSION_1, _VERSION_2)
-"""All steps; `PRAGMA user_version` of an up-to-date database is their number."""
+MIGRATIONS: tuple[str, ...] = (_SCHEMA,)
+"""All steps, the first one from an empty database."""
+SCHEMA_VERSION = FIRST_VERSION + len(MIGRATIONS) - 1
+"""`PRAGMA user_version` of an up-to-date database."""

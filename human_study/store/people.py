@@ -12,15 +12,14 @@ from typing import Any, Literal
 from sim.errors import StudyError
 
 from ..design.plan import StudyPlan
+from ..design.secrets import new_id
 from ..design.study import StudyConfig
 from ..journey import Person
-from ..tickets import new_id
 from .assigning import due_order_no, free_slot, others_can_take, release
 from .database import BACKUP_FOLDER, audit, backup
-from .progress_rows import stored_person
-from .record_types import ParticipantRecord, VerificationEntry
+from .record_types import ParticipantRecord, Stage, VerificationEntry
 from .records import AUDIT_PILOT, DATABASE_FILE, read_study
-from .stages import Stage
+from .stored_people import stored_person
 from .trial_writes import Now, abandon_running
 from .vault import Vault
 from .writer import GroupWriter
@@ -50,7 +49,7 @@ class PeopleWrites:
             return reader.participant(code)
 
     def person(self, code: str) -> Person:
-        """What says where a participant is (`journey_of`). Raises StudyError for an unknown one."""
+        """The facts that decide where a participant is (`journey_of`). Raises StudyError for an unknown one."""
         with read_study(self.folder) as reader:
             return stored_person(reader, code)
 
@@ -103,7 +102,7 @@ class PeopleWrites:
         self._writer.write(job)
 
     def claim_person(self, ext_hash: str | None) -> str | None:
-        """A place for a person who comes through an open link; None when the study is full.
+        """The code of a place for a person who comes through an open link; None when the study is full.
 
         Args:
             ext_hash: Keyed hash of the recruiting platform's id; the same hash gets the same place again.
@@ -129,7 +128,7 @@ class PeopleWrites:
         """Gives a participant's unfinished counted trials to others; returns their number.
 
         A running trial ends as `abandoned` (HUMAN_STUDY.md, section 4). A participant who comes back gets the trials
-        that are then left. A participant without unfinished trials is not changed.
+        that are left then. A participant without unfinished trials is not changed.
         """
         now = self._now()
 

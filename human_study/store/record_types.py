@@ -1,7 +1,11 @@
-"""A study's records as values: stored events, trials, participants, verifications, exclusions."""
+"""A study's records as values: stages, stored events, trials, participants, verifications, exclusions.
 
+A participant's stages are an append-only list, from which every page is derived.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, get_args
 
 from sim.types import EpisodeKey, TaskKind
 
@@ -9,9 +13,42 @@ from ..design.plan import Phase
 from ..design.study import Condition
 from ..trial.events import Event
 from ..trial.outcome import Outcome
-from .stages import StageEntry, has_dropped_out, has_reached, way_out
 
+Stage = Literal[
+    "arrived",
+    "device_ok",
+    "device_failed",
+    "consented",
+    "declined",
+    "instructed",
+    "quiz_passed",
+    "quiz_failed",
+    "keys_changed",
+    "sitting_started",
+    "break_started",
+    "break_ended",
+    "finished",
+    "withdrawn",
+    "screened_out",
+    "dropped_out",
+    "returned",
+    "full",
+]
+WayOut = Literal["declined", "withdrawn", "screened_out", "full"]
+"""Stages after which a participant does nothing more."""
+OUT: tuple[WayOut, ...] = get_args(WayOut)
 VerificationStatus = Literal["verified", "drift", "failed", "unsupported"]
+
+
+@dataclass(frozen=True, slots=True)
+class StageEntry:
+    """A stage that a participant reached."""
+
+    stage: Stage
+    detail: dict[str, Any]
+    """Answers of the quiz, the coarse profile of the device and similar facts."""
+    at_ns: int
+    """Server's wall clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +67,7 @@ class StoredEvent:
 
 
 @dataclass(frozen=True, slots=True)
-class TrialStatus:
+class StoredTrial:
     """One attempt at an assigned trial, or an assigned trial that was never opened."""
 
     code: str
@@ -58,8 +95,8 @@ class TrialStatus:
     """Whether the participant withdrew and the trial's data is deleted."""
     opened_ns: int | None
     prior_visits_scene: int | None
-    """Earlier attempts of this participant at trials in this home, of any phase and with any end; None in records of
-    the first version."""
+    """Earlier attempts of this participant at trials in this home, of any phase and with any end; None where the
+    trial was never opened."""
     prior_visits_split: int | None
     """Those of these attempts that are in the same split."""
     secs_in_scene_before: float | None
@@ -137,3 +174,24 @@ class ExclusionEntry:
     reason: str
     at_ns: int
     is_undone: bool
+
+
+def has_reached(entries: Sequence[StageEntry], stage: Stage) -> bool:
+    """Whether the stage is among the entries."""
+    return any(entry.stage == stage for entry in entries)
+
+
+def way_out(entries: Sequence[StageEntry]) -> WayOut | None:
+    """The stage by which the participant left for good; None if there is none."""
+    return next((entry.stage for entry in entries if entry.stage in OUT), None)
+
+
+def has_dropped_out(entries: Sequence[StageEntry]) -> bool:
+    """Whether the participant's trials were given to others and the participant has not returned since."""
+    moves = [entry.stage for entry in entries if entry.stage in ("dropped_out", "returned")]
+    return bool(moves) and moves[-1] == "dropped_out"
+
+
+def last_detail(entries: Sequence[StageEntry], stage: Stage) -> dict:
+    """The details stored with the newest entry of a stage; {} where there is none."""
+    return next((entry.detail for entry in reversed(entries) if entry.stage == stage), {})

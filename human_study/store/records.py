@@ -15,13 +15,20 @@ from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey
 
 from ..design.plan import StudyPlan
+from ..design.secrets import token_matches
 from ..design.study import StudyConfig
-from ..tickets import token_matches
 from ..trial.events import Event, event_from_json
 from ..trial.outcome import Outcome
-from .migrations import APPLICATION_ID, MIGRATIONS
-from .record_types import ConsentEntry, ExclusionEntry, ParticipantRecord, StoredEvent, TrialStatus, VerificationEntry
-from .stages import StageEntry
+from .migrations import APPLICATION_ID, FIRST_VERSION, SCHEMA_VERSION
+from .record_types import (
+    ConsentEntry,
+    ExclusionEntry,
+    ParticipantRecord,
+    StageEntry,
+    StoredEvent,
+    StoredTrial,
+    VerificationEntry,
+)
 from .vault import Vault
 
 DATABASE_FILE = "study.db"
@@ -129,7 +136,7 @@ class StudyReader:
             consents=tuple(ConsentEntry(text_hash, bool(given), at_ns) for text_hash, given, at_ns in consents),
         )
 
-    def trials(self, code: str) -> tuple[TrialStatus, ...]:
+    def trials(self, code: str) -> tuple[StoredTrial, ...]:
         """All assigned trials of a participant in order, each with all its attempts.
 
         Raises:
@@ -147,7 +154,7 @@ class StudyReader:
         )
         is_shredded = self._is_shredded(code)
         return tuple(
-            TrialStatus(
+            StoredTrial(
                 code=code,
                 order_no=row[0],
                 phase=row[1],
@@ -263,7 +270,7 @@ class StudyReader:
         return Vault(self._path.parent)
 
     def _is_shredded(self, code: str) -> bool:
-        """Whether the participant's data was deleted; a lost key is an error when data is read."""
+        """Whether the participant's data was deleted; a key that is merely lost is an error when data is read."""
         if self._vault.has_key(code):
             return False
         withdrew = self._all("SELECT 1 FROM stage WHERE code = ? AND stage = 'withdrawn'", code)
@@ -314,9 +321,9 @@ def read_study(folder: Path) -> Iterator[StudyReader]:
             database.execute("PRAGMA busy_timeout = 5000")
             database.execute("BEGIN")
             version = require_known_version(database, path)
-            if version < len(MIGRATIONS):
+            if version < SCHEMA_VERSION:
                 raise StudyError(
-                    f"{path}: has schema version {version}; expected {len(MIGRATIONS)}. "
+                    f"{path}: has schema version {version}; expected {SCHEMA_VERSION}. "
                     "personal-viz study check-db brings it up to date, with a backup."
                 )
             yield StudyReader(database, path)
@@ -330,7 +337,7 @@ def require_known_version(database: sqlite3.Connection, path: Path) -> int:
     """Schema version of one of our databases; 0 = empty.
 
     Raises:
-        StudyError: The database belongs to another program, or was written by a newer version.
+        StudyError: The database is of another program, of a newer version, or of before the first release.
     """
     application = database.execute("PRAGMA application_id").fetchone()[0]
     version = database.execute("PRAGMA user_version").fetchone()[0]
@@ -340,10 +347,15 @@ def require_known_version(database: sqlite3.Connection, path: Path) -> int:
             f"{path}: found a database of another program (application_id {application:#x}); "
             f"expected {APPLICATION_ID:#x}. Give the folder of a study."
         )
-    if version > len(MIGRATIONS):
+    if version > SCHEMA_VERSION:
         raise StudyError(
-            f"{path}: has schema version {version}; expected at most {len(MIGRATIONS)}. "
+            f"{path}: has schema version {version}; expected at most {SCHEMA_VERSION}. "
             "It was written by a newer personal-viz: use that one."
+        )
+    if 0 < version < FIRST_VERSION:
+        raise StudyError(
+            f"{path}: has schema version {version}; expected at least {FIRST_VERSION}. "
+            "It was written before the first release: use the personal-viz that wrote it."
         )
     return version
 

@@ -15,9 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sim.errors import StudyError, line_from_validation_error
 
 from ..design.plan import load_plan
+from ..design.secrets import new_id
 from ..design.study import load_study
 from ..private_files import write_private
-from ..tickets import new_id
 from .database import StudyInUseError
 from .store import StudyStore, open_store
 

@@ -18,14 +18,14 @@ from sim.types import EpisodeKey, TaskKind
 
 from ..design.plan import Phase, PlannedParticipant, StudyPlan
 from ..design.study import Condition, StudyConfig
+from ..journey import AssignedTrial
 from ..trial.events import Error, Event, Reconnect
 from ..trial.outcome import Outcome
 from .assigning import assign, due_order_no, fill
 from .database import audit, open_database, take_lock
 from .people import PeopleWrites
-from .record_types import StoredEvent, TrialStatus
+from .record_types import StoredEvent, StoredTrial, has_dropped_out, way_out
 from .records import DATABASE_FILE, read_study
-from .stages import has_dropped_out, way_out
 from .trial_writes import (
     Now,
     insert_events,
@@ -131,7 +131,7 @@ class StudyStore(PeopleWrites):
         self._vault.add(person.code)
         self._writer.write(job)
 
-    def next_trial(self, code: str) -> TrialStatus | None:
+    def next_trial(self, code: str) -> AssignedTrial | None:
         """The participant's next trial; when all planned ones are done, it is one that others left.
 
         Until that trial has ended, further calls return the same one. None when there is nothing (more) to do.
@@ -146,17 +146,12 @@ class StudyStore(PeopleWrites):
         if has_dropped_out(person.stages):
             self.enter_stage(code, "returned")
 
-        def job(database: sqlite3.Connection) -> int | None:
-            number = due_order_no(database, code)
-            if number is None and fill(database, self.config, self.plan, code):
-                number = due_order_no(database, code)
-            return number
+        def job(database: sqlite3.Connection) -> None:
+            if due_order_no(database, code) is None:
+                fill(database, self.config, self.plan, code)
 
-        number = self._writer.write(job)
-        if number is None:
-            return None
-        with read_study(self.folder) as reader:
-            return next(trial for trial in reversed(reader.trials(code)) if trial.order_no == number)
+        self._writer.write(job)
+        return self.person(code).due
 
     def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
         """Begins a planned trial or takes it over: the newest opening may write, older ones are refused from now on.
@@ -299,7 +294,7 @@ class StudyStore(PeopleWrites):
         with read_study(self.folder) as reader:
             return reader.events(trial_id)
 
-    def trials(self, code: str) -> tuple[TrialStatus, ...]:
+    def trials(self, code: str) -> tuple[StoredTrial, ...]:
         """All planned trials of a participant, in order. Raises StudyError for an unknown participant."""
         with read_study(self.folder) as reader:
             return reader.trials(code)

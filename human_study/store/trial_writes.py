@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from sim.types import EndReason, EpisodeKey
 
 from ..design.plan import StudyPlan
+from ..design.secrets import new_id
 from ..design.study import StudyConfig
-from ..tickets import new_id
 from ..trial.events import Abandoned, Event, event_from_json, event_to_json
 from ..trial.outcome import Outcome, has_begun, trial_end, unscored_outcome
 from .assigning import is_spent, others_can_take, release_one
@@ -22,7 +22,7 @@ SELECT sum(passed_ns) FROM (
     END AS passed_ns FROM event WHERE event.trial_id = trial.trial_id
 )
 """
-"""Time that a participant was in a trial: by the steady clock of each boot, without the time before each return."""
+"""Time that a participant was in a trial, by the monotonic clock of each boot, without the time before each return."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,9 +164,9 @@ def queue_again(
 ) -> None:
     """Gives back the episode of a counted trial that ended without a result (HUMAN_STUDY.md, section 4).
 
-    After a technical failure it is done once more: by the same person in a crossed design, by another one where nobody
-    may meet a home twice. An abandoned one goes to another person; where nobody else can take it, to the same person,
-    once.
+    After a technical failure the episode is done once more: by the same person in a crossed design, by another person
+    where nobody may meet a home twice. An abandoned episode goes to another person; if nobody else can take it, it goes
+    to the same person, once.
     """
     assignment_id, phase, attempt, code, task, *names = database.execute(
         "SELECT assignment_id, phase, attempt, code, task, split, scene, episode_id FROM trial"

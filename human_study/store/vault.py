@@ -18,7 +18,7 @@ from ..private_files import write_private
 
 KEYS_FILE = "keys.json"
 _NONCE_BYTES = 12
-"""Modes of a study's records and of its folder: for the owner only, with any umask."""
+"""Length of the random nonce before each ciphertext, bytes."""
 
 
 class Vault:
@@ -87,13 +87,11 @@ class Vault:
         return json.dumps(base64.b64encode(sealed).decode())
 
     def open(self, code: str, payload: str, *, where: str) -> str:
-        """The text of a payload. Payloads of the first schema version are plain JSON objects, returned unchanged.
+        """The text of a payload.
 
         Raises:
             StudyError: The key is gone or the payload was changed.
         """
-        if payload.startswith("{"):
-            return payload
         sealed = base64.b64decode(json.loads(payload))
         try:
             text = self._cipher(code).decrypt(sealed[:_NONCE_BYTES], sealed[_NONCE_BYTES:], where.encode())

@@ -1,1 +1,1 @@
-"""What people are told: every rule, key, limit and text of a study has one source, a template filled from its file."""
+"""Texts for people: every rule, key, limit and text of a study has one source, a template filled from its file."""

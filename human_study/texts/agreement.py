@@ -1,7 +1,7 @@
-"""Whether a researcher's own text says what the study file says: each number is found by the words beside it.
+"""Checks that a researcher's own text agrees with the study file: each number is found by the words beside it.
 
-A number that stands beside no known words, or a rule told without numbers, is not noticed: fields in double braces are
-the way to be sure.
+A number beside unknown words, and a rule told without numbers, are not noticed. Only fields in double braces are sure
+to agree.
 """
 
 import re
@@ -27,7 +27,7 @@ _LENGTH = r"(?P<unit>metres?|meters?|m|centimetres?|centimeters?|cm)\b"
 _TIME = r"(?P<unit>seconds?|s|minutes?|min|hours?|h)\b"
 _CURRENCY = r"(?:EUR|USD|GBP|CHF|euros?|dollars?|pounds?|francs?|€|\$|£)"
 _SCALE = {"c": 0.01, "s": 1.0, "h": 3600.0}
-"""Metres or seconds of a unit, by its first letter."""
+"""Metres or seconds in one unit, by the unit's first letter."""
 _NEAR = r"(?:within|(?:closer|nearer|less|more) than|at most|up to|under|radius of|distance of)"
 _MOST = r"(?:have|has|after|within|most|up to|than|uses?|used|are|(?:maximum|limit|budget)(?: of| is)?)"
 _ABOUT = r"(?:about |around |approximately |roughly |some |up to |at most |\d+ ?(?:to|-|–) ?)*"
@@ -38,21 +38,21 @@ class _Fact:
     """A number of the study, and how texts name it."""
 
     field: str
-    """Of the study file, or what else it is."""
+    """Field of the study file, or another name of the number."""
     allowed: Collection[float]
-    """What a text may say: metres, seconds, or a count."""
+    """Values that a text may give: metres, seconds, or a count."""
     patterns: tuple[str, ...]
-    """With the groups `n` and, of a quantity, `unit`."""
+    """Regular expressions with the group `n` and, for a quantity, the group `unit`."""
 
 
 def disagreements(text: str, config: StudyConfig, *, plan: StudyPlan, task: TaskKind) -> list[str]:
-    """What the text says otherwise than the study file, in words, each once.
+    """The places where the text contradicts the study file, in words, each once.
 
     Args:
-        text: As participants of the task would read it.
+        text: The text as participants of the task would read it.
         config: The study.
         plan: Gives numbers of trials and the announced time.
-        task: What the readers do.
+        task: The readers' task.
     """
     plain = " ".join(re.sub(r"[*_`]", "", text).split())
     found = []
@@ -122,7 +122,7 @@ def _of_another_rule(plain: str, config: StudyConfig, task: TaskKind) -> list[st
 
 
 def _quantity(match: re.Match[str]) -> float:
-    """What a text says, in metres or seconds where it is a quantity."""
+    """The number in a match; metres or seconds if it has a unit."""
     value = _value(match["n"])
     unit = match.groupdict().get("unit")
     if unit is None:
@@ -132,7 +132,7 @@ def _quantity(match: re.Match[str]) -> float:
 
 
 def _value(text: str) -> float:
-    """A number in digits or in words up to nine hundred ninety-nine."""
+    """The value of a number in digits, or in words up to nine hundred ninety-nine."""
     if text[0].isdigit():
         return float(text.replace(",", "."))
     total = 0.0

@@ -1,14 +1,90 @@
-"""The documents for an ethics board and a registry, from the study file and the plan: `study ethics --out`."""
+"""The documents for an ethics board and a registry, from the study file and the plan: `study ethics --out`.
 
-from collections.abc import Callable
+The preregistration names hypotheses, design, sample, exclusions and analysis, in the way that the report will use them.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from ..design.plan import StudyPlan
+from sim.types import TaskKind
+from sim.words.english import how_many
+
+from ..design.analysis import ALPHA, HYPOTHESIS_NAME, LEVEL, NUM_RESAMPLES
+from ..design.plan import PlannedParticipant, StudyPlan
 from ..design.study import StudyConfig
-from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S
-from .preregistration import preregistration_text
-from .sample import Sample, TaskShare, people_text, range_text, sample_of
+from ..store.exclusions import rules_before_data
+from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S, TimeEstimate, estimate_time
 from .words import filled, open_place, words_of
+
+MEASURE_NAMES = {
+    "SR": "success rate",
+    "SPL": "success weighted by path length",
+    "SoftSPL": "soft success weighted by path length",
+    "DTG": "distance left to the goal",
+    "steps": "number of steps",
+    "time": "time to the answer",
+}
+TOTALS = {
+    "mean_of_splits": "the plain mean of the splits",
+    "pooled": "the mean over all trials, whatever their split",
+    "dataset_weighted": "the mean of the splits, weighted by their size in the dataset",
+}
+WEIGHTS = {
+    "trials": "every trial counts the same",
+    "participants": "every participant counts the same",
+}
+INFORMATION = {
+    "rgb": "the camera's picture",
+    "compass": "a compass",
+    "depth": "depth",
+    "map": "the map explored so far",
+}
+_WORDS: dict[TaskKind, str] = {"pan": "steering", "pog": "pointing"}
+
+
+@dataclass(frozen=True, slots=True)
+class TaskShare:
+    """The people of one task."""
+
+    task: TaskKind
+    num_people: int
+    num_trials: int
+    """Counted trials of all people."""
+    fewest: int
+    """Counted trials of the person with the fewest."""
+    most: int
+    longest: TimeEstimate
+    """Time of the person with the most trials."""
+    total_s: float
+    """Seconds of all people together, expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The numbers of people, trials and homes in a plan."""
+
+    shares: tuple[TaskShare, ...]
+    """One per task, in the study's order."""
+    num_spare: int
+    """People with a link but no trials of their own, who take the trials that others leave."""
+    num_episodes: int
+    by_split: dict[str, int]
+    by_kind: dict[str, int]
+    """Number of homes of each kind."""
+    most_visits: int
+    """Most counted trials of one person in one home."""
+
+    @property
+    def num_people(self) -> int:
+        """People with trials of their own."""
+        return sum(share.num_people for share in self.shares)
+
+    @property
+    def num_trials(self) -> int:
+        """Counted trials."""
+        return sum(share.num_trials for share in self.shares)
 
 
 def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: str | None = None) -> dict[str, str]:
@@ -17,7 +93,7 @@ def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: st
     Args:
         config: The study.
         plan: Gives the numbers of people, trials and homes; None = not planned yet, and they are marked as open.
-        consent: The consent form as the participants will read it; None = as a new study would begin with it.
+        consent: The consent form as the participants will read it; None = the form that a new study begins with.
     """
     sample = sample_of(config, plan) if plan is not None else None
     words = board_words(config, plan, sample)
@@ -33,7 +109,7 @@ def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: st
 
 
 def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | None) -> dict[str, Any]:
-    """The words of the study for readers who are not participants, with what its plan asks for."""
+    """The words of the study for readers who are not participants, with the numbers of its plan."""
     words = words_of(config, plan=plan)
     pay, changes = words["pay"], plan.changes if plan is not None else ()
     practice = [f"{getattr(config.practice, task)} {task.upper()}" for task in config.task]
@@ -51,8 +127,86 @@ def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | No
     }
 
 
+def preregistration_text(config: StudyConfig, words: Mapping[str, Any]) -> str:
+    """The preregistration, complete except for fields that the study file leaves empty.
+
+    Args:
+        config: The study.
+        words: Words of the study and its plan (`documents.board_words`).
+    """
+    more = {
+        "hypotheses": _hypotheses(config),
+        "rules": rules_before_data(config),
+        "level": f"{LEVEL:.0%}",
+        "alpha": f"{ALPHA:.0%}",
+        "resamples": f"{NUM_RESAMPLES:,}".replace(",", " "),
+        "total": TOTALS[config.aggregate.total],
+        "weight": WEIGHTS[config.aggregate.weight],
+        "information": " and ".join(INFORMATION[name] for name in config.information),
+    }
+    return filled("preregistration.md", {**words, **more})
+
+
+def hypothesis_sentence(name: str) -> str:
+    """The claim behind a name in `primary`; the name itself where the report does not know it."""
+    match = HYPOTHESIS_NAME.match(name)
+    if match is None:
+        return f"`{name}`: to be stated in words; the report does not test it by itself."
+    measure, task = (
+        MEASURE_NAMES[match["measure"]],
+        {"pan": " in steering", "pog": " in pointing"}.get(match["task"], ""),
+    )
+    if match["memory"] == "memory":
+        return f"`{name}`: the {measure}{task} of people differs between having been shown the home before and not."
+    if match["memory"] is not None:
+        return f"`{name}`: the {measure}{task} of people differs between condition `{match['memory']}` and the other."
+    agent = "the agent" if match["agent"] == "agent" else f"the agent `{match['agent']}`"
+    seen = f" in condition `{match['condition']}`" if match["condition"] else ""
+    return f"`{name}`: the {measure}{task} of people{seen} differs from that of {agent} on the same episodes."
+
+
+def sample_of(config: StudyConfig, plan: StudyPlan) -> Sample:
+    """The numbers of a plan."""
+    main = {person.code: [trial for trial in person.trials if trial.phase == "main"] for person in plan.participants}
+    busy = [person for person in plan.participants if main[person.code]]
+    keys = {trial.key for trials in main.values() for trial in trials}
+    visits = [count for trials in main.values() for count in Counter(trial.scene for trial in trials).values()]
+    shares = [_share(config, task, [person for person in busy if person.task == task]) for task in config.task]
+    return Sample(
+        shares=tuple(share for share in shares if share.num_people),
+        num_spare=len(plan.participants) - len(busy),
+        num_episodes=len(keys),
+        by_split=dict(sorted(Counter(key.split for key in keys).items())),
+        by_kind=dict(sorted(Counter(scene.kind for scene in plan.scenes).items())),
+        most_visits=max(visits, default=0),
+    )
+
+
+def people_text(sample: Sample | None) -> str:
+    """The numbers of people, trials, episodes and homes, as sentences."""
+    if sample is None:
+        return f"The number of participants is {open_place('plan.json')}."
+    kinds = " and ".join(f"{count} {kind}" for kind, count in sample.by_kind.items())
+    splits = ", ".join(f"{count} {split}" for split, count in sample.by_split.items())
+    each = "; ".join(
+        f"{_people(share.num_people)} with {range_text(share)} {_WORDS[share.task]} trials each"
+        for share in sample.shares
+    )
+    homes, visits = sum(sample.by_kind.values()), sample.most_visits
+    return (
+        f"The study has places for {_people(sample.num_people)} ({each}), {sample.num_trials} trials in all, with "
+        f"{sample.num_episodes} episodes ({splits}) in {how_many(homes, 'home')} ({kinds}). Nobody meets "
+        f"one home more than {'once' if visits == 1 else f'{visits} times'} in counted trials."
+    )
+
+
+def range_text(share: TaskShare) -> str:
+    """Counted trials per person as text: "30", or "28 to 30"."""
+    return f"{share.most}" if share.fewest == share.most else f"{share.fewest} to {share.most}"
+
+
 def _times(config: StudyConfig, words: dict[str, Any], sample: Sample | None) -> dict[str, str]:
-    """The estimate of time, and what it means for pay."""
+    """The estimated time, and its meaning for pay."""
     shares = sample.shares if sample is not None else ()
     hours = f"{sum(share.total_s for share in shares) / 3600:.1f} hours" if shares else open_place("plan.json")
     return {
@@ -92,3 +246,33 @@ def _told(config: StudyConfig, duration: str, shares: tuple[TaskShare, ...]) -> 
     if longest > stated:
         return f"**The stated {stated} minutes are less than the estimate of {longest}: change ethics.duration_min.**"
     return f"The stated {stated} minutes cover the estimate."
+
+
+def _hypotheses(config: StudyConfig) -> str:
+    """One sentence for each primary hypothesis."""
+    if not config.primary:
+        return (
+            f"No primary hypothesis is named ({open_place('primary')}); then everything in the report is exploratory."
+        )
+    lines = [f"{number}. {hypothesis_sentence(name)}" for number, name in enumerate(config.primary, start=1)]
+    return "\n".join(lines)
+
+
+def _people(count: int) -> str:
+    return "1 person" if count == 1 else f"{count} people"
+
+
+def _share(config: StudyConfig, task: TaskKind, people: list[PlannedParticipant]) -> TaskShare:
+    counts = [sum(trial.phase == "main" for trial in person.trials) for person in people]
+    estimates = [estimate_time(config, num_trials=count, task=task) for count in counts]
+    return TaskShare(
+        task=task,
+        num_people=len(people),
+        num_trials=sum(counts),
+        fewest=min(counts, default=0),
+        most=max(counts, default=0),
+        longest=max(
+            estimates, key=lambda estimate: estimate.total_s, default=estimate_time(config, num_trials=0, task=task)
+        ),
+        total_s=sum(estimate.total_s for estimate in estimates),
+    )

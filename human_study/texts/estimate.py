@@ -1,4 +1,4 @@
-"""How long taking part lasts, from the number of trials and stated seconds for each of its parts. A planning figure."""
+"""Estimates how long taking part lasts, from the number of trials and set seconds per part. A planning figure."""
 
 import math
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from ..design.study import Condition, StudyConfig
 TRIAL_S: dict[TaskKind, float] = {"pan": 120.0, "pog": 60.0}
 """Seconds from the text to the answer, assumed before the pilot; the pilot's own times replace them."""
 LOOK_S = 30.0
-"""Seconds of looking at a map or home before a trial, where the study file sets no limit below it."""
+"""Seconds of looking at a map or home before a trial, unless the study file sets a lower limit."""
 READING_S = 480.0
-"""Seconds for device check, consent, instructions and quiz together."""
+"""Seconds for the device check, consent, instructions and quiz together."""
 BREAK_S = 120.0
 """Seconds of one break."""
 ROUND_TO_MIN = 5
@@ -24,19 +24,19 @@ class TimeEstimate:
     """How long one participant takes, in seconds by part."""
 
     num_trials: int
-    """Counted ones."""
+    """Number of counted trials."""
     num_practice: int
     num_checks: int
     num_breaks: int
     trials_s: float
-    """Of counted trials and attention checks, with the looks before them."""
+    """Time of counted trials and attention checks, with the looks before them."""
     practice_s: float
     reading_s: float
     breaks_s: float
 
     @property
     def total_s(self) -> float:
-        """All parts."""
+        """Seconds of all parts together."""
         return self.trials_s + self.practice_s + self.reading_s + self.breaks_s
 
     @property
@@ -66,7 +66,7 @@ def estimate_time(config: StudyConfig, *, num_trials: int, task: TaskKind) -> Ti
 def announced_minutes(config: StudyConfig, plan: StudyPlan | None = None) -> int | None:
     """Minutes that people are told: `ethics.duration_min`, else the estimate of the longest share; None = unknown.
 
-    Without a plan the share is `design.trials_per_person`; where that is open there is no estimate before the plan.
+    Without a plan the share is `design.trials_per_person`; where that is not set, there is no estimate before the plan.
     """
     if config.ethics.duration_min is not None:
         return config.ethics.duration_min

@@ -1,7 +1,7 @@
-"""What one participant reads: consent, instructions, a word on practice. Markdown; the pages show it.
+"""The texts that one participant reads: consent, instructions, feedback on practice. Markdown, shown by the pages.
 
 A study's own `consent.md` and `instructions.md` are filled in when the study is planned and frozen with it; the
-program's pages on task, keys and rules follow the instructions and need no file.
+program's own pages on task, keys and rules follow the instructions and need no file.
 """
 
 import hashlib
@@ -14,6 +14,7 @@ from sim.types import TaskKind
 
 from ..design.plan import StudyPlan
 from ..design.study import Condition, StudyConfig, write_whole
+from ..journey import Person
 from .agreement import disagreements
 from .words import filled, filled_text, open_places, source_of, words_of
 
@@ -22,11 +23,21 @@ INSTRUCTIONS_FILE = "instructions.md"
 TEXT_FILES = (CONSENT_FILE, INSTRUCTIONS_FILE)
 """Texts of a study's folder that a researcher may change before the plan."""
 TOLD_FOLDER = "told"
-"""Of a study's folder: the texts word for word as participants of each task read them."""
+"""Folder in a study's folder with the texts exactly as participants of each task read them."""
+PARTS: dict[str, str] = {
+    "device": "Check",
+    "consent": "Consent",
+    "instructions": "Instructions",
+    "quiz": "Questions",
+    "practice": "Practice",
+    "trial": "Study",
+    "finished": "End",
+}
+"""Names of the parts of a study, as participants read them above each page, by the place where each part begins."""
 
 
 def write_texts(folder: Path) -> None:
-    """Writes the texts that a study begins with where the researcher has not written them.
+    """Writes the texts that a study begins with, except those that the researcher has written.
 
     Raises:
         StudyError: The folder cannot be written.
@@ -40,7 +51,7 @@ def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str
     """Fills in the study's texts for the participants of each task; returns the sha256 of all files by name.
 
     Raises:
-        StudyError: A text that people would read has an open place, or says something else than the study file.
+        StudyError: A text for people has a place that is not filled in, or contradicts the study file.
     """
     write_texts(folder)
     told, problems = {}, []
@@ -68,23 +79,23 @@ def told_name(name: str, task: TaskKind) -> str:
 
 
 def told_texts(folder: Path, plan: StudyPlan) -> dict[str, str]:
-    """All texts of a planned study that are there, by file name."""
+    """All existing texts of a planned study, by file name."""
     names = plan.texts or TEXT_FILES
     return {name: path.read_text("utf-8") for name in names if (path := folder / name).is_file()}
 
 
 def told_text(texts: Mapping[str, str], name: str, task: TaskKind) -> str:
-    """A frozen text for a task; studies that an earlier version planned have one for all. '' = the study has none."""
+    """A frozen text for a task; studies planned by an earlier version have one for all tasks. '' = there is none."""
     return texts.get(told_name(name, task), texts.get(name, ""))
 
 
 def instruction_texts(config: StudyConfig, task: TaskKind, conditions: Sequence[Condition]) -> tuple[str, ...]:
-    """The program's pages on task, keys and rules; each begins with its heading.
+    """The program's own pages on task, keys and rules; each begins with its heading.
 
     Args:
         config: The study.
-        task: What the participant does.
-        conditions: All that the participant will meet, in any order.
+        task: The participant's task.
+        conditions: All conditions that the participant will meet, in any order.
     """
     text = filled("pages.md", words_of(config, task=task, conditions=conditions))
     return tuple(f"# {page}" for page in f"\n{text}".split("\n# ")[1:])
@@ -95,8 +106,13 @@ def welcome_text(config: StudyConfig, task: TaskKind) -> str:
     return filled("welcome.md", words_of(config, task=task))
 
 
+def leave_text(config: StudyConfig) -> str:
+    """The text that tells people, before they withdraw, what will happen to their data."""
+    return words_of(config)["on_leave"]
+
+
 def practice_text(config: StudyConfig, task: TaskKind, result: EpisodeRun | Answer | None) -> str:
-    """What somebody who practises is told of a trial, by the study's rule; of other trials nothing is said."""
+    """Feedback on a practice trial by the study's rule; people get no feedback on other trials."""
     is_right = None
     if isinstance(result, EpisodeRun) and result.end.measures is not None:
         rule = result.end.measures.rules.get(config.success)
@@ -108,7 +124,16 @@ def practice_text(config: StudyConfig, task: TaskKind, result: EpisodeRun | Answ
     return filled("practice.md", words_of(config, task=task) | {"is_right": is_right})
 
 
+def parts_of(config: StudyConfig, person: Person) -> tuple[str, ...]:
+    """Names of the parts that this participant passes; () where there is only one page before the trials."""
+    if config.flow == ("instructions",):
+        return ()
+    has_practice = any(trial.phase == "practice" for trial in person.trials)
+    steps = [*config.flow, *(["practice"] if has_practice else []), "trial", "finished"]
+    return tuple(PARTS[step] for step in steps)
+
+
 def _problems(text: str, config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[str]:
-    """What keeps a text from being shown, in words."""
+    """The reasons why a text cannot be shown, in words."""
     left = ", ".join(open_places(text))
     return ([f"{left} to be filled in"] if left else []) + disagreements(text, config, plan=plan, task=task)

@@ -1,4 +1,4 @@
-"""Questions on the rules: who answers wrongly is told why and asked again; wrong twice means reading once more."""
+"""Questions on the rules. After a wrong answer people read why and try again; after two such rounds they reread."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,13 +13,13 @@ from .words import filled, words_of
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """One question; the first answer is the right one and is shown at a place drawn for each participant."""
+    """One question; the first answer is the right one, and each participant sees the answers in a drawn order."""
 
     name: str
     text: str
     answers: tuple[str, ...]
     because: str
-    """Shown after a wrong answer; Markdown."""
+    """Explanation after a wrong answer; Markdown."""
 
     def shuffled(self, seed: Sequence[int]) -> tuple[str, ...]:
         """The answers in an order that is the same for the same seed."""
@@ -33,7 +33,7 @@ class QuizRound:
 
     questions: tuple[Question, ...]
     answered: int = 0
-    """How many questions were answered correctly in the end."""
+    """Number of questions that were answered correctly in the end."""
     wrong: list[str] = field(default_factory=list)
     """Names of the questions with at least one wrong answer."""
 
@@ -43,7 +43,7 @@ class QuizRound:
         return self.questions[self.answered] if self.answered < len(self.questions) else None
 
     def answer(self, text: str) -> bool:
-        """Takes an answer; whether it is right. A wrong one leaves the question where it is."""
+        """Takes an answer and returns whether it is right. After a wrong answer the same question stays."""
         question = self.present
         assert question is not None
         if text == question.answers[0]:

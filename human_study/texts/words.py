@@ -1,7 +1,7 @@
-"""The words of a study: what its file and plan say, as the values and passages that every template can name.
+"""The words of a study: values and passages from its file and plan that every template can name.
 
-Limits are the very values that trials are run and scored with (`sim.tasks.rules`, `trial_terms`), so that nobody is
-told another one. `templates/passages.md` holds every rule that more than one text tells.
+Limits are the same values that trials are run and scored with (`sim.tasks.rules`, `trial_terms`), so that no text can
+give a different one. `templates/passages.md` holds every rule that appears in more than one text.
 """
 
 import math
@@ -18,6 +18,7 @@ from jinja2.sandbox import SandboxedEnvironment
 from sim.errors import StudyError
 from sim.tasks.rules import AUTHORS_DISTANCE, HABITAT_DISTANCE, RELAXED_RADIUS, SUCCESS_RADIUS
 from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
+from sim.words.english import how_many
 
 from ..design.plan import StudyPlan
 from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
@@ -32,7 +33,7 @@ _LIMITS: dict[SuccessRule, tuple[float, ...]] = {
     "authors": (AUTHORS_DISTANCE,),
     "paper-strict": (SUCCESS_RADIUS,),
 }
-"""Metres by which a rule of PAN tells right from wrong."""
+"""Distances in metres by which a rule of PAN tells right from wrong."""
 _IN_A_PILOT = {
     "institution": "The team of this pilot study",
     "contact": "the person who gave you your link",
@@ -40,7 +41,7 @@ _IN_A_PILOT = {
     "irb": "none is stated for this pilot study",
     "retention_date": "a day that is not set yet",
 }
-"""What participants of a pilot read where the study file is empty."""
+"""Words that participants of a pilot read where the study file is empty."""
 _FIELDS = {
     "ethics.institution": "institution",
     "ethics.contact": "contact",
@@ -62,7 +63,7 @@ _ENVIRONMENT = SandboxedEnvironment(
 
 
 def limits_m(config: StudyConfig, task: TaskKind) -> tuple[float, ...]:
-    """The distances in metres that decide whether an answer is right; one that is exactly as long decides too."""
+    """The distances in metres that decide whether an answer is right; the boundary counts as right."""
     return _LIMITS[config.success] if task == "pan" else (SUCCESS_RADIUS,)
 
 
@@ -79,9 +80,10 @@ def words_of(
     Args:
         config: The study.
         plan: Gives the announced time where the study file does not, and says whether this is a pilot.
-        task: What the reader does; None = a reader of the whole study.
-        conditions: All that the reader will meet; None = all of the task.
-        is_for_people: In a pilot, people read plain words and no mark where the study file is still empty.
+        task: The reader's task; None = a reader of the whole study.
+        conditions: All conditions that the reader will meet; None = all conditions of the task.
+        is_for_people: Whether participants read the words. In a pilot they read plain words instead of a mark where the
+            study file is still empty.
     """
     said_instead = _IN_A_PILOT if is_for_people and plan is not None and plan.is_pilot else {}
     values: dict[str, Any] = {
@@ -117,17 +119,17 @@ def words_of(
 
 
 def empty_fields(config: StudyConfig, plan: StudyPlan | None = None) -> tuple[str, ...]:
-    """The fields of the study file that texts need and that it leaves empty."""
+    """The fields that texts need and that the study file leaves empty."""
     return tuple(field for field, value in _stated(config, plan).items() if not value)
 
 
 def filled(template: str, words: Mapping[str, Any]) -> str:
-    """One of our templates (`templates/<template>`) with these words, paragraphs filled to one width."""
+    """One of our templates (`templates/<template>`), filled with these words and wrapped to one width."""
     return wrapped(_ENVIRONMENT.get_template(template).render(words))
 
 
 def source_of(template: str) -> str:
-    """The template itself, as a new study gets it to change."""
+    """The unfilled template; a new study gets it as a text to change."""
     return (Path(__file__).parent / "templates" / template).read_text(encoding="utf-8")
 
 
@@ -137,10 +139,10 @@ def filled_text(text: str, words: Mapping[str, Any], *, where: Path) -> str:
     Args:
         text: May name any of the words in double braces, or mark a field of the study file as to be filled in.
         words: From `words_of`.
-        where: Of the text, for a message.
+        where: The text's file, for a message.
 
     Raises:
-        StudyError: The text names something that is no word of a study, or is no template.
+        StudyError: The text names an unknown word, or is not a valid template.
     """
     text = _MARK.sub(lambda mark: words[_FIELDS[mark[1]]] if mark[1] in _FIELDS else mark[0], text)
     if not re.search(r"\{\{|\{%|\{#", text):
@@ -159,7 +161,7 @@ def filled_text(text: str, words: Mapping[str, Any], *, where: Path) -> str:
 
 
 def open_place(field: str) -> str:
-    """The mark that stands where the study file leaves `field` empty."""
+    """The mark for a place where the study file leaves `field` empty."""
     return f"[to be filled in: {field}]"
 
 
@@ -169,39 +171,38 @@ def open_places(text: str) -> tuple[str, ...]:
 
 
 def hashes_platform_ids(config: StudyConfig) -> bool:
-    """Whether an id of a recruiting platform reaches the study: people on the open link bring it."""
+    """Whether ids of a recruiting platform reach the study: people who come by the open link bring them."""
     return config.recruit.kind == "prolific" or (config.recruit.kind == "link" and config.privacy.platform_id == "hmac")
 
 
 def wrapped(text: str) -> str:
-    """The Markdown with paragraphs filled to one width; headings, lists and tables stay as they are."""
+    """The Markdown with its paragraphs wrapped to one width; headings, lists and tables stay as they are."""
     blocks = [block for block in re.split(r"\n\s*\n", text.strip()) if block.strip()]
     filled = [block if _is_kept(block) else textwrap.fill(" ".join(block.split()), WIDTH) for block in blocks]
     return re.sub(r"[ \t]+\n", "\n", "\n\n".join(block.strip("\n") for block in filled) + "\n")
 
 
 def _is_kept(block: str) -> bool:
-    """Whether a block is no paragraph: heading, list, table, quotation, or a drawing (indented)."""
+    """Whether a block is not a paragraph but a heading, list, table, quotation or drawing (indented)."""
     return block.lstrip()[0] in "#-|>" or block.startswith("    ") or bool(re.match(r"\d+\. ", block))
 
 
 def length_text(metres: float) -> str:
-    """A length as people say it: 1.5 metres, 10 centimetres."""
+    """A length as people say it: "1.5 metres", "10 centimetres"."""
     if metres < 1:
         return f"{100 * metres:g} centimetres"
-    return f"{metres:g} metre" + ("s" if metres != 1 else "")
+    return how_many(metres, "metre")
 
 
 def duration_text(seconds: float) -> str:
-    """Seconds as words: minutes where they are whole."""
+    """A duration in words; in minutes where these are whole."""
     if seconds >= 60 and seconds % 60 == 0:
-        minutes = round(seconds / 60)
-        return f"{minutes} minute" + ("s" if minutes != 1 else "")
-    return f"{seconds:g} second" + ("s" if seconds != 1 else "")
+        return how_many(round(seconds / 60), "minute")
+    return how_many(seconds, "second")
 
 
 def _stated(config: StudyConfig, plan: StudyPlan | None) -> dict[str, str]:
-    """What the study file says of the fields that texts need, the announced time by its plan; '' = nothing."""
+    """Values of the fields that texts need, with the announced time from the plan; '' = the study file has none."""
     ethics = config.ethics
     given = (ethics.institution, ethics.contact, ethics.pay, ethics.irb, announced_minutes(config, plan))
     values = (*given, config.privacy.retention)
@@ -209,13 +210,13 @@ def _stated(config: StudyConfig, plan: StudyPlan | None) -> dict[str, str]:
 
 
 def _time_limit(config: StudyConfig, task: TaskKind) -> str:
-    """How long a trial of the task may last; '' = as long as it takes."""
+    """The time limit of a trial of the task, in words; '' = there is none."""
     seconds = terms_of(config, config.conditions(task)[0]).task_max_s
     return duration_text(seconds) if seconds is not None else ""
 
 
 def _look_limit(config: StudyConfig, condition: Condition) -> str:
-    """How long the look before a trial of the condition may last, as the end of a sentence; '' = there is none."""
+    """The time limit of the look before a trial of the condition, as the end of a sentence; '' = there is none."""
     look = terms_of(config, condition).look
     if look is None:
         return ""

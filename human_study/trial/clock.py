@@ -8,7 +8,7 @@ from sim.errors import TaskStateError
 SHORTEST_PRESS_S = 0.05
 """Presses and clicks sooner than this after an accepted one are dropped (HUMAN_STUDY.md, section 4)."""
 SHOWN_STEPS_S = (60, 10)
-"""The remaining time is shown in steps of the first value, in the last minute in steps of the second (seconds)."""
+"""The remaining time is shown in steps of the first value, and in steps of the second in the last minute (seconds)."""
 
 
 class TrialClock:

@@ -1,6 +1,6 @@
-"""All events of a trial, as a closed list of types: sessions make them, the store keeps them for ever.
+"""All events of a trial, as a closed list of types: sessions make them, the store keeps them.
 
-A view, an outcome and a resumed session are all rebuilt from these alone. No event holds ground truth.
+A view, an outcome and a resumed session are all rebuilt from the events alone. No event holds ground truth.
 """
 
 import json

@@ -9,7 +9,7 @@ Finite = Annotated[float, AllowInfNan(False)]
 SIZE_STEP = 50
 """Pixels to which a page's size is rounded."""
 MAX_SIDE = 100_000
-"""Largest side of a page that is stored, pixels; larger pages are stored with this side."""
+"""Largest side of a page that is stored, pixels; larger sides are stored as this number."""
 
 
 class TrialEvent(BaseModel):

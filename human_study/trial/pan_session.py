@@ -156,29 +156,3 @@ class PanSession(TrialSession[PanView]):
     def _rebuild(self, events: Sequence[Event]) -> None:
         super()._rebuild(events)
         self._observation = self._env.restore(walked_steps(events))
-
-
-def pan_session_from_events(
-    events: Sequence[Event],
-    env: PanEnv,
-    *,
-    key: EpisodeKey,
-    task: Task,
-    scene_digest: str,
-    storeys: tuple[float, ...] = (),
-    terms: TrialTerms = _NO_TERMS,
-    looks_later: bool = False,
-) -> PanSession:
-    """The session after these stored events: same phase, step and pose. Its next command is `Resume`.
-
-    Args: as those of PanSession; `events` are all events of the trial, in order.
-
-    Raises:
-        StudyError: The events do not begin with `open`.
-        TaskStateError: The events belong to another episode or scene.
-    """
-    session = PanSession(
-        env, key=key, task=task, scene_digest=scene_digest, storeys=storeys, terms=terms, looks_later=looks_later
-    )
-    session._rebuild(events)
-    return session

@@ -74,25 +74,3 @@ class PogSession(TrialSession[PogView]):
         super()._rebuild(events)
         marked = last_marked(events)
         self._marker = marked.hit if marked is not None else None
-
-
-def pog_session_from_events(
-    events: Sequence[Event],
-    *,
-    key: EpisodeKey,
-    task: Task,
-    storeys: tuple[float, ...],
-    scene_digest: str,
-    terms: TrialTerms = _NO_TERMS,
-) -> PogSession:
-    """The session after these stored events: same phase, storey and mark. Its next command is `Resume`.
-
-    Args: as those of PogSession; `events` are all events of the trial, in order.
-
-    Raises:
-        StudyError: The events do not begin with `open`.
-        TaskStateError: The events belong to another episode or scene.
-    """
-    session = PogSession(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
-    session._rebuild(events)
-    return session

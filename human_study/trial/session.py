@@ -1,13 +1,11 @@
 """State machines of one trial: a command and the time in, events and a view out.
 
-The public names of trial_session.py (what every trial goes through), pan_session.py and pog_session.py (the tasks).
+The public names of trial_session.py (the phases of every trial), pan_session.py and pog_session.py (the two tasks).
 """
 
 from .pan_session import STOP_WITHIN_S as STOP_WITHIN_S
 from .pan_session import PanSession as PanSession
-from .pan_session import pan_session_from_events as pan_session_from_events
 from .pog_session import PogSession as PogSession
-from .pog_session import pog_session_from_events as pog_session_from_events
 from .terms import RESUME_WITHIN_S as RESUME_WITHIN_S
 from .terms import Look as Look
 from .terms import TrialTerms as TrialTerms

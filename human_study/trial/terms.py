@@ -1,10 +1,16 @@
-"""The terms of one trial besides the task: the look before it, its length, and the time limits."""
+"""The terms of one trial besides the task: time limits, and the look at a home before it, with its events and view."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from ..design.study import Condition, StudyConfig
-from .events import MapKind
+from .events import Event, Looking, MapKind, MapOff, MapOn
+from .views import LookView
 
+LOOKING_EVERY_S = 5.0
+"""An interrupted look loses at most this much of its time."""
 RESUME_WITHIN_S = 600.0
 """Default of StudyConfig.resume_within_s."""
 
@@ -51,3 +57,54 @@ def terms_of(config: StudyConfig, condition: Condition) -> TrialTerms:
         resume_within_s=config.resume_within_s,
         asks_confidence=config.confidence,
     )
+
+
+class LookPhase:
+    """One look; all times are on the trial's clock, which stands still during absences."""
+
+    def __init__(self, look: Look) -> None:
+        """A look that begins at 0 unless `rebuild` says otherwise."""
+        self.what: MapKind = look.what
+        self._look = look
+        self._began_s = 0.0
+        self._logged_s = 0.0
+
+    def on(self, t_s: float) -> MapOn:
+        """The event of showing the home, for the first time or again."""
+        return MapOn(t_s=t_s, what=self.what, min_s=self._look.min_s, max_s=self._look.max_s)
+
+    def off(self, reason: Literal["left", "time"], t_s: float) -> MapOff:
+        """The event of the look's end."""
+        return MapOff(t_s=t_s, what=self.what, reason=reason, look_s=t_s - self._began_s)
+
+    def may_leave(self, t_s: float) -> bool:
+        """Whether the shortest time is over."""
+        return t_s - self._began_s >= self._look.min_s
+
+    def is_up(self, t_s: float) -> bool:
+        """Whether the longest time is over."""
+        return self._look.max_s is not None and t_s - self._began_s >= self._look.max_s
+
+    def log(self, t_s: float) -> tuple[Looking, ...]:
+        """An event, now and then, that the home is still shown."""
+        if t_s - self._logged_s < LOOKING_EVERY_S:
+            return ()
+        self._logged_s = t_s
+        return (Looking(t_s=t_s),)
+
+    def moments(self, t_s: float) -> list[float]:
+        """Times at which the look ends by itself or the displayed seconds change."""
+        limits = [self._look.min_s] if self._look.max_s is None else [self._look.min_s, self._look.max_s]
+        next_second = self._began_s + math.floor(t_s - self._began_s) + 1
+        return [*(self._began_s + limit for limit in limits), self._logged_s + LOOKING_EVERY_S, next_second]
+
+    def view(self, t_s: float, *, storeys: tuple[float, ...], storey: int) -> LookView:
+        """The view to show."""
+        seen_s, max_s = t_s - self._began_s, self._look.max_s
+        left_s = None if max_s is None else max(0, math.ceil(max_s - seen_s))
+        return LookView(self.what, storeys, storey, max(0, math.ceil(self._look.min_s - seen_s)), left_s)
+
+    def rebuild(self, events: Sequence[Event]) -> None:
+        """The state after these stored events."""
+        times = [event.t_s for event in events if isinstance(event, MapOn | Looking) and event.t_s is not None]
+        self._began_s, self._logged_s = min(times, default=0.0), max(times, default=0.0)

@@ -8,7 +8,7 @@ storing fails, drop the session and rebuild it from the stored events. Sessions 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Generic, Literal
+from typing import Generic, Literal, Self
 
 from sim.errors import TaskStateError
 from sim.types import EndReason, EpisodeKey, Task
@@ -30,16 +30,15 @@ from .events import (
     Superseded,
     TimedOut,
 )
-from .look_phase import LookPhase
 from .outcome import opening, task_began_s, trial_end
 from .page_events import PageChanged, PageCommand, page_event
-from .terms import TrialTerms
+from .terms import LookPhase, TrialTerms
 from .views import LookView, RateView, SessionUpdate, TaskViewT
 
 GIVE_UP_WITHIN_S = 5.0
-"""The second press of giving up counts up to this long after the first..."""
+"""The second press of giving up counts up to this long after the first."""
 GIVE_UP_AFTER_S = 0.5
-"""...but not sooner than this: a double click is one press."""
+"""It does not count sooner than this: a double click is one press."""
 CAMERA_EVERY_S = 0.5
 """Camera poses are kept at most twice a second (HUMAN_STUDY.md, section 2)."""
 RATE_WITHIN_S = 60.0
@@ -118,6 +117,21 @@ class TrialSession(ABC, Generic[TaskViewT]):
         """Seconds until the next `Tick`, at which something happens or looks different; 0 = now, None = never."""
         moments = [moment for moment in self._moments(self._handled_s) if moment > self._handled_s]
         return max(0.0, min(moments) - self._clock.read(now_s)) if moments else None
+
+    def after(self, events: Sequence[Event]) -> Self:
+        """This new session after these stored events; its next command is `Resume`.
+
+        Phase, step and pose, storey and mark are as they were.
+
+        Args:
+            events: All events of the trial, in order.
+
+        Raises:
+            StudyError: The events do not begin with `open`.
+            TaskStateError: The events belong to another episode or scene.
+        """
+        self._rebuild(events)
+        return self
 
     def handle(self, command: Command, now_s: float, *, busy: bool = False) -> SessionUpdate[TaskViewT]:
         """Handles one command; after the end only `Rate` has an effect.
@@ -320,12 +334,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return (Confidence(t_s=t_s, value=value),)
 
     def _rebuild(self, events: Sequence[Event]) -> None:
-        """The state after these stored events; the next command is `Resume`.
-
-        Raises:
-            StudyError: The events do not begin with `open`.
-            TaskStateError: The events belong to another episode or scene.
-        """
+        """Takes over the state after these stored events, as `after` says."""
         opened = opening(events)
         if (opened.key, opened.scene_digest) != (self._key, self._scene_digest):
             raise TaskStateError(

@@ -1,1 +1,1 @@
-"""What it costs and how well it agrees: benchmarks, and laboratory code that only judges homes or methods."""
+"""Measures costs and agreement: benchmarks, and laboratory code that only judges homes or methods."""

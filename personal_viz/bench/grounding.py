@@ -1,6 +1,6 @@
-"""What grounding costs: Algorithm 1 as printed, in a batch, and on packed maps, beside the physical limit, one thread.
+"""Measures the cost of grounding: Algorithm 1 as printed, in a batch, and on packed maps, beside its bound, one thread.
 
-Also what a user feels: all episodes in a fresh process, and one query to its answer.
+Also measures a user's waiting times: all episodes in a fresh process, and one query until its answer.
 """
 
 import importlib.util
@@ -40,13 +40,13 @@ PLAN = Plan(
     },
     references={"packed_ms": "packed_bound_ms", "batch_ms": "bound_ms", "literal_ms": "bound_ms"},
 )
-"""GROUNDING.md, section 7.1."""
+"""Targets of GROUNDING.md, section 7.1."""
 
 _SHORTEST = 1e-12
 
 
 class GroundingSettings(BaseModel):
-    """How much is measured."""
+    """Sizes and numbers of the measured cases."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     size: int = 50
@@ -56,12 +56,12 @@ class GroundingSettings(BaseModel):
     phrases: int = 8
     batch: int = 64
     calls: int = 20
-    """Different maps of the case B = 1."""
+    """Number of different maps in the case B = 1."""
     repeats: int = 5
     scenes: int | None = None
-    """The first so many scenes of all; None = all."""
+    """Number of scenes, from the first on; None = all."""
     encoders: tuple[str, ...] = ("hashed", "minilm")
-    """Those of the last two figures; `minilm` is left out where its extra is not installed."""
+    """Encoders of the last two figures; `minilm` is left out if its extra is not installed."""
     cold: bool = True
 
 
@@ -73,19 +73,20 @@ def measure_grounding(settings: GroundingSettings, *, quick: bool, progress: Pro
     """Measures everything in one run.
 
     Args:
-        settings: How much.
+        settings: Sizes and numbers of the cases.
         quick: Written into the report.
-        progress: Told what is done now.
+        progress: Gets a line about the present work.
 
     Returns:
-        Values: `b1` and `b64` on random maps and `all_episodes`, medians of elapsed milliseconds on one thread, texts
-        encoded before: `literal_ms` of Algorithm 1 as printed, which normalises and copies the full grid for each
-        episode; `batch_ms` of `rpg_dense`, the full grid, no copy of it; `packed_ms` of `rpg_packed`, filled cells
-        only, each different phrase once per map; `packed_with_names_ms`, the same with phrases that keep the owners'
-        names, of which five times as many differ; `bound_ms` and `packed_bound_ms` of the product of texts and full
-        grids, or filled cells, alone. By encoder: `cold_s`, seconds of a fresh process `ground --method rpg` on oracle
-        maps over `cold_episodes` episodes, the compiled loops on disk; `cold_phrase_s` with `--method phrase`, which
-        asks for a fifth of the texts; `query_ms`, description read by rules, texts encoded, answered by `rpg` on a map.
+        A report whose values are `b1` and `b64` on random maps and `all_episodes`. Each holds medians of elapsed
+        milliseconds on one thread, with texts encoded before: `literal_ms` of Algorithm 1 as printed, which normalises
+        and copies the full grid for each episode; `batch_ms` of `rpg_dense`, on the full grid without a copy;
+        `packed_ms` of `rpg_packed`, filled cells only and each different phrase once per map; `packed_with_names_ms`,
+        the same with the owners' names in the phrases, which gives five times as many different ones; `bound_ms` and
+        `packed_bound_ms` of the product of texts with full grids, or filled cells, alone. By encoder: `cold_s`, seconds
+        of a fresh process `ground --method rpg` on oracle maps over `cold_episodes` episodes, with compiled loops on
+        disk; `cold_phrase_s` with `--method phrase`, which needs a fifth of the texts; `query_ms` to read a description
+        by rules, encode the texts, and answer with `rpg` on a map.
     """
     here, began_s = machine(), time.perf_counter()
     with one_thread():
@@ -133,7 +134,7 @@ def measure_grounding(settings: GroundingSettings, *, quick: bool, progress: Pro
 
 
 def random_case(settings: GroundingSettings, *, batch: int) -> dict[str, float | None]:
-    """`batch` episodes on as many different random maps; the case of one goes through `calls` of them."""
+    """Figures of `batch` episodes, each on its own random map; a batch of one runs on `calls` maps in turn."""
     calls = settings.calls if batch == 1 else 1
     rng = np.random.default_rng(batch)
     maps = [random_map(rng, size=settings.size, dim=settings.dim, cells=settings.cells) for _ in range(calls * batch)]
@@ -174,7 +175,7 @@ def random_case(settings: GroundingSettings, *, batch: int) -> dict[str, float |
 def scenes_case(
     batches: Sequence[MapBatch], with_names: Sequence[MapBatch], *, repeats: int
 ) -> dict[str, float | None]:
-    """All episodes of some maps; the literal and the dense form take them one after another, once."""
+    """Figures of all episodes on some maps; the literal and the dense form run each episode once, one after another."""
     full = [torch.from_numpy(batch.memory.dense()) for batch in batches]
     texts = [torch.cat([batch.phrases, batch.queries]) for batch in batches]
     work = {
@@ -227,12 +228,12 @@ def literal_rpg(
 
 
 def cold_start(encoder: str, *, method: str) -> tuple[float, int]:
-    """Elapsed seconds of `personal-viz ground` in a fresh process, and how many episodes it answered.
+    """Elapsed seconds of `personal-viz ground` in a fresh process, and the number of episodes that it answered.
 
-    Without the released dataset it answers those of an invented home.
+    Without the released dataset it answers the episodes of an invented home.
 
     Raises:
-        subprocess.CalledProcessError: The command failed; what it said went to stderr.
+        subprocess.CalledProcessError: The command failed; its message went to stderr.
     """
     with empty_cache() as folder:
         dataset = RELEASE
@@ -247,13 +248,13 @@ def cold_start(encoder: str, *, method: str) -> tuple[float, int]:
 
 
 def _query_ms(scenes: Sequence[SceneInputs], encoder_name: str) -> float:
-    """Median over the last episode of each scene, all on one map; no text was encoded before."""
+    """Median milliseconds per query over the last episode of each scene, all on one map; no text was encoded before."""
     seconds = []
     with empty_cache():
         encoder = make_encoder(encoder_name)
         memory = random_map(np.random.default_rng(0), dim=encoder.dim, encoder=encoder.name)
         grounder, source = RegionGated(encoder), RulePhrases()
-        grounder.ground(memory, scenes[0].tasks[0], scenes[0].phrases[0])  # loads model and loops
+        grounder.ground(memory, scenes[0].tasks[0], scenes[0].phrases[0])  # loads the model and the compiled loops
         for task in (scene.tasks[-1] for scene in scenes):
             started = time.perf_counter()
             grounder.ground(memory, task, source.phrases(task))

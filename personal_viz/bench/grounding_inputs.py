@@ -1,4 +1,4 @@
-"""What the grounding benchmark runs on: the released episodes where they are, else random ones of the same shape."""
+"""Inputs of the grounding benchmark: the released episodes if they are there, else random ones of the same shape."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ from sim.types import GridSpec, Task
 
 InputKind = Literal["released", "synthetic"]
 RELEASE = Path(__file__).parents[3] / "shared/personal-dataset/split"
-"""Beside the repository."""
+"""Folder of the released episodes, beside the repository."""
 _SEEN = OracleVariant(blur=1.0)
-"""Fills all observed cells: about 7 % of the grid."""
+"""Map variant that fills all observed cells: about 7 % of the grid."""
 _NUM_SCENES = 31
 _PEOPLE = ("Ada", "Bo", "Cy", "Dee", "Eva", "Finn")
 _PHRASES_PER_SCENE = 95
@@ -57,12 +57,12 @@ def make_batch(
 
     Args:
         memory: The map.
-        tasks: B of them.
-        phrases: Of each task.
-        encoder: The map's.
+        tasks: B tasks.
+        phrases: Phrases of each task.
+        encoder: The map's encoder.
 
     Raises:
-        AgentError: The map is of another encoder.
+        AgentError: The map was made with another encoder.
     """
     memory.require_encoder(encoder.name, encoder.dim)
     different = list(dict.fromkeys(phrase for texts in phrases for phrase in texts))
@@ -83,7 +83,7 @@ def make_batch(
 
 
 def solve_batch(batch: MapBatch) -> RpgResult:
-    """Algorithm 1 for all episodes of the batch."""
+    """The result of Algorithm 1 for all episodes of the batch."""
     width = batch.memory.grid.shape[1]
     return rpg_packed(batch.rows, batch.rc, batch.phrases, batch.queries, width=width, uses=batch.uses)
 
@@ -95,10 +95,10 @@ class SceneInputs:
     memory: FeatureMap
     tasks: tuple[Task, ...]
     phrases: tuple[tuple[str, ...], ...]
-    """Of each task, with the owners' names."""
+    """Phrases of each task, with the owners' names."""
 
     def batch(self, encoder: TextEncoder, *, with_names: bool) -> MapBatch:
-        """The episodes made ready; without names, phrases that differ in nothing else are one."""
+        """The episodes as a batch; without names, phrases that differ only in the owner become one."""
         texts = [
             phrases if with_names else tuple(dict.fromkeys(map(without_owner, phrases))) for phrases in self.phrases
         ]
@@ -109,8 +109,8 @@ def scene_inputs(encoder: TextEncoder, *, limit: int | None = None) -> tuple[Inp
     """The maps (all storeys of a scene merged, blurred over the observed cells) and episodes to measure.
 
     Args:
-        encoder: Of the maps.
-        limit: The first so many scenes; None = all.
+        encoder: Encoder of the maps.
+        limit: Number of scenes, from the first on; None = all.
     """
     if not RELEASE.is_dir():
         rng = np.random.default_rng(0)
@@ -142,7 +142,7 @@ def _released(dataset: PersonalDataset, scene: str, encoder: TextEncoder) -> Sce
 
 
 def _synthetic(encoder: TextEncoder, rng: np.random.Generator) -> SceneInputs:
-    """As many cells, phrases and episodes as a scene of the release has on average; words without meaning."""
+    """One made-up scene, with the release's average number of cells, phrases and episodes; words without meaning."""
     words = [f"word{number}" for number in range(300)]
     things = [" ".join(rng.choice(words, _WORDS_PER_TEXT)) for _ in range(_PHRASES_PER_SCENE)]
     index = rng.choice(GRID_CELLS**2, CELLS, replace=False)

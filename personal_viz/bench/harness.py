@@ -1,7 +1,8 @@
-"""What all benchmarks share: times side by side, figures beside references and targets, one table, one JSON format.
+"""Shared by all benchmarks: interleaved timing, figures beside references and targets, one table, one JSON format.
 
 A benchmark returns values, as a nested dict of names. `report_of` makes a `Report` of them: each number becomes a
-`Figure` whose name is the path to it (`sizes.1M.rgbd_ms`); figures of one path but its end are a case (`sizes.1M`).
+`Figure` whose name is the path to it (`sizes.1M.rgbd_ms`); figures whose paths differ only in the last part are a case
+(`sizes.1M`).
 """
 
 import asyncio
@@ -21,14 +22,15 @@ import numpy as np
 import psutil
 from pydantic import BaseModel, ConfigDict
 
+from human_study.report.blocks import markdown_table
 from sim.cache import VARIABLE
 from sim.render.raycast import own_cores
 from sim.tasks.provenance import git_commit, package_versions
 
 Progress = Callable[[str], None]
-"""Told what is being done, one line at a time."""
+"""Callback that gets lines about the present work."""
 Values = Mapping[str, Any]
-"""Numbers, None for those that could not be measured, and mappings of such; anything else is no figure."""
+"""Numbers, None for numbers that could not be measured, and mappings of these; anything else is not a figure."""
 _UNITS = {
     "_ms": "ms",
     "_us": "us",
@@ -38,24 +40,24 @@ _UNITS = {
     "_mb": "MB",
     "_megabytes": "MB",
 }
-"""Unit by the end of a name, or of its case; the first that fits."""
+"""Unit by the end of a name, or of its case; the first that fits is used."""
 
 
 class Target(NamedTuple):
-    """What a figure has to reach."""
+    """The limit that a figure has to meet."""
 
     limit: float
     at_least: bool = False
     goal: str = ""
-    """What more is hoped for, in words."""
+    """A better value that we hope for, in words."""
 
     @property
     def words(self) -> str:
-        """`<= 1.7 (goal 1.5)`."""
+        """The target in words, such as `<= 1.7 (goal 1.5)`."""
         return f"{'>=' if self.at_least else '<='} {number(self.limit)}{f' (goal {self.goal})' if self.goal else ''}"
 
     def is_met_by(self, value: float) -> bool:
-        """The limit itself is enough."""
+        """Whether the value meets the target; the limit itself does."""
         return value >= self.limit if self.at_least else value <= self.limit
 
 
@@ -71,33 +73,33 @@ class Figure(_Model):
     """None = not measured in this run."""
     unit: str
     reference: float | None = None
-    """What was measured in the same run for comparison."""
+    """Value that was measured in the same run for comparison."""
     reference_name: str = ""
     target: str = ""
-    """In words; empty = there is none."""
+    """The target in words; empty = there is none."""
     met: bool | None = None
 
     @property
     def case(self) -> str:
-        """All of the name but its end."""
+        """The name without its last part."""
         return self.name.rpartition(".")[0]
 
 
 class Machine(_Model):
-    """What the figures depend on besides the code."""
+    """The machine and the versions on which the figures depend."""
 
     cpu: str
     cores: int
-    """Processors that this process may use."""
+    """Number of processors that this process may use."""
     load: float
-    """The machine's load average of the last minute before anything was measured: others work on it too."""
+    """The machine's load average in the minute before the measurement: others work on it too."""
     python: str
     versions: dict[str, str]
-    """Of the packages that figures may depend on."""
+    """Versions of the packages on which figures may depend."""
 
 
 class Report(_Model):
-    """What a benchmark found. `document` is its JSON."""
+    """The results of a benchmark. `document` is its JSON."""
 
     benchmark: str
     quick: bool
@@ -105,17 +107,17 @@ class Report(_Model):
     figures: tuple[Figure, ...]
     machine: Machine
     notes: tuple[str, ...]
-    """How it was measured."""
+    """How the figures were measured."""
     left_out: tuple[str, ...]
-    """What the full benchmark has and this run has not."""
+    """Parts of the full benchmark that this run left out."""
     problems: tuple[str, ...]
     created_utc: str
     git_commit: str | None
     seconds: float
-    """Elapsed, of the whole run."""
+    """Elapsed seconds of the whole run."""
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it: the values at the top, then all other fields."""
+        """The JSON document: the values at the top, then all other fields."""
         fields = self.model_dump(mode="json")
         return {"benchmark": self.benchmark, **fields.pop("values"), **fields}
 
@@ -125,14 +127,14 @@ class Report(_Model):
 
 
 class Plan(NamedTuple):
-    """What a benchmark says of its figures."""
+    """Targets, references and units of a benchmark's figures."""
 
     targets: Mapping[str, Target] = {}
-    """By name. One that is not among the values is reported as not measured."""
+    """Targets by name. A name that is not among the values is reported as not measured."""
     references: Mapping[str, str] = {}
-    """By the end of a figure's name: the end of the name, in the same case, of what it is compared with."""
+    """By the end of a figure's name: the end of the name of its reference in the same case."""
     units: Mapping[str, str] = {}
-    """By the end of a name, or by its case, where these do not tell."""
+    """Units by the end of a name, or by its case, if the name does not tell the unit."""
 
 
 def report_of(
@@ -147,7 +149,7 @@ def report_of(
     left_out: Sequence[str] = (),
     problems: Sequence[str] = (),
 ) -> Report:
-    """Makes a figure of each number."""
+    """The report of a benchmark, with a figure for each number in `values`."""
     found = dict(_numbers(values, ""))
     return Report(
         benchmark=benchmark,
@@ -176,9 +178,9 @@ def machine(**versions: str) -> Machine:
 
 
 def tables(report: Report) -> Iterator[tuple[str, list[list[str]]]]:
-    """(title, rows with their heads first): the targets, then the figures, a column per case.
+    """Yields (title, rows) of each table, the header row first: the targets, then the figures with a column per case.
 
-    Cases with the same figures share a table; one of which nothing was measured has none.
+    Cases with the same figures share a table; a case without any measurement is left out.
     """
     targets = [figure for figure in report.figures if figure.target]
     words = {True: "yes", False: "NO", None: "not measured"}
@@ -205,27 +207,20 @@ def markdown(report: Report) -> str:
     lines += [f"- {line}" for line in (machine_line(report.machine), *report.notes)]
     lines += [f"- Left out of this run: {', '.join(report.left_out)}"] if report.left_out else []
     for title, rows in tables(report):
-        lines += ["", f"## {title}", "", *markdown_table(rows)]
+        lines += ["", f"## {title}", "", markdown_table(rows[0], rows[1:], num_text=1)]
     if report.problems:
         lines += ["", "## Problems", "", *(f"- {problem}" for problem in report.problems)]
     return "\n".join([*lines, ""])
 
 
 def machine_line(machine: Machine) -> str:
-    """Processor, load and versions, for people."""
+    """Processor, load and versions in one line for people."""
     versions = ", ".join(f"{name} {version}" for name, version in machine.versions.items())
     return f"{machine.cpu}, {machine.cores} cores, load {machine.load:.1f}; Python {machine.python}, {versions}"
 
 
-def markdown_table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Markdown of rows whose first are the heads."""
-    heads, *others = rows
-    rule = "|".join(["---"] + ["---:"] * (len(heads) - 1))
-    return [f"| {' | '.join(heads)} |", f"|{rule}|", *(f"| {' | '.join(row)} |" for row in others)]
-
-
 def number(value: float | None) -> str:
-    """At most four significant digits, thousands grouped; `-` where there is none."""
+    """The value with at most four significant digits and grouped thousands; `-` for None."""
     if value is None or not math.isfinite(value):
         return "-"
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
@@ -243,13 +238,13 @@ class Timing(NamedTuple):
 def interleaved(
     work: Mapping[str, Callable[[int], object]], *, calls: int, rounds: int = 1, warm_ups: int = 2
 ) -> dict[str, Timing]:
-    """Median time per call of each function, called in turn, so that a slow moment of the machine meets all of them.
+    """Median time per call of each function, called in turn, so that a slow moment of the machine affects all of them.
 
     Args:
-        work: Functions of a call's number k in [0, calls); the same k means the same input for all.
-        calls: Different inputs.
-        rounds: How often all inputs are gone through.
-        warm_ups: Calls of each function before, which are not measured.
+        work: Functions of a call's number k in [0, calls); the same k means the same input for all functions.
+        calls: Number of different inputs.
+        rounds: How many times to go through all inputs.
+        warm_ups: Number of calls of each function before the measurement.
     """
     for k in range(min(warm_ups, calls)):
         for function in work.values():
@@ -265,7 +260,7 @@ def interleaved(
 
 
 class Budget:
-    """Time until the last part of a run must have ended, from the start of its process: imports and compiling count."""
+    """Time in which a run must end, counted from the start of its process: imports and compiling count too."""
 
     def __init__(self, limit_s: float | None) -> None:
         """Counts from the process's start.
@@ -277,11 +272,11 @@ class Budget:
 
     @property
     def left_s(self) -> float:
-        """Seconds left, inf without a limit; never below 0."""
+        """Seconds left, never below 0; inf without a limit."""
         return max(self._end - time.perf_counter(), 0.0)
 
     def has(self, need_s: float) -> bool:
-        """Whether a part of this many seconds can begin and end in time; without a limit always."""
+        """Whether a part of this many seconds can begin and end in time; always True without a limit."""
         return 0 < self.left_s >= need_s
 
 
@@ -291,18 +286,18 @@ def since_process_start_s() -> float:
 
 
 def peak_mb(process: psutil.Process) -> float:
-    """The largest resident memory of a process so far, MB of 10^6 bytes; the present one where only that is known."""
+    """The largest resident memory of a process so far, MB of 10^6 bytes; the present one if only that is known."""
     resident_mb = process.memory_info().rss / 1e6
     with contextlib.suppress(OSError), open(f"/proc/{process.pid}/status") as file:
         for line in file:
-            if line.startswith("VmHWM"):  # updated lazily: may stand a little below the present one
+            if line.startswith("VmHWM"):  # updated lazily: may be a little below the present one
                 return max(int(line.split()[1]) * 1024 / 1e6, resident_mb)
     return resident_mb
 
 
 @contextlib.contextmanager
 def background_loop(name: str) -> Iterator[asyncio.AbstractEventLoop]:
-    """An event loop on a thread of its own; what still runs in it at the block's end is cancelled."""
+    """Yields an event loop on its own thread; tasks that still run at the block's end are cancelled."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True, name=name)
     thread.start()
@@ -324,10 +319,12 @@ async def _cancel_all() -> None:
 
 @contextlib.contextmanager
 def empty_cache() -> Iterator[Path]:
-    """A new folder whose `cache` is the program's cache in the block, here and in processes that are started there."""
+    """Yields a new folder whose `cache` is the program's cache in the block, here and in processes started there."""
     before = os.environ.get(VARIABLE)
     with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as name:
-        os.environ[VARIABLE] = f"{name}/cache"
+        cache = Path(name) / "cache"
+        cache.mkdir()
+        os.environ[VARIABLE] = str(cache)
         try:
             yield Path(name)
         finally:

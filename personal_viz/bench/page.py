@@ -9,7 +9,9 @@ import re
 import sys
 from pathlib import Path
 
-from .harness import Figure, Machine, machine_line, markdown_table, number
+from human_study.report.blocks import markdown_table
+
+from .harness import Figure, Machine, machine_line, number
 
 _PLACE = re.compile(r"(<!-- figures: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -19,7 +21,7 @@ def rewritten(page: str, folder: Path) -> str:
 
     Args:
         page: Markdown.
-        folder: Of `WHAT.json`; a place without a file stays as it is.
+        folder: Folder of `WHAT.json`; a place without a file stays as it is.
     """
 
     def block(found: re.Match[str]) -> str:
@@ -30,12 +32,12 @@ def rewritten(page: str, folder: Path) -> str:
 
 
 def section(path: Path) -> str:
-    """What the page says of one benchmark: when, where, and each figure that has a target or a reference."""
+    """The page's lines about one benchmark: when, where, and each figure that has a target or a reference."""
     document = json.loads(path.read_text())
     figures = [Figure.model_validate(row) for row in document["figures"]]
     shown = [one for one in figures if one.value is not None and (one.target or one.reference is not None)]
     words = {True: "yes", False: "no", None: ""}
-    rows = [["figure", "found", "unit", "beside", "target", "met"]]
+    heads, rows = ("figure", "found", "unit", "beside", "target", "met"), list[list[str]]()
     for one in shown:
         beside = f"{one.reference_name.rpartition('.')[2]} {number(one.reference)}" if one.reference is not None else ""
         rows.append([one.name, number(one.value), one.unit, beside, one.target, words[one.met]])
@@ -43,7 +45,7 @@ def section(path: Path) -> str:
         f"{document['created_utc'][:10]}, {'a quick run' if document['quick'] else 'a full run'}: "
         f"{machine_line(Machine.model_validate(document['machine']))}.",
         "",
-        *markdown_table(rows),
+        markdown_table(heads, rows, num_text=1),
     ]
     if document["left_out"]:
         lines += ["", f"Left out of this run: {', '.join(document['left_out'])}."]

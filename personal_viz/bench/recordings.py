@@ -1,4 +1,4 @@
-"""What recordings cost: an episode logged live beside a loop that only encodes its pictures, and a big comparison."""
+"""Measures the cost of recordings: an episode logged live, beside a loop that only encodes it, and a big comparison."""
 
 import contextlib
 import io
@@ -18,7 +18,7 @@ from recordings.replay import log_comparison
 from recordings.sinks import LiveSink
 from recordings.viewer.web import serve_file
 from sim.errors import MissingDependencyError
-from sim.homes.labels import renderer_of
+from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.render.renderer import JPEG_QUALITY, Renderer, jpeg_bytes
 from sim.tasks.pan import PanEnv
@@ -68,13 +68,13 @@ window.viewerAtRest = new Promise((rest, never) => {
   setTimeout(() => never(Error(`the viewer still draws after ${longestMs} ms`)), longestMs);
 });
 """
-"""Notes after how many milliseconds each frame was there (reading waits for it) and its colours, until none comes."""
+"""Notes the time (ms) and the number of colours of each frame, until no more come; reading a frame waits for it."""
 _FILLED = 0.9
-"""A recording is shown when the picture has this share of the colours that it has at rest."""
+"""A recording counts as shown when the picture has this share of its final number of colours."""
 
 
 class RecordingSettings(BaseModel):
-    """How much is recorded."""
+    """Sizes and numbers of the recorded runs."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     agent_steps: int = 500
@@ -90,30 +90,31 @@ QUICK = RecordingSettings(num_people=2, num_agents=1, repeats=2)
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """One walker's run and what it saw."""
+    """One walker's run and its observations."""
 
     run: Run
     observations: tuple[Observation, ...]
-    """At the start and after each step."""
+    """Observations at the start and after each step."""
 
 
 def measure_recordings(settings: RecordingSettings, *, quick: bool, progress: Progress) -> Report:
     """Measures everything on one invented home.
 
     Args:
-        settings: How much is recorded.
+        settings: Sizes and numbers of the runs.
         quick: Written into the report.
-        progress: Told what is done now.
+        progress: Gets a line about the present work.
 
     Returns:
-        Values: `steps_per_s`, steps of an episode per elapsed second of the live observer writing a file (picture, map,
-        texts, distances); `encode_only_steps_per_s` of a loop that encodes the same JPEGs with Pillow and does nothing
-        else, `encode_only_fast_steps_per_s` with the observer's own encoder, whose bytes are equal;
-        `cost_over_encoding`, `cost_over_fast_encoding` and `cpu_cost_over_encoding`, seconds over those of the loops;
-        `mb_with_pixels` and `mb_without`, the episode's file as of a scan with pictures, and with poses and figures
-        alone; `compare_build_s` to write one recording of all people and agents, whose pictures are rendered again,
-        `compare_open_s` until Rerun's web viewer shows it with all pictures in a headless Chromium that draws with the
-        CPU (None without Chromium or Playwright), `compare_mb`, and `compare_pictures`, poses with a picture.
+        A report with these values: `steps_per_s`, an episode's steps per elapsed second of the live observer that
+        writes a file (picture, map, texts, distances); `encode_only_steps_per_s` of a loop that only encodes the same
+        JPEGs with Pillow; `encode_only_fast_steps_per_s` with the observer's own encoder, which gives equal bytes;
+        `cost_over_encoding`, `cost_over_fast_encoding` and `cpu_cost_over_encoding`, the observer's seconds over those
+        of the loops; `mb_with_pixels` and `mb_without`, the size of the episode's file for a scan, with pictures and
+        with poses and figures alone; `compare_build_s` to write one recording of all people and agents, with rendered
+        pictures; `compare_open_s` until Rerun's web viewer shows it with all pictures in a headless Chromium that draws
+        on the CPU (None without Chromium or Playwright); `compare_mb`; and `compare_pictures`, the number of poses with
+        a picture.
     """
     here, began_s = machine(), time.perf_counter()
     progress("inventing a home")
@@ -169,7 +170,7 @@ def _play(home: RecordedHome, renderer: Renderer, *, num_steps: int) -> Played:
 
 
 def _live_timings(home: RecordedHome, played: Played, out: Path, *, repeats: int) -> dict[str, Timing]:
-    """Medians over whole episodes, with one of each before that is not counted."""
+    """Medians over whole episodes; one of each runs first without being counted."""
     pictures = [observation.rgb for observation in played.observations if observation.rgb is not None]
     work = {
         "encode": lambda _: [_pillow_jpeg(rgb) for rgb in pictures],
@@ -186,7 +187,7 @@ def _pillow_jpeg(rgb: NDArray[np.uint8]) -> bytes:
 
 
 def _log_live(home: RecordedHome, scene: Scene, played: Played, out: Path, *, with_pixels: bool) -> None:
-    """The whole episode through the observer that `run --rerun` uses, into a file."""
+    """Logs the whole episode into a file with the observer that `run --rerun` uses."""
     info = played.run.info.model_copy(update={"scene_kind": scene.kind})
     observer = RerunObserver(scene, LiveSink("file", str(out)), info, with_pixels=with_pixels)
     (run,) = played.run.episodes
@@ -197,7 +198,7 @@ def _log_live(home: RecordedHome, scene: Scene, played: Played, out: Path, *, wi
 
 
 def _scan_size(home: RecordedHome, played: Played, out: Path, *, with_pixels: bool) -> int:
-    """Bytes of the episode's file when the home is treated as a licensed scan."""
+    """Size in bytes of the episode's file if the home is treated as a licensed scan."""
     _log_live(home, replace(home.scene, kind="scan"), played, out, with_pixels=with_pixels)
     return out.stat().st_size
 
@@ -215,14 +216,14 @@ def _compared_runs(home: RecordedHome, settings: RecordingSettings) -> list[Run]
 
 
 def _build_s(home: RecordedHome, runs: list[Run], renderer: Renderer, out: Path) -> float:
-    """Elapsed seconds; the first live episode has made the home's browser copies and compiled the renderer's code."""
+    """Elapsed seconds to write the comparison; browser copies and compiled code exist since the first live episode."""
     before = time.perf_counter()
     log_comparison(runs, episode=home.episode, scene=home.scene, out=out, renderer=renderer, with_pixels=False)
     return time.perf_counter() - before
 
 
 def _median_opening_s(rrd: Path, *, repeats: int) -> float | None:
-    """Median seconds to open it, each time in a browser that knows nothing."""
+    """Median seconds to open the recording, each time in a fresh browser; None without a browser."""
     seconds = []
     try:
         for _ in range(repeats):
@@ -234,7 +235,7 @@ def _median_opening_s(rrd: Path, *, repeats: int) -> float | None:
 
 
 def _opening_s(browser: "BrowserContext", rrd: Path) -> float:
-    """Seconds after which Rerun's web viewer, asked for a recording, shows it with all its pictures and stays so."""
+    """Seconds until Rerun's web viewer shows a recording with all its pictures and no longer changes."""
     with serve_file(rrd) as site, contextlib.closing(browser.new_page()) as page:
         page.add_init_script(_WATCH_VIEWER)
         page.goto(f"{site.of_file(rrd.name)}&renderer=webgl")

@@ -1,4 +1,4 @@
-"""Runs to be recorded: walkers without a goal in an invented home, long ones for agents, short ones for people."""
+"""Makes runs to record: walkers without a goal in an invented home, long runs for agents, short ones for people."""
 
 import tempfile
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ from sim.types import Action, WhoKind
 SEED = 5
 HOME = "BenchHome"
 SECONDS_PER_STEP = 0.8
-"""How long a person takes for a step, about."""
+"""Approximate time that a person takes for a step."""
 _TURN_SHARE = 0.1
-"""Chance that a walker turns although it could go on."""
+"""Probability that a walker turns although it could go on."""
 _MOST_TURNS = 5
-"""A walker turns this often in a row at most: 150 degrees."""
+"""Largest number of turns in a row: 150 degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class RecordedHome:
 
 
 def recorded_home(*, seed: int = SEED) -> RecordedHome:
-    """The home of a seed with its first episode; the same seed gives the same."""
+    """The invented home of a seed with its first episode; the same seed gives the same home."""
     with tempfile.TemporaryDirectory() as folder:
         invent_dataset(Path(folder), name=HOME, seed=seed)
         dataset = PersonalDataset(folder)
@@ -44,14 +44,14 @@ def recorded_home(*, seed: int = SEED) -> RecordedHome:
 
 
 def walked(home: RecordedHome, who: str, *, who_kind: WhoKind, num_steps: int, seed: int) -> Run:
-    """A run of exactly `num_steps` actions, STOP last: straight ahead, and a turn at walls and now and then.
+    """A run of exactly `num_steps` actions, STOP last: straight ahead, with turns at walls and now and then.
 
     Args:
-        home: Where.
+        home: The home to walk in.
         who: Name of the run and of the walker.
-        who_kind: People take SECONDS_PER_STEP for each step and have a code.
-        num_steps: Actions.
-        seed: Of the turns.
+        who_kind: Kind of walker; people take SECONDS_PER_STEP for each step and have a code.
+        num_steps: Number of actions.
+        seed: Seed of the turns.
     """
     rng = np.random.default_rng(seed)
     episode, navigation = home.episode, home.scene.navigation

@@ -1,4 +1,7 @@
-"""The pages of a study that are HTML forms, as bots answer them: buttons are found by their labels, as people do."""
+"""The pages of a study that are HTML forms, as bots answer them: buttons are found by their labels, as people do.
+
+Cards between trials have buttons with the same labels.
+"""
 
 import http.client
 import http.cookies
@@ -11,15 +14,18 @@ from html.parser import HTMLParser
 from typing import Any
 from urllib.parse import urlencode, urlsplit
 
+from human_study.design.study import StudyConfig
+from human_study.texts.quiz import questions_for
 from sim.errors import StudyError
+from sim.types import TaskKind
 
 ENTER_S = 60.0
 """Longest wait for the gateway's answers."""
 MOST_PAGES = 200
-"""A bot that has answered so many pages without an end goes round in circles."""
+"""Most pages in a row; a bot that answers more goes round in circles."""
 DEVICE = {"webgl2": "1", "width": "1280", "height": "800", "pressed": "1"}
 """What a bot's browser says of itself."""
-_ON = (r"^start", r"^next", r"^continue$", r"^go on", r"^i agree", r"^i have read", r"^try again")
+LEADS_ON = (r"^begin", r"^start", r"^next", r"^continue$", r"^go on", r"^i agree", r"^i have read", r"^try again")
 """Labels that lead on, the likeliest first."""
 _COMPLETION_CODE = re.compile(r'aria-label="Completion code">([^<]+)<')
 
@@ -43,6 +49,11 @@ class LastPage:
     place: str
     """`finished`, `pause` and the like, as `human_study.journey` says."""
     completion_code: str | None
+
+
+def right_answers(config: StudyConfig, task: TaskKind = "pan") -> frozenset[str]:
+    """The labels of all right answers in the quiz of a task's participants."""
+    return frozenset(question.answers[0] for question in questions_for(config, task, config.conditions(task)))
 
 
 def open_session(link: str) -> Session:
@@ -153,7 +164,7 @@ class _Forms(HTMLParser):
 
     def press(self, answers: frozenset[str]) -> tuple[str, dict[str, str] | None] | None:
         """(address, fields to post or None) of the button that leads on; None where none does."""
-        patterns = [*(f"^{re.escape(answer)}$" for answer in answers), *_ON]
+        patterns = [*(f"^{re.escape(answer)}$" for answer in answers), *LEADS_ON]
         for pattern in patterns:
             for button in self._read.buttons:
                 if re.search(pattern, button.label.strip(), re.IGNORECASE):

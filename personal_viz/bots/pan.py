@@ -7,25 +7,19 @@ from collections.abc import Sequence
 from sim.types import Action
 
 from ..study_app.operator.served import Person
+from ..study_app.screens.pan import HOTKEYS
 from .homes import BotHomes
 from .page import BotPage
 from .records import BotKind, Press
 from .walker import ANSWER_S, BURST, BURST_GAP_S, PRESS_GAP_S, Bot
 
-HOTKEYS = {
-    Action.FORWARD: "W",
-    Action.LEFT: "A",
-    Action.RIGHT: "D",
-    Action.LOOK_UP: "R",
-    Action.LOOK_DOWN: "F",
-    Action.STOP: "enter",
+_KEYS = {action: (key, code) for key, (code, action) in HOTKEYS.items() if len(key) == 1} | {
+    Action.STOP: ("enter", "Enter")
 }
-"""viser's name of the key of each action."""
-CODES = {"W": "KeyW", "A": "KeyA", "D": "KeyD", "R": "KeyR", "F": "KeyF", "enter": "Enter"}
-"""What the session logs for it."""
+"""viser's name of the key of each action, and what the session logs for it."""
 _RANDOM_MOVES = (Action.FORWARD, Action.FORWARD, Action.FORWARD, Action.LEFT, Action.RIGHT)
 _STEPS_OF_RANDOM = 80
-"""After so many steps a bot that does not know the way stops."""
+"""Steps after which a bot that does not know the way stops."""
 
 
 class PanBot(Bot):
@@ -120,7 +114,7 @@ class PanBot(Bot):
         """Presses the key of an action, as a browser does: first its own message, then viser's command."""
         connection = self._connection
         assert connection is not None
-        key = HOTKEYS[action]
+        key, code = _KEYS[action]
         command = connection.page.command(key)
         now_s = time.perf_counter()
         press = Press(round(now_s * 1e3, 3), now_s)
@@ -129,6 +123,6 @@ class PanBot(Bot):
         if awaited:
             self._press = (press, (connection.page.step_shown or 0) + 1)
         self.log.presses.append(press)
-        await connection.tell({"kind": "press", "n": 0, "code": CODES[key], "t_cli_ms": press.t_cli_ms})
+        await connection.tell({"kind": "press", "n": 0, "code": code, "t_cli_ms": press.t_cli_ms})
         await connection.trigger(command.uuid)
         return press

@@ -26,7 +26,7 @@ _DOWN = (0.0, -1.0, 0.0)
 _NEAR = 0.03
 """A mark is where it is expected if it is no further away (metres)."""
 _MOVED = 0.1
-"""How far one press of an arrow moves the mark (`pog_app.NUDGE_M`)."""
+"""How far one press of an arrow moves the mark (`NUDGE_M` of study_app/screens/pog.py, which is heavy to import)."""
 
 
 @dataclass(slots=True)

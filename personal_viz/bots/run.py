@@ -113,7 +113,7 @@ def run_bots(
     progress: Callable[[str], None] = lambda _: None,
     on_acting: Callable[[], None] = lambda: None,
 ) -> BotFigures:
-    """Everybody comes in and answers the pages; then all do their trials for so many seconds, or until they are done.
+    """Everybody comes in and answers the pages; then all do their trials until the time is up or they have finished.
 
     Args:
         site: The study that is being served.

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import psutil
 
@@ -26,7 +27,7 @@ from human_study.design.study import (
 )
 from human_study.texts.participants import TEXT_FILES, TOLD_FOLDER
 from sim.episodes.dataset import PersonalDataset
-from sim.types import SPLITS, TaskKind
+from sim.types import SPLITS, Split, TaskKind
 
 from ..study_app.operator.served import Person, serve_command
 from ..study_app.operator.served import served as served_by
@@ -56,6 +57,49 @@ class Site:
         return sorted(found, key=lambda person: (len(person.code), person.code))
 
 
+def make_pilot(
+    study: Path,
+    dataset: Path,
+    *,
+    name: str,
+    scenes_dir: Path | None = None,
+    splits: dict[Split, int | Literal["all"]] | None = None,
+    scenes: tuple[str, ...] = (),
+    seed: int = 0,
+    **choices: Any,
+) -> StudyConfig:
+    """Plans a pilot without checks, in which everybody may do every episode.
+
+    Args:
+        study: A new folder.
+        dataset: Of its episodes.
+        name: Of the study.
+        scenes_dir: Of licensed scans.
+        splits: Episodes of each split; None = all.
+        scenes: Only these homes of the dataset; () = all.
+        seed: Of the plan.
+        choices: Further fields of StudyConfig.
+    """
+    from personal_viz.study_app.study_files import plan_study
+
+    config = StudyConfig(
+        study=name,
+        dataset=StudyDataset(
+            sha256=PersonalDataset(dataset).digest(),
+            splits=splits or dict.fromkeys(SPLITS, "all"),
+            scenes=scenes,
+            stratify="none",
+            max_per_scene=None,
+            seed=seed,
+        ),
+        checks=StudyChecks(every=None),
+        **choices,
+    )
+    save_study(study, config)
+    plan_study(study, dataset, scenes_dir, pilot=True)
+    return config
+
+
 def make_bot_study(
     folder: Path,
     *,
@@ -82,36 +126,28 @@ def make_bot_study(
         task: What people do, each one of them.
         pog_conditions: Of POG.
         practice: Practice trials of everybody.
-        breaks_every: A break after so many trials; None = none.
+        breaks_every: Trials between two breaks; None = no breaks.
         confidence: Whether people are asked how sure they are.
     """
-    from personal_viz.study_app.study_files import plan_study
     from sim.authoring.generation import invent_dataset
 
     if dataset is None:
         dataset = folder / "dataset"
         invent_dataset(dataset, name=HOME, seed=seed)
-    config = StudyConfig(
-        study="bots",
-        dataset=StudyDataset(
-            sha256=PersonalDataset(dataset).digest(),
-            splits=dict.fromkeys(SPLITS, "all"),
-            scenes=scenes,
-            stratify="none",
-            max_per_scene=None,
-            seed=seed,
-        ),
+    make_pilot(
+        folder / "study",
+        dataset,
+        name="bots",
+        scenes=scenes,
+        seed=seed,
         task=task,
         design=StudyDesign(kind="crossed", raters_per_episode=participants),
         flow=flow,
         pog=StudyPog(conditions=pog_conditions),
         practice=StudyPractice(pan=practice, pog=practice),
-        checks=StudyChecks(every=None),
         breaks=StudyBreaks(every=breaks_every, sitting_max=None),
         confidence=confidence,
     )
-    save_study(folder / "study", config)
-    plan_study(folder / "study", dataset, None, pilot=True)
     return dataset
 
 

@@ -15,8 +15,7 @@ from sim.errors import StudyError
 from sim.types import TaskKind
 
 from ..study_app.operator.served import Person
-from .flow import answer_card, right_answers
-from .forms import LastPage, answer_pages, open_session
+from .forms import LEADS_ON, LastPage, answer_pages, open_session, right_answers
 from .homes import BotHomes
 from .page import BotPage
 from .records import BotKind, BotLog
@@ -105,7 +104,7 @@ class Bot(ABC):
         await self._until_at_work()
 
     async def act(self, until_s: float) -> None:
-        """Takes part until then (`time.perf_counter()`); whatever goes wrong ends this bot alone."""
+        """Takes part until then (`time.perf_counter()`); an error ends this bot only."""
         next_s = time.perf_counter() + float(self._rng.uniform(0, 1 / self._rate))
         try:
             while next_s < until_s:
@@ -201,18 +200,27 @@ class Bot(ABC):
             if self._is_at_work:
                 return
             before = set(page.elements)
-            if await answer_card(connection, sure=self._sure):
+            if await self._answer_card(connection):
                 self._forget()
                 deadline_s = time.perf_counter() + ANSWER_S
             elif time.perf_counter() > deadline_s:
                 raise StudyError(
                     f"{self.log.code}: the page says {page.text[:200]!r}; expected one that a bot can answer. "
-                    "Teach personal_viz/bots/flow.py the page."
+                    "Teach personal_viz/bots/forms.py the page."
                 )
             await self._until(lambda page=page, before=before: set(page.elements) != before, within_s=1.0)
         self.log.is_resting = self._last.place == "pause"
         self.log.is_finished = not self.log.is_resting
         self.log.completion_code = self._last.completion_code
+
+    async def _answer_card(self, connection: BotConnection) -> bool:
+        """Presses what leads on, or how sure it is; False when the page offers nothing, or nothing yet."""
+        for pattern in (*LEADS_ON, rf"^{self._sure}:"):
+            button = connection.page.button(pattern)
+            if button is not None:
+                await connection.set_value(button.uuid, True)
+                return True
+        return False
 
     @property
     def _known(self) -> BotHomes:

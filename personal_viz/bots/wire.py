@@ -17,7 +17,7 @@ from websockets.typing import Subprotocol
 from sim.errors import StudyError
 from sim.tasks.run_files import Vector3
 
-from ..study_app.first_camera import CAMERA
+from ..study_app.gateway.filter import CAMERA
 from .forms import ENTER_S, Session
 from .page import BotPage
 

@@ -15,8 +15,7 @@ import viser
 
 from sim.errors import PersonalVizError
 
-from ..study_app.viser_threads import make_updates_safe
-from ..study_app.worker_door import refuse_tunnels
+from ..study_app.worker_door import make_updates_safe, refuse_tunnels
 from .library import Library
 from .visitor import Visitor
 

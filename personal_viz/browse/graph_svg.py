@@ -23,21 +23,6 @@ _HALF = 24
 """Half the height of an object's box."""
 PEOPLE_COLORS = ("#1f77b4", "#c05a00", "#2a7f3a", "#b0306a", "#6b4fa0", "#7a5230", "#007f86", "#8a8a00")
 """One per person, in the graph's order; more people begin it again."""
-STYLE = """
-<style>
-.og{font-family:system-ui,sans-serif;display:block;width:100%;height:auto}
-.og text{font-size:12px;fill:#222;dominant-baseline:middle;pointer-events:none}
-.og .edge{stroke-width:1.6;fill:none;opacity:.5}
-.og .node rect{fill:#fff;stroke:#b9bec6;stroke-width:1.2}
-.og .node.linked,.og .node.person{cursor:pointer}
-.og .node.guess rect{stroke-dasharray:4 3;fill:#f6f6f6}
-.og .node.guess text{fill:#777}
-.og .node.target rect{stroke:#c81e3a;stroke-width:2;fill:#fff1f2}
-.og .node.on rect{fill:#ffe9a8;stroke:#a86b00;stroke-width:2.4}
-.og .edge.on{opacity:1;stroke-width:3.2}
-.og .small{font-size:10.5px;fill:#666}
-</style>
-"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import DatasetError
 from sim.frames import T_world_camera
-from sim.homes.labels import renderer_of
 from sim.homes.open_home import open_scene
+from sim.homes.renderers import renderer_of
 from sim.mesh import Scene, SceneObject
 from sim.render.renderer import Renderer
 from sim.tasks.run_files import read_run

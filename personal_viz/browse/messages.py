@@ -6,9 +6,11 @@ the input; at most ten messages a second leave, of which clicks are never droppe
 mouse at once, without waiting for the server, and keeps the arrow keys that move a slider from turning viser's camera.
 """
 
+import html
 import queue
 from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import Future
+from pathlib import Path
 from typing import NamedTuple
 
 import viser
@@ -19,74 +21,7 @@ from .library import OpenHome
 LABEL = "messages of this page"
 """By which the script finds its input; viser sends no ids to scripts."""
 EVERY_MS = 100
-_SCRIPT = """
-(() => {
-  if (window.browseChannel) return;
-  window.browseChannel = true;
-  const queue = [];
-  let hovered = '', number = 0, timer = 0;
-  const input = () => {
-    for (const label of document.querySelectorAll('label'))
-      if (label.textContent === 'LABEL') {
-        let around = label;
-        while (around && !around.querySelector('input')) around = around.parentElement;
-        if (around) { around.style.display = 'none'; return around.querySelector('input'); }
-      }
-    return null;
-  };
-  const hide = () => { if (!input()) requestAnimationFrame(hide); };
-  hide();
-  const send = () => {
-    timer = 0;
-    const field = queue.length ? input() : null;
-    if (!field) { if (queue.length) timer = setTimeout(send, EVERY); return; }
-    const set = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
-    set.call(field, (++number) + ' ' + queue.shift());
-    field.dispatchEvent(new Event('input', {bubbles: true}));
-    timer = setTimeout(send, EVERY);
-  };
-  const tell = (text) => {
-    const last = queue.length - 1;
-    if (text.startsWith('hover') && last >= 0 && queue[last].startsWith('hover')) queue[last] = text;
-    else queue.push(text);
-    if (!timer) send();
-  };
-  const mark = (name) => {
-    for (const on of document.querySelectorAll('.og .near')) on.classList.remove('near');
-    if (!name) return;
-    for (const node of document.querySelectorAll('.og [data-node="' + name + '"]')) node.classList.add('near');
-    for (const edge of document.querySelectorAll('.og [data-ends]')) {
-      const ends = edge.dataset.ends.split(' ');
-      if (!ends.includes(name)) continue;
-      edge.classList.add('near');
-      for (const end of ends)
-        for (const node of document.querySelectorAll('.og [data-node="' + end + '"]')) node.classList.add('near');
-    }
-  };
-  document.addEventListener('pointerover', (event) => {
-    const at = event.target instanceof Element ? event.target.closest('[data-hover]') : null;
-    const name = at ? at.dataset.hover : '';
-    if (at || hovered) mark(name);
-    if (name === hovered) return;
-    hovered = name;
-    tell('hover ' + name);
-  });
-  document.documentElement.addEventListener('keydown', (event) => {
-    const at = event.target instanceof Element ? event.target.closest('[role=slider]') : null;
-    if (at) event.stopPropagation();
-  });
-  document.addEventListener('click', (event) => {
-    const at = event.target instanceof Element ? event.target.closest('[data-click]') : null;
-    if (at && !at.disabled) tell('click ' + at.dataset.click);
-  });
-})();
-"""
-_NEAR = """
-<style>
-.og .node.near rect{fill:#ffe9a8;stroke:#a86b00;stroke-width:2.4}
-.og .edge.near{opacity:1;stroke-width:3.2}
-</style>
-"""
+_SCRIPT = Path(__file__).with_name("channel.js")
 Listen = Callable[[str], Awaitable[None]]
 
 
@@ -142,7 +77,7 @@ class MessageQueue:
         self._queue.put(message)
 
     def end(self) -> None:
-        """Ends the iteration, whatever is still to be handed out."""
+        """Ends the iteration; messages that are left are dropped."""
         self._queue.put(None)
 
     def __iter__(self) -> Iterator[Message]:
@@ -179,6 +114,5 @@ def open_channel(client: viser.ClientHandle, listen: Listen) -> None:
     async def _(_: object) -> None:
         await listen(field.value.partition(" ")[2])
 
-    script = _SCRIPT.replace("LABEL", LABEL).replace("EVERY", str(EVERY_MS)).replace("&", "&amp;")
-    script = script.replace('"', "&quot;").replace("<", "&lt;")
-    client.gui.add_html(f'{_NEAR}<img src="data:," style="display:none" alt="" onerror="{script}">')
+    script = _SCRIPT.read_text(encoding="utf-8").replace("LABEL", LABEL).replace("EVERY", str(EVERY_MS))
+    client.gui.add_html(f'<img src="data:," style="display:none" alt="" onerror="{html.escape(script)}">')

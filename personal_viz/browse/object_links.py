@@ -19,9 +19,9 @@ from sim.episodes.schema import Episode, Goal
 from sim.words.captions import own_words
 
 CLEAR_SHARE = 0.75
-"""So well must a sentence fit the caption of its object (1 = word for word; rare words count more)."""
+"""How well a sentence must fit the caption of its object (1 = word for word; rare words count more)."""
 CLEAR_LEAD = 0.08
-"""So much better than the second object the best one must fit; else nobody can tell which of them is meant."""
+"""By how much the best object must fit better than the second; with less nobody can tell which one is meant."""
 _OWN_PART = 0.5
 """What the words about the object itself count for, beside all words; the others may be of things beside it."""
 _OTHER_CATEGORY, _SAME_ROOM = 0.3, 0.05

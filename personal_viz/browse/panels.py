@@ -10,7 +10,7 @@ import viser
 
 from sim.types import SPLITS, Split
 
-from . import episode_texts, graph_svg
+from . import episode_texts
 from .catalogue import Wanted
 from .messages import Filtered, Message, Said, Slid, Stepped, open_channel
 
@@ -19,10 +19,6 @@ LIST_WIDTH, EPISODE_WIDTH, WALK_WIDTH = 290, 470, 340
 ALL = "all"
 _FOR_RESEARCHERS = (
     '<div class="bw"><p class="warn"><b>For researchers: shows the goal.</b> Not for participants or agents.</p></div>'
-)
-_HIDE_VISER_CONTROLS = (
-    '<style>button:has(svg[class*="icon-adjustments"]),button:has(svg[class*="icon-list-search"])'
-    "{display:none !important} .mantine-Notification-root{display:none !important}</style>"
 )
 Part = Literal["list", "head", "home", "story", "graph", "facts", "runs", "picture"]
 """What the panels hold as HTML; `home` is also for notices: that a home loads, or what is wrong."""
@@ -69,7 +65,7 @@ class Panels:
         self._html[part].content = content
 
     def show_walk(self, steps: int | None) -> None:
-        """The slider along a run of so many steps, at its start; None hides the panel."""
+        """The slider along a run with this number of steps, at its start; None hides the panel."""
         self._walk.visible = steps is not None
         if steps is not None:
             with self._client.atomic():
@@ -99,7 +95,7 @@ class Panels:
 
     def _build_episode(self) -> None:
         gui = self._client.gui
-        gui.add_html(_HIDE_VISER_CONTROLS + episode_texts.STYLE + graph_svg.STYLE + _FOR_RESEARCHERS)
+        gui.add_html(episode_texts.style_html() + _FOR_RESEARCHERS)
         for part in _EPISODE_PARTS:
             self._html[part] = gui.add_html("")
         open_channel(self._client, self._told)

@@ -1,8 +1,6 @@
 """Verb `bench`: measures speed and sizes, prints figures beside targets, writes them as JSON and tables."""
 
 import json as json_format
-import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -10,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
-from sim.files import write_whole
+
+from .output import say, table_console
+from .refusals import require_folder, writing
 
 if TYPE_CHECKING:
     from ..bench.harness import Report
@@ -31,11 +31,11 @@ class Bench:
         arg(help="Print one JSON document instead of tables; with a FILE, write it there and print the tables."),
     ] = None
 
-    def work(self) -> int:
-        """Measures, writes `bench-<what>.json`, `.md` and, of the simulator, `.png` into `out`; progress to stderr.
+    def run(self) -> int:
+        """Measures, writes `bench-<what>.json`, `.md` and, for the simulator, `.png` into `out`; progress to stderr.
 
         Raises:
-            PersonalVizError: A place cannot be written; found out before anything is measured.
+            PersonalVizError: A place cannot be written; checked before anything is measured.
         """
         if self.parts and self.what != "study":
             raise PersonalVizError(
@@ -45,7 +45,7 @@ class Bench:
         if self.json and len(self.json) > 1:
             raise PersonalVizError(f"--json: found {len(self.json)} files; expected at most one. Give one.")
         for folder in (self.out, *(path.parent for path in self.json or ())):
-            _require_folder(folder)
+            require_folder(folder, "--out or --json")
         report = self._measured()
         written = self._written(report)
         if self.json == ():
@@ -56,7 +56,7 @@ class Bench:
         return 0
 
     def _measured(self) -> "Report":
-        quick, progress = self.quick, _progress
+        quick, progress = self.quick, say
         match self.what:
             case "sim":
                 from ..bench.sim import simulator
@@ -80,7 +80,9 @@ class Bench:
                 return parts.measure_study(settings, self.parts or tuple(parts.PARTS), quick=quick, progress=progress)
 
     def _written(self, report: "Report") -> list[Path]:
-        """The files that were written."""
+        """Writes the report's files and returns their paths."""
+        from sim.files import write_whole
+
         from ..bench.harness import markdown
 
         document = _document(report)
@@ -93,10 +95,8 @@ class Bench:
 
             files[self.out / "bench-sim.png"] = frame_time_png(report)
         for path, content in (files | dict.fromkeys(self.json or (), document)).items():
-            try:
+            with writing(path, "--out or --json"):
                 write_whole(path, content)
-            except OSError as error:
-                raise _unwritable(path, error) from None
         return [*files, *(self.json or ())]
 
 
@@ -104,34 +104,11 @@ def _document(report: "Report") -> str:
     return json_format.dumps(report.document(), indent=2, ensure_ascii=False) + "\n"
 
 
-def _progress(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
-
-
-def _require_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise _unwritable(folder, error) from None
-
-
-def _unwritable(path: Path, error: OSError) -> PersonalVizError:
-    return PersonalVizError(
-        f"{str(path)!r} cannot be written ({error.strerror}); expected a folder, or a place for one. "
-        "Choose another --out or --json."
-    )
-
-
 def _print_tables(report: "Report") -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from personal_viz.printed import Console
-
     from ..bench.harness import machine_line, tables
-    from .metrics import MIN_TABLE_WIDTH
 
     for title, (heads, *lines) in tables(report):
         table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
@@ -139,7 +116,7 @@ def _print_tables(report: "Report") -> None:
             table.add_column(head.replace(" cluttered", "\ncluttered"), justify="right" if k else "left", no_wrap=True)
         for line in lines:
             table.add_row(*line)
-        Console(file=sys.stdout, width=max(MIN_TABLE_WIDTH, Console().width)).print(table)
+        table_console().print(table)
     print(f"Machine: {machine_line(report.machine)}")
     for problem in report.problems:
         print(f"Problem: {problem}")

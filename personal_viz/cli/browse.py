@@ -11,6 +11,7 @@ from typing import Annotated
 from tyro.conf import arg
 
 from sim.errors import MissingDependencyError
+from sim.words.english import how_many
 
 from .options import Clutter, Dataset, Scenes, ScenesDir
 
@@ -26,10 +27,10 @@ class Browse:
     clutter: Clutter = 0
     port: Annotated[int, arg(help="0 takes a free one.")] = 8090
 
-    def work(self) -> int:
+    def run(self) -> int:
         from personal_viz.printed import Console
 
-        from ..study_app.checked_options import require_no_scan
+        from .refusals import require_no_scan
 
         require_no_scan("scan" if self.scenes_dir is not None else "schematic", clutter=self.clutter)
         try:
@@ -51,8 +52,9 @@ class Browse:
         ended = threading.Event()
         signal.signal(signal.SIGTERM, lambda *_: ended.set())
         with browser_app(library, port=self.port) as address, contextlib.suppress(KeyboardInterrupt):
-            homes = len(library.catalogue.scenes)
-            print(f"{len(library.catalogue.episodes):,} episodes of {homes} home{'s' if homes > 1 else ''}: {address}")
+            catalogue = library.catalogue
+            homes = how_many(len(catalogue.scenes), "home")
+            print(f"{how_many(len(catalogue.episodes), 'episode')} of {homes}: {address}")
             print("For researchers on this machine: it shows the goals. Ctrl-C ends it.", flush=True)
             ended.wait()
         return 0

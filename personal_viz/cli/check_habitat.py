@@ -1,8 +1,7 @@
-"""Verb `check-habitat`: figures of agreement with a real Habitat's answers, beside what is aimed at."""
+"""Verb `check-habitat`: figures of agreement with a real Habitat's answers, beside their targets."""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from .options import Json
+from .output import say, table_console
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from personal_viz.bench.habitat.agreement import Agreement, Figures
 
 MIN_WIDTH = 110
-"""Columns that the table needs; narrower terminals wrap it, files and pipes do not."""
+"""Columns that the table needs; narrower terminals wrap it, but files and pipes do not."""
 _LABELS = {
     "geodesic_within_1e-4": "distances within 1e-4 m",
     "reachability": "same reachability",
@@ -41,15 +41,14 @@ class CheckHabitat:
     golden: Annotated[Path, arg(help="Folder as docs/simulator.md describes; write one on your own scans.")]
     json: Json = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from personal_viz.bench.habitat.agreement import agreement
-        from personal_viz.printed import Console
 
-        found = agreement(self.golden, on_house=lambda name: print(f"comparing {name}", file=sys.stderr))
+        found = agreement(self.golden, on_house=lambda name: say(f"comparing {name}"))
         if self.json:
             print(found.model_dump_json(by_alias=True, indent=2))
             return 0
-        console = Console(width=max(MIN_WIDTH, Console().width))
+        console = table_console(MIN_WIDTH)
         console.print(_table(found))
         for line in _notes(found):
             console.print(line)
@@ -68,10 +67,11 @@ def _table(found: Agreement) -> Table:
     )
     for head in ("", "target", "all", *(house.house for house in found.houses)):
         table.add_column(head, justify="left" if not head else "right")
-    for key, (sign, limit) in TARGETS.items():
+    for key, target in TARGETS.items():
+        sign = ">=" if target.at_least else "<="
         colour = {True: "green", False: "red", None: "dim"}[met[key]]
         cells = [_cell(figures, key) for figures in (found, *found.houses)]
-        table.add_row(_LABELS[key], f"{sign} {_shown(key, limit)}", f"[{colour}]{cells[0]}[/]", *cells[1:])
+        table.add_row(_LABELS[key], f"{sign} {_shown(key, target.limit)}", f"[{colour}]{cells[0]}[/]", *cells[1:])
     return table
 
 

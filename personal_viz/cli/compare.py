@@ -1,4 +1,4 @@
-"""Verb `compare`: run folders become one page with a row per episode. A second call goes on."""
+"""Verb `compare`: makes one page with a row per episode from run folders. A second call continues the first."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,13 +24,13 @@ class Compare:
     jobs: Annotated[int, arg(help="Worker processes, one scene each.")] = 1
     open: OpenIt = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from personal_viz.compare.app import PICTURE_WIDTH, write_comparison
 
-        from ..study_app.checked_options import check_options
         from .progress import counted
+        from .refusals import check_options
 
-        check_options(run_id=None, jobs=self.jobs)
+        check_options(self)
         if self.picture_width and not 32 <= self.picture_width <= 640:
             raise PersonalVizError(
                 f"--picture-width is {self.picture_width}; expected 32 to 640, or 0 for no pictures. Leave it out "

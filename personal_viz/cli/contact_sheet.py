@@ -12,6 +12,7 @@ from sim.errors import PersonalVizError
 from sim.types import ClutterLevel
 
 from .options import Clutter, ScenesDir
+from .refusals import require_suffix, writing
 
 if TYPE_CHECKING:
     from sim.homes.plan import HomePlan
@@ -32,31 +33,24 @@ class ContactSheet:
         Path | None, arg(help="Folder for 256 x 256 crops without labels and their key, to let people name them.")
     ] = None
 
-    def work(self) -> int:
+    def run(self) -> int:
         from sim.files import write_whole
         from sim.homes.kind import scene_label, scene_terms
 
         from ..contact_sheet.sheet import contact_sheet_picture, png_bytes, write_crops
 
-        if self.out.suffix.lower() != ".png":
-            raise PersonalVizError(
-                f"--out: found {str(self.out)!r}; expected a file that ends in .png. Give another name."
-            )
+        require_suffix("--out", self.out, ".png")
         home, plan = _home(
             scene=self.scene, dataset=self.dataset, scenes_dir=self.scenes_dir, invent=self.invent, clutter=self.clutter
         )
         picture = contact_sheet_picture(home, plan)
         said = (scene_label(home.kind), scene_terms(home.kind))
-        try:
+        with writing(self.out):
             write_whole(self.out, png_bytes(picture, label=" ".join(filter(None, said))))
-            if self.crops is not None:
+        if self.crops is not None:
+            with writing(self.crops, "--crops"):
                 num = write_crops(self.crops, home)
-                print(f"{num} crops and their key written to {self.crops}")
-        except OSError as error:
-            raise PersonalVizError(
-                f"{error.filename or self.out}: cannot be written ({error.strerror}); expected a place that you can "
-                "write. Give another --out or --crops."
-            ) from None
+            print(f"{num} crops and their key written to {self.crops}")
         print(f"{self.out}: {home.label}, {picture.width} x {picture.height} pixels")
         return 0
 
@@ -69,12 +63,11 @@ def _home(
     invent: int | None,
     clutter: ClutterLevel,
 ) -> tuple[Scene, HomePlan | None]:
-    """The home that the options name, and the plan that it was made of; a scan has none."""
+    """The home that the options name, and the plan that it was made from; a scan has no plan."""
     from sim.episodes.dataset import PersonalDataset
-    from sim.homes.invented.invent import invent_plan
-    from sim.homes.kind import plan_of
-    from sim.homes.open_home import open_scene
-    from sim.homes.recovered.recover import recover_plan
+    from sim.homes.clutter.plans import with_clutter
+    from sim.homes.invented.plans import invent_plan
+    from sim.homes.open_home import home_plan, open_scene, scene_from_plan
 
     if invent is not None:
         if scene is not None or dataset is not None or scenes_dir is not None:
@@ -83,7 +76,8 @@ def _home(
             )
         if invent < 0:
             raise PersonalVizError(f"--invent is {invent}; expected a whole number from 0. Give another seed.")
-        return _planned(invent_plan(f"Invented{invent}", seed=invent), clutter)
+        plan = with_clutter(invent_plan(f"Invented{invent}", seed=invent), clutter, seed=0)
+        return scene_from_plan(plan), plan
     if scene is None or dataset is None:
         raise PersonalVizError(
             "contact-sheet: found no home; expected SCENE with --dataset DIR, or --invent SEED. Give one of them."
@@ -92,14 +86,5 @@ def _home(
     episodes.require_scene(scene)
     if scenes_dir is not None:
         return open_scene(episodes, scene, scenes_dir=scenes_dir, clutter=clutter), None
-    return _planned(plan_of(episodes, scene) or recover_plan(episodes, scene), clutter)
-
-
-def _planned(plan: HomePlan, clutter: ClutterLevel) -> tuple[Scene, HomePlan]:
-    """The home as `open_scene` makes it of a plan, and the plan with its clutter."""
-    from sim.homes.clutter.clutter import with_clutter
-    from sim.homes.open_home import scene_from_plan
-
-    if clutter not in (0, plan.clutter):
-        plan = with_clutter(plan, clutter, seed=0)
+    plan = home_plan(episodes, scene, clutter=clutter)
     return scene_from_plan(plan), plan

@@ -9,7 +9,8 @@ from tyro.conf import arg
 
 from sim.errors import StudyError
 
-from .study.serve import StudyServe, require_writable
+from .refusals import require_folder
+from .study.serve import StudyServe
 
 HOME = "DemoHome"
 
@@ -24,16 +25,16 @@ class Demo:
         default_factory=lambda: os.environ.get("PORT", "8080")
     )
 
-    def work(self) -> int:
+    def run(self) -> int:
         from sim.authoring.generation import invent_dataset
 
         dataset = self.out / "dataset"
         if not (dataset / "scenes" / f"{HOME}.plan.json").is_file():
-            require_writable(self.out)
+            require_folder(self.out)
             print(f"Inventing a home with episodes in {dataset} ...", flush=True)
             invent_dataset(dataset, name=HOME, seed=self.seed)
         port = _port_from(self.port)
-        return StudyServe(dataset, scene=HOME, out=self.out / "study", seed=self.seed, port=port).work()
+        return StudyServe(dataset, scene=HOME, out=self.out / "study", seed=self.seed, port=port).run()
 
 
 def _port_from(text: str) -> int:

@@ -1,4 +1,4 @@
-"""Verb `export`: runs in other formats."""
+"""Verb `export`: writes runs in other formats."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Export:
     out: Annotated[Path, arg(help="Folder.")]
     format: Literal["jsonl", "tum", "minari"] = "jsonl"
 
-    def work(self) -> int:
+    def run(self) -> int:
         from sim.exchange.export_runs import export_runs
 
         for written in export_runs(_read(self.runs), format=self.format, out=self.out):

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
-import os
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
-from sim.errors import PersonalVizError
-
 from .options import Dataset, Json, Scenes
+from .output import table_console
 
 if TYPE_CHECKING:
     from personal_viz.bench.homes.playability import Figures, HomeFacts, HomeFigures, HomesReport
 
 _MIN_WIDTH = 175
-"""Columns that the table needs; narrower terminals wrap it, files and pipes do not."""
+"""Columns that the table needs; narrower terminals wrap it, but files and pipes do not."""
 _COLUMNS = (
     ("episodes", "episodes"), ("playable", "playable"), ("ratio_median", "median\nratio"), ("ratio_p95", "p95"),
     ("within_5", "within\n5 %"), ("within_10", "within\n10 %"), ("heldout_split_within_10", "held out\n10 %"),
@@ -39,7 +32,7 @@ _SHARES = frozenset({
 
 @dataclass(frozen=True, slots=True)
 class _HomeJob:
-    """All that a worker process needs to measure one home."""
+    """Everything that a worker process needs to measure one home."""
 
     dataset_root: Path
     scene: str
@@ -58,14 +51,14 @@ class Homes:
     jobs: Annotated[int, arg(help="Worker processes, one scene each.")] = 1
     folds: Annotated[bool, arg(help="Recover each home from two splits alone as well (held-out figures).")] = True
 
-    def work(self) -> int:
+    def run(self) -> int:
         from personal_viz.bench.homes.playability import report_of
         from sim.episodes.dataset import PersonalDataset
 
-        from ..study_app.checked_options import check_options
         from .progress import counted
+        from .refusals import check_options
 
-        check_options(run_id=None, jobs=self.jobs)
+        check_options(self)
         episodes = PersonalDataset(self.dataset)
         for name in self.scene:
             episodes.require_scene(name)
@@ -93,62 +86,36 @@ class Homes:
 
 def _measured(work: Sequence[_HomeJob], *, jobs: int) -> Iterator[HomeFacts]:
     """The facts of each home, in order."""
-    from sim.tasks.workers import end_with_parent
+    from sim.tasks.workers import worker_pool
 
     if jobs == 1 or len(work) == 1:
         yield from map(_measure, work)
         return
-    # spawn: forked children of a process that has loaded numba can deadlock in its thread pool
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, len(work)), mp_context=context, initializer=end_with_parent)
-    try:
+    with worker_pool(min(jobs, len(work))) as pool:
         yield from pool.map(_measure, work)
-    except BrokenProcessPool:
-        raise PersonalVizError(
-            f"--jobs {jobs}: a worker process was ended from outside; expected all to finish. Memory may have run "
-            "out: run again with fewer --jobs."
-        ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _measure(job: _HomeJob) -> HomeFacts:
+    from personal_viz.bench.harness import empty_cache
     from personal_viz.bench.homes.playability import build_home, measure_home
     from sim.episodes.dataset import PersonalDataset
     from sim.homes.plan import save_plan
 
     dataset = PersonalDataset(job.dataset_root)
-    with _empty_cache():
+    with empty_cache():
         home = build_home(dataset, job.scene)
     if job.out is not None:
         save_plan(home.plan, job.out / f"{job.scene}.plan.json")
     return measure_home(dataset, home, folds=job.folds)
 
 
-@contextlib.contextmanager
-def _empty_cache() -> Iterator[None]:
-    """Nothing is found in the cache folder inside the block, so that build times are those of a first visit."""
-    from sim.cache import VARIABLE
-
-    was = os.environ.get(VARIABLE)
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ[VARIABLE] = folder
-        try:
-            yield
-        finally:
-            del os.environ[VARIABLE]
-            if was is not None:
-                os.environ[VARIABLE] = was
-
-
 def _print_tables(report: HomesReport) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    from personal_viz.printed import Console
     from sim.homes.kind import scene_terms
 
-    console = Console(file=sys.stdout, width=max(_MIN_WIDTH, Console().width))
+    console = table_console(_MIN_WIDTH)
     table = Table(title="Homes without their scans", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("\nscene", no_wrap=True)
     for _, head in _COLUMNS:
@@ -169,7 +136,7 @@ def _print_tables(report: HomesReport) -> None:
     )
     missed = {key: why for figures in report.scenes.values() for key, why in figures.why_not_findable.items()}
     if missed:
-        print(f"{len(missed)} episodes whose target cannot be told from its like (all of them with --json):")
+        print(f"{len(missed)} episodes whose target looks like another object (--json lists all):")
         for key, why in list(missed.items())[:10]:
             print(f"  {key}: {why}")
 

@@ -1,4 +1,4 @@
-"""Verb `import`: runs of another simulator become a run folder."""
+"""Verb `import`: makes a run folder from another simulator's runs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Import:
     """Read runs of another simulator, check every step and compute all distances.
 
     Files of recordings/habitat_writer.py say themselves how to read them. Pose lists (CSV, TUM, JSON, npz) need
-    --frame, and whatever else is not plain from them: nothing is guessed.
+    --frame, and everything else that the files do not say: nothing is guessed.
     """
 
     files: Annotated[Positional[tuple[Path, ...]], arg(help="Steps files (.jsonl), or .csv, .tsv, .tum, .json, .npz.")]
@@ -71,14 +71,14 @@ class Import:
     max_turn_deg: Annotated[float | None, arg(help="Degrees from row to row at most, for --motion free.")] = None
     max_steps: Annotated[int, arg(help="Step budget that the robot had, for --motion free.")] = 500
 
-    def work(self) -> int:
+    def run(self) -> int:
         from sim.episodes.dataset import PersonalDataset
         from sim.exchange.import_runs import import_runs
         from sim.tasks.run_files import read_run
 
-        from ..study_app.checked_options import check_options
+        from .refusals import check_options
 
-        check_options(run_id=self.run_id)
+        check_options(self)
         reading = self._reading()
         folders = import_runs(
             self.files,
@@ -94,11 +94,11 @@ class Import:
         return 0
 
     def _reading(self) -> PoseReading | None:
-        """How pose files are to be read; None = the files are steps files.
+        """How to read pose files; None = the files are steps files.
 
         Raises:
-            PersonalVizError: Options of pose files stand without the frame, which they all need; the rounding is no
-                rounding, or the episode's name is none.
+            PersonalVizError: Options of pose files are given without the frame, which all of them need, or the rounding
+                or the episode's name is not valid.
         """
         from sim.episodes.dataset import key_from_text
         from sim.exchange.pose_files import MAX_ROUNDING, PoseReading
@@ -132,10 +132,10 @@ class Import:
         )
 
     def _free_motion(self) -> FreeMotion | None:
-        """The declared bounds, None for robots of the paper.
+        """The declared bounds; None for robots that move as in the paper.
 
         Raises:
-            PersonalVizError: A bound is missing, no length, angle or count, or given without `--motion free`.
+            PersonalVizError: A bound is missing or out of range, or is given without `--motion free`.
         """
         from sim.exchange.pose_files import FreeMotion
 

@@ -15,7 +15,7 @@ class Invent:
     homes: int = 1
     seed: int = 0
 
-    def work(self) -> int:
+    def run(self) -> int:
         from sim.authoring.generation import dataset_files, write_files
         from sim.homes.plan import HomePlan
 

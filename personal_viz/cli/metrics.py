@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,17 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from sim.types import RULE_NOTES, SPLITS, SuccessRule
+from sim.types import RULE_NOTES, SuccessRule
 
 from .options import Json
+from .output import print_json, say, table_console
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from sim.tasks.metrics import MetricRow
-
-MIN_TABLE_WIDTH = 150
-"""Columns that the paper's table needs; narrower terminals wrap it, files and pipes do not."""
 
 
 @dataclass
@@ -34,9 +30,8 @@ class Metrics:
     )
     json: Json = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from grounding.report.sources import pog_notes
-        from personal_viz.printed import Console
         from sim.homes.kind import scene_label
         from sim.tasks.metrics import metric_rows, read_runs, reading_notes, require_comparable, rule_warnings
 
@@ -46,11 +41,11 @@ class Metrics:
         rows = metric_rows(found, rule=self.rule)
         warnings = rule_warnings(rows)
         if self.json:
-            print(json_module.dumps([_labelled(row) for row in rows], indent=2))
+            print_json([_labelled(row) for row in rows])
             for line in warnings:
-                print(line, file=sys.stderr)
+                say(line)
             return 0
-        console = Console(file=sys.stdout, width=max(MIN_TABLE_WIDTH, Console().width))
+        console = table_console()
         for task, title in (
             ("pan", f"PAN, rule {self.rule}"),
             ("pog", "POG, planar distance <= 1 m on the target's storey"),
@@ -86,26 +81,14 @@ def _table(title: str, rows: Sequence[MetricRow]) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
+    from sim.tasks.metrics import paper_table
+
     table = Table(title=f"{title}; scenes: {rows[0].scene_kind}", box=SIMPLE_HEAD, padding=(0, 1), title_justify="left")
     table.add_column("\nMethod", overflow="fold", max_width=44)
-    groups = [split for split in (*SPLITS, "total") if any(row.split == split for row in rows)]
-    heads = ("SR", "k/n", "SPL", "DTG") if rows[0].task == "pan" else ("SR", "k/n", "top-3")
-    for group in groups:
-        for head in heads:
-            table.add_column(f"{group.capitalize() if head == 'SR' else ''}\n{head}", justify="right", no_wrap=True)
-    for name in dict.fromkeys((row.who, row.condition) for row in rows):
-        cells = [name[0] if name[1] == "none" else f"{name[0]} ({name[1]})"]
-        for group in groups:
-            row = next((row for row in rows if (row.who, row.condition) == name and row.split == group), None)
-            cells += [""] * len(heads) if row is None else _cells(row)
-        table.add_row(*cells)
+    shown = paper_table(rows)
+    for split in shown.splits:
+        for head in shown.heads:
+            table.add_column(f"{split.capitalize() if head == 'SR' else ''}\n{head}", justify="right", no_wrap=True)
+    for line in shown.lines:
+        table.add_row(line.name, *(cell for cells in line.cells for cell in cells))
     return table
-
-
-def _cells(row: MetricRow) -> list[str]:
-    figures = [_figure(row.sr, 1), f"{row.k}/{row.n}"]
-    return figures + ([_figure(row.spl, 1), _figure(row.dtg, 2)] if row.task == "pan" else [_figure(row.top3, 1)])
-
-
-def _figure(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"

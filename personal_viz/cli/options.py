@@ -17,7 +17,7 @@ Splits = Annotated[tuple[Split, ...], arg(help="Splits; all by default.")]
 Limit = Annotated[
     int | None, arg(help="At most this many episodes per split: a seeded sample, spread over the scenes.")
 ]
-SampleSeed = Annotated[int, arg(help="Draws other episodes with --limit; the same for all runs that you compare.")]
+SampleSeed = Annotated[int, arg(help="Which sample --limit draws; use the same for all runs that you compare.")]
 Clutter = Annotated[
     ClutterLevel, arg(help="How much furniture and small things without a caption stand in homes without a scan.")
 ]
@@ -26,9 +26,10 @@ ModelAutocast = Annotated[
     Literal["off", "bfloat16", "float16"], arg(help="A real model's arithmetic; float16 on cuda only.")
 ]
 ModelBatch = Annotated[int, arg(help="Pictures or texts that a real model encodes together.")]
+Jobs = Annotated[int, arg(help="Worker processes; results do not depend on their number.")]
 Label = Annotated[
     str | None,
-    arg(help="Row name in tables instead of its own name, such as one per version of yours."),
+    arg(help="Row name in tables instead of the method's own, for example one for each of your versions."),
 ]
 RunId = Annotated[str | None, arg(help="Folder name below --out; made from the options by default.")]
 Rerun = Annotated[

@@ -1,4 +1,4 @@
-"""How far a long command is: a bar on a terminal, a line every 30 s elsewhere, so that a log shows that it lives."""
+"""Progress of long commands: a bar on a terminal, elsewhere a line every 30 s, so that a log shows signs of life."""
 
 import threading
 import time
@@ -15,7 +15,7 @@ from grounding.agents.progress_notes import read_notes
 from personal_viz.printed import Console
 
 EVERY_S = 30.0
-"""Between two lines where there is no terminal."""
+"""Seconds between two lines if there is no terminal."""
 
 
 class Counted(Progress):
@@ -24,17 +24,17 @@ class Counted(Progress):
     def __init__(self, title: str, total: int | None, *, console: Console) -> None:
         """Starts at 0 of `total`; None = not known yet."""
         self.notes: Path | None = None
-        """Folder where worker processes say what they do (`scene_note`); None where nobody looks."""
+        """Folder of the worker processes' notes on their work (`scene_note`); None if there is no terminal."""
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
         super().__init__(*columns, console=console, refresh_per_second=4, disable=not console.is_terminal)
         self._bar = self.add_task(title, total=total)
 
     def add(self, number: int = 1) -> None:
-        """So many more are done."""
+        """Counts `number` more as done."""
         self.update(self._bar, advance=number)
 
     def expect(self, total: int) -> None:
-        """So many are to be done in all."""
+        """Sets the total."""
         self.update(self._bar, total=total)
 
     @property
@@ -57,10 +57,10 @@ def counted(
     """Shows on stderr how many of `total` are done, until the block ends.
 
     Args:
-        title: What is counted.
-        total: How many there are; None = `Counted.expect` says it later.
-        console: Where it is shown; None = stderr.
-        every_s: Seconds between two lines where the console is no terminal.
+        title: Name of the things that are counted.
+        total: How many there are; None = `Counted.expect` sets it later.
+        console: Console for the output; None = stderr.
+        every_s: Seconds between two lines if the console is not a terminal.
     """
     console = console or Console(stderr=True)
     with Counted(title, total, console=console) as progress:
@@ -80,7 +80,7 @@ def counted(
 
 
 def _tell(progress: Counted, console: Console, ended: threading.Event, every_s: float) -> None:
-    """Prints the count again and again until the work has ended."""
+    """Prints the count every `every_s` seconds until the work has ended."""
     began_s = time.monotonic()
     while not ended.wait(every_s):
         console.print(f"{progress.line}, {time.monotonic() - began_s:.0f} s", soft_wrap=True, highlight=False)

@@ -1,4 +1,4 @@
-"""Verb `replay`: run folders become one Rerun recording of one episode."""
+"""Verb `replay`: makes one Rerun recording of one episode from run folders."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class Replay:
     with_pixels: WithPixels = False
     open: OpenIt = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from recordings.replay import log_comparison
         from recordings.traces import common_episode
         from recordings.viewer.window import open_file
         from sim.episodes.dataset import PersonalDataset, key_from_text
-        from sim.homes.labels import renderer_of
         from sim.homes.open_home import open_scene
+        from sim.homes.renderers import renderer_of
         from sim.tasks.run_files import read_run
 
         read = [read_run(folder) for folder in self.runs]
@@ -67,10 +67,10 @@ class Replay:
 
 
 def _common_clutter(runs: Sequence[Run]) -> ClutterLevel:
-    """The clutter level on which all runs were made; answers on oracle maps have none.
+    """The clutter level on which all runs were made; answers on oracle maps have no level.
 
     Raises:
-        RecordingError: They were made on several levels.
+        RecordingError: The runs were made on several levels.
     """
     levels: dict[str, str] = {}
     for run in runs:

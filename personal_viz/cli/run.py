@@ -1,7 +1,8 @@
-"""Verb `run`: an agent over PAN episodes into a run folder."""
+"""Verb `run`: runs an agent over PAN episodes into a run folder."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,8 +13,23 @@ from tyro.conf import arg
 
 from sim.errors import AgentError, PersonalVizError
 from sim.types import SPLITS, EpisodeKey, SceneKind, SuccessRule
+from sim.words.english import how_many
 
-from .options import Clutter, Dataset, Label, Limit, Rerun, RunId, SampleSeed, Scenes, ScenesDir, Splits, WithPixels
+from .options import (
+    Clutter,
+    Dataset,
+    Jobs,
+    Label,
+    Limit,
+    Rerun,
+    RunId,
+    SampleSeed,
+    Scenes,
+    ScenesDir,
+    Splits,
+    WithPixels,
+)
+from .output import recorded
 
 if TYPE_CHECKING:
     from sim.episodes.dataset import PersonalDataset
@@ -24,7 +40,7 @@ if TYPE_CHECKING:
     from sim.tasks.runner import AgentJob
 
 SHORT_NAMES = {"random-frontier": "grounding.agents.random_frontier:random_frontier"}
-"""Agents of ours that the simulator loads as plug-ins; run files hold the short name."""
+"""Our own agents that the simulator loads as plug-ins; run files hold the short name."""
 
 
 @dataclass
@@ -42,7 +58,7 @@ class Run:
     limit: Limit = None
     sample_seed: SampleSeed = 0
     seed: int = 0
-    jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
+    jobs: Jobs = 1
     run_id: RunId = None
     label: Label = None
     clutter: Clutter = 0
@@ -56,19 +72,17 @@ class Run:
         arg(help="shortest-path only: the success rule it walks for, by default paper; habitat = to a view point."),
     ] = None
 
-    def work(self) -> int:
+    def run(self) -> int:
         from sim.episodes.dataset import PersonalDataset
         from sim.homes.kind import common_kind
         from sim.tasks.run_writer import RunWriter
         from sim.tasks.runner import run_agent
 
-        from ..study_app.checked_options import check_options, require_no_scan
         from .progress import counted
+        from .refusals import check_options, require_no_scan
 
         made_for, who, code = self._agent()
-        check_options(
-            run_id=self.run_id, limit=self.limit, jobs=self.jobs, seed=self.seed, sample_seed=self.sample_seed
-        )
+        check_options(self)
         episodes = PersonalDataset(self.dataset)
         chosen = self._chosen(episodes)
         kind = common_kind(episodes, {item.key.scene for item in chosen}, self.scenes_dir)
@@ -79,7 +93,8 @@ class Run:
         writer = RunWriter(folder, info)
         left = [item.key for item in chosen if item.key not in writer.done]
         print(
-            f"{len(chosen)} episodes in {len(by_scene)} scenes ({kind}), {len(chosen) - len(left)} of them done before"
+            f"{how_many(len(chosen), 'episode')} in {how_many(len(by_scene), 'scene')} ({kind}), "
+            f"{len(chosen) - len(left)} done before"
         )
         with _observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
             jobs = self._jobs(by_scene, make_observer, rule=made_for or "paper")
@@ -89,7 +104,7 @@ class Run:
         return 0
 
     def _chosen(self, episodes: PersonalDataset) -> list[Episode]:
-        """The named episode, or a sample of splits and scenes; raises PersonalVizError where these hold none."""
+        """The named episode, or a sample of splits and scenes; raises PersonalVizError if these hold no episode."""
         from sim.episodes.dataset import key_from_text
 
         if self.episode is not None:
@@ -103,10 +118,10 @@ class Run:
         return chosen
 
     def _agent(self) -> tuple[SuccessRule | None, str, dict[str, str]]:
-        """The rule that the agent walks for, its row name, and the digest of a user's own.
+        """The rule that the agent walks for, its row name, and the digest of a user's own agent.
 
         Raises:
-            AgentError: There is no such agent, or a user's own cannot be built.
+            AgentError: No agent has this name, or a user's own cannot be built.
         """
         from sim.plugins import own_name, plugin_digest
         from sim.tasks.agents import load_agent
@@ -127,7 +142,7 @@ class Run:
         who: str,
         code: dict[str, str],
     ) -> RunInfo:
-        """What run.json says."""
+        """The contents of run.json."""
         from sim.tasks.provenance import make_run_info
         from sim.tasks.run_files import fitting_name, fitting_run_id
 
@@ -171,7 +186,7 @@ class Run:
 
 
 def _made_for(agent: str, rule: SuccessRule | None) -> SuccessRule | None:
-    """The success rule that the agent walks for; None where it knows no goal. Raises AgentError for other names."""
+    """The success rule that the agent walks for; None if it knows no goal. Raises AgentError for other names."""
     from sim.plugins import is_plugin
 
     if agent == "shortest-path":
@@ -190,7 +205,7 @@ def _made_for(agent: str, rule: SuccessRule | None) -> SuccessRule | None:
 
 
 def _by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:
-    """The episodes' keys, scene by scene; raises SceneError when a scene has no scan below `scenes_dir`."""
+    """The episodes' keys, scene by scene; raises SceneError if a scene has no scan below `scenes_dir`."""
     found: dict[str, list[EpisodeKey]] = {}
     for episode in chosen:
         found.setdefault(episode.key.scene, []).append(episode.key)
@@ -206,18 +221,15 @@ def _by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, l
 def _observing(
     rerun: str | None, left: Sequence[EpisodeKey], info: RunInfo, *, with_pixels: bool
 ) -> Iterator[Callable[[Scene], Observer] | None]:
-    """What makes observers for the option `--rerun`; what it needs is checked, or started, before any episode."""
+    """Yields a function that makes observers for `--rerun`; checks files, and starts viewers, before any episode."""
     if rerun is None or not left:
         if rerun is not None:
             print("No episode is left to run, so nothing is recorded. Give another --run-id to run them again.")
         yield None
         return
     from recordings.observer import ObserveRuns
-    from recordings.sinks import live_sink
 
     if info.scene_kind == "scan" and not with_pixels:
         print("The homes are licensed scans: geometry and pictures are left out. --with-pixels stores them.")
-    with live_sink(rerun, left) as sink:
+    with recorded(rerun, left, said_to=sys.stdout) as sink:
         yield ObserveRuns(sink, info.model_dump_json(), with_pixels=with_pixels)
-        if sink.kind != "address":
-            print(f"Recorded to {sink.where}; see it with: rerun {sink.where}")

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import json as json_module
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from .options import Dataset, Json
+from .output import print_json, table_console
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from sim.episodes.statistics import CaptionMetrics, CaptionStatistics, NetworkMetrics, NetworkStatistics
-
-_PIPE_WIDTH = 150
 
 
 @dataclass
@@ -25,17 +22,16 @@ class Stats:
     dataset: Dataset
     json: Json = False
 
-    def work(self) -> int:
-        from personal_viz.printed import Console
+    def run(self) -> int:
         from sim.episodes.dataset import PersonalDataset
         from sim.episodes.statistics import caption_statistics, network_statistics
 
         episodes = PersonalDataset(self.dataset)
         network, captions = network_statistics(episodes), caption_statistics(episodes)
         if self.json:
-            print(json_module.dumps({"network": asdict(network), "captions": asdict(captions)}, indent=1))
+            print_json({"network": asdict(network), "captions": asdict(captions)})
             return 0
-        console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
+        console = table_console(folds=True)
         console.print(_network_table(network))
         console.print(_caption_table(captions))
         if captions.faulty:
@@ -44,7 +40,7 @@ class Stats:
 
 
 def _network_table(statistics: NetworkStatistics) -> Table:
-    """One line per metric; per column the paper's figure, then per episode, then per distinct summary."""
+    """A table with one line per metric; a cell holds the paper's figure, ours per episode and per distinct summary."""
     from rich.table import Table
 
     from sim.episodes.statistics import NETWORK_FIELDS

@@ -1,24 +1,21 @@
-"""Verb `validate`: what is wrong in a folder of episodes."""
+"""Verb `validate`: reports everything that is wrong in a folder of episodes."""
 
 from __future__ import annotations
 
-import json as json_module
-import sys
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from sim.types import SPLITS, Split
 
 from .options import Dataset, Json
+from .output import print_json, table_console
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from personal_viz.printed import Console
     from sim.episodes.validate import CheckResult, Measure, ValidationReport
 
 _COLOURS = {"error": "red", "defect": "yellow", "note": "dim", "ok": "green"}
-_PIPE_WIDTH = 150
 _NUM_EXAMPLES = 4
 
 
@@ -29,22 +26,15 @@ class Validate:
     dataset: Dataset
     json: Json = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from sim.episodes.validate import validate_dataset
 
         report = validate_dataset(self.dataset)
         if self.json:
-            print(json_module.dumps(_json_of_report(report), indent=1))
+            print_json(_json_of_report(report))
         else:
             _print_report(report)
         return 1 if report.num_errors else 0
-
-
-def _console() -> Console:
-    """Writes to stdout; wide enough for the tables where there is no terminal to ask."""
-    from personal_viz.printed import Console
-
-    return Console(file=sys.stdout, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 
 
 def _json_of_report(report: ValidationReport) -> dict[str, Any]:
@@ -85,7 +75,7 @@ def _print_report(report: ValidationReport) -> None:
     table.add_column("check", overflow="fold")
     for check in report.checks:
         _add_check(table, check)
-    _console().print(table)
+    table_console(folds=True).print(table)
     for check in report.checks:
         if check.level != "note" and check.measure.names:
             print(f"row {check.row}, {check.level}, {check.measure.slug}: {_examples(check.measure)}")
@@ -114,7 +104,7 @@ def _cells(measure: Measure) -> tuple[str, ...]:
 
 
 def _share(measure: Measure, split: Split) -> str:
-    """The split's count, with its percentage for units of which a split holds thousands."""
+    """The split's count, with a percentage for units of which a split holds thousands."""
     count = f"{measure.per_split[split]:,}"
     if measure.population is None or "points" not in measure.unit or not measure.population[split]:
         return count

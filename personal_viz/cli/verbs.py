@@ -1,4 +1,4 @@
-"""The command line: one dataclass per verb, parsed by tyro; what is heavy is imported only when a verb works."""
+"""The command line: one dataclass per verb, parsed by tyro; heavy modules are imported only when a verb runs."""
 
 from dataclasses import replace
 from types import NoneType, UnionType
@@ -74,7 +74,7 @@ def parse(arguments: list[str] | None = None) -> Verb:
 
 
 def _registry() -> ConstructorRegistry:
-    """Reads `X | None` as X: nobody types None, and help need not name it; an option that is left out stays None."""
+    """Makes tyro read `X | None` as X: nobody types None, so help need not show it; an option left out stays None."""
     registry = ConstructorRegistry()
 
     @registry.primitive_rule

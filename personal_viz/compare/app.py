@@ -28,7 +28,7 @@ from .rows import sections
 from .wording import Page
 
 VERSION = 1
-"""Raised by whoever changes what an episode's folder holds for the same runs; others' folders are made anew."""
+"""Raise it when the same runs give other files in an episode's folder; older folders are then made anew."""
 PICTURE_WIDTH = 320
 """Of what robots saw, in recordings (pixels): a study's recordings hold millions of pictures."""
 EPISODES = "episodes"

@@ -9,8 +9,8 @@ from recordings.traces import Trace, select_traces
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 from sim.files import write_whole
-from sim.homes.labels import renderer_of
 from sim.homes.open_home import open_scene
+from sim.homes.renderers import renderer_of
 from sim.tasks.run_files import Run
 from sim.tasks.workers import SceneJob
 from sim.types import Camera, EpisodeKey

@@ -1,10 +1,11 @@
 """The same rows as the page, as Markdown: for repositories, chats and readers without a browser."""
 
-from collections.abc import Sequence
+from human_study.report.blocks import markdown_table
+from sim.tasks.metrics import paper_table
 
 from .made import RECORDING, SHEET, THUMBNAIL
 from .rows import UNITS, Means, Row, Section
-from .wording import Page, facts, groups_of, metric_cells, metric_heads, metric_table, trial_name, written
+from .wording import Page, facts, groups_of, trial_name, who_kinds, written
 
 _ESCAPED = frozenset("\\`*_{}[]<>#|~&$")
 """Punctuation that Markdown may read as more than itself; a backslash before it keeps it."""
@@ -27,12 +28,13 @@ def plain(text: str) -> str:
 
 
 def _summary(section: Section) -> str:
-    splits, lines = metric_table(section)
-    heads = ["who", "kind", *(f"{split} {head}" for split in splits for head in metric_heads(section))]
+    table, kinds = paper_table(section.metrics), who_kinds(section)
+    heads = ["who", "kind", *(f"{split} {head}" for split in table.splits for head in table.heads)]
     rows = [
-        [plain(who), kind, *(cell for row in rows for cell in metric_cells(row, section))] for who, kind, rows in lines
+        [plain(line.name), kinds[line.who, line.condition], *(cell for cells in line.cells for cell in cells)]
+        for line in table.lines
     ]
-    return _table(heads, rows, num_text=2)
+    return markdown_table(heads, rows, num_text=2)
 
 
 def _episodes(section: Section) -> str:
@@ -52,7 +54,7 @@ def _episodes(section: Section) -> str:
         rows.append(
             [picture, plain(str(row.key)), plain(row.query), _names(row, True), _names(row, False), links, *figures]
         )
-    return _table(heads, rows, num_text=6)
+    return markdown_table(heads, rows, num_text=6)
 
 
 def _names(row: Row, success: bool) -> str:
@@ -63,9 +65,3 @@ def _names(row: Row, success: bool) -> str:
               f"{'' if trial.success is not None else ' not scored'}: {facts(trial)}")
         for trial in chosen
     )  # fmt: skip
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, num_text: int) -> str:
-    """A table whose first `num_text` columns are text, the others numbers to the right."""
-    rule = ["---"] * num_text + ["---:"] * (len(heads) - num_text)
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in (heads, rule, *rows))

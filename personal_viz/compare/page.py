@@ -6,6 +6,7 @@ from pathlib import Path
 
 import jinja2
 
+from sim.tasks.metrics import paper_table
 from sim.types import SPLITS
 
 from .made import RECORDING, SHEET, THUMBNAIL
@@ -15,11 +16,9 @@ from .wording import (
     agent_name,
     facts,
     groups_of,
-    metric_cells,
-    metric_heads,
-    metric_table,
     success_counts,
     trial_name,
+    who_kinds,
     written,
 )
 
@@ -50,7 +49,7 @@ def page_html(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    said = (agent_name, facts, figure_of, groups_of, metric_cells, metric_heads, metric_table, success_counts)
+    said = (agent_name, facts, figure_of, groups_of, paper_table, success_counts, who_kinds)
     environment.globals |= {tell.__name__: tell for tell in (*said, trial_name, written)}
     environment.globals |= {"SPLITS": SPLITS, "UNITS": UNITS, "FIRST": FIRST, "MANY": MANY, "MARKS": _MARKS}
     environment.globals |= {"RECORDING": RECORDING, "SHEET": SHEET, "THUMBNAIL": THUMBNAIL}

@@ -10,10 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon, Rectangle
 from numpy.typing import NDArray
 
-from recordings.scene import GoalRegion, StoreyMap, storey_map, storeys_of
+from recordings.scene import GoalRegion
 from recordings.traces import Trace
 from sim.frames import forward_from_yaw
 from sim.mesh import Scene
+from sim.plan_view.storey import StoreyMap, storey_map, storeys_of
 from sim.tasks.rules import SUCCESS_RADIUS
 from sim.tasks.run_files import EpisodeRun
 

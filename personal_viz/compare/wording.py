@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 from recordings.texts import NOTICE
-from sim.tasks.metrics import MetricRow
-from sim.types import SPLITS
+from sim.words.english import how_many
 
 from .gathered import Trial
 from .rows import Row, Section
@@ -40,8 +39,9 @@ class Page:
         num_agents = len({(trial.who, trial.condition) for trial in trials if trial.who_kind == "agent"})
         keys = {row.key for section in self.sections for row in section.rows}
         return (
-            f"{len(keys):,} episodes in {len({key.scene for key in keys}):,} homes, {len(trials):,} runs of "
-            f"{num_people:,} people and {num_agents:,} agents."
+            f"{how_many(len(keys), 'episode')} in {how_many(len({key.scene for key in keys}), 'home')}, "
+            f"{how_many(len(trials), 'run')} of {how_many(num_people, 'person', 'people')} and "
+            f"{how_many(num_agents, 'agent')}."
         )
 
 
@@ -70,30 +70,13 @@ def groups_of(section: Section) -> list[tuple[str, str]]:
     return [(name, head) for name, head in GROUPS if has[name]]
 
 
-def metric_heads(section: Section) -> tuple[str, ...]:
-    """Heads of the paper's figures."""
-    return ("SR", "k/n", "SPL", "DTG") if section.task == "pan" else ("SR", "k/n", "top-3")
-
-
-def metric_cells(row: MetricRow | None, section: Section) -> list[str]:
-    """The paper's figures of one row name and split."""
-    if row is None:
-        return [""] * len(metric_heads(section))
-    more = [written(row.spl, 1), written(row.dtg, 2)] if section.task == "pan" else [written(row.top3, 1)]
-    return [written(row.sr, 1), f"{row.k}/{row.n}", *more]
-
-
-def metric_table(section: Section) -> tuple[list[str], list[tuple[str, str, list[MetricRow | None]]]]:
-    """Splits of the paper's table, and per row name its kind and the row of each split."""
-    splits = [split for split in (*SPLITS, "total") if any(row.split == split for row in section.metrics)]
-    kinds = {(trial.who, trial.condition): trial.who_kind for row in section.rows for trial in row.trials}
-    lines = []
-    for name in dict.fromkeys((row.who, row.condition) for row in section.metrics):
-        found = {row.split: row for row in section.metrics if (row.who, row.condition) == name}
-        who = name[0] if name[1] == "none" else f"{name[0]} ({name[1]})"
-        kind = "people" if kinds[name] == "human" else "agent"
-        lines.append((who, kind, [found.get(split) for split in splits]))
-    return splits, lines
+def who_kinds(section: Section) -> dict[tuple[str, str], str]:
+    """`people` or `agent`, by name and condition."""
+    return {
+        (trial.who, trial.condition): "people" if trial.who_kind == "human" else "agent"
+        for row in section.rows
+        for trial in row.trials
+    }
 
 
 def success_counts(row: Row) -> str:

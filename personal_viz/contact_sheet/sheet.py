@@ -16,14 +16,14 @@ from sim.files import write_whole
 from sim.frames import T_world_camera
 from sim.homes.furniture.families import look_of
 from sim.homes.kind import scene_label, scene_terms
-from sim.homes.labels import raycaster_of
 from sim.homes.plan import HomePlan
-from sim.homes.portrait import portrait
+from sim.homes.renderers import raycaster_of
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
 from sim.types import Camera
 
 from .plan import storey_picture
+from .portrait import portrait
 from .views import CROP_SIDE, Crop, category_crops, room_views
 
 NUM_VIEWS = 4
@@ -69,8 +69,8 @@ def portraits(plan: HomePlan) -> list[Tile]:
     for index in order:
         first.setdefault(plan.furniture[index].category, index)
     tiles = []
-    for category, index in sorted(first.items(), key=lambda item: (look_of(item[0])[0], item[0])):
-        family, _ = look_of(category)
+    for category, index in sorted(first.items(), key=lambda item: (look_of(item[0]).family, item[0])):
+        family = look_of(category).family
         words = category if family in category else f"{category} ({family})"
         tiles.append((Image.fromarray(portrait(plan.furniture[index], side=CROP_SIDE)), words))
     return tiles
@@ -106,7 +106,7 @@ def write_crops(folder: Path, scene: Scene, *, seed: int = 0) -> int:
             (
                 name,
                 crop.item.category,
-                look_of(crop.item.category)[0],
+                look_of(crop.item.category).family,
                 crop.item.name,
                 scene.kind,
                 scene_label(scene.kind),

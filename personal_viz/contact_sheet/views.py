@@ -13,8 +13,8 @@ from PIL import Image
 
 from sim.frames import T_world_camera
 from sim.mesh import Scene, SceneObject
-from sim.render.renderer import Frame, Renderer
-from sim.types import Camera, Pose
+from sim.render.renderer import Renderer
+from sim.types import Camera, Frame, Pose
 from sim.walk.viewpoints import view_points_around
 
 CROP_SIDE = 256

@@ -1,6 +1,7 @@
-"""An agent that explores and shows what it has in mind: its map, its frontiers, where it goes and why.
+r"""An agent that explores and shows what it has in mind: its map, its frontiers, where it goes and why.
 
-    personal-viz run --dataset DATA --agent personal_viz.examples.example_2_your_own_agent:make --limit 1 --rerun live
+    personal-viz run --dataset DATA --limit 1 --rerun live \
+        --agent personal_viz.examples.example_2_your_own_agent:ExplainingAgent
 
 It walks to the nearest edge of what it knows, until there is none. All it is told and shows is in the start frame.
 """
@@ -19,6 +20,8 @@ BLOCK = np.ones((3, 3), bool)
 
 class ExplainingAgent:
     """Nearest-frontier exploration on a 10 cm map made from depth."""
+
+    name = "explainer"  # of its runs and of its rows in tables
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Forgets the map."""
@@ -94,6 +97,3 @@ def shortest_way(start: np.ndarray, goals: np.ndarray, walkable: np.ndarray) -> 
         row, col = way[-1] - 1
         way.append(np.argwhere(cells[row : row + 3, col : col + 3])[0] + (row, col))
     return np.array(way[::-1])
-
-
-make = ExplainingAgent

@@ -14,7 +14,7 @@ from personal_viz.examples.example_2_your_own_agent import ExplainingAgent
 from recordings import log_comparison
 from recordings.traces import common_episode
 from sim import Dataset, open_home, play
-from sim.homes.labels import renderer_of
+from sim.homes.renderers import renderer_of
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import Run, read_run
 

@@ -18,7 +18,7 @@ _KNOB_AXES = {
     "view_noise": "view noise: error of each patch's cosine in each view (standard deviation)",
     "object_noise": "object noise: error of each object's cosine (standard deviation)",
     "cell_noise": "cell noise: error of each cell's cosine (standard deviation)",
-    "confusion": "confusion: share of objects that are taken for another one",
+    "confusion": "confusion: share of objects that are mistaken for another one",
     "paraphrase": "captions on the map side",
     "blur": "blur (m)",
 }
@@ -31,7 +31,7 @@ Drawn = dict[str, str | bytes]
 
 
 def distance_figure(table: PogTable) -> Drawn:
-    """Share of episodes answered within so many metres: by the first answer, and by the best of the first three.
+    """Share of episodes answered within each distance: by the first answer, and by the best of the first three.
 
     A line per method; bands are 95 % intervals by home. Rows without the distances of three have no line on the right.
     """

@@ -93,7 +93,7 @@ def failure_gallery(
         runs: Of agents on this dataset; people's are left out.
         dataset: With the episodes.
         beside: Folders that hold the run folders: maps lie there too.
-        per_method: So many are drawn of each method on each map variant, at most.
+        per_method: Most failures that are drawn of each method on each map variant.
         seed: Of the sample, which is the same for the same runs.
 
     Raises:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grounding.maps.files import load_memory
 from grounding.maps.home_map import HomeMemory, ObjectMap
 from grounding.types import FeatureMap, Layers
+from sim.plan_view.heat import heat_colours, heat_shares
 from sim.plan_view.svg import free_floor
 from sim.plan_view.view import PlanView
 from sim.tasks.observers import FREE
@@ -25,10 +26,9 @@ _MARGIN = 1.5
 _GROUND, _CLOSED, _KNOWN = "#f4f4f1", "#d7d7d2", "#e4e9f2"
 _OPAQUE = 0.85
 """Of cells: the floor that a robot saw shines through."""
-_HEAT = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)], float)
 _GOAL, _ANSWER, _OTHER = "#d02020", "#ffffff", "#55555a"
 _NEAR = 2.5
-"""Other objects are named up to so many metres from the answer or the goal; the mouse shows the others' names."""
+"""Metres from the answer or the goal within which other objects are named; the mouse shows the names of the rest."""
 
 
 def failure_svg(item: DrawnFailure) -> str:
@@ -138,9 +138,7 @@ def _boxes(view: PlanView, memory: ObjectMap, layers: Layers | None) -> list[str
 def _heat(scores: NDArray[np.float32]) -> list[str]:
     """Colours from the least (dark blue) to the greatest (yellow); grey where there is none."""
     is_known = np.isfinite(scores)
-    low, high = (float(scores[is_known].min()), float(scores[is_known].max())) if is_known.any() else (0.0, 0.0)
-    share = np.where(is_known, (scores - low) / (high - low) if high > low else 1.0, 0.0)
-    rgb = np.stack([np.interp(share, np.linspace(0, 1, len(_HEAT)), channel) for channel in _HEAT.T], axis=-1)
+    rgb = heat_colours(np.where(is_known, heat_shares(scores), 0.0))
     names = ["#{:02x}{:02x}{:02x}".format(*row) for row in np.round(rgb).astype(int).tolist()]
     return [name if known else _CLOSED for name, known in zip(names, is_known.tolist(), strict=True)]
 

@@ -18,26 +18,23 @@ from playwright.sync_api import Page, expect
 from human_study.design.plan import load_plan
 from human_study.design.study import (
     Condition,
-    StudyChecks,
-    StudyConfig,
-    StudyDataset,
     StudyDesign,
     StudyEthics,
     StudyMemory,
     StudyPog,
     StudyPractice,
     load_study,
-    save_study,
 )
 from sim.authoring.generation import dataset_files, invent_dataset, write_files
 from sim.episodes.dataset import PersonalDataset
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import open_scene, scene_from_plan
 from sim.homes.plan import HomePlan
-from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.plans import recover_plan
 from sim.tasks.run_files import read_run
 from sim.types import Action, EpisodeKey
 
+from ..bots.site import make_pilot
 from ..browse.app import browser_app
 from ..browse.library import open_library
 from ..browser import open_chromium
@@ -45,7 +42,6 @@ from ..cli.verbs import parse
 from ..contact_sheet.sheet import contact_sheet_picture
 from ..study_app.operator.served import ServedStudy, serve_command, served
 from ..study_app.page_script import STATIC
-from ..study_app.study_files import plan_study
 from .rerun_page import screenshot_rrd
 from .simulator import draw_simulator
 
@@ -67,7 +63,7 @@ _INSTRUCTIONS: dict[Condition, str] = {
 """File in `static` that shows a condition, as the templates of `human_study.texts` name it."""
 _PAIRS: tuple[tuple[Condition, Condition], ...] = (("none", "map_open"), ("topdown", "map_first"), ("glb", "map_2d"))
 """Conditions of PAN and POG that are served together."""
-_EXPLORER = "personal_viz.examples.example_2_your_own_agent:make"
+_EXPLORER = "personal_viz.examples.example_2_your_own_agent:ExplainingAgent"
 _KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "d"}
 """What a participant presses; STOP is Enter twice."""
 _METHODS = ("center", "qs", "rpg", "phrase", "joint")
@@ -301,18 +297,15 @@ def _served_study(folder: Path, **choices: Any) -> Iterator[ServedStudy]:
     """
     dataset, study = folder / "dataset", folder / "study"
     invent_dataset(dataset, name="PictureHome", seed=5)
-    config = StudyConfig(
-        study="picture-study",
-        dataset=StudyDataset(
-            sha256=PersonalDataset(dataset).digest(), splits={"easy": 4}, stratify="none", max_per_scene=None
-        ),
+    make_pilot(
+        study,
+        dataset,
+        name="picture-study",
+        splits={"easy": 4},
         design=StudyDesign(kind="crossed", raters_per_episode=1),
-        checks=StudyChecks(every=None),
         ethics=StudyEthics(institution="Example University", contact="study@example.org", duration_min=30),
         **choices,
     )
-    save_study(study, config)
-    plan_study(study, dataset, None, pilot=True)
     with served(serve_command(study, dataset, workers=1)) as program:
         yield program
 
@@ -326,7 +319,7 @@ def _run_agent(agent: str, dataset: Path, runs: Path, *more: str, seed: int = 1)
 
 
 def _work(*arguments: str) -> None:
-    if parse(list(arguments)).work():
+    if parse(list(arguments)).run():
         raise RuntimeError(f"personal-viz {' '.join(arguments)} failed")
 
 

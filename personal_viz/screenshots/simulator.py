@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from sim.episodes.schema import Episode
 from sim.frames import T_world_camera, yaw_towards
-from sim.homes.labels import raycaster_of
+from sim.homes.renderers import raycaster_of
 from sim.mesh import Scene
 from sim.tasks.rules import success_region
 from sim.types import STOREY_GAP, Camera, Pose

@@ -1,13 +1,19 @@
-"""The script in a participant's page and the messages that it sends: `static/page.js`, typed on this side.
+"""The script in a participant's page, `static/page.js`, and types for the messages that it sends.
 
-viser offers no way to run a script or to hear of a page's focus; like `browse.messages` we put a script into an HTML
-element and let it type into a hidden text input. What arrives is checked here; nothing in it is trusted.
+viser offers no way to run a script or to learn of a page's focus. Like `browse.messages`, we put a script into an HTML
+element and let it type into a hidden text input. Its messages are checked here and never trusted.
+
+A page keeps viser's client and our script for as long as it is open, but a study that was updated and is served again
+may use other messages. So a page knows its version, from `static/updated.js` and its websocket's address.
 """
 
 import functools
+import hashlib
 import json
+import re
 import secrets
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,8 +21,15 @@ import msgspec
 import viser
 
 STATIC = Path(__file__).parent / "static"
+VISER_CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
+PAGE_FILES = ("page.js", "tokens.css", "page.css", "updated.js")
+"""Files of `static` in a page, besides viser's client."""
+SUBPROTOCOL = f"viser-v{viser.__version__}"
+"""Websocket subprotocol that viser's client of this version asks for."""
+_VERSION_PLACE = "PAGE_VERSION"
+"""Placeholder for the version in `updated.js`."""
 LABEL = "messages of this page"
-"""By which the script finds its input; viser sends no ids to scripts."""
+"""Label by which the script finds its input, because viser sends no ids to scripts."""
 KEY_PATTERN = r"^(Key[A-Z]|Digit[0-9]|Numpad[0-9]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)\Z"
 Number = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 Milliseconds = Annotated[float, msgspec.Meta(ge=0, le=1e12)]
@@ -27,13 +40,13 @@ KeyAction = Literal["forward", "left", "right", "look_up", "look_down", "stop"]
 
 class _Said(msgspec.Struct, frozen=True, tag_field="kind", forbid_unknown_fields=True):
     n: Number
-    """Place among this page's messages, from 1; 0 = sent once, without an answer."""
+    """Number of the message within this page, from 1; 0 = sent once, without an answer."""
     t_cli_ms: Milliseconds
-    """The browser's `performance.now`."""
+    """Time by the browser's `performance.now`."""
 
 
 class Device(_Said, frozen=True, tag="device"):
-    """What the page has to work with; first message of each connection, and after each resize."""
+    """The page's size and abilities; the first message of each connection, repeated after each resize."""
 
     webgl2: bool
     width: Pixels
@@ -54,23 +67,23 @@ class PageTold(_Said, frozen=True, tag="page"):
 
 
 class RoundTrip(_Said, frozen=True, tag="round_trip"):
-    """How long a message and its acknowledgement took."""
+    """The time that a message and its acknowledgement took."""
 
     ms: Milliseconds
 
 
 class Ping(_Said, frozen=True, tag="ping"):
-    """Is somebody there?"""
+    """The question whether the server is there."""
 
 
 class OwnKeys(_Said, frozen=True, tag="keys"):
-    """The participant chose these keys; actions that are not named keep theirs."""
+    """The keys that the participant chose; other actions keep theirs."""
 
     keys: dict[KeyAction, KeyCode]
 
 
 class Told(_Said, frozen=True, tag="told"):
-    """A button of our own HTML (`data-tell`) was pressed."""
+    """The press of a button in our own HTML (`data-tell`)."""
 
     name: Annotated[str, msgspec.Meta(max_length=32)]
 
@@ -85,7 +98,7 @@ class _Letter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def said_in(text: str, *, seat: str) -> tuple[Said, ...]:
-    """The messages in what the hidden input holds; () when they are damaged or of another connection."""
+    """The messages in the text of the hidden input; () when they are damaged or belong to another connection."""
     try:
         letter = msgspec.json.decode(text, type=_Letter)
     except msgspec.MsgspecError:
@@ -94,15 +107,15 @@ def said_in(text: str, *, seat: str) -> tuple[Said, ...]:
 
 
 class PageMessages:
-    """What the script in one connection's page tells."""
+    """Receives the messages of the script in one connection's page."""
 
     def __init__(self, client: viser.ClientHandle, listen: Listen, *, actions: Sequence[KeyAction]) -> None:
-        """Hears nothing yet; call `begin` when the participant's keys are known.
+        """Receives nothing yet; call `begin` when the participant's keys are known.
 
         Args:
             client: The connection.
-            listen: Told each message once, in order, on viser's event loop: it must only put it on a queue.
-            actions: What the participant has keys for.
+            listen: Called with each message once, in order, on viser's event loop; it may only put it on a queue.
+            actions: Actions for which the participant has keys.
         """
         self._client, self._listen = client, listen
         self._actions = tuple(actions)
@@ -130,21 +143,21 @@ class PageMessages:
 
 @functools.cache
 def script() -> str:
-    """`static/page.js`."""
+    """The text of `static/page.js`."""
     return (STATIC / "page.js").read_text(encoding="utf-8")
 
 
 @functools.cache
 def style_sheet() -> str:
-    """`static/tokens.css` and `static/page.css`."""
+    """The text of `static/tokens.css` and `static/page.css`."""
     return "".join((STATIC / name).read_text(encoding="utf-8") for name in ("tokens.css", "page.css"))
 
 
 def page_html(*, panel_width: int) -> str:
-    """HTML that puts style sheet and script into a page, once for each connection.
+    """HTML that puts the style sheet and the script into a page, once for each connection.
 
     Args:
-        panel_width: Pixels of the side panel.
+        panel_width: Width of the side panel, pixels.
     """
     return f"<style>:root {{ --personal-panel: {panel_width}px; }}\n{style_sheet()}</style>{_runs(script())}"
 
@@ -155,21 +168,46 @@ def when_shown(call: Literal["shown", "refresh", "reload", "goOn"]) -> str:
 
 
 def sign_html(text: str, number: int) -> str:
-    """HTML that has the script show a line over the picture; empty text = takes it away.
+    """HTML that makes the script show a line over the picture; an empty text removes the line.
 
     Args:
         text: Plain text.
-        number: Another one has the same text shown and read aloud again.
+        number: A different number makes the same text be shown and read aloud again.
     """
     return _runs(_call(f"sign({json.dumps(text)},{number})"))
 
 
+@functools.cache
+def page_version() -> str:
+    """12 hex digits of a hash of this program's version, viser's, and every file of a page."""
+    hashed = hashlib.sha256(f"{version('personal-viz')} {viser.__version__}".encode())
+    for path in (VISER_CLIENT, *(STATIC / name for name in PAGE_FILES)):
+        hashed.update(hashlib.sha256(path.read_bytes()).digest())
+    return hashed.hexdigest()[:12]
+
+
+def page_of(served: str) -> bytes:
+    """viser's client with our script, which knows its version and checks whether it is still the served one."""
+    assert re.fullmatch(r"[\w.-]{1,64}", served, re.ASCII), served
+    script = (STATIC / "updated.js").read_text(encoding="utf-8").replace(_VERSION_PLACE, served)
+    client = VISER_CLIENT.read_bytes()
+    head, begin, rest = client.partition(b"<head>")
+    assert begin, f"{VISER_CLIENT}: found no <head>"
+    return b"".join((head, begin, b"<script>", script.encode(), b"</script>", rest))
+
+
+def is_other_viser(offered: Iterable[str]) -> bool:
+    """Whether a websocket asks for viser's protocol, but not for that of this version."""
+    asked = [name for name in offered if name.startswith("viser-v")]
+    return bool(asked) and SUBPROTOCOL not in asked
+
+
 def _call(call: str) -> str:
-    """A call of the script, as soon as the page has it."""
+    """JavaScript that calls the page's script as soon as the page has it."""
     return f"(function go(){{window.personalPage?window.personalPage.{call}:setTimeout(go,20)}})()"
 
 
 def _runs(source: str) -> str:
-    """An invisible picture that cannot be loaded, whose error handler is the script."""
+    """HTML that runs a script: an invisible picture that cannot be loaded, with the script as its error handler."""
     source = source.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;").replace(">", "&gt;")
     return f'<img src="data:," style="display:none" alt="" onerror="{source}">'

@@ -1,4 +1,4 @@
-"""`secrets.toml` of a study: what people show the recruiting platform. Written by the researcher, never exported."""
+"""`secrets.toml` of a study: codes for the recruiting platform, written by the researcher and never exported."""
 
 import hashlib
 import hmac
@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from human_study.store.stages import Stage
+from human_study.store.record_types import Stage
 from sim.errors import StudyError, line_from_validation_error
 
 CODES_FILE = "secrets.toml"
@@ -23,11 +23,11 @@ class ProlificCodes(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     completion: _Code
-    """For who finished."""
+    """Code for people who finished."""
     screen_out: _Code | None = None
-    """For who cannot take part, or found the study full."""
+    """Code for people who cannot take part, or find the study full."""
     no_consent: _Code | None = None
-    """For who declined."""
+    """Code for people who declined."""
 
 
 class RecruitCodes(BaseModel):
@@ -38,7 +38,7 @@ class RecruitCodes(BaseModel):
 
 
 def load_recruit_codes(folder: Path) -> RecruitCodes:
-    """The codes of a study folder; none when there is no file.
+    """The codes of a study folder; empty when there is no file.
 
     Raises:
         StudyError: The file is not TOML or holds something else.
@@ -56,25 +56,25 @@ def load_recruit_codes(folder: Path) -> RecruitCodes:
 
 @dataclass(frozen=True, slots=True)
 class EndCode:
-    """What a participant gets at the end."""
+    """The code that a participant gets at the end."""
 
     code: str | None = None
     url: str | None = None
-    """The platform's page that takes it."""
+    """The platform's page that takes the code."""
 
 
 def end_code(codes: RecruitCodes, key: bytes, code: str, ending: Stage) -> EndCode:
-    """What a participant gets who ended by this stage.
+    """The code for a participant who ended by this stage.
 
     Args:
-        codes: Of the platform that people come from, if any.
-        key: The study's own.
-        code: Of the participant.
-        ending: `finished`, or how the participant left.
+        codes: Codes of the platform that people come from, if any.
+        key: The study's own key.
+        code: The participant.
+        ending: `finished`, or the stage by which the participant left.
 
     Returns:
-        The platform's code and page; without a platform a code of our own for those who finished. Nothing for those
-        who withdrew: platforms ask them to give their place back.
+        The platform's code and page; without a platform, a code of our own for people who finished. People who withdrew
+        get nothing: platforms ask them to give their place back.
     """
     if codes.prolific is None:
         return EndCode(_own_code(key, code)) if ending == "finished" else EndCode()

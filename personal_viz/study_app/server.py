@@ -19,20 +19,18 @@ from human_study.design.plan import PRACTICE_FOLDER, StudyScene, load_plan
 from human_study.design.study import StudyConfig, load_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import MissingDependencyError, PersonalVizError, StudyError
-from sim.homes.labels import renderer_of
 from sim.homes.open_home import open_scene
+from sim.homes.renderers import renderer_of
 from sim.tasks.pog import PogScene
 from sim.tasks.rules import scene_storeys
 
 from .home.frames import Frames, RenderThreads
-from .home.home import Home, pan_env
-from .home.homes import HomeLibrary
+from .home.homes import Home, HomeLibrary, pan_env
 from .home.scene_view import StoreyCopies
 from .screens.seat import Seat, Study
 from .store_link import StoreLink
-from .viser_threads import make_updates_safe
 from .watch import Watches
-from .worker_door import WorkerDoor, open_door
+from .worker_door import WorkerDoor, make_updates_safe, open_door
 
 
 def main() -> None:
@@ -53,10 +51,10 @@ def main() -> None:
         study = open_study(
             options.study, options.dataset, options.scenes_dir, rerun=options.rerun, with_pixels=options.with_pixels
         )
-        with study.homes.use(study.plan.scenes[0].name):  # what cannot be opened at all is told before anybody comes
+        with study.homes.use(study.plan.scenes[0].name):  # fails, if at all, before anybody comes
             server, door = serve(study, link)
     except PersonalVizError as error:
-        with contextlib.suppress(StudyError):  # the gateway, once told, does not wait for our thanks
+        with contextlib.suppress(StudyError):  # the gateway may close before it answers
             link.tell_failed(str(error))
         sys.exit(1)
     link.on_warm = study.homes.warm
@@ -72,10 +70,10 @@ def open_study(
     """A study with a library of its homes, of which none is open yet.
 
     Args:
-        folder: Of the study.
-        dataset: Of the counted trials; those of practice are in the study's folder.
-        scenes_dir: Of licensed scans.
-        rerun: What a researcher sees: a folder or a viewer's address.
+        folder: The study's folder.
+        dataset: The dataset of the counted trials; practice episodes are in the study's folder.
+        scenes_dir: The folder of licensed scans.
+        rerun: A folder or a viewer's address, to which trials are streamed for a researcher.
         with_pixels: As in `RerunObserver`.
 
     Raises:
@@ -109,7 +107,7 @@ def open_home(
     with_pixels: bool = False,
     is_pilot: bool = False,
 ) -> Home:
-    """One of the study's homes with all that participants need of it, and what a researcher sees.
+    """One of the study's homes with everything that its participants and a watching researcher need.
 
     Raises:
         PersonalVizError: Scene or episodes cannot be read, or a system library is missing.
@@ -143,7 +141,7 @@ def open_home(
 def serve(study: Study, link: StoreLink) -> tuple[viser.ViserServer, WorkerDoor]:
     """A viser server behind a door that gives every admitted connection a seat."""
     server, door = open_door()
-    server.scene.set_up_direction("+y")  # before any camera is placed: the browser turns cameras with the scene
+    server.scene.set_up_direction("+y")  # before any camera is placed, because the browser turns cameras with the scene
     seats: dict[int, Seat] = {}
 
     @server.on_client_connect
@@ -170,7 +168,7 @@ def serve(study: Study, link: StoreLink) -> tuple[viser.ViserServer, WorkerDoor]
 
 
 def address_of(server: viser.ViserServer, client_id: int) -> tuple[str, int]:
-    """Ticket and number in a connection's URL, `("", 0)` = none (private API of the pinned viser; a test watches)."""
+    """Ticket and number in a connection's URL, or `("", 0)` (private API of the pinned viser; a test watches it)."""
     connection = server._websock_server._live_connections.get(client_id)
     request = connection.request if connection is not None else None
     asked = parse_qs(urlsplit(request.path).query) if request is not None else {}

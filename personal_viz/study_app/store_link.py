@@ -16,7 +16,7 @@ import msgspec
 from pydantic import TypeAdapter
 
 from human_study.journey import AssignedTrial, Person
-from human_study.store.stages import Stage
+from human_study.store.record_types import Stage
 from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.trial.events import Event, event_from_json, event_to_json
@@ -29,36 +29,36 @@ _ERRORS: dict[str, type[StudyError]] = {
     kind.__name__: kind for kind in (StudyError, StoreFullError, SupersededError, TrialEndedError)
 }
 WARM = 0
-"""Number of a reply that nobody asked for: the scene of a home to open before it is needed."""
+"""Number of a reply without a request: the scene of a home to open before it is needed."""
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
 
 
 class Ready(msgspec.Struct, tag=True, frozen=True):
-    """The worker serves behind this door."""
+    """Message: the worker serves behind this door."""
 
     door: WorkerDoor
 
 
 class Failed(msgspec.Struct, tag=True, frozen=True):
-    """The worker cannot start; the message is for the person at the terminal."""
+    """Message: the worker cannot start, with a text for the person at the terminal."""
 
     message: str
 
 
 class WhoHolds(msgspec.Struct, tag=True, frozen=True):
-    """Whose ticket is it?"""
+    """Request: the participant who holds a ticket."""
 
     ticket: str
 
 
 class AskPerson(msgspec.Struct, tag=True, frozen=True):
-    """Where the participant is in the study."""
+    """Request: the participant's place in the study."""
 
     code: str
 
 
 class EnterStage(msgspec.Struct, tag=True, frozen=True):
-    """The participant reached a stage."""
+    """Request: store that the participant reached a stage."""
 
     code: str
     stage: Stage
@@ -66,19 +66,19 @@ class EnterStage(msgspec.Struct, tag=True, frozen=True):
 
 
 class Withdraw(msgspec.Struct, tag=True, frozen=True):
-    """The participant withdraws."""
+    """Request: withdraw the participant."""
 
     code: str
 
 
 class NextTrial(msgspec.Struct, tag=True, frozen=True):
-    """The participant's trial that is due."""
+    """Request: the participant's trial that is due."""
 
     code: str
 
 
 class OpenTrial(msgspec.Struct, tag=True, frozen=True):
-    """Begin or take over a trial."""
+    """Request: begin or take over a trial."""
 
     code: str
     order_no: int
@@ -86,13 +86,13 @@ class OpenTrial(msgspec.Struct, tag=True, frozen=True):
 
 
 class ListEvents(msgspec.Struct, tag=True, frozen=True):
-    """All stored events of a trial."""
+    """Request: all stored events of a trial."""
 
     trial_id: str
 
 
 class AppendEvents(msgspec.Struct, tag=True, frozen=True):
-    """Store events together."""
+    """Request: store events together."""
 
     trial_id: str
     epoch: int
@@ -100,7 +100,7 @@ class AppendEvents(msgspec.Struct, tag=True, frozen=True):
 
 
 class FinishTrial(msgspec.Struct, tag=True, frozen=True):
-    """Close a trial with its outcome."""
+    """Request: close a trial with its outcome."""
 
     trial_id: str
     outcome: str
@@ -129,7 +129,7 @@ class Letter(msgspec.Struct, frozen=True):
 
 
 class Reply(msgspec.Struct, frozen=True):
-    """Its answer: a value as JSON, or an error."""
+    """The answer to a request: a value as JSON, or an error."""
 
     number: int
     value: msgspec.Raw = msgspec.Raw(b"null")
@@ -149,23 +149,23 @@ class StoreLink:
         self._lock = threading.Lock()
         self.is_closed = threading.Event()
         self.on_warm: Callable[[str], None] = lambda _: None
-        """Told the scene of a home that somebody will soon need."""
+        """Called with the scene of a home that somebody will soon need."""
         threading.Thread(target=self._listen, daemon=True, name="store-link").start()
 
     def tell_ready(self, door: WorkerDoor) -> None:
-        """Tell the gateway where the worker listens, and its secret."""
+        """Tells the gateway where the worker listens, and its secret."""
         self._ask(Ready(door))
 
     def tell_failed(self, message: str) -> None:
-        """Tell the gateway why the worker cannot start."""
+        """Tells the gateway why the worker cannot start."""
         self._ask(Failed(message))
 
     def code_of_ticket(self, ticket: str) -> str | None:
-        """Participant who holds a ticket, None if nobody does."""
+        """Code of the participant who holds a ticket; None if nobody does."""
         return msgspec.json.decode(self._ask(WhoHolds(ticket)), type=str | None)
 
     def person(self, code: str) -> Person:
-        """Where the participant is in the study."""
+        """The participant's place in the study."""
         return msgspec.json.decode(self._ask(AskPerson(code)), type=Person)
 
     def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
@@ -177,7 +177,7 @@ class StoreLink:
         self._ask(Withdraw(code))
 
     def next_trial(self, code: str) -> AssignedTrial | None:
-        """The trial that is due, None when there is nothing (more) to do (`StudyStore.next_trial`)."""
+        """The trial that is due; None when there is nothing (more) to do (`StudyStore.next_trial`)."""
         return msgspec.json.decode(self._ask(NextTrial(code)), type=AssignedTrial | None)
 
     def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
@@ -251,9 +251,10 @@ class StoreService:
         Args:
             connection: Our end of the socket pair.
             store: Owned by the gateway.
-            code_of_ticket: Participant who holds a ticket.
-            client_profile: What a participant's browser can do, coarsely; stored with each sitting. None = not known.
-            on_end: Called once when the worker is gone, whoever ended it.
+            code_of_ticket: Returns the participant who holds a ticket.
+            client_profile: Returns the coarse profile of a participant's browser, which is stored with each sitting;
+                None = not known.
+            on_end: Called once when the worker has ended, for any reason.
         """
         self._connection = connection
         self._store = store
@@ -274,7 +275,7 @@ class StoreService:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def warm(self, scene: str) -> None:
-        """Has the worker open a home that somebody will soon need; returns at once."""
+        """Asks the worker to open a home that somebody will soon need; returns at once."""
         self._send(Reply(WARM, msgspec.Raw(msgspec.json.encode(scene))))
 
     def _send(self, reply: Reply) -> None:
@@ -299,7 +300,7 @@ class StoreService:
             reply = Reply(letter.number, msgspec.Raw(msgspec.json.encode(self._value(letter.request))))
         except StudyError as error:
             reply = Reply(letter.number, error=type(error).__name__, message=str(error))
-        except Exception as error:  # a live session's door: whoever waits at the other end must get an answer
+        except Exception as error:  # a live session's door: the other end waits for an answer
             traceback.print_exc()
             reply = Reply(letter.number, error="StudyError", message=f"the store failed: {error!r}")
         self._send(reply)
@@ -320,9 +321,7 @@ class StoreService:
             case Withdraw(code=code):
                 self._store.withdraw(code)
             case NextTrial(code=code):
-                if self._store.next_trial(code) is None:
-                    return None
-                return self._store.person(code).due
+                return self._store.next_trial(code)
             case OpenTrial(code=code, order_no=order_no, connection=connection):
                 return self._store.open_trial(code, order_no, connection=connection)
             case ListEvents(trial_id=trial_id):

@@ -27,7 +27,7 @@ _IN_VIEW = 0.004
 
 
 def plan_study(folder: Path, dataset: Path, scenes_dir: Path | None, *, pilot: bool) -> StudyPlan:
-    """The plan of a study folder, written.
+    """Makes the plan of a study folder, writes it and returns it.
 
     Raises:
         PersonalVizError: The study file, the dataset or a home cannot be used.
@@ -52,12 +52,12 @@ def plan_study(folder: Path, dataset: Path, scenes_dir: Path | None, *, pilot: b
 
 
 def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
-    """Refuses texts that were changed after the plan, and open places that an earlier version planned.
+    """Refuses texts that were changed after the plan, and texts with places to fill in that an earlier version allowed.
 
     A study that has begun keeps its texts.
 
     Raises:
-        StudyError: Names the file.
+        StudyError: A text was changed or is not filled in; the message names the file.
     """
     for name, expected in made.texts.items():
         path = folder / name
@@ -76,7 +76,7 @@ def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
 
 
 def _practice(folder: Path, config: StudyConfig) -> Practice | None:
-    """Practice and attention trials in an invented home outside the pool, made from the study's seed."""
+    """Practice and attention trials in an invented home outside the study's pool, made from the study's seed."""
     wanted = sum(config.practice.pan if task == "pan" else config.practice.pog for task in config.task)
     if not wanted and config.checks.every is None:
         return None
@@ -99,8 +99,8 @@ def _practice(folder: Path, config: StudyConfig) -> Practice | None:
 def _by_view(dataset: PersonalDataset, config: StudyConfig) -> list[tuple[EpisodeKey, float]]:
     """Episodes of the practice home with the share of the first picture that their target fills, largest first."""
     from sim.frames import T_world_camera
-    from sim.homes.labels import renderer_of
     from sim.homes.open_home import open_scene
+    from sim.homes.renderers import renderer_of
 
     scene = open_scene(dataset, PRACTICE_HOME)
     renderer = renderer_of(scene)

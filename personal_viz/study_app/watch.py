@@ -1,7 +1,7 @@
-"""What a researcher sees of participants while they take part: stored events go to observers, on threads of their own.
+"""Lets a researcher watch participants while they take part: stored events go to observers, on threads of their own.
 
-Participants wait for none of it: a seat hands over what is stored and shown already, and an observer that fails, or is
-too slow, is told nothing more of that trial. Nothing comes back from here.
+Participants never wait for this: a seat hands over events that are stored and shown already, and an observer that fails
+or is too slow is told nothing more of that trial. Nothing comes back from here.
 """
 
 import contextlib
@@ -22,13 +22,13 @@ from sim.tasks.run_files import Answer, ClickRay, EpisodeRun, Vector3
 from sim.types import Observation
 
 MAX_WAITING = 200
-"""Calls that may wait for an observer; a step's picture and depth are 2 MB."""
+"""Most calls that may wait for an observer; a step's picture and depth take 2 MB."""
 CLOSE_S = 5.0
-"""Longest wait for what observers have left to do when the program ends."""
+"""Longest wait for the observers' remaining work when the program ends."""
 
 
 class AnswerObserver(Protocol):
-    """What is told of a POG trial as it happens; times are seconds since the trial's start."""
+    """Receives a POG trial as it happens; times are seconds since the trial's start."""
 
     def on_reset(self, episode: Episode) -> None:
         """The trial begins."""
@@ -51,24 +51,24 @@ class Observers(Protocol):
     """Makes an observer for each trial."""
 
     def of_walk(self, trial: Trial) -> Observer:
-        """Of a PAN trial."""
+        """The observer of a PAN trial."""
         ...
 
     def of_answer(self, trial: Trial) -> AnswerObserver:
-        """Of a POG trial."""
+        """The observer of a POG trial."""
         ...
 
 
 class Watches:
-    """All participants of a worker, each with a thread that tells of one trial after the other."""
+    """The watched participants of a worker, each with a thread that reports one trial after the other."""
 
     def __init__(self, observers: Observers | None = None, *, make_env: Callable[[Episode], PanEnv]) -> None:
-        """No thread is started before a trial begins.
+        """Starts no thread before a trial begins.
 
         Args:
-            observers: None = nobody watches, nothing is done.
-            make_env: A twin of the environment that a participant walks in, at its start: it shows the observer of a
-                resumed trial what the participant saw before.
+            observers: Makes the observers; None = nobody watches, and nothing is done.
+            make_env: Makes a copy of the participant's environment at its start. It shows the observer of a resumed
+                trial the steps that the participant saw before.
         """
         self._observers, self._make_env = observers, make_env
         self._threads: dict[str, _WatchThread] = {}
@@ -80,10 +80,10 @@ class Watches:
         """A participant begins a trial, or comes back to it.
 
         Args:
-            trial: Which; watches of the participant's earlier trials end.
-            episode: With its targets: observers are the researcher's.
-            events: All that are stored so far.
-            observation: PAN: what the robot senses now.
+            trial: The trial; watches of the participant's earlier trials end.
+            episode: The episode, with its targets, because observers are for the researcher.
+            events: All events stored so far.
+            observation: The robot's present observation, for PAN.
         """
         observers = self._observers
         if observers is None:
@@ -108,37 +108,37 @@ class Watches:
         return watch
 
     def close(self) -> None:
-        """Returns when observers have been told everything, or after CLOSE_S."""
+        """Waits until observers have been told everything, at most CLOSE_S."""
         for thread in self._threads.values():
             thread.close()
 
 
 class TrialWatch:
-    """One trial, as a seat tells of it: none of these calls waits, and none raises."""
+    """The watch of one trial, which a seat calls: no call waits, and none raises."""
 
     def __init__(self, thread: "_WatchThread | None" = None) -> None:
-        """Use `Watches.begin`; without a thread nobody watches."""
+        """For `Watches.begin` only; without a thread nobody watches."""
         self._thread = thread
 
     def tell(self, events: Sequence[Event], observation: Observation | None = None) -> None:
-        """These events are stored and their view is shown; `observation` is what the robot senses after them."""
+        """Reports events that are stored and shown; `observation` is the robot's observation after them."""
         if self._thread is not None:
             self._thread.put(_Tell(self, lambda teller: teller.tell(events, observation)))
 
     def end(self, result: EpisodeRun | Answer | None) -> None:
-        """The trial is over and stored; None = a failure of ours ended it, and there is no result."""
+        """Reports that the trial is over and stored; None = a failure of ours ended it without a result."""
         if self._thread is not None and result is not None:
             self._thread.put(_Tell(self, lambda teller: teller.end(result)))
         self.leave()
 
     def leave(self) -> None:
-        """Nothing more will be told: the participant is gone, or the trial is over."""
+        """Reports that nothing more will come: the participant is gone, or the trial is over."""
         if self._thread is not None:
             self._thread.put(_Leave(self))
 
 
 class _Teller(Protocol):
-    """An observer of either task, told in the study's words."""
+    """Reports a trial of either task to its observer, from the study's events."""
 
     def tell(self, events: Sequence[Event], observation: Observation | None) -> None: ...
 
@@ -146,14 +146,14 @@ class _Teller(Protocol):
 
 
 class _WalkTeller:
-    """Tells an `Observer` of a PAN trial."""
+    """Reports a PAN trial to an `Observer`."""
 
     def __init__(self, observer: Observer) -> None:
         self._observer = observer
         self._began_s = 0.0
 
     def begin(self, episode: Episode, events: Sequence[Event], observation: Observation, *, env: PanEnv) -> None:
-        """The start and, in a resumed trial, every step so far, as the participant saw it."""
+        """Reports the start and, in a resumed trial, every step so far as the participant saw it."""
         self._began_s = task_began_s(events)
         steps = walked_steps(events)
         self._observer.on_reset(episode, env.reset() if steps else observation)
@@ -176,13 +176,13 @@ class _WalkTeller:
 
 
 class _AnswerTeller:
-    """Tells an `AnswerObserver` of a POG trial."""
+    """Reports a POG trial to an `AnswerObserver`."""
 
     def __init__(self, observer: AnswerObserver) -> None:
         self._observer = observer
 
     def begin(self, episode: Episode, events: Sequence[Event]) -> None:
-        """The start and, in a resumed trial, every storey and mark so far."""
+        """Reports the start and, in a resumed trial, every storey and mark so far."""
         self._observer.on_reset(episode)
         self.tell(events, None)
 
@@ -200,7 +200,7 @@ class _AnswerTeller:
 
 @dataclass(frozen=True, slots=True)
 class _Begin:
-    """From now on only this trial's calls count."""
+    """Item of the queue: a trial begins, and from now on only its calls count."""
 
     watch: TrialWatch
     open_teller: Callable[[], _Teller]
@@ -208,7 +208,7 @@ class _Begin:
 
 @dataclass(frozen=True, slots=True)
 class _Tell:
-    """Something happened in a trial."""
+    """Item of the queue: something happened in a trial."""
 
     watch: TrialWatch
     call: Callable[[_Teller], None]
@@ -216,13 +216,13 @@ class _Tell:
 
 @dataclass(frozen=True, slots=True)
 class _Leave:
-    """A trial's observer is let go."""
+    """Item of the queue: a trial's observer is let go."""
 
     watch: TrialWatch
 
 
 class _WatchThread:
-    """One participant's trials in their order, whichever seats they come from."""
+    """Reports one participant's trials in order, from any of the participant's seats."""
 
     def __init__(self, code: str) -> None:
         self._code = code
@@ -244,7 +244,7 @@ class _WatchThread:
             self._complain(f"is {MAX_WAITING} calls behind")
 
     def close(self) -> None:
-        """Lets the thread do what waits, and end."""
+        """Lets the thread do its waiting items and end."""
         with contextlib.suppress(queue.Full):
             self._items.put(None, timeout=CLOSE_S)
             self._thread.join(CLOSE_S)
@@ -261,7 +261,7 @@ class _WatchThread:
 
     def _take(self, item: _Begin | _Tell | _Leave) -> None:
         if isinstance(item, _Begin):
-            self._present, self._teller = item.watch, None  # lets go of the one before first: they may share a file
+            self._present, self._teller = item.watch, None  # lets go of the previous one: they may share a file
             self._teller = item.open_teller()
         elif item.watch is self._present and self._teller is not None:
             if isinstance(item, _Tell):

@@ -24,7 +24,7 @@ class RerunObservers:
         """Opens nothing yet.
 
         Args:
-            scene: The study's home.
+            scene: The home of the trials.
             config: The study.
             where: A folder, or the address of a viewer (`rerun+http://HOST:PORT/proxy`).
             with_pixels: Whether geometry, maps and pictures of a licensed scan are shown.
@@ -34,7 +34,7 @@ class RerunObservers:
         self._is_pilot = is_pilot
 
     def of_walk(self, trial: Trial) -> RerunObserver:
-        """Of a PAN trial."""
+        """The observer of a PAN trial."""
         return RerunObserver(
             self._scene,
             self._sink(trial),
@@ -45,7 +45,7 @@ class RerunObservers:
         )
 
     def of_answer(self, trial: Trial) -> AnswerObserver:
-        """Of a POG trial."""
+        """The observer of a POG trial."""
         return AnswerObserver(
             self._scene,
             self._sink(trial),
@@ -55,7 +55,7 @@ class RerunObservers:
         )
 
     def run_info(self, trial: Trial) -> RunInfo:
-        """Who takes part, as `personal-viz study export` writes it but for the code, which is the study's own here."""
+        """The `run.json` that `personal-viz study export` writes, but with the participant's code in the study."""
         return trial_run_info(
             self._config,
             StudyScene(name=self._scene.name, kind=self._scene.kind, clutter=self._scene.clutter),
@@ -68,9 +68,9 @@ class RerunObservers:
         )
 
     def _sink(self, trial: Trial) -> LiveSink:
-        """The viewer, or the trial's own file: two participants may do the same episode."""
+        """A sink to the viewer, or to the trial's own file, because two participants may do the same episode."""
         if "://" in self._where:
-            # recordings of one application share a layout, and of one id their entities: each participant has an own
+            # recordings of one application share a layout, so each participant and task has its own application
             return LiveSink("address", self._where, application_id=f"{APPLICATION_ID} {trial.code}-{trial.task}")
         split, scene, episode_id = trial.key
         return LiveSink("file", str(Path(self._where) / f"{trial.code}-{split}-{scene}-{episode_id}.rrd"))

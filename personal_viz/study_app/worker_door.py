@@ -1,8 +1,10 @@
-"""The door of a viser worker: a loopback port that opens to those who know the worker's secret, which is the gateway.
+"""The door of a viser worker: a loopback port that opens only to the gateway, which knows the worker's secret.
 
-Loopback keeps other machines out, but not other users and programs of this one; viser asks nobody who they are.
+Loopback keeps out other machines, but not other users and programs of this one, and viser has no login. Two more gaps
+of the pinned viser are closed here: its public tunnel, and threads that change a page.
 """
 
+import asyncio
 import functools
 import hmac
 import http
@@ -19,27 +21,28 @@ from websockets.http11 import Request, Response
 
 if TYPE_CHECKING:
     import viser
+    from viser.infra._async_message_buffer import AsyncMessageBuffer
 
 SECRET_HEADER = "X-Worker-Secret"
 _Process = Callable[[ServerConnection, Request], Response | None]
 _making = threading.Lock()
 _logger = logging.getLogger("personal_viz.study_app.worker_door")
-"""Of viser's websockets."""
+"""Logger of viser's websockets."""
 
 
 class WorkerDoor(msgspec.Struct, frozen=True):
-    """Where a worker listens, and what it wants to hear."""
+    """The port where a worker listens, and its secret."""
 
     port: int
     secret: str
-    """Sent as `SECRET_HEADER` with each request; known to the worker and the gateway, and never on disk."""
+    """Secret that each request sends as `SECRET_HEADER`; known to the worker and the gateway, and never on disk."""
 
 
 def open_door() -> "tuple[viser.ViserServer, WorkerDoor]":
     """A viser server on a free loopback port that refuses every request without its new secret, and opens no tunnel.
 
-    viser 1.1.1 takes no such check, so `websockets` gets it while the server is made (private API of the pinned viser;
-    a test watches it).
+    viser 1.1.1 has no option for such a check, so we give it to `websockets` while the server is made (private API of
+    the pinned viser; a test watches it).
     """
     import viser  # not for the gateway, which only knows what a door is
 
@@ -56,14 +59,14 @@ def open_door() -> "tuple[viser.ViserServer, WorkerDoor]":
 
 
 def refuse_tunnels(server: "viser.ViserServer") -> None:
-    """No visitor may open viser's public tunnel (private API of the pinned viser; a test watches it)."""
+    """Keeps visitors from opening viser's public tunnel (private API of the pinned viser; a test watches it)."""
     from viser import _messages
 
     server._websock_server.unregister_handler(_messages.ShareUrlRequest)
 
 
 def _serve(original: Callable[..., Any], secret: str, *args: Any, process_request: _Process, **options: Any) -> Any:
-    """`websockets`' own, with the secret asked for before viser sees anything of a request."""
+    """The server of `websockets`, which checks the secret before viser sees anything of a request."""
 
     def checked(connection: ServerConnection, request: Request) -> Response | None:
         given = request.headers.get_all(SECRET_HEADER)
@@ -75,8 +78,31 @@ def _serve(original: Callable[..., Any], secret: str, *args: Any, process_reques
 
 
 def _is_worth_telling(record: logging.LogRecord) -> bool:
-    """What strangers send instead of a handshake is theirs, not the researcher's."""
+    """Whether a log record is worth showing; errors about strangers' broken handshakes are not."""
     return not record.getMessage().startswith(("opening handshake failed", "connection rejected"))
 
 
 _logger.addFilter(_is_worth_telling)
+
+
+def make_updates_safe(client: "viser.ClientHandle") -> None:
+    """Lets threads other than viser's change a page; call it first, on viser's event loop, once per connection.
+
+    viser 1.1.1 sets an asyncio event from any thread: `AsyncMessageBuffer.push` calls `message_event.set()` at once and
+    again on the event loop. The first call iterates over the event's waiters, which the loop may change at the same
+    time. Now and then a plain `handle.content = ...` therefore raises "deque mutated during iteration", after the
+    message was queued (seen about once in 1,000 updates of 50 participants). The second call is enough (private API of
+    the pinned viser; a test watches it).
+    """
+    wake_on_loop_only(client._websock_connection.get_message_buffer())
+
+
+def wake_on_loop_only(buffer: "AsyncMessageBuffer") -> None:
+    """Lets only the calling thread, which must be the event loop's, set the buffer's event."""
+    loop_thread, event = threading.get_ident(), buffer.message_event
+
+    def set_on_loop() -> None:
+        if threading.get_ident() == loop_thread:
+            asyncio.Event.set(event)
+
+    event.set = set_on_loop  # type: ignore[method-assign]

@@ -1,4 +1,4 @@
-"""Start Rerun's own program: bound to loopback, without telemetry, and never living longer than we do."""
+"""Starts Rerun's own program: bound to loopback, without telemetry, and never outliving us."""
 
 import contextlib
 import json
@@ -23,13 +23,13 @@ from sim.errors import RecordingError
 
 LOOPBACK = "127.0.0.1"
 START_S = 60.0
-"""The program is ready within a second on an idle machine; this is for one that hangs."""
+"""Longest wait for the program, which is ready within a second on an idle machine; longer means that it hangs."""
 END_S = 5.0
-"""Time to end in after SIGTERM; then it is killed."""
+"""Seconds that the program gets to end after SIGTERM; then it is killed."""
 DATA_PORT = re.compile(r"Listening for gRPC connections on 127\.0\.0\.1:(\d+)")
-"""What it writes when programs and viewers can connect."""
+"""The line that the program writes when programs and viewers can connect."""
 WEB_PORT = re.compile(r"Hosting a web-viewer at http://127\.0\.0\.1:(\d+)")
-"""What it writes when it serves its web page, after the line of DATA_PORT."""
+"""The line that the program writes when it serves its web page, after that of DATA_PORT."""
 _LAUNCH = """
 import ctypes, os, signal, sys
 ctypes.CDLL(None).prctl(1, signal.SIGKILL)
@@ -41,7 +41,7 @@ if os.getppid() == int(sys.argv[1]):
 
 @dataclass(frozen=True, slots=True)
 class RerunProcess:
-    """A running program of Rerun's."""
+    """A running Rerun program."""
 
     process: subprocess.Popen[str]
     port: int
@@ -52,17 +52,17 @@ class RerunProcess:
     """Ends with the log."""
 
     def wait(self) -> int:
-        """Its exit code, once it has ended; waiting costs no processor time."""
+        """Waits until the program ends and returns its exit code; waiting costs no processor time."""
         return self.process.wait()
 
     @property
     def is_running(self) -> bool:
-        """Whether it has not ended."""
+        """Whether the program is still running."""
         return self.process.poll() is None
 
     @property
     def failure(self) -> str | None:
-        """What it said last, if it ended by itself with an error."""
+        """The program's last message, if it ended by itself with an error; otherwise None."""
         if not self.process.poll():
             return None
         self.reader.join(END_S)
@@ -71,17 +71,18 @@ class RerunProcess:
 
 @contextlib.contextmanager
 def running_rerun(*arguments: str, announces: re.Pattern[str] = DATA_PORT) -> Iterator[RerunProcess]:
-    """Runs `rerun` with these arguments until the end of the block, whatever ends it.
+    """Runs `rerun` with these arguments until the end of the block, however the block ends.
 
-    The program itself is started: `rerun` on the path is a wrapper, and stopping that leaves the program running. On
-    Linux the kernel also kills it when the thread that entered the block ends, so `kill -9` leaves nothing behind.
+    The program itself is started, because `rerun` on the path is a wrapper, and stopping the wrapper leaves the program
+    running. On Linux the kernel also kills the program when the thread that entered the block ends, so `kill -9` leaves
+    nothing behind.
 
     Args:
-        arguments: Without `--bind` and `--port`: it listens on a free port of loopback.
-        announces: The line that says it is ready; its group is the port that the caller needs.
+        arguments: Arguments without `--bind` and `--port`: the program listens on a free port of loopback.
+        announces: The line that says that it is ready; its group is the port that the caller needs.
 
     Raises:
-        RecordingError: The program ended, or did not get ready in time.
+        RecordingError: The program ended, or was not ready in time.
     """
     command = [str(program()), "--bind", LOOPBACK, "--port", "0", *arguments]
     last_lines: deque[str] = deque(maxlen=8)
@@ -106,14 +107,14 @@ def running_rerun(*arguments: str, announces: re.Pattern[str] = DATA_PORT) -> It
 
 
 def program() -> Path:
-    """Rerun's program, which the `rerun` on the path would start."""
+    """Rerun's program, the one that `rerun` on the path would start."""
     return Path(rerun_cli.__file__).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
 
 
 def quiet_environment() -> dict[str, str]:
-    """Our environment, in which Rerun sends no usage data; the user's own settings are neither read nor changed.
+    """Our environment, changed so that Rerun sends no usage data; the user's own settings are neither read nor changed.
 
-    Two things turn it off: a settings folder of our own, and `CI`, which holds also where no folder can be written.
+    Two things turn it off: our own settings folder, and `CI`, which also works if no folder can be written.
     """
     environment = {name: value for name, value in os.environ.items() if name != "FORCE_RERUN_ANALYTICS"}
     environment |= {"CI": "1", "NO_COLOR": "1", "RUST_LOG": "info"}  # we read its port from its log
@@ -173,7 +174,7 @@ def _port(announced: Future[int], command: list[str], process: subprocess.Popen[
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Ends the program and whatever it started."""
+    """Ends the program and every process that it started."""
     for ending in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, ending)

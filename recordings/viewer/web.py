@@ -1,7 +1,7 @@
-"""Rerun's web viewer served by us on loopback, under a policy that lets it contact nothing else.
+"""Serves Rerun's web viewer on loopback, under a policy that lets it contact nothing else.
 
-Rerun's own page sends usage data whatever its settings say, and its server spins a core while it shows a file. Here the
-page's files are taken once from Rerun's program, and plain HTTP serves them beside the recordings.
+Rerun's own page sends usage data even if its settings forbid it, and its server keeps a core busy while it shows a
+file. Here the page's files are taken once from Rerun's program, and plain HTTP serves them beside the recordings.
 """
 
 import base64
@@ -27,9 +27,9 @@ from sim.errors import RecordingError
 from .process import LOOPBACK, WEB_PORT, running_rerun
 
 VIEWER_FILES = ("index.html", "re_viewer.js", "re_viewer_bg.wasm", "favicon.ico")
-"""What the page of rerun 0.41 is made of."""
+"""The files of the web page of rerun 0.41."""
 VIEWER = "/viewer/"
-"""Where the page is served."""
+"""Path at which the page is served."""
 MIME_TYPES = {
     ".css": "text/css; charset=utf-8",
     ".html": "text/html; charset=utf-8",
@@ -43,18 +43,19 @@ MIME_TYPES = {
     ".svg": "image/svg+xml",
     ".wasm": "application/wasm",
 }
-"""By suffix; other files are not served."""
+"""MIME type by suffix; other files are not served."""
 PAGE_POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Of the pages in a served folder."""
+"""Content security policy of the pages in a served folder."""
 _OUTSIDE_LINK = re.compile(rb"<link\b[^>]*https?://[^>]*>")
 _INLINE_SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 _QUIET = b"<script>console.debug = () => {};</script>"
-"""Its shader compiler writes some 17,000 debug lines; a browser that is watched took 10 of 18 s to pass them on."""
+"""Silences the page's shader compiler, which writes some 17,000 debug lines; a browser under test spent 10 of 18 s on
+passing them on."""
 _CACHE_VERSION = 2
-"""Of what we make of the viewer's files."""
+"""Version of our copies of the viewer's files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ class WebViewer:
     """A running web server with the viewer and, perhaps, files and a live stream to show."""
 
     address: str
-    """`http://127.0.0.1:PORT`; its `/` is the folder's page, or the viewer with the one thing that there is to see."""
+    """`http://127.0.0.1:PORT`; its `/` is the folder's page, or the viewer with the only recording or stream."""
     live: str | None = None
     """`rerun+http://127.0.0.1:PORT/proxy` of a running stream."""
 
@@ -86,9 +87,9 @@ def serve_folder(folder: Path, *, page: str = "index.html", port: int = 0) -> It
     A link to a recording opens the viewer with it.
 
     Args:
-        folder: Everything below it can be read by programs on this machine, hidden files and links out of it excepted.
-        page: Its first page.
-        port: 0 takes a free one.
+        folder: Programs on this machine can read everything below it, except hidden files and links out of it.
+        page: The folder's first page.
+        port: 0 = a free port.
 
     Raises:
         RecordingError: The viewer cannot be taken from Rerun's program, or the port is taken.
@@ -99,7 +100,7 @@ def serve_folder(folder: Path, *, page: str = "index.html", port: int = 0) -> It
 
 @contextlib.contextmanager
 def serve_file(path: Path, *, port: int = 0) -> Iterator[WebViewer]:
-    """Serves one recording, nothing beside it, and the viewer until the end of the block. Raises as serve_folder."""
+    """Serves one recording, nothing beside it, and the viewer until the end of the block. Raises like serve_folder."""
     whole = path.resolve()
     with _serve(_Site(folder=whole.parent, only=whole.name), port) as address:
         yield WebViewer(address)
@@ -107,13 +108,13 @@ def serve_file(path: Path, *, port: int = 0) -> Iterator[WebViewer]:
 
 @contextlib.contextmanager
 def serve_live(data_port: int, *, port: int = 0) -> Iterator[WebViewer]:
-    """Serves the viewer for the stream of a running Rerun server on loopback. Raises as serve_folder."""
+    """Serves the viewer for the stream of a running Rerun server on loopback. Raises like serve_folder."""
     with _serve(_Site(data_port=data_port), port) as address:
         yield WebViewer(address, live=live_url(data_port))
 
 
 def live_url(data_port: int) -> str:
-    """Where programs send to, and viewers read from, a Rerun server on loopback."""
+    """Address of a Rerun server on loopback, to which programs send and from which viewers read."""
     return f"rerun+http://{LOOPBACK}:{data_port}/proxy"
 
 
@@ -131,19 +132,19 @@ def viewer_file(name: str) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class _Site:
-    """What a server gives out."""
+    """The files and the stream that a server offers."""
 
     folder: Path | None = None
-    """Resolved; None = no files."""
+    """The resolved folder; None = no files."""
     only: str | None = None
     """The one file of the folder that is served; None = all."""
     first: str = ""
     """The folder's page at `/`."""
     data_port: int | None = None
-    """Of the live stream that the viewer may read."""
+    """Port of the live stream that the viewer may read."""
 
     def file(self, path: str) -> Path | None:
-        """The served file of a URL's path; None = there is none, or it must not be seen."""
+        """The served file for a URL's path; None = there is no such file, or it must not be read."""
         parts = PurePosixPath(unquote(path)).parts[1:]
         if self.folder is None or not parts or any(part.startswith(".") or "\\" in part for part in parts):
             return None
@@ -157,7 +158,7 @@ class _Site:
         return found if is_ours and found.suffix in MIME_TYPES else None
 
     def start(self, address: str) -> str | None:
-        """Where a visitor of `/` is sent; None = the folder's page is there."""
+        """The address to which a visitor of `/` is redirected; None = the folder's page is there."""
         if self.data_port is not None:
             return WebViewer(address, live=live_url(self.data_port)).of_live()
         return WebViewer(address).of_file(self.only) if self.only is not None else None
@@ -165,7 +166,7 @@ class _Site:
 
 @contextlib.contextmanager
 def _serve(site: _Site, port: int) -> Iterator[str]:
-    """Address of a server of the site, which ends with the block."""
+    """Yields the address of a server for the site; the server ends with the block."""
     for name in VIEWER_FILES:
         viewer_file(name)  # the first visitor does not wait, and errors come before the address
     try:
@@ -192,7 +193,7 @@ class _Server(socketserver.ThreadingTCPServer):
     block_on_close = False
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A browser that closes a page in the middle of a file is no news."""
+        """Stays silent: a browser may close a page in the middle of a file."""
 
 
 class _Handler(http.server.BaseHTTPRequestHandler):
@@ -208,18 +209,18 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         super().__init__(*args)  # type: ignore[arg-type]
 
     def do_GET(self) -> None:
-        """Sends what the path names."""
+        """Sends the file at the path."""
         self._answer()
 
     def do_HEAD(self) -> None:
-        """Sends its headers."""
+        """Sends the headers of the file at the path."""
         self._answer()
 
     def log_message(self, format: str, *args: object) -> None:
-        """Requests are not written to the terminal."""
+        """Keeps requests off the terminal."""
 
     def version_string(self) -> str:
-        """Says nothing of Python."""
+        """Hides the version of Python."""
         return "personal-viz"
 
     def _answer(self) -> None:
@@ -274,7 +275,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
 
 
 def viewer_policy(data_port: int | None = None) -> str:
-    """The content security policy of the viewer's page: our server and one live stream, nothing else."""
+    """The content security policy of the viewer's page: it allows our server and one live stream, nothing else."""
     scripts = _INLINE_SCRIPT.findall(viewer_file("index.html"))
     hashes = " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'" for script in scripts)
     stream = f" http://{LOOPBACK}:{data_port}" if data_port is not None else ""

@@ -1,6 +1,6 @@
-"""Show recordings to a person: Rerun's own window where there is a display, else a page that we serve on loopback.
+"""Shows recordings to a person: in Rerun's own window if there is a display, else on a page that we serve on loopback.
 
-What is started here sends no usage data, listens on loopback only, and ends with us.
+The programs started here send no usage data, listen on loopback only, and end with us.
 """
 
 import contextlib
@@ -17,16 +17,16 @@ from .process import RerunProcess, running_rerun
 from .web import live_url, serve_file, serve_folder, serve_live
 
 STREAM_MEMORY = "25%"
-"""Most memory that a stream without a window keeps for viewers that open later; the oldest data goes first."""
+"""Largest memory that a stream without a window keeps for viewers that open later; the oldest data is dropped first."""
 
 
 @contextlib.contextmanager
 def live_viewer() -> Iterator[str]:
-    """Address of a stream that a viewer shows, `rerun+http://127.0.0.1:PORT/proxy`, for as long as the block runs.
+    """Yields the address of a stream that a viewer shows, `rerun+http://127.0.0.1:PORT/proxy`.
 
-    With a display a window opens; a page shows the same, with or without one. When the block has ended without an
-    error, waits until the window is closed or for Ctrl-C: what was streamed is nowhere else. A window that is closed
-    earlier, or cannot be opened, ends no stream.
+    With a display a window opens; a page shows the same, with or without a display. After the block has ended without
+    an error, waits until the window is closed or for Ctrl-C, because the streamed data is stored nowhere else. The
+    stream goes on if the window is closed earlier or cannot be opened.
 
     Raises:
         RecordingError: Rerun's program cannot be started.
@@ -67,7 +67,7 @@ def open_folder(folder: Path, page: str = "index.html") -> None:
 
     Args:
         folder: Written by `personal-viz compare`.
-        page: What `/` shows.
+        page: The page shown at `/`.
 
     Raises:
         RecordingError: The page is missing, or the viewer cannot be served.
@@ -90,7 +90,7 @@ def has_display() -> bool:
 
 
 def _connected_window(stack: contextlib.ExitStack, stream: str) -> RerunProcess | None:
-    """A window on a stream that closes with the stack; None, and why is said, where none can be opened."""
+    """A window on a stream that closes with the stack; if none can be opened, says why and returns None."""
     try:
         return stack.enter_context(running_rerun("--connect", stream, "--expect-data-soon"))
     except RecordingError as error:
@@ -99,7 +99,7 @@ def _connected_window(stack: contextlib.ExitStack, stream: str) -> RerunProcess 
 
 
 def _is_seen_in_window(path: Path) -> bool:
-    """Whether a window showed a file until it was closed, or until Ctrl-C; says why where none can be opened."""
+    """Whether a window showed a file until it was closed, or until Ctrl-C; if none can be opened, says why."""
     try:
         with running_rerun(str(path.resolve())) as window:
             _until_ctrl_c(f"{path} is open in a window. Close it, or press Ctrl-C, to end.", window.wait)
@@ -112,7 +112,7 @@ def _is_seen_in_window(path: Path) -> bool:
 
 
 def _until_ctrl_c(line: str, wait: Callable[[], object]) -> None:
-    """Says what can be seen, then waits; Ctrl-C is no error from the first letter on."""
+    """Prints the line, then waits; Ctrl-C ends the wait without an error, even while printing."""
     with contextlib.suppress(KeyboardInterrupt):
         _say(line)
         wait()

@@ -4,8 +4,9 @@ import re
 
 import numpy as np
 
-from sim.homes.invented.looks import with_article
 from sim.homes.plan import Furniture, HomePlan, Rect
+
+from ..words.english import with_article
 
 _NEXT_TO, _NEAR = 0.35, 1.2
 """Gaps between two pieces that a caption calls "next to" and "near" (planar metres)."""

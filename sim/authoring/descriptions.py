@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.homes.invented.looks import with_article
+from ..words.english import with_article
 
 _THINGS_PER_SENTENCE = 3
 """Most objects in one sentence."""

@@ -1,7 +1,7 @@
 """Checks that targets can be found: that the description tells an episode's target from similar objects.
 
-Episode + plan + scene -> `FindVerdict`. A difference counts only where our home shows it: words that are not true in
-the plan do not count.
+Episode + plan + scene -> `FindVerdict`. A difference counts only where our home shows it; words that are not true
+in the plan do not count.
 """
 
 import math

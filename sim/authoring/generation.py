@@ -14,7 +14,7 @@ from sim.authoring.semantics_writer import rooms_of_objects, semantic_files
 from sim.copies.glb_writer import glb_from_mesh
 from sim.errors import DatasetError
 from sim.frames import glb_zup_from_world, quat_xyzw_from_yaw
-from sim.homes.invented.invent import invented_plans
+from sim.homes.invented.plans import invented_plans
 from sim.homes.invented.recipes import GROUPS, SMALL
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import HomePlan, plan_bytes

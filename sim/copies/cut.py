@@ -26,7 +26,7 @@ CUT_RANGE = (1.6, 2.2)
 UNDER_CEILING = 0.15
 """Distance of the cut below the ceiling (metres); ceilings of scans are not level."""
 _MIN_CLEARANCE = 1.5
-"""Faces less than this above the floor are no ceiling: table tops, the underside of a stair (metres)."""
+"""Faces less than this above the floor are not a ceiling: table tops, the underside of a stair (metres)."""
 _MIN_AREA = 1.0
 """Smaller floors are steps of a stair, smaller ceilings are lamps and door heads (m2)."""
 _MIN_COVERED = 0.1
@@ -72,8 +72,8 @@ def storey_mesh(scene: Scene, floor_y: float) -> TriangleMesh:
 def storey_cut(scene: Scene, floor_y: float) -> StoreyCut:
     """The heights at which a storey is cut: under its lowest ceiling, over all of its floors.
 
-    Ceilings are searched over the walkable places of the storey. A ceiling or floor counts from 1 m2 at one height,
-    so a split level, a platform and a slope count, while a stair's steps, lamps and door heads do not.
+    Ceilings are searched over the walkable places of the storey. A ceiling or floor needs 1 m2 at one height to count:
+    a split level, a platform and a slope do, while a stair's steps, lamps and door heads do not.
 
     Args:
         scene: Any home.

@@ -24,28 +24,28 @@ _AWAY_DEG = 135.0
 
 
 def positions_of(goal: Goal) -> NDArray[np.float64]:
-    """(N, 3) feet positions of the goal's view points, world metres."""
+    """Feet positions (N, 3) of the goal's view points, world metres."""
     return np.array([point.agent_state.position for point in goal.view_points], float).reshape(-1, 3)
 
 
 def is_extra_of(goal: Goal) -> NDArray[np.bool_]:
-    """(N,) whether the generator added each view point (no `iou`)."""
+    """Whether the generator added each view point (no `iou`), (N,)."""
     return np.array([point.iou is None for point in goal.view_points], bool)
 
 
 def is_other_storey_of(goal: Goal) -> NDArray[np.bool_]:
-    """(N,) whether each view point is on another storey than the first one."""
+    """Whether each view point is on another storey than the first one, (N,)."""
     heights = positions_of(goal)[:, 1]
     return np.abs(heights - heights[:1]) > STOREY_GAP
 
 
 def planar_distances_of(goal: Goal) -> NDArray[np.float64]:
-    """(N,) planar metres from the view points to the goal's centre."""
+    """Planar distances (N,) from the view points to the goal's centre, metres."""
     return np.hypot(*(positions_of(goal) - goal.position)[:, [0, 2]].T)
 
 
 def is_looking_away_of(goal: Goal) -> NDArray[np.bool_]:
-    """(N,) whether each view point has the goal's centre behind it (more than 90 degrees off)."""
+    """Whether each view point has the goal's centre behind it (more than 90 degrees off), (N,)."""
     yaws = [yaw_from_quat_xyzw(point.agent_state.rotation) for point in goal.view_points]
     forwards = np.array([forward_from_yaw(yaw) for yaw in yaws]).reshape(-1, 3)
     towards = np.asarray(goal.position) - positions_of(goal)
@@ -53,7 +53,7 @@ def is_looking_away_of(goal: Goal) -> NDArray[np.bool_]:
 
 
 def planar_distance(first: Vector3, second: Vector3) -> float:
-    """Distance of two points in the floor plane, metres."""
+    """Distance between two points in the floor plane, metres."""
     return math.hypot(first[0] - second[0], first[2] - second[2])
 
 
@@ -133,7 +133,7 @@ def _starts_near_centre(episode: Episode) -> bool:
 
 
 def _starts_near_view_point(episode: Episode, *, num_targets: int | None) -> bool:
-    """Whether a view point of the first targets (of all for None) is within 1 m of the start, in 3-D."""
+    """Whether a view point of the first `num_targets` targets (None = all) is within 1 m of the start, in 3-D."""
     gaps = [positions_of(goal) - episode.record.start_position for goal in episode.targets[:num_targets]]
     return any((np.linalg.norm(gap, axis=1) <= _NEAR).any() for gap in gaps)
 

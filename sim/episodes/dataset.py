@@ -123,7 +123,7 @@ class PersonalDataset:
         return [episode for episode in found if episode.key in drawn]
 
     def episode(self, key: EpisodeKey | str) -> Episode:
-        """One episode by its key, or by what a person types for it, such as "easy/TEEsavR23oF/240".
+        """One episode, by its key or by its name as a person types it, such as "easy/TEEsavR23oF/240".
 
         Raises:
             DatasetError: There is no such episode, or the text is no key.
@@ -164,7 +164,7 @@ def key_from_text(text: str, *, where: str = "episode") -> EpisodeKey:
 
     Args:
         text: As a person types it.
-        where: What it was given as, for the error.
+        where: Name of the option or field that holds the text, for the error.
 
     Raises:
         DatasetError: The text is something else.
@@ -226,7 +226,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_scene_file(path: Path) -> SceneFile:
-    """Read and check one content file.
+    """Reads and checks one content file.
 
     Raises:
         DatasetError: The file is unreadable, not JSON, or not in the format.

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from sim.words.captions import own_words
+from sim.words.colours import COLOUR_NAMES
 from sim.words.finishes import Material, Pattern
+from sim.words.places import RELATIONS, UPON
+from sim.words.synonyms import ONE_NAME
 
 from .ownership import OwnershipEdge, parse_ownership
 from .schema import EpisodeRecord
@@ -18,38 +21,8 @@ from .schema import EpisodeRecord
 Size = Literal["large", "small", "tall", "low", "long", "short"]
 Shape = Literal["round", "square", "rectangular", "l-shaped"]
 
-_BY_WORD: dict[str, str] = {
-    word: name
-    for name, words in {
-        "red": "reddish burgundy", "blue": "bluish navy", "green": "greenish", "yellow": "yellowish",
-        "brown": "brownish", "grey": "gray greyish grayish", "white": "whitish", "golden": "gold", "purple": "violet",
-        "black": "blackish", "pink": "pinkish", "wood": "wooden oak walnut pine",
-        "metal": "metallic steel iron aluminium chrome", "stone": "marble granite brick bricks",
-        "ceramic": "porcelain", "fabric": "cloth textile velvet", "wicker": "rattan straw", "paper": "cardboard",
-        "striped": "stripes stripe", "plaid": "tartan", "floral": "flowery flowered", "dotted": "dots polka",
-        "checked": "checkered chequered squared", "patterned": "pattern patterns geometric decorated",
-        "large": "big huge wide king queen double", "small": "little tiny single mini", "tall": "high",
-        "round": "circular rounded oval", "light": "pale", "couch": "sofa", "tv": "television",
-        "refrigerator": "fridge", "picture": "painting", "nightstand": "bedside", "stairs": "staircase stairway stair",
-        "glass": "", "clothes": "",
-    }.items()
-    for word in (name, *words.split())
-}  # fmt: skip
-"""One name for each group of synonyms."""
-_COLOURS = frozenset({
-    "red", "blue", "green", "yellow", "brown", "grey", "white", "golden", "purple", "black", "beige", "cream",
-    "orange", "pink", "teal", "turquoise", "silver",
-})  # fmt: skip
-_RELATIONS = frozenset({
-    "next", "near", "beside", "by", "close", "on", "above", "over", "under", "below", "beneath", "underneath",
-    "behind", "front", "between", "opposite", "against", "along", "around", "attached", "adjacent", "surrounded",
-    "facing", "in", "inside", "containing", "contain", "at", "outside", "where", "which", "used", "supporting",
-    "hanging", "placed", "located", "situated", "positioned",
-})  # fmt: skip
-"""Words after which a caption is about something else."""
 _ATTRIBUTIVE = frozenset({"with", "has", "having", "of"})
 """Words after which a caption is still about the object, but a colour may belong to a thing on it."""
-_UPON = frozenset({"on", "above", "over", "under", "below", "beneath", "underneath"})
 _SUBJECT = frozenset({"it", "its", "they", "their", "this", "these"})
 _STOP = frozenset({
     "a", "an", "the", "of", "to", "and", "is", "are", "it", "that", "there", "one", "which", "with", "in", "s", "two",
@@ -154,14 +127,14 @@ def _parts(text: str, category: str) -> tuple[list[str], set[str], set[str]]:
         is_subject = index == 0 or (bool(words) and (words[0] in _SUBJECT or head in words[:3]))
         relation = "" if is_subject else "of another"
         for word in words:
-            if word in _RELATIONS or (word in _ATTRIBUTIVE and not relation):
+            if word in RELATIONS or (word in _ATTRIBUTIVE and not relation):
                 relation = word
             elif not relation:
                 own.append(word)
             elif relation in _ATTRIBUTIVE:
-                own += [word] if word not in _COLOURS else []
+                own += [word] if word not in COLOUR_NAMES else []
                 upon.add(word)
-            elif relation in _UPON:
+            elif relation in UPON:
                 upon.add(word)
             else:
                 beside.add(word)
@@ -177,7 +150,7 @@ def _furniture_words(caption: str, category: str) -> list[str]:
 def _colours(own: list[str]) -> tuple[str, ...]:
     found = []
     for before, word in zip(["", *own], own, strict=False):
-        if word in _COLOURS:
+        if word in COLOUR_NAMES:
             found.append(f"{before} {word}" if before in ("dark", "light") else word)
     return tuple(dict.fromkeys(found))
 
@@ -192,7 +165,7 @@ def _words(text: str) -> list[str]:
 
 def _normal(word: str) -> str:
     """One form for a word, its plural and its synonyms."""
-    if word in _BY_WORD:
-        return _BY_WORD[word]
+    if word in ONE_NAME:
+        return ONE_NAME[word]
     single = word[:-1] if len(word) > 3 and word.endswith("s") and word[-2:] not in ("ss", "is", "us") else word
-    return _BY_WORD.get(single, single)
+    return ONE_NAME.get(single, single)

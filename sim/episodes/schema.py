@@ -19,7 +19,7 @@ from sim.types import PAPER6, Action, EpisodeKey, Pose, Split, Task, TaskKind
 NAME_PATTERN = r"^[A-Za-z0-9_-]{1,64}$"
 """Characters that a scene's name or an episode's id may have in run files."""
 LARGEST_M = 10_000.0
-"""No coordinate or distance in a home is larger (metres)."""
+"""Largest coordinate or distance in a home, metres."""
 _UNIT_TOLERANCE = 1e-3
 
 Finite = Annotated[float, AllowInfNan(False)]
@@ -66,7 +66,7 @@ class AgentState(BaseModel):
 
 
 class ViewPoint(BaseModel):
-    """A place from which a goal can be seen (original) or that the generator added (extra, no `iou`)."""
+    """A place near a goal: one that sees it (original), or one that the generator added (extra, no `iou`)."""
 
     model_config = _STRICT_SHAPE
     agent_state: AgentState
@@ -85,7 +85,7 @@ class Goal(BaseModel):
     """`<raw name>_<int>`: the key that episodes use."""
     object_category: str = Field(min_length=1)
     floor_id: str
-    """Annotator's label; text only, storeys follow from heights."""
+    """The annotator's label, kept as text; our storeys are computed from heights."""
     view_points: tuple[ViewPoint, ...]
     radius: Finite | None = None
     object_name_id: int | None = None
@@ -101,8 +101,8 @@ class Goal(BaseModel):
     def floor_y(self) -> float:
         """Height of the floor the object belongs to: the median of its original view points.
 
-        Without any (window shutter_259), the highest listed view point that is not above the centre, because extra
-        points lie on several storeys.
+        An object without original view points (window shutter_259) gets the height of the highest view point that is
+        not above its centre, because extra points lie on several storeys.
         """
         originals = sorted(point.agent_state.position[1] for point in self.original_view_points)
         if originals:
@@ -112,7 +112,7 @@ class Goal(BaseModel):
 
 
 class EpisodeInfo(BaseModel):
-    """Distances that the generator stored; a named alternative only (DESIGN.md recomputes them)."""
+    """Distances that the generator stored. We recompute them (DESIGN.md); these are a named alternative only."""
 
     model_config = _STRICT_SHAPE
     geodesic_distance: Metres
@@ -151,7 +151,7 @@ class EpisodeRecord(BaseModel):
 
     @property
     def object_names(self) -> tuple[str, ...]:
-        """Names of the right objects, always a tuple."""
+        """Names of the right objects, a tuple even for one object."""
         return (self.object_id,) if isinstance(self.object_id, str) else self.object_id
 
     @property

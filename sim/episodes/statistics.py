@@ -124,7 +124,7 @@ class CaptionStatistics:
 
 
 def network_statistics(dataset: PersonalDataset) -> NetworkStatistics:
-    """Rebuild the table "network-metrics".
+    """Rebuilds the table "network-metrics".
 
     Raises:
         DatasetError: A file is damaged, or an ownership sentence cannot be parsed.
@@ -134,7 +134,7 @@ def network_statistics(dataset: PersonalDataset) -> NetworkStatistics:
 
 
 def caption_statistics(dataset: PersonalDataset) -> CaptionStatistics:
-    """Rebuild the table "goat_comparison".
+    """Rebuilds the table "goat_comparison".
 
     Raises:
         DatasetError: A file is damaged.
@@ -178,7 +178,7 @@ def _network_columns(episodes: Sequence[Episode]) -> tuple[NetworkMetrics, ...]:
 
 
 def _network_column(episodes: Sequence[Episode]) -> NetworkMetrics:
-    """One split's column; all episodes are of that split."""
+    """The column of one split, from its episodes."""
     graphs = [ownership_graph(episode) for episode in episodes]
     records = [episode.record for episode in episodes]
     return NetworkMetrics(

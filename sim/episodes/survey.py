@@ -140,7 +140,7 @@ def splits_in_order(splits: Iterable[Split]) -> tuple[Split, ...]:
 
 
 def survey_dataset(root: Path) -> Survey:
-    """Read everything that can be read below `root`.
+    """Reads everything that can be read below `root`.
 
     Raises:
         DatasetError: The folder does not exist or holds no content file; damaged files do not raise.
@@ -191,7 +191,7 @@ def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
 
 
 def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
-    """Errors beyond the schema: an episode of another scene, a repeated key, an ownership sentence without owner."""
+    """Errors that the schema cannot see: an episode of another scene, a repeated key, a sentence without owner."""
     first_place: dict[str, int] = {}
     for index, record in enumerate(content.episodes):
         where = f"episodes.{index}"

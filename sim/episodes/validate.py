@@ -26,7 +26,7 @@ class Measure:
     """In all splits; an object found in two splits counts once."""
     per_split: dict[Split, int]
     population: dict[Split, int] | None
-    """Number of units in each split, where that makes sense."""
+    """Number of units in each split; None where such a count makes no sense."""
     names: tuple[str, ...]
     """`split/scene/id` of the episodes, or names of objects, files, categories, fields."""
 

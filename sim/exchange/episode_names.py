@@ -1,4 +1,4 @@
-"""Finds the dataset's episode of another program's file: from its fields, its name, or a declaration."""
+"""Finds the dataset's episode that another program's file is about: from its fields, its name, or a declaration."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,11 +15,11 @@ from .pose_tables import PoseTable
 def find_episode(
     where: str, named: EpisodeKey, dataset: PersonalDataset, problem: Callable[[Episode], str | None]
 ) -> Episode:
-    """The dataset's episode that a run names, by its id or by its place in the content file, and where it starts.
+    """The dataset's episode that a run names by its id or its place in the content file, and that starts where it does.
 
     Args:
         where: `file:line` for errors.
-        named: The key in the file. habitat-lab overwrites ids by the place in the content file.
+        named: The key in the file. habitat-lab replaces ids with places in the content file.
         dataset: The episodes.
         problem: Returns the difference between the run's start and an episode's, or None.
 

@@ -23,7 +23,7 @@ from sim.types import Action, Pose
 from ..tasks.run_files import EpisodeRun, Run, RunInfo
 
 MINARI_VERSION = "0.5.0"
-"""Oldest version that reads the folder; all later versions that we know list it as supported."""
+"""Oldest version of Minari that reads the folder; all later versions that we know list it as supported."""
 NAMESPACE = "personal"
 OBSERVATIONS: dict[str, int] = {"gps": 2, "compass": 1, "position": 3, "yaw": 1, "tilt": 1}
 """Numbers per observation. gps (forward, right) metres and compass in the start's frame, as agents get them; position
@@ -83,7 +83,7 @@ def _observation_space() -> dict[str, Any]:
 
 
 def _episode_batch(index: int, episode: EpisodeRun, *, info: RunInfo) -> pa.RecordBatch:
-    """All rows of one episode; values of steps have one more row than there are steps, as Minari pads them."""
+    """All rows of one episode: one more than it has steps; Minari pads the steps' values in the same way."""
     count, has_stopped = len(episode.steps), episode.end.reason == "stop"
     actions = [_NUMBERS[step.action] for step in episode.steps]
     is_last = np.arange(count + 1) == count - 1

@@ -40,7 +40,7 @@ class _Walk:
 def run_from_poses(
     table: PoseTable, reading: PoseReading, poses: Sequence[Pose], *, key: EpisodeKey, start: Pose
 ) -> tuple[tuple[str, ...], EpisodeRun]:
-    """(`file:line` of start, each step and end; the run of the poses, unchecked).
+    """`file:line` of the start, each step and the end, and the run of the poses, unchecked.
 
     Args:
         table: The rows.
@@ -116,7 +116,7 @@ def _action(where: str, value: object) -> Action:
 def _given_walk(
     table: PoseTable, reading: PoseReading, poses: Sequence[Pose], actions: list[Action | None], start: Pose
 ) -> _Walk:
-    """The run of a file with actions; the row without an action shows whether poses are before or after actions."""
+    """The walk of a file with actions; the row without an action shows whether poses are before or after actions."""
     count = len(poses)
     if len(actions) not in (count - 1, count):
         raise RunFileError(
@@ -178,8 +178,8 @@ def _inferred_walk(table: PoseTable, reading: PoseReading, poses: Sequence[Pose]
 def _inferred(before: Pose, after: Pose, *, rounding: float) -> Action | None:
     """The only action that can lead from one pose to the next, or None.
 
-    A robot that does not move has walked against a wall: no other action that a pose shows leaves it unchanged. (Looks
-    show only where the file has the tilt.) `check_steps` checks whether a move is possible.
+    A robot that does not move has walked against a wall: every other action that poses can show changes the pose.
+    (Looks show only where the file has the tilt.) `check_steps` checks whether a move is possible.
     """
     turned, tilted = wrap_angle(after.yaw - before.yaw), wrap_angle(after.tilt - before.tilt)
     if abs(turned) <= ANGLE_TOLERANCE and abs(tilted) <= ANGLE_TOLERANCE:
@@ -198,7 +198,7 @@ def _inferred(before: Pose, after: Pose, *, rounding: float) -> Action | None:
 
 
 def _free_walk(poses: Sequence[Pose], *, stops: bool) -> _Walk:
-    """The nearest actions for moves of another action space: forward for a move or a stop, else a turn to that side."""
+    """The nearest actions for moves of another action space: forward for a move or no motion, else a turn."""
     actions = []
     for before, after in pairwise(poses):
         turned = wrap_angle(after.yaw - before.yaw)
@@ -209,7 +209,7 @@ def _free_walk(poses: Sequence[Pose], *, stops: bool) -> _Walk:
 
 
 def _ended(table: PoseTable, reading: PoseReading, walk: _Walk, *, is_told: bool) -> _Walk:
-    """The run, with STOP as its last action where the file or the person says that it stopped."""
+    """The walk, with STOP as its last action where the file or the person says that it stopped."""
     has_stopped = bool(walk.actions) and walk.actions[-1] is Action.STOP
     fact = table.facts.get("stopped")
     stopped = reading.stopped if fact is None else truth_of(table.where, "stopped", fact)

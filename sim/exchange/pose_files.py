@@ -146,7 +146,7 @@ def tells_tilt(table: PoseTable, reading: PoseReading) -> bool:
 
 
 def _positions(table: PoseTable, reading: PoseReading, start: Pose) -> tuple[NDArray[np.float64], bool]:
-    """(world points (T, 3), whether the file gives heights; without, all are at the start's height)."""
+    """World points (T, 3), and whether the file gives heights; if not, all points are at the start's height."""
     frame = reading.frame
     T = T_world_frame(frame, start)
     is_zup = frame in ZUP_FRAMES
@@ -221,7 +221,7 @@ def _yaws_and_tilts(
 
 
 def _rotations(table: PoseTable, reading: PoseReading, way: str) -> NDArray[np.float64]:
-    """(T, 3, 3) rotations in the file's frame."""
+    """Rotations (T, 3, 3) in the file's frame."""
     if way == "yaw":
         yaws = table.numbers("yaw")[:, 0] if table.has("yaw") else np.radians(table.numbers("yaw_deg")[:, 0])
         return Rs_from_yaws(yaws, frame=reading.frame)

@@ -45,7 +45,7 @@ _GROUPING = ("split", "scene", "episode_id", "episode")
 _LISTS = ("steps", "trajectory", "agent_states", "states", "observations", "poses")
 """Fields of a JSON episode that may hold one record per pose."""
 _NESTED = ("agent_state", "state", "body", "observation", "observations")
-"""Fields of a JSON record that hold a part of it."""
+"""Fields of a JSON record that hold a record or vector of their own."""
 _JSON = (
     "a list of records ({'position': [...], 'rotation': [...], 'action': ...}), a list of poses "
     "([x,y,z,qx,qy,qz,qw]), or {'episodes': [{'split', 'scene', 'episode_id', 'poses' or 'positions' and 'rotations', "
@@ -58,7 +58,7 @@ _ARRAYS = (
 
 
 def text_rows(lines: Sequence[str]) -> Iterator[tuple[int, list[str]]]:
-    """(line number from 1, cells) of each line that is neither blank nor a `#` comment.
+    """Yields (line number from 1, cells) of each line that is neither blank nor a `#` comment.
 
     The first such line decides the separator: tabs, `;`, `,` or white space.
     """
@@ -166,7 +166,7 @@ def _named_in_comment(above: Sequence[str], width: int) -> list[str] | None:
 
 
 def _kept_columns(where: str, names: Sequence[str]) -> tuple[dict[int, str], tuple[str, ...]]:
-    """(our name by place, unknown names)."""
+    """Our name of each known column by its place, and the unknown names."""
     if _are_numbers(names):
         raise RunFileError(
             f"{where}: the first row is numbers only; expected names such as {ADVERTISED}. "
@@ -196,7 +196,7 @@ def _kept_columns(where: str, names: Sequence[str]) -> tuple[dict[int, str], tup
 def _records(
     path: Path, rows: Iterable[tuple[int, list[str]]], kept: Mapping[int, str], *, width: int
 ) -> Iterator[tuple[str, Row]]:
-    """(`file:line`, cells by our names; None where empty) of each row."""
+    """Yields (`file:line`, cells by our names) of each row; an empty cell is None."""
     for number, cells in rows:
         if len(cells) != width:
             raise RunFileError(
@@ -220,7 +220,7 @@ def _tables_of_records(
     actions: tuple[object, ...] | None = None,
     ignored: Sequence[str] = (),
 ) -> Iterator[PoseTable]:
-    """Tables of records (place, values by our names), one per pose; a different episode begins the next table."""
+    """Tables of records (place, values by our names), one per pose; each new episode begins a table."""
     for _, items in groupby(records, key=lambda item: [str(item[1].get(name)) for name in _GROUPING]):
         group = list(items)
         names = dict.fromkeys(name for _, row in group for name in row)
@@ -339,7 +339,7 @@ def _vector(where: str, name: str, value: object) -> Row:
 
 
 def _alone(value: object) -> object:
-    """The value, or the only element of a list."""
+    """The value itself, or the only element of a list of one."""
     return value[0] if isinstance(value, list) and len(value) == 1 else value
 
 

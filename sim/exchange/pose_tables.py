@@ -19,7 +19,7 @@ MAX_BYTES = 64 * 2**20
 POSITION, PLANAR, GPS = ("x", "y", "z"), ("p0", "p1"), ("forward", "right")
 NAMED_QUAT = ("qx", "qy", "qz", "qw")
 LISTED_QUAT = ("r0", "r1", "r2", "r3")
-"""Four numbers whose order the file does not name."""
+"""Columns of a quaternion whose order the file does not give."""
 MATRIX = tuple(f"m{row}{col}" for row in range(4) for col in range(4))
 NUMBERS = (*POSITION, *PLANAR, *GPS, *NAMED_QUAT, *LISTED_QUAT, *MATRIX)
 SCALARS = ("yaw", "yaw_deg", "tilt", "tilt_deg", "t_s", "timestamp", "step")
@@ -71,10 +71,10 @@ class PoseTable:
         return all(name in self.columns for name in names)
 
     def numbers(self, *names: str) -> NDArray[np.float64]:
-        """(T, K) finite values of K columns.
+        """Finite values (T, K) of K columns.
 
         Raises:
-            RunFileError: A value is missing, no number or not finite.
+            RunFileError: A value is missing, not a number, or not finite.
         """
         return np.array([[self._number(name, row) for name in names] for row in range(len(self.wheres))], np.float64)
 

@@ -1,1 +1,1 @@
-"""A home: its plan, the triangles made of it, and where both come from (a scan, a seed, or episode files alone)."""
+"""Homes: their plans, the triangles made of them, and their sources (a scan, a seed, or episode files alone)."""

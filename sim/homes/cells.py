@@ -1,4 +1,4 @@
-"""Floor cells of a schematic home: runs on disk, arrays in memory; part of `HomePlan`."""
+"""Floor cells of a schematic home: stored as runs in a `HomePlan`, arrays in memory."""
 
 from typing import Annotated, NamedTuple
 
@@ -11,7 +11,7 @@ from sim.types import GridSpec
 CELL = 0.05
 """Side of a plan's cells (metres)."""
 Metres = Annotated[float, AllowInfNan(False), Field(ge=-10_000, le=10_000)]
-"""A coordinate; no home is larger."""
+"""A coordinate within the largest possible home."""
 Positive = Annotated[float, AllowInfNan(False), Field(gt=0, le=10_000)]
 Xz = tuple[Metres, Metres]
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -28,7 +28,7 @@ class CellRun(NamedTuple):
     y_cm: Annotated[int, Field(ge=-1_000_000, le=1_000_000)]
     """Height in centimetres."""
     guessed: bool = False
-    """Nobody was recorded here; the recovery put a bridge."""
+    """Whether the recovery guessed the floor here, where nobody was recorded."""
 
 
 class AreaRun(NamedTuple):
@@ -49,14 +49,18 @@ class CellGrid(BaseModel):
     """(rows, cols)."""
     cell: Positive = CELL
     walkable: tuple[CellRun, ...]
-    """Where the robot's centre can be."""
+    """Cells where the robot's centre can be."""
     plinth: tuple[CellRun, ...] = ()
-    """Open but not walkable space: tops of low blocks."""
+    """Cells of open space that is not walkable: the tops of low blocks."""
 
     @property
     def grid(self) -> GridSpec:
         """The cells' place in the world."""
         return GridSpec(self.origin_xz, self.cell, self.shape)
+
+    def nearest_rc(self, xz: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Row and column (N, 2) of the cell nearest to each point (N, 2)."""
+        return np.clip(self.grid.rc_from_xz(xz), 0, np.array(self.shape) - 1)
 
 
 class Cells(NamedTuple):
@@ -67,7 +71,11 @@ class Cells(NamedTuple):
     y: NDArray[np.float64]
     """(N,) heights in metres."""
     guessed: NDArray[np.bool_]
-    """(N,)."""
+    """(N,) whether the recovery guessed each cell."""
+
+    def chosen(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Cells":
+        """The cells where a mask (N,) is true, or the cells with the given indices (M,), in their order."""
+        return Cells(self.rc[keep], self.y[keep], self.guessed[keep])
 
 
 def cells_from_runs(runs: tuple[CellRun, ...]) -> Cells:
@@ -84,16 +92,22 @@ def cells_from_runs(runs: tuple[CellRun, ...]) -> Cells:
 
 def runs_from_cells(cells: Cells) -> tuple[CellRun, ...]:
     """Runs of cells, sorted by height, row and column; heights are rounded to a centimetre."""
-    if not len(cells.rc):
-        return ()
     y_cm = np.round(cells.y * 100).astype(np.int64)
-    order = np.lexsort((cells.rc[:, 1], cells.rc[:, 0], cells.guessed, y_cm))
-    rows, cols, y_cm, guessed = cells.rc[order, 0], cells.rc[order, 1], y_cm[order], cells.guessed[order]
-    new = np.ones(len(rows), bool)
-    new[1:] = (np.diff(rows) != 0) | (np.diff(cols) != 1) | (np.diff(y_cm) != 0) | (guessed[1:] != guessed[:-1])
-    firsts = np.flatnonzero(new)
-    lengths = np.diff(np.append(firsts, len(rows)))
+    rows, cols = cells.rc.T
+    firsts, lengths = runs_of(np.column_stack([y_cm, cells.guessed.astype(np.int64), rows]), cols)
     return tuple(
-        CellRun(int(rows[k]), int(cols[k]), int(length), int(y_cm[k]), bool(guessed[k]))
+        CellRun(int(rows[k]), int(cols[k]), int(length), int(y_cm[k]), bool(cells.guessed[k]))
         for k, length in zip(firsts, lengths, strict=True)
     )
+
+
+def runs_of(keys: NDArray[np.int64], along: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Joins entries with equal `keys` (N, K) and consecutive `along` (N,): index of each first entry, and lengths."""
+    if not len(along):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    order = np.lexsort((along, *keys.T[::-1]))
+    keys, along = keys[order], along[order]
+    new = np.ones(len(order), bool)
+    new[1:] = (np.diff(along) != 1) | (np.diff(keys, axis=0) != 0).any(axis=1)
+    firsts = np.flatnonzero(new)
+    return order[firsts], np.diff(np.append(firsts, len(order)))

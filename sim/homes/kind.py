@@ -1,4 +1,4 @@
-"""Which of the three sources a scene has, and what every output says of it. Light: no mesh is loaded."""
+"""Tells which of the three sources a scene has, and how outputs label it. It loads no mesh, so it is fast."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -7,7 +7,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.types import SceneKind
 
-from .plan import HomePlan, load_plan
+from .plan import plan_of
 
 _LABELS = {
     "schematic": "Schematic homes, recovered from the episode files: no human baseline for PersONAL",
@@ -23,31 +23,31 @@ _TERMS = {
 
 
 def scene_terms(kind: str) -> str:
-    """Whose terms a picture or an export of homes of this kind may stand under; empty for invented homes and scans.
+    """Words on terms that may apply to pictures and exports of such homes; empty for invented homes and scans.
 
-    A scan's own licence is known to whoever brings it.
+    The person who brings a scan knows its licence.
     """
     return _TERMS.get(kind, "")
 
 
 def scene_label(kind: str) -> str:
-    """What every table, figure, export and recording says of results in homes of this kind; empty for scans.
+    """The label of results in homes of this kind in tables, figures, exports and recordings; empty for scans.
 
-    This is the one source of the words. Answers on oracle maps have no home, and empty words too.
+    All outputs take the words from here. Answers on oracle maps have no home, so their label is empty too.
     """
     return _LABELS.get(kind, "")
 
 
 def scene_labels(kinds: Iterable[str]) -> tuple[str, ...]:
-    """The label of each of these kinds once, in order of the kinds; () for scans alone."""
+    """The labels of these kinds, each once, in order of the kinds; () for scans alone."""
     return tuple(label for kind in sorted(set(kinds)) if (label := scene_label(kind)))
 
 
 def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) -> SceneKind:
     """The kind of scene that `open_scene` makes of the same arguments.
 
-    An invented home stays one, also when its mesh is read from a file; a corrected plan of a schematic home does not
-    make a scan schematic.
+    An invented home is still invented when its mesh is read from a file, and a scan with a corrected plan of its
+    schematic home beside it is still a scan.
 
     Args:
         dataset: Its folder may hold the scene's plan.
@@ -76,18 +76,3 @@ def common_kind(dataset: PersonalDataset, scenes: Iterable[str], scenes_dir: Pat
         found = ", ".join(f"{kind} ({scene})" for kind, scene in sorted(examples.items()))
         raise SceneError(f"{dataset.root}: found scene kinds {found}; expected one kind per run. Choose scenes of one.")
     return next(iter(examples))
-
-
-def plan_of(dataset: PersonalDataset, scene: str) -> HomePlan | None:
-    """The plan that lies beside the episodes, `<dataset.root>/scenes/<scene>.plan.json`; None when there is none.
-
-    Raises:
-        SceneError: The plan is damaged or of another home.
-    """
-    path = dataset.root / "scenes" / f"{scene}.plan.json"
-    if not path.is_file():
-        return None
-    plan = load_plan(path)
-    if plan.name != scene:
-        raise SceneError(f"{path}: name is {plan.name!r}; expected {scene!r}. Rename the file or correct the plan.")
-    return plan

@@ -1,4 +1,4 @@
-"""Open a scene by name: a scan on disk, the plan of an invented home, or the schematic home of a dataset's scene."""
+"""Opens a scene by name: a scan on disk, the plan of an invented home, or the schematic home of a dataset's scene."""
 
 import hashlib
 import os
@@ -6,10 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import scipy
-
-from sim.cache import cached_bytes
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, ClutterLevel, SceneKind
@@ -19,12 +15,12 @@ from ..mesh import Scene, SceneObject, TriangleMesh
 from ..scans.hm3d import find_semantics, load_semantics
 from ..scans.meshes import load_mesh
 from ..scans.up_axis import Up, up_axis
+from .building.house import mesh_from_plan
 from .cells import cells_from_runs
-from .clutter.clutter import with_clutter
-from .house import mesh_from_plan
-from .kind import plan_of, scene_kind
-from .plan import HOMES_VERSION, HomePlan, plan_bytes
-from .recovered.recover import recover_plan
+from .clutter.plans import with_clutter
+from .kind import scene_kind
+from .plan import HomePlan, plan_bytes, plan_of, stored_plan
+from .recovered.plans import recover_plan
 from .recovered.walkable import PLAN_CLIMB
 
 if TYPE_CHECKING:
@@ -37,21 +33,21 @@ _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
 def open_scene(
     dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None, clutter: ClutterLevel = 0
 ) -> Scene:
-    """The scene that the dataset's episodes of `name` take place in.
+    """The scene of the dataset's episodes of `name`.
 
     Args:
         dataset: Its folder may hold `scenes/<name>.plan.json`, the plan of an invented home.
         name: Scene name, as in the content files.
-        scenes_dir: Folder of scans; `<name>.glb` or what `find_scan` says is loaded from any folder below. Beside it,
-            `<name>.semantic.glb` and `.semantic.txt` bring objects, and a `.navmesh` for a robot of our size the
-            navigation map; without one the map is made from the mesh. Files are z-up as HM3D's, unless Habitat's
+        scenes_dir: Folder of scans; the file that `find_scan` finds in any folder below is loaded. Beside it,
+            `<name>.semantic.glb` and `.semantic.txt` give the objects, and a `.navmesh` for a robot of our size gives
+            the navigation map; without one the map is made from the mesh. Files are z-up like HM3D's, unless Habitat's
             configuration files say otherwise (`up_axis`). None = a plan, or else a schematic home.
-        clutter: How much furniture without a caption is added to a plan or schematic home (`with_clutter`).
+        clutter: Level of furniture without a caption that is added to a plan or schematic home (`with_clutter`).
 
     Raises:
         DatasetError: The dataset has no such scene.
-        SceneError: The scan, a file beside it or the plan is missing, damaged, or cannot be walked in; or clutter is
-            asked for in a scan.
+        SceneError: The scan, a file beside it or the plan is missing or damaged, the robot cannot walk in it, or
+            clutter is requested for a scan.
         MissingDependencyError: The scan has Basis textures and the extra `basis` is not installed.
     """
     dataset.require_scene(name)
@@ -63,18 +59,23 @@ def open_scene(
             )
         scan = find_scan(name, scenes_dir)
         return _scan(scan, name, scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir))
-    return scene_from_plan(_cluttered(plan_of(dataset, name) or recover_plan(dataset, name), clutter))
+    return scene_from_plan(home_plan(dataset, name, clutter=clutter))
 
 
-def _cluttered(plan: HomePlan, level: ClutterLevel) -> HomePlan:
-    """`with_clutter` with seed 0, kept in the cache folder by the plan and its version."""
-    if level in (0, plan.clutter):
+def home_plan(dataset: PersonalDataset, name: str, *, clutter: ClutterLevel = 0) -> HomePlan:
+    """The plan beside the episodes of `name`, or else the recovered plan; with clutter of seed 0.
+
+    A plan with added clutter is kept in the cache folder, by its content and `HOMES_VERSION`.
+
+    Raises:
+        DatasetError: The dataset has no such scene.
+        SceneError: The plan is damaged, has clutter of another level, or cannot be recovered.
+    """
+    plan = plan_of(dataset, name) or recover_plan(dataset, name)
+    if clutter in (0, plan.clutter):
         return plan
     content = hashlib.sha256(plan_bytes(plan)).hexdigest()
-    key = f"clutter {level} {content} {HOMES_VERSION} {np.__version__} {scipy.__version__}"
-    return HomePlan.model_validate_json(
-        cached_bytes("plan", key, lambda: plan_bytes(with_clutter(plan, level, seed=0)))
-    )
+    return stored_plan(f"clutter {clutter} {content}", lambda: with_clutter(plan, clutter, seed=0))
 
 
 def scene_from_plan(plan: HomePlan) -> Scene:
@@ -95,14 +96,14 @@ def scene_from_plan(plan: HomePlan) -> Scene:
 
 
 def find_scan(name: str, scenes_dir: Path) -> Path:
-    """The file of a scan, in any folder below `scenes_dir`, as HM3D's `00800-<name>/<name>.basis.glb`.
+    """The file of a scan, in any folder below `scenes_dir`, such as HM3D's `00800-<name>/<name>.basis.glb`.
 
-    `<name>.glb` goes before `<name>.basis.glb`, which needs the extra `basis`; then come `.gltf`, `.ply` and `.obj`.
-    Links to folders are followed, as Habitat's downloader makes them; of two files, one reached without links goes
-    first, then the first by path. The path is as found, links and all.
+    `<name>.glb` comes before `<name>.basis.glb`, which needs the extra `basis`; then come `.gltf`, `.ply` and `.obj`.
+    Links to folders are followed, because Habitat's downloader makes such links. Of several files the one reached
+    through the fewest links counts, then the first by path. Links in the returned path are not resolved.
 
     Raises:
-        SceneError: No folder below `scenes_dir` holds any of them.
+        SceneError: No folder below `scenes_dir` holds such a file.
     """
     order = {f"{name}{suffix}": place for place, suffix in enumerate(_SUFFIXES)}
     found = [(order[path.name], depth, path) for path, depth in _files_below(scenes_dir, set(order)) if path.exists()]
@@ -118,7 +119,7 @@ def find_scan(name: str, scenes_dir: Path) -> Path:
 def _files_below(root: Path, names: set[str]) -> Iterator[tuple[Path, int]]:
     """Files of these names in any folder below `root`, each with the number of links to folders that lead to it.
 
-    Each folder is read once, whatever links lead to it: folders reached by fewer links come first.
+    Each folder is read once, even if several links lead to it; folders reached by fewer links come first.
     """
     seen = set[tuple[int, int]]()
     starts, depth = [str(root)], 0
@@ -155,7 +156,7 @@ def _scan(path: Path, name: str, kind: SceneKind, up: Up) -> Scene:
 
 
 def _fitting_navmesh(path: Path, name: str, mesh: TriangleMesh) -> "NavMesh | None":
-    """The `.navmesh` beside a scan, if made for our robot; HM3D's own, for a taller and thinner one, is not used."""
+    """The `.navmesh` beside a scan, if it is made for our robot; HM3D's own is for a taller and thinner robot."""
     from sim.walk.navmesh import load_navmesh
 
     for beside in (

@@ -1,31 +1,41 @@
-"""`HomePlan`: a home as a small JSON file, before it has triangles; from `invent` and `recover`, for `furnish`."""
+"""`HomePlan`: a home as a small JSON file before it has triangles, invented from a seed or recovered from episodes."""
 
+import json
+import math
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from sim.cache import cached_bytes
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError, line_from_validation_error
 from sim.files import bounded_json
-from sim.types import ClutterLevel
+from sim.types import ClutterLevel, GridSpec
 from sim.words.finishes import Material, Pattern, Rgb
 
 from .cells import AreaRun, CellGrid, Metres, Positive, Xz
-from .plan_versions import current
 
 HOMES_VERSION = 2
-"""Raised by whoever changes what homes made of plans, seeds or episode files look like or where one walks in them.
+"""Raise this when homes made of plans, seeds or episode files look different or allow different ways.
 
-What was kept of homes of another number (plans, light, explorations' maps) is made anew.
+Stored plans, light and maps of explorations are made again for homes with a different number.
 """
 
 SCHEMA_VERSION = 2
 Finite = Annotated[float, AllowInfNan(False)]
 _MODEL = ConfigDict(frozen=True, extra="forbid")
+_MATERIALS = {
+    "fabric": "fabric", "velvet": "fabric", "woven": "fabric", "oak": "wood", "walnut": "wood", "wooden": "wood",
+    "enamel": "metal", "ceramic": "ceramic", "paper": "paper", "painted": "picture", "framed": "picture",
+}  # fmt: skip
+"""Words that plans of version 1 used as materials."""
 _ADVICE = "Make the plan again with personal-viz invent, or restore the file."
 
 
@@ -43,7 +53,7 @@ class Rect(NamedTuple):
         return ((self.x0 + self.x1) / 2, (self.z0 + self.z1) / 2)
 
     def grown(self, by: float) -> "Rect":
-        """The rectangle with every side moved outwards by `by` metres."""
+        """The rectangle with every side moved outwards by this many metres."""
         return Rect(self.x0 - by, self.z0 - by, self.x1 + by, self.z1 + by)
 
     def overlaps(self, other: "Rect") -> bool:
@@ -55,12 +65,30 @@ class Rect(NamedTuple):
         return self.x0 <= x <= self.x1 and self.z0 <= z <= self.z1
 
     def holds_rect(self, other: "Rect") -> bool:
-        """Whether `other` lies inside."""
+        """Whether `other` lies inside or on the border."""
         return self.holds(other.x0, other.z0) and self.holds(other.x1, other.z1)
+
+    def beside(self, yaw: float, depth: float) -> "Rect":
+        """The strip of this depth (metres) along the side that faces `yaw`, a multiple of 90 degrees; 0 = +z."""
+        dx, dz = round(math.sin(yaw)), round(math.cos(yaw))
+        x0, x1 = (self.x0, self.x1) if not dx else (self.x1, self.x1 + depth) if dx > 0 else (self.x0 - depth, self.x0)
+        z0, z1 = (self.z0, self.z1) if not dz else (self.z1, self.z1 + depth) if dz > 0 else (self.z0 - depth, self.z0)
+        return Rect(x0, z0, x1, z1)
+
+    def cells(self, grid: GridSpec, *, slack: float = 0.0) -> tuple[slice, slice]:
+        """Rows and columns of the grid's cells that the rectangle touches; at least one cell, at the border if outside.
+
+        Args:
+            grid: Place of the cells.
+            slack: Cells that it reaches into by less than this are left out (metres).
+        """
+        corners = np.array([[self.x0 + slack, self.z0 + slack], [self.x1 - slack, self.z1 - slack]])
+        (row0, col0), (row1, col1) = np.clip(grid.rc_from_xz(corners), 0, np.array(grid.shape) - 1).tolist()
+        return slice(row0, max(row0, row1) + 1), slice(col0, max(col0, col1) + 1)
 
 
 class Finish(BaseModel):
-    """What a surface is made of."""
+    """Material, pattern and colours of a surface."""
 
     model_config = _MODEL
     material: Material = "plastic"
@@ -75,7 +103,7 @@ class Storey(BaseModel):
 
     model_config = _MODEL
     label: str
-    """How texts call it: "ground floor"."""
+    """Name in texts: "ground floor"."""
     floor_y: Metres
     ceiling: Positive = 2.5
     """Height of the ceiling (or of the walls' top) above the floor, metres."""
@@ -89,9 +117,9 @@ class Room(BaseModel):
     storey: int = Field(ge=0)
     """Index into `HomePlan.storeys`."""
     rect: Rect | None = None
-    """Middle lines of its walls; None where the plan's cells say where floor is."""
+    """Middle lines of its walls; None where the plan gives floor as cells."""
     area: tuple[AreaRun, ...] = ()
-    """Its cells where it has no `rect`; cells of the storey that no room names belong to the nearest one."""
+    """Its cells where it has no `rect`; cells of the storey in no room's area belong to the nearest room."""
     floor: Finish
     wall: Finish
 
@@ -127,8 +155,14 @@ class Wall(BaseModel):
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
     @property
+    def line(self) -> Rect:
+        """The middle line as a rectangle without width."""
+        (x0, x1), (z0, z1) = (sorted((self.start[axis], self.end[axis])) for axis in (0, 1))
+        return Rect(x0, z0, x1, z1)
+
+    @property
     def is_along_x(self) -> bool:
-        """Else it runs along z."""
+        """Whether it runs along x, not along z."""
         return self.start[1] == self.end[1]
 
     def middle_of(self, opening: Opening) -> tuple[float, float]:
@@ -137,7 +171,7 @@ class Wall(BaseModel):
         return (x0 + (x1 - x0) * share, z0 + (z1 - z0) * share)
 
     def floor_beside(self, opening: Opening, *, depth: float, margin: float) -> Rect:
-        """The floor so far before and behind an opening, and as much wider on each side as `margin` (metres)."""
+        """The floor up to `depth` in front of an opening and behind it, wider by `margin` on each side (metres)."""
         x, z = self.middle_of(opening)
         half = opening.width / 2 + margin
         out_x, out_z = (half, depth) if self.is_along_x else (depth, half)
@@ -149,12 +183,17 @@ class Stair(BaseModel):
 
     model_config = _MODEL
     storey: int = Field(ge=0)
-    """The storey it rises from, to the next one."""
+    """Index of the storey from which it rises to the next one."""
     rect: Rect
     """Footprint of the flight and of the hole in the floor above."""
     towards: Literal["+x", "-x", "+z", "-z"]
     """Direction in which it rises."""
     num_steps: int = Field(ge=1, le=1000)
+
+    @property
+    def yaw(self) -> float:
+        """Direction in which it rises, radians about +y; 0 = +z."""
+        return {"+z": 0.0, "+x": math.pi / 2, "-z": math.pi, "-x": -math.pi / 2}[self.towards]
 
 
 class Furniture(BaseModel):
@@ -168,7 +207,7 @@ class Furniture(BaseModel):
     size: tuple[Positive, Positive, Positive]
     """Width, height, depth in its own axes, metres."""
     yaw: Finite = 0.0
-    """Radians about +y; at 0 its front looks along +z."""
+    """Turn in radians about +y; at 0 its front faces +z."""
     finish: Finish
     caption: str = ""
     room: str = ""
@@ -192,7 +231,7 @@ class Furniture(BaseModel):
 
     @property
     def box(self) -> NDArray[np.float64]:
-        """(6,) lowest and highest corner in the world."""
+        """The box (6,): lowest, then highest corner in the world."""
         rect, y, half = self.rect, self.centre[1], self.size[1] / 2
         return np.array([rect.x0, y - half, rect.z0, rect.x1, y + half, rect.z1])
 
@@ -210,13 +249,13 @@ class HomePlan(BaseModel):
     stairs: tuple[Stair, ...] = ()
     furniture: tuple[Furniture, ...] = ()
     cells: CellGrid | None = None
-    """Floor of a schematic home; None for invented homes, whose mesh says where one can walk."""
+    """Floor of a schematic home; None for invented homes, whose walkable floor follows from the mesh."""
     clutter: ClutterLevel = 0
-    """How much furniture without a caption was added."""
+    """Level of added furniture without a caption."""
 
     @model_validator(mode="after")
     def _every_storey_exists(self) -> "HomePlan":
-        """Rooms, walls and both ends of stairs stand on storeys of the plan."""
+        """Checks that rooms, walls and both ends of stairs are on storeys of the plan."""
         last = len(self.storeys) - 1
         parts = (("rooms", self.rooms, last), ("walls", self.walls, last), ("stairs", self.stairs, last - 1))
         wrong = [
@@ -241,7 +280,7 @@ MAX_PLAN_VALUES = 1_000_000
 
 
 def load_plan(path: Path) -> HomePlan:
-    """Read and check a plan.
+    """Reads and checks a plan.
 
     Raises:
         SceneError: The file is missing, damaged, or of another version.
@@ -251,13 +290,28 @@ def load_plan(path: Path) -> HomePlan:
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error}); expected a home plan. {_ADVICE}") from None
     try:
-        return HomePlan.model_validate_json(current(data))
+        return HomePlan.model_validate_json(_current(data))
     except ValidationError as error:
         raise SceneError(line_from_validation_error(path, error, advice=_ADVICE)) from None
 
 
+def plan_of(dataset: PersonalDataset, scene: str) -> HomePlan | None:
+    """The plan beside the episodes, `<dataset.root>/scenes/<scene>.plan.json`; None when there is none.
+
+    Raises:
+        SceneError: The plan is damaged or of another home.
+    """
+    path = dataset.root / "scenes" / f"{scene}.plan.json"
+    if not path.is_file():
+        return None
+    plan = load_plan(path)
+    if plan.name != scene:
+        raise SceneError(f"{path}: name is {plan.name!r}; expected {scene!r}. Rename the file or correct the plan.")
+    return plan
+
+
 def save_plan(plan: HomePlan, path: Path) -> None:
-    """Write a plan; the same plan gives the same bytes, and the file is never half-written.
+    """Writes a plan; the same plan gives the same bytes, and the file is never half-written.
 
     Raises:
         SceneError: The file cannot be written.
@@ -272,5 +326,48 @@ def save_plan(plan: HomePlan, path: Path) -> None:
 
 
 def plan_bytes(plan: HomePlan) -> bytes:
-    """The plan as its file holds it."""
+    """The bytes of a plan's file."""
     return plan.model_dump_json().encode() + b"\n"
+
+
+def stored_plan(key: str, make: Callable[[], HomePlan]) -> HomePlan:
+    """The plan that `make` gives, made once and kept in the cache folder.
+
+    Args:
+        key: Everything that the plan depends on besides `HOMES_VERSION` and the numerical libraries.
+        make: Makes the plan.
+    """
+    versions = f"{HOMES_VERSION} {np.__version__} {scipy.__version__}"
+    return HomePlan.model_validate_json(cached_bytes("plan", f"{key} {versions}", lambda: plan_bytes(make())))
+
+
+def _current(data: bytes) -> bytes:
+    """A plan file converted to the current version; files that hold no earlier plan are returned unchanged."""
+    try:
+        plan = json.loads(data)
+    except (ValueError, RecursionError):
+        return data
+    if not isinstance(plan, dict) or plan.get("schema_version") != 1:
+        return data
+    try:
+        return json.dumps(_from_version_1(plan)).encode()
+    except (AttributeError, TypeError):  # not a plan of version 1 either: the current check reports it
+        return data
+
+
+def _from_version_1(plan: dict[str, Any]) -> dict[str, Any]:
+    rooms = [_room(room) for room in plan.get("rooms", [])]
+    furniture = [_piece(piece) for piece in plan.get("furniture", [])]
+    return {**plan, "schema_version": 2, "rooms": rooms, "furniture": furniture}
+
+
+def _room(room: dict[str, Any]) -> dict[str, Any]:
+    kept = {key: value for key, value in room.items() if key not in ("floor_rgb", "wall_rgb")}
+    floor, wall = ({"material": m, "rgb": room.get(key)} for m, key in (("wood", "floor_rgb"), ("plaster", "wall_rgb")))
+    return {**kept, "floor": floor, "wall": wall}
+
+
+def _piece(piece: dict[str, Any]) -> dict[str, Any]:
+    kept = {key: value for key, value in piece.items() if key not in ("rgb", "material")}
+    material = _MATERIALS.get(piece.get("material", ""), "plastic")
+    return {**kept, "finish": {"material": material, "rgb": piece.get("rgb")}}

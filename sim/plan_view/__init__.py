@@ -1,1 +1,1 @@
-"""A storey seen from above: from metres to pixels, and its free floor as SVG, for every drawing that needs them."""
+"""A storey seen from above: its free floor, metres to pixels, colours of values, and SVG, for every drawing."""

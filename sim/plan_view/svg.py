@@ -8,7 +8,7 @@ from sim.types import GridSpec
 from .view import PlanView
 
 _OVERLAP = 0.3
-"""Pixels by which a row of cells reaches into the next, so that no line shows between them."""
+"""Pixels by which a row of cells reaches into the next, so that no gap shows between them."""
 
 
 def free_floor(view: PlanView, free: NDArray[np.bool_], grid: GridSpec, *, fill: str = "#ffffff") -> str:

@@ -1,1 +1,1 @@
-"""What a camera sees: views of a mesh as colour, planar depth and object ids, and single rays."""
+"""Renders views of a mesh as colour, planar depth and object ids, and casts single rays."""

@@ -1,4 +1,4 @@
-"""The compiled loops behind `Raycaster.cast`: packets of rays that have nothing to do with one another."""
+"""The compiled loops behind `Raycaster.cast`: packets of independent rays."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def cast_rays(tracer, packets, rays, range_m, face_ids):
 
     Args:
         tracer: Addresses of scene, arguments and mask for `trace`.
-        packets: One packet, this call's alone.
+        packets: One packet that no other call uses.
         rays: (N, 6) origins and directions; those that are not finite or have no direction miss.
         range_m: (N,) to fill.
         face_ids: (N,) to fill.

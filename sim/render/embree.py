@@ -1,9 +1,11 @@
-"""Embree 4 out of the pinned `embreex` wheel: scenes through ctypes, ray packets for compiled kernels.
+"""Embree 4 from the pinned `embreex` wheel: scenes through ctypes, ray packets for compiled kernels.
 
-That wheel has no interface for packets, so its library is used directly. It is a private path of the wheel, hence the
-exact versions and the self-test. A kernel traces one packet with `trace(scene, arguments, valid, packet, width)`: the
-three addresses of an `EmbreeScene`'s `coherent` or `incoherent`, and that of a record of `new_packet(width)`. Values of
-constants and the layout of packets are those of Embree 4.4's headers.
+That wheel has no interface for packets, so its library is used directly. The library is a private part of the wheel,
+so we pin exact versions and run a self-test.
+
+A kernel traces one packet with `trace(scene, arguments, valid, packet, width)`: the first three are the addresses in
+`coherent` or `incoherent` of an `EmbreeScene`, and `packet` is the address of a record of `new_packet(width)`. Values
+of constants and the layout of packets are those of Embree 4.4's headers.
 """
 
 import ctypes
@@ -100,7 +102,7 @@ def packet_dtype(width: int) -> np.dtype:
 
 
 def new_packet(width: int, count: int = 1) -> NDArray[np.void]:
-    """(count,) packets, each at a multiple of 64 bytes as Embree wants; zero but for `tfar` inf, `mask` and `geom`."""
+    """(count,) packets, each at a multiple of 64 bytes as Embree wants; zero except `tfar` (inf), `mask` and `geom`."""
     dtype = packet_dtype(width)
     packets = aligned_bytes(count * dtype.itemsize).view(dtype)
     packets["tfar"] = np.inf
@@ -116,7 +118,7 @@ def aligned_bytes(size: int) -> NDArray[np.uint8]:
 
 
 def library_path() -> Path:
-    """Where the pinned wheel keeps its Embree.
+    """Path of the Embree library in the pinned wheel.
 
     Raises:
         MissingDependencyError: The wheel is not installed, is another version or holds no such library.
@@ -143,7 +145,7 @@ def library() -> ctypes.CDLL:
     """Embree with declared functions, known to compiled kernels; loaded at the first call.
 
     Raises:
-        MissingDependencyError: It is absent or another version.
+        MissingDependencyError: It is missing or has another version.
     """
     path = library_path()
     try:
@@ -181,7 +183,7 @@ class EmbreeScene:
             faces: (F, 3) valid indices of vertices; copied.
 
         Raises:
-            MissingDependencyError: Embree is absent or another version.
+            MissingDependencyError: Embree is missing or has another version.
             SceneError: Memory has run out.
         """
         embree = library()
@@ -205,7 +207,7 @@ class EmbreeScene:
     def __reduce__(self) -> NoReturn:
         """Refuses to be pickled or copied: the addresses mean nothing elsewhere, and a copy would outlive the tree."""
         raise TypeError(
-            "renderer: found an Embree scene that is to be pickled or copied; expected it to stay where it was made. "
+            "renderer: an Embree scene was about to be pickled or copied; expected it to stay where it was made. "
             "Make a Raycaster of the mesh in each process."
         )
 
@@ -255,10 +257,10 @@ def _release(embree: ctypes.CDLL, scene: int, device: int) -> None:
 
 @lru_cache
 def self_test() -> Backend:
-    """Traces a packet with one hit and misses in this process; says how wide packets are on this processor.
+    """Traces a packet with one hit and several misses; returns the packet width of this processor.
 
     Raises:
-        MissingDependencyError: Embree is absent, another version, or answers wrongly.
+        MissingDependencyError: Embree is missing, has another version, or answers wrongly.
     """
     embree = library()
     device = _new_device(embree)

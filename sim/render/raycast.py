@@ -1,7 +1,7 @@
 """Renders views of a mesh on the processor: RGB, planar depth and object ids in one pass over packets of rays.
 
-`Raycaster` is the interface; embree.py finds hits (raycast_open3d.py where it cannot), texels.py and
-raycast_kernels.py tell what they look like.
+`Raycaster` is the interface. embree.py finds hits (raycast_open3d.py where it cannot); texels.py and
+raycast_kernels.py give their colours and ids.
 """
 
 import itertools
@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from sim.errors import MissingDependencyError, SceneError
 from sim.mesh import TriangleMesh
-from sim.types import Camera
+from sim.types import Camera, Frame
 
 from . import embree
 from .cast_kernels import cast_rays, refine_ranges
 from .raycast_kernels import SKY_RGB as SKY_RGB
 from .raycast_kernels import TILES, Picture, Rows, Sampling, View, depth_rows, render_rows
-from .renderer import Backend, Frame, Hits
+from .renderer import Backend, Hits
 from .texels import FILTERS, Surfaces, TextureFilter, lanes_dtype, surfaces_of_mesh
 
 _Over = Callable[[list[Rows], Callable[[Rows], None]], None]
@@ -47,8 +47,8 @@ class Raycaster:
     """Implements `Renderer` for one mesh: unlit colours, no near or far plane, both sides of faces visible.
 
     Immutable after construction; all methods may be called from several threads at once. The same pose gives the same
-    bytes whatever the number of threads, on processors with one instruction set. A child process made by fork may go on
-    using it, though children are better spawned, as sim/tasks/workers.py does.
+    bytes whatever the number of threads, on processors with one instruction set. A forked child process may go on using
+    it, but spawning is better, as in sim/tasks/workers.py.
     """
 
     backend: Backend
@@ -65,11 +65,11 @@ class Raycaster:
         """Builds the search tree (0.2 s for a million faces with Embree, 1 s with Open3D).
 
         Args:
-            mesh: What to render; its textures are not copied and must not be changed.
+            mesh: The mesh to render; its textures are not copied and must not be changed.
             texture_filter: `nearest` texel; `bilinear`, as Habitat; `mipmap`, bilinear in the level whose texels are
                 nearest to a pixel in size, which does not shimmer but needs a third more memory.
-            threads: How many work on one call; None = the cores that this process may use, or 1 in a child made by
-                `multiprocessing`, which shares them with its siblings.
+            threads: Number of threads that work on one call; None = the cores that this process may use, or 1 in a
+                child made by `multiprocessing`, which shares them with its siblings.
             backend: `auto` is Embree if it passes its self-test, otherwise Open3D and a warning.
 
         Raises:
@@ -85,7 +85,7 @@ class Raycaster:
         if self.backend.name == "embree":
             self._tracer = _EmbreeTracer(*self._mesh, width=self.backend.packet_width)
         else:
-            from .raycast_open3d import Open3dTracer  # takes 2 s to load, and most machines do without
+            from .raycast_open3d import Open3dTracer  # takes 2 s to load, and most machines do not need it
 
             self._tracer = Open3dTracer(*self._mesh)
 
@@ -136,15 +136,17 @@ class Raycaster:
         return Hits(range_m, positions, face_ids)
 
     def _rendered(self, T_world_camera: NDArray[np.float64], camera: Camera, over: _Over) -> Frame:
-        view, sampling = _view(T_world_camera, camera), (self._filter, camera.focal**2)
+        T_world_camera = np.array(T_world_camera, np.float64)
+        fx, fy, *_ = camera.lens
+        view, sampling = _view(T_world_camera, camera), (self._filter, fx * fy)
         shape = (camera.height, camera.width)
-        picture = np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32)
+        rgb, depth_m, ids = np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32)
         render, surfaces = self._tracer.render, self._surfaces
-        over(self._ranges(camera), lambda rows: render(view, surfaces, sampling, rows, picture))
-        return Frame(*picture)
+        over(self._ranges(camera), lambda rows: render(view, surfaces, sampling, rows, (rgb, depth_m, ids)))
+        return Frame(rgb, depth_m, T_world_camera, camera, ids)
 
     def _ranges(self, camera: Camera) -> list[Rows]:
-        """Rows of tiles, cut so that threads that are done earlier find more to do."""
+        """Rows of tiles in small parts, so that threads that finish early can take more."""
         num_rows = -(-camera.height // self._tracer.tile_rows)
         most = min(num_rows, camera.width * camera.height // _PIXELS_PER_TASK)
         count = max(1, min(most, 3 * self._workers.threads)) if self._workers.threads > 1 else 1
@@ -180,7 +182,7 @@ def _asked_backend(name: Literal["embree", "open3d"]) -> Backend:
 
 
 class _EmbreeTracer:
-    """Embree's scene with what the kernels want to know of it."""
+    """Embree's scene with the values that the kernels need."""
 
     def __init__(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], *, width: int) -> None:
         self.tile_rows = TILES[width][1]
@@ -233,6 +235,7 @@ def _view(T_world_camera: NDArray[np.float64], camera: Camera) -> View:
             f"renderer: the camera's pose is {T_world_camera.tolist()}; expected 4 x 4 finite numbers. "
             "Check where the robot stands."
         )
-    right, down = T_world_camera[:3, 0] / camera.focal, T_world_camera[:3, 1] / camera.focal
-    corner = T_world_camera[:3, 2] + (0.5 - camera.width / 2) * right + (0.5 - camera.height / 2) * down
+    fx, fy, cx, cy = camera.lens
+    right, down = T_world_camera[:3, 0] / fx, T_world_camera[:3, 1] / fy
+    corner = T_world_camera[:3, 2] + (0.5 - cx) * right + (0.5 - cy) * down
     return tuple(map(tuple, np.column_stack([right, down, corner, T_world_camera[:3, 3]]).tolist()))

@@ -2,10 +2,10 @@
 
 A picture is cut into tiles of one packet each (4 x 4, 4 x 2 or 2 x 2 pixels: square tiles trace 5-20 % faster than
 16 x 1). The lanes of a packet go through each stage together, which the compiler turns into vector code; that is 25 %
-faster than one pixel after the other. Colours are packed: red + 256 green + 65536 blue. All helpers stand in this file,
+faster than one pixel after the other. Colours are packed: red + 256 green + 65536 blue. All helpers are in this file,
 because numba's cache sees changes of this file only.
 
-`view` has for each of x, y, z four numbers: one pixel to the right, one down, the ray of pixel (0, 0) with forward
+`view` has four numbers for each of x, y, z: one pixel to the right, one down, the ray of pixel (0, 0) with forward
 component 1 (which makes hits planar depths), and the camera's place. They are tuples, so that they stay in registers,
 and double, so that rays are rounded once: next to silhouettes the last bit decides.
 """
@@ -49,8 +49,8 @@ def render_rows(tracer, packets, all_lanes, view, surfaces, sampling, rows, pict
 
     Args:
         tracer: Addresses of scene, arguments and mask for `trace`.
-        packets: One packet, this call's alone.
-        all_lanes: One `lanes_dtype`, this call's alone.
+        packets: One packet that no other call uses.
+        all_lanes: One `lanes_dtype` that no other call uses.
         view: `View`.
         surfaces: `Surfaces`.
         sampling: `Sampling`.
@@ -90,7 +90,7 @@ def depth_rows(tracer, packets, view, rows, depth):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def colour_rows(found, mesh, packets, all_lanes, view, surfaces, sampling, rows, picture):
-    """`render_rows` with hits that were found elsewhere.
+    """`render_rows` with hits that another library found.
 
     Args:
         found: Hits of the pixels of these rows alone: range (R, W), face (R, W), weights of corners 1 and 2 (R, W, 2).
@@ -376,7 +376,7 @@ def _store_colour(colour, y, x, rgb):
 
 @njit(forceinline=True)
 def _take_hits(packet, row, col, found, mesh):
-    """Puts hits that were found elsewhere, from this row and column on, into a packet without any."""
+    """Puts another library's hits, from this row and column on, into an empty packet."""
     cols, _ = _tile(packet)
     range_m, face_ids, weights = found
     for i in range(len(packet.tfar)):

@@ -1,4 +1,4 @@
-"""The portable way to first hits: Open3D's ray casting, for machines on which Embree's packets cannot be used."""
+"""Finds first hits with Open3D's ray casting, for machines on which Embree's packets cannot be used."""
 
 import numpy as np
 import open3d as o3d
@@ -15,7 +15,7 @@ WIDTH = 16
 
 
 class Open3dTracer:
-    """Finds first hits one ray at a time; pictures are those of Embree's packets but for ties between faces."""
+    """Finds first hits one ray at a time; pictures equal those of Embree's packets except for ties between faces."""
 
     tile_rows = TILES[WIDTH][1]
 

@@ -1,4 +1,4 @@
-"""The protocol of renderers and their pictures, also as JPEG; sim/render/raycast.py is one. Light to import."""
+"""The protocol of renderers, and their pictures as JPEG; sim/render/raycast.py is one. Light to import."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -7,27 +7,15 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.types import Camera
+from sim.types import Camera, Frame
 
 JPEG_QUALITY = 80
 """Quality of pictures that participants and recordings show."""
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """One rendered view."""
-
-    rgb: NDArray[np.uint8]
-    """(H, W, 3)."""
-    depth_m: NDArray[np.float32]
-    """(H, W) planar depth in metres, 0 where nothing was hit."""
-    instance_ids: NDArray[np.int32]
-    """(H, W), 0 where no object."""
-
-
-@dataclass(frozen=True, slots=True)
 class Hits:
-    """Where rays met the scene first."""
+    """The places where rays first met the scene."""
 
     range_m: NDArray[np.float64]
     """(N,) metres along the unit ray, inf where nothing was hit."""
@@ -57,6 +45,10 @@ class Renderer(Protocol):
 
     def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
         """`render` of each of the poses (B, 4, 4), in order; faster than one after the other."""
+        ...
+
+    def depth(self, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:
+        """`render`'s depth alone, (H, W) planar metres, 0 where nothing was hit; it costs less than `render`."""
         ...
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:

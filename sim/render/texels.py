@@ -1,4 +1,4 @@
-"""The colours and object ids of a mesh as compiled kernels read them: one record per face, textures where they are.
+"""The colours and object ids of a mesh for compiled kernels: one record per face; textures stay in place.
 
 `surfaces_of_mesh` makes them; raycast_kernels.py looks up what each ray of a packet sees.
 """
@@ -19,7 +19,7 @@ TextureFilter = Literal["nearest", "bilinear", "mipmap"]
 FILTERS: dict[TextureFilter, int] = {"nearest": 0, "bilinear": 1, "mipmap": 2}
 """The kernels' numbers of the filters."""
 LARGEST_UV = 1e6
-"""Texture coordinates beyond this are damage: float32 no longer tells texels apart there."""
+"""Texture coordinates beyond this count as damaged: float32 no longer tells texels apart there."""
 LARGEST_TEXTURE = 2**31 - 1
 """Bytes: kernels count them in 32 bits."""
 _WHITE = 0xFFFFFF

@@ -124,7 +124,7 @@ def _same_faces(mesh: TriangleMesh, painted: PaintedMesh) -> tuple[NDArray[np.in
 
 def _nearest_ids(points: NDArray[np.float32], painted: PaintedMesh) -> NDArray[np.int32]:
     """(N,) ids at the painted places nearest to the points (N, 3)."""
-    import open3d  # takes seconds to import, and files of one scan fit each other
+    import open3d  # takes seconds to import, and is not needed when the files of a scan fit each other
 
     tensor: Any = open3d.core.Tensor
     surface = open3d.t.geometry.RaycastingScene()

@@ -20,8 +20,8 @@ TURN_COST = 0.02
 MIN_PROGRESS = 0.03
 """A forward that brings the goal less than this much nearer (metres) is not taken."""
 LOOKAHEAD = 4
-"""Forwards that it tries in a row before it gives up: without sliding, 12 headings catch on corners, and one step back
-or aside leads around them."""
+"""Forwards that the agent tries in a row before it gives up: without sliding, its 12 headings catch on corners, and a
+step back or aside leads around them."""
 NEAR = 0.1
 """Places where STOP succeeds are at most this far (metres) from the region's points, which are 5 cm apart."""
 SAME_PLACE = 0.05
@@ -56,7 +56,7 @@ class RandomAgent:
 
 
 class _Way(NamedTuple):
-    """A row of actions and its result."""
+    """A sequence of actions and its result."""
 
     position: tuple[float, float, float]
     yaw: float
@@ -87,13 +87,13 @@ class ShortestPathAgent:
         self._planned: list[Action] = []
 
     def act(self, observation: Observation) -> Action:
-        """The next turn or forward towards the goal; STOP where it succeeds, or when no found way brings it nearer."""
+        """The next turn or forward towards the goal; STOP where it succeeds, or when no sequence found leads nearer."""
         if not self._planned:
             self._planned = self._plan(observation)
         return self._planned.pop(0)
 
     def _plan(self, observation: Observation) -> list[Action]:
-        """The shortest row of actions with progress; of rows with equally many forwards, the best for its turns."""
+        """The shortest sequence of actions with progress; among equally many forwards, the best for its turns."""
         T_world_camera = self._T_world_start @ observation.T_start_camera
         x, y, z = T_world_camera[:3, 3].tolist()
         position = (x, y - self._camera.mount_height, z)
@@ -117,7 +117,7 @@ class ShortestPathAgent:
         return [Action.STOP]
 
     def _one_forward_more(self, way: _Way, tried: set[tuple[int, ...]]) -> Iterator[_Way]:
-        """The way and one forward in each direction that leads to a place not in `tried`, which grows."""
+        """The sequence with one more forward, for each direction that leads to a new place; extends `tried`."""
         for turn in _TURNS:
             yaw = way.yaw + turn * TURN_STEP
             start = np.array(way.position)
@@ -129,7 +129,7 @@ class ShortestPathAgent:
                 yield _Way(end, yaw, (*way.actions, *turns, Action.FORWARD))
 
     def _is_there(self, position: tuple[float, float, float], distance: float) -> bool:
-        """Whether STOP succeeds here; `distance` to the region tells most places apart without asking the rule."""
+        """Whether STOP succeeds here; `distance` to the region decides most places without asking the rule."""
         return distance <= NEAR and reaches_goal(position, self._episode, distance=distance, rule=self._rule)
 
     def _distances(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""The part of a storey that a robot has seen, from above, by depth and the camera's pose, or by the free map alone."""
+"""The part of a storey that a robot has seen, from above: by depth and the camera's pose, or by the free map alone."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -12,8 +12,8 @@ from sim.types import Camera, GridSpec
 MAX_RANGE = 5.0
 """Nothing farther than this counts as seen, metres (VLFM's fog of war)."""
 TALLEST, LOWEST = 1.6, -0.3
-"""A ray shows the floor below it while it is between these heights above the floor, metres: things higher up hide
-nothing, and lower down is a stair or another storey."""
+"""A ray shows the floor below it while it is between these heights above the floor, metres: higher things hide nothing,
+and lower places are a stair or another storey."""
 NEAR = 0.3
 """Without depth: recorded starts may lie off the map, so nothing nearer than this (metres) hides the floor."""
 BEHIND = 0.25
@@ -122,7 +122,8 @@ def _rays(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sideways (C,) and downwards (R, 1) metres per metre of depth, for the used columns and rows."""
     cols = np.arange(_EVERY_COL // 2, camera.width, _EVERY_COL)
     rows = np.arange(_EVERY_ROW // 2, camera.height, _EVERY_ROW)
-    u, v = (cols + 0.5 - camera.width / 2) / camera.focal, (rows + 0.5 - camera.height / 2) / camera.focal
+    fx, fy, cx, cy = camera.lens
+    u, v = (cols + 0.5 - cx) / fx, (rows + 0.5 - cy) / fy
     return u.astype(np.float64), v[:, None].astype(np.float64)
 
 

@@ -1,4 +1,4 @@
-"""PAN as a Gymnasium environment with Habitat's observation names; it translates for `PanEnv`, which moves the robot.
+"""PAN as a Gymnasium environment with Habitat's observation names; it drives `PanEnv`, which moves the robot.
 
 Ground truth stays inside: observations hold sensors and the task's text; `info` gives measures only after the end.
 
@@ -46,7 +46,7 @@ _FAR = float(np.finfo(np.float32).max)
 
 
 class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
-    """PAN episodes of a dataset, one after the other; scenes are opened when their turn comes."""
+    """PAN episodes of a dataset, one after the other; each scene is opened when its turn comes."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 4}  # noqa: RUF012 - Gymnasium's own type
 
@@ -85,7 +85,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             max_steps: An episode is truncated after this many actions; STOP as the last one terminates it.
             reward: `success`: 1 for an end that succeeds under rule `paper`, else 0. `distance_to_goal`: habitat-lab's
                 DistanceToGoalReward, metres by which the step brought the robot nearer to where `paper` accepts STOP;
-                0 while that is out of reach. Both are ground truth: a training signal, never an observation.
+                0 while no such place can be reached. Both are ground truth: a training signal, never an observation.
             render_mode: "rgb_array" lets `render` return the robot's view.
 
         Raises:
@@ -225,7 +225,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
     def _drawing(self, scene: Scene) -> Renderer:
         """The renderer of the open scene, made when it is first needed."""
         if self._renderer is None:
-            from sim.homes.labels import renderer_of
+            from sim.homes.renderers import renderer_of
 
             self._renderer = renderer_of(scene)
         return self._renderer

@@ -4,7 +4,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -29,7 +29,7 @@ class RuleFigures(BaseModel):
     dtg: float | None
     unreachable: int
     undefined: int
-    """Trials that a program without the rule measured; they are in no figure of the rule."""
+    """Trials measured by a program that did not know the rule; no figure of the rule includes them."""
 
 
 class FarFromView(BaseModel):
@@ -71,9 +71,9 @@ class MetricRow(BaseModel):
     unreachable: int = 0
     """Trials whose start or end has no path to the goal region: failures in SR and SPL, left out of DTG."""
     undefined: int = 0
-    """Trials whose episode has no usable point under the rule, or that a program without the rule measured."""
+    """Trials whose episode has no usable point under the rule, or that were measured by a program without the rule."""
     made_for: tuple[SuccessRule, ...] = ()
-    """Rules for which the agents of the runs were made, or that people were told; () = none, or not known."""
+    """Rules that the agents of the runs were made for, or that people were told; () = none, or not known."""
     paper_strict: RuleFigures | None = None
     """The same trials under rule `paper-strict`; PAN only."""
     far_from_view: FarFromView | None = None
@@ -130,6 +130,43 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
     return rows
 
 
+class PaperTable(NamedTuple):
+    """Rows in the paper's layout: a line per row name, and for each split the same columns."""
+
+    splits: tuple[str, ...]
+    """Those that have figures, `total` last."""
+    heads: tuple[str, ...]
+    """Of the columns of one split."""
+    lines: tuple["PaperLine", ...]
+    """In the order of the rows."""
+
+
+class PaperLine(NamedTuple):
+    """The figures of one row name."""
+
+    who: str
+    condition: str
+    cells: tuple[tuple[str, ...], ...]
+    """Of each split: a text per head, all empty where the split has no figures."""
+
+    @property
+    def name(self) -> str:
+        """The row name, with its condition where it has one."""
+        return self.who if self.condition == "none" else f"{self.who} ({self.condition})"
+
+
+def paper_table(rows: Sequence[MetricRow]) -> PaperTable:
+    """The rows of one task as texts; `-` for a figure that a row does not have."""
+    splits = tuple(split for split in (*SPLITS, "total") if any(row.split == split for row in rows))
+    is_pan = all(row.task == "pan" for row in rows)
+    heads = ("SR", "k/n", "SPL", "DTG") if is_pan else ("SR", "k/n", "top-3")
+    found = {(row.who, row.condition, row.split): _cells(row) for row in rows}
+    names = dict.fromkeys((row.who, row.condition) for row in rows)
+    blank = ("",) * len(heads)
+    lines = (PaperLine(*name, tuple(found.get((*name, split), blank) for split in splits)) for name in names)
+    return PaperTable(splits, heads, tuple(lines))
+
+
 def rule_warnings(rows: Iterable[MetricRow]) -> list[str]:
     """One line for each row name whose runs were made for a different rule than the rows use."""
     found = {}
@@ -141,7 +178,7 @@ def rule_warnings(rows: Iterable[MetricRow]) -> list[str]:
 
 
 def made_for_warning(who: str, made_for: Sequence[str], *, rule: str) -> str:
-    """One line: these runs were made for other rules than the one that counts here."""
+    """One line that warns: these runs were made for other rules than the one that counts here."""
     advice = f" personal-viz run --agent shortest-path --rule {rule} walks for it." if "shortest-path" in who else ""
     verb = "was told" if who == "human" else "was made for"
     return f"Warning: {who} {verb} rule {', '.join(made_for)}, and is counted here by {rule}.{advice}"
@@ -295,10 +332,17 @@ def _pog_row(names: dict[str, Any], split: str, answers: Sequence[Answer]) -> Me
     )
 
 
+def _cells(row: MetricRow) -> tuple[str, ...]:
+    """The columns of `PaperTable.heads`."""
+    more = ((row.spl, 1), (row.dtg, 2)) if row.task == "pan" else ((row.top3, 1),)
+    sr, *others = ("-" if value is None else f"{value:.{digits}f}" for value, digits in ((row.sr, 1), *more))
+    return sr, f"{row.k}/{row.n}", *others
+
+
 def wilson(k: float, n: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share of n > 0 independent trials; k may be a sum of means over several seeds.
 
-    At k = 0 and k = n rounding may leave the share itself by 1e-16.
+    At k = 0 and k = n, rounding may put the share 1e-16 outside the interval.
     """
     assert n > 0
     share = min(max(k / n, 0.0), 1.0)

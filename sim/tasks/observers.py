@@ -1,4 +1,4 @@
-"""Observers of a run while it happens, and the reasoning that an agent may show. Watching never changes a run.
+"""Observers of a running episode, and the reasoning that an agent may show. Watching never changes a run.
 
 Points and grids of an `Insight` are in the `start` frame (sim/frames.py), the only one that an agent knows.
 """
@@ -64,7 +64,7 @@ class Explains(Protocol):
 
 
 class Observer(Protocol):
-    """Receives each episode as it happens, on the researcher's side; it holds no part of the run."""
+    """Receives each episode as it happens, on the researcher's side; the run never depends on it."""
 
     def on_reset(self, episode: Episode, observation: Observation) -> None:
         """An episode begins; this is its first observation."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode
 from sim.errors import SceneError, TaskStateError
@@ -16,7 +17,7 @@ from sim.walk.navigation_map import NavigationMap
 from .run_files import Step
 
 SIMULATOR_VERSION = 1
-"""Raise it with every change of steps or measures; trials verified under another number are done again."""
+"""Raise it with every change of steps or measures; trials verified under another number are verified again."""
 
 
 class PanEnv:
@@ -29,6 +30,7 @@ class PanEnv:
         *,
         renderer: Renderer | None,
         camera: Camera = Camera(),  # noqa: B008 - frozen value
+        colours: bool = True,
         max_steps: int = MAX_STEPS,
         allow_sliding: bool = False,
     ) -> None:
@@ -39,6 +41,7 @@ class PanEnv:
             navigation: The floor on which the robot can walk.
             renderer: Draws the camera's view; None leaves `rgb` and `depth_m` of observations None.
             camera: Intrinsics and mounting height.
+            colours: False leaves `rgb` None and draws depth alone, which is faster.
             max_steps: The episode is over after this many actions; STOP as the last one counts.
             allow_sliding: Slide along walls; off in ObjectNav and PersONAL.
         """
@@ -47,6 +50,7 @@ class PanEnv:
         self._start = episode_start
         self._navigation = navigation
         self._renderer = renderer
+        self._colours = colours
         self._allow_sliding = allow_sliding
         self._steps: list[Step] = []
 
@@ -76,7 +80,7 @@ class PanEnv:
             )
         if not pictures:
             return cls(episode.start, home.navigation, renderer=None, camera=camera)
-        from sim.homes.labels import renderer_of
+        from sim.homes.renderers import renderer_of
 
         return cls(episode.start, home.navigation, renderer=renderer_of(home), camera=camera)
 
@@ -142,10 +146,10 @@ class PanEnv:
     def observe(self) -> Observation:
         """The robot's observation now."""
         pose = self.pose
-        frame = self._renderer.render(T_world_camera(pose, self.camera), self.camera) if self._renderer else None
+        rgb, depth_m = self._pictures(T_world_camera(pose, self.camera))
         return Observation(
-            rgb=frame.rgb if frame else None,
-            depth_m=frame.depth_m if frame else None,
+            rgb=rgb,
+            depth_m=depth_m,
             gps=gps_from_poses(self._start, pose),
             compass=wrap_angle(pose.yaw - self._start.yaw),
             T_start_camera=T_start_camera(self._start, pose, self.camera),
@@ -153,6 +157,17 @@ class PanEnv:
             collided=self._steps[-1].collided if self._steps else False,
             step=len(self._steps),
         )
+
+    def _pictures(
+        self, T_world_camera: NDArray[np.float64]
+    ) -> tuple[NDArray[np.uint8] | None, NDArray[np.float32] | None]:
+        """Colours and depth of the camera's view, as far as they are wanted."""
+        if self._renderer is None:
+            return None, None
+        if not self._colours:
+            return None, self._renderer.depth(T_world_camera, self.camera)
+        frame = self._renderer.render(T_world_camera, self.camera)
+        return frame.rgb, frame.depth_m
 
     def _after(self, action: Action, t_s: float) -> Step:
         """The step that `action` makes from the present pose (semantics: HABITAT_SEMANTICS.md 2.1)."""

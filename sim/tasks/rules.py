@@ -1,4 +1,4 @@
-"""The named success rules: computed once when a run ends, on the server, and stored; tables only aggregate them.
+"""The named success rules. They are computed and stored when a run ends, on the server; tables only aggregate them.
 
 The paper says "within 1 m" and "relaxed to 1.5 m" and no more. Rule `paper` is **our reading** of it: the distance is
 planar, to the target's centre, on its storey; it is 1.5 m for targets without a view point within 1 m; and walls do not
@@ -23,7 +23,7 @@ from .run_files import AnswerMeasures, Measures, RuleMeasures
 SUCCESS_RADIUS = 1.0
 """Metres (paper, Sec. III); planar is our reading: a picture at 1.7 m is never within 1 m of a robot's base in 3-D."""
 RELAXED_RADIUS = 1.5
-"""For targets without an original view point within SUCCESS_RADIUS (paper, Sec. IV: 1 m relaxed to 1.5 m; that it is
+"""For targets without an original view point within SUCCESS_RADIUS (paper, Sec. IV: 1 m relaxed to 1.5 m; choosing
 these targets is our reading)."""
 HABITAT_DISTANCE = 0.1
 """Strict upper bound of ObjectNav-HM3D's success_distance, metres."""
@@ -188,7 +188,7 @@ def _rule_measures(
         reaches_goal(end.tolist(), episode, distance=distance, rule=rule)
         for end, distance in zip(ends, distances.tolist(), strict=True)
     ]
-    if rule != "habitat":  # habitat-lab's distance is to the view points themselves, also where STOP succeeds
+    if rule != "habitat":  # habitat-lab measures to the view points themselves, even where STOP succeeds
         distances = np.where(inside, 0.0, distances)
     return _measures(inside[1] and (stopped or rule == "authors"), distances, path_m)
 

@@ -58,7 +58,7 @@ class RunInfo(BaseModel):
     created_utc: str
     """Time in ISO 8601."""
     made_for: SuccessRule | None = None
-    """Rule for which an agent with ground truth was made, or that people were told; None = none, or not known."""
+    """Rule that an agent with ground truth was made for, or that people were told; None = none, or not known."""
     scene_label: str = ""
     """The label of results in homes of this kind; follows from `scene_kind`, empty for scans."""
     scene_terms: str = ""
@@ -157,7 +157,7 @@ class Measures(BaseModel):
     def ends_far_from_view(self) -> bool | None:
         """Whether a success by `paper` ends more than `FAR_FROM_VIEW` of walking from every view point of a target.
 
-        None = no success, or the targets have no view point on their storey. Behind a wall without a way is far.
+        None = no success, or the targets have no view point on their storey. An end without a path to one is far.
         """
         paper, habitat = self.rules["paper"], self.rules["habitat"]
         if paper is None or habitat is None or not paper.success:
@@ -284,7 +284,7 @@ def fitting_run_id(name: str) -> str:
 
 
 def fitting_name(name: str) -> str:
-    """The name, shortened to `MAX_NAME` characters with a digest of the whole where it is longer."""
+    """The name; a longer one is shortened to `MAX_NAME` characters and ends with a digest of the whole name."""
     return name if len(name) <= MAX_NAME else name[: MAX_NAME - 9] + _digest_of(name)
 
 

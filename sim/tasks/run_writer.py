@@ -31,7 +31,7 @@ class RunWriter:
         try:
             if not folder.exists():
                 folder.mkdir(parents=True)
-                folder.rmdir()  # it can be written; a run without results leaves nothing
+                folder.rmdir()  # this shows that it can be written; a run without results leaves no folder
             if (folder / "run.json").exists():
                 self._require_same_run(read_run_info(folder), info)
                 for name in ("steps.jsonl", "answers.jsonl"):
@@ -95,7 +95,7 @@ class RunWriter:
                 )
 
     def _require_same_scene(self, run: EpisodeRun) -> None:
-        """Refuses distances on another version of the home; a run without measures does not tell its version."""
+        """Refuses distances on another version of the home; a run without measures does not say its version."""
         if run.end.measures is None:
             return
         scene, now = run.key.scene, run.end.measures.scene_digest

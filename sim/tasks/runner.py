@@ -36,7 +36,7 @@ class AgentJob(SceneJob):
     clutter: ClutterLevel = 0
     """Amount of furniture without a caption in homes without a scan."""
     make_observer: Callable[[Scene], Observer] | None = None
-    """Makes the observer of the scene's episodes; like the whole job it is sent to processes and compared."""
+    """Makes the observer of the scene's episodes; like the whole job, it must be picklable and comparable."""
     rule: SuccessRule = "paper"
     """Success rule for `shortest-path`."""
 
@@ -51,7 +51,7 @@ class Played:
 
 @runtime_checkable
 class Closes(Protocol):
-    """An observer that can end its view of an episode that was broken off; observers need not."""
+    """An observer that can end its view of an episode that was broken off; this is optional."""
 
     def close(self) -> None:
         """Ends the view in its present state."""
@@ -201,7 +201,7 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
     observer = job.make_observer(scene) if job.make_observer else None
     renderer = None
     if plugin is not None or observer is not None:
-        from sim.homes.labels import renderer_of
+        from sim.homes.renderers import renderer_of
 
         renderer = renderer_of(scene)
 

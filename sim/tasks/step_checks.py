@@ -29,9 +29,9 @@ Episode starts were drawn on a mesh for radius 0.10, Habitat 0.2.5 plays on one 
 on each side; the golden steps from off-mesh starts reach 0.20.
 """
 SNAP_HEIGHT = 0.5
-"""... and up or down; farther away, Habitat counts the place as not navigable."""
+"""The same upwards or downwards; Habitat counts places farther away as not navigable."""
 MAP_TOLERANCE = 0.25
-"""Most metres by which a position may lie outside our own free floor: both maps round walls by a cell or two each."""
+"""Most metres by which a position may lie outside our own free floor: each map rounds walls by a cell or two."""
 
 _BODY_ADVICE = "Give the body's pose after the action (agent_state, not a sensor)."
 
@@ -44,7 +44,7 @@ class CheckedRun:
     run: EpisodeRun
     """Measures dropped, `collided` computed from the positions, the episode's id as in the dataset.
 
-    habitat-lab overwrites ids by the place in the content file; such a number is understood when the start fits.
+    habitat-lab replaces ids by the place in the content file; such a number is accepted when the start fits.
     """
     wheres: tuple[str, ...]
     """`file:line` of start, each step and end."""

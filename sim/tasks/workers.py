@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -55,10 +56,7 @@ def results(
         for job in jobs:
             yield from map(open_scene(job), job.keys)
         return
-    # spawn: forked children of a process that has loaded numba, torch or Open3D can deadlock in their thread pools
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=end_with_parent)
-    try:
+    with worker_pool(processes, kept="finished episodes are kept") as pool:
         batches = [
             pool.submit(_do_batch, open_scene, replace(job, keys=()), job.keys[first : first + batch])
             for job in jobs
@@ -69,10 +67,28 @@ def results(
             yield from done.results
             if done.error is not None:
                 raise done.error
+
+
+@contextmanager
+def worker_pool(processes: int, *, kept: str = "") -> Iterator[ProcessPoolExecutor]:
+    """Fresh processes for a block, which end with this one; work that has not begun at the block's end is dropped.
+
+    Args:
+        processes: Number of processes.
+        kept: Results that a second call need not make again, in words, for the error; empty = none.
+
+    Raises:
+        PersonalVizError: A worker process was ended from outside.
+    """
+    # spawn: forked children of a process that has loaded numba, torch or Open3D can deadlock in their thread pools
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=end_with_parent)
+    try:
+        yield pool
     except BrokenProcessPool:
         raise PersonalVizError(
             f"--jobs {processes}: a worker process was ended from outside; expected all to finish. Memory may have run "
-            "out: run again with fewer --jobs, finished episodes are kept."
+            f"out: run again with fewer --jobs{', ' if kept else ''}{kept}."
         ) from None
     finally:
         pool.shutdown(cancel_futures=True)

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from sim.errors import SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, GridSpec
 
 from .grid_field import Field, lengths_to_goals, path_to_goal, spread
-from .grid_kernels import INSET, Cells, linked_layers, nearest_node, snap_all, with_diagonals
+from .grid_kernels import INSET, Cells, connected_parts, linked_layers, nearest_node, snap_all, with_diagonals
 from .height_field import standing_places
 from .navigation_map import Points, StepResult, TopDown
 from .steps import STOP_MARGIN, end_of_walk, has_collided
@@ -76,7 +74,7 @@ class FloorGrid:
         self.digest = digest
         self.node_y = cells.h * grid.cell
         """(N,) floor height of each node, metres."""
-        self.islands = _connected_parts(cells.links)
+        self.islands = connected_parts(cells.links, np.ones(len(cells.links), bool))
         """(N,) number of each node's connected part."""
         self.storey_heights: tuple[float, ...] = storey_levels(self.node_y, self.islands, covered)
         self._fields: tuple[tuple[bytes, Field], ...] = ()
@@ -329,14 +327,6 @@ def first_of_columns(row: NDArray[np.int32], col: NDArray[np.int32], rows: int, 
     """(rows * cols + 1,) index of the first node of each column, for nodes sorted by column."""
     counts = np.bincount(row.astype(np.int64) * cols + col, minlength=rows * cols)
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-
-
-def _connected_parts(links: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(N,) connected part of each node."""
-    count = len(links)
-    node, side = np.nonzero(links[:, :4] >= 0)
-    pairs = coo_matrix((np.ones(len(node), bool), (node, links[node, side])), shape=(count, count))
-    return connected_components(pairs, directed=False)[1]
 
 
 def _check_cells(rc: NDArray[np.int64], y: NDArray[np.float64], grid: GridSpec, max_climb: float) -> None:

@@ -83,6 +83,30 @@ def with_diagonals(sides, h, max_climb):
 
 
 @njit(cache=True, nogil=True)
+def connected_parts(links, is_free):
+    """(N,) number of each free node's connected part by `links` (N, 8), in order of nodes; -1 on other nodes."""
+    parts = np.full(len(links), -1, np.int32)
+    queue = np.empty(len(links), np.int32)
+    count = 0
+    for first in range(len(links)):
+        if parts[first] >= 0 or not is_free[first]:
+            continue
+        parts[first] = count
+        queue[0] = first
+        head, tail = 0, 1
+        while head < tail:
+            node = queue[head]
+            head += 1
+            for other in links[node]:
+                if other >= 0 and parts[other] < 0 and is_free[other]:
+                    parts[other] = count
+                    queue[tail] = other
+                    tail += 1
+        count += 1
+    return parts
+
+
+@njit(cache=True, nogil=True)
 def walk(cells, u, v, node, end_u, end_v):
     """Follows the segment from (u, v) on `node` through linked cells; (last node, share of the segment walked)."""
     du, dv = end_u - u, end_v - v

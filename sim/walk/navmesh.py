@@ -77,7 +77,7 @@ class NavMesh:
     def fits(self, radius: float, height: float) -> bool:
         """Whether the mesh was built for a robot of this radius and height (metres).
 
-        A file of version 1 does not tell; it counts as built with Habitat's defaults (0.1, 1.5), as HM3D's files are.
+        A file of version 1 does not say; it counts as built with Habitat's defaults (0.1, 1.5), as HM3D's files are.
         """
         return (
             abs(self.settings.agent_radius - radius) <= SETTINGS_TOLERANCE

@@ -23,7 +23,7 @@ _TILE_VERSION = 7
 _EXTERNAL = 0x8000
 """Set in a polygon's neighbour where the edge lies on the border of the tile."""
 _MAX_BYTES = 256 << 20
-"""Larger files are no homes (HM3D's files are below 1 MB)."""
+"""Larger files are not homes (HM3D's files are below 1 MB)."""
 _MAX_COORDINATE = 1e5
 """Metres; beyond it single precision cannot separate places of a home."""
 _SET_HEADER = struct.Struct("<3i 3f2f2i")

@@ -11,9 +11,9 @@ from sim.types import STOREY_GAP
 BELOW_FLOOR = 0.3
 """A point this far below a storey's lowest floor still belongs to it (floors are noisy), metres."""
 _MIN_SHARE = 0.1
-"""Islands and levels smaller than this share of the largest are no storeys (table tops, landings)."""
+"""Islands and levels smaller than this share of the largest are not storeys (table tops, landings)."""
 _MIN_COVERED = 0.1
-"""An island with less than this share of ceiling over it, while others have one, is a roof and no storey."""
+"""An island with less than this share of ceiling over it, while others have one, is a roof, not a storey."""
 
 
 @overload

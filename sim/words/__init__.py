@@ -1,1 +1,1 @@
-"""The words of captions: what an object is called and what colour it has."""
+"""One lexicon of synonyms, colours, materials, patterns, prepositions and rooms, and captions read with it."""

@@ -1,20 +1,14 @@
-"""Which words of a caption are about the thing itself, and not about what stands beside, on or under it."""
+"""Finds the words of a caption that are about the object itself, not about things beside, on or under it."""
 
 import re
 from functools import lru_cache
 from typing import NamedTuple
 
 from .colours import corrected
+from .places import PLACE_PHRASES
+from .synonyms import ALSO_CALLED
 
-_CUT = re.compile(
-    r"\b(?:next to|nest to|near(?:by)?|nar|besides?|close to|in front|in between|between|behind|above|below|beneath|"
-    r"under|underneath|uder|over|on top|on the|on a|on its|on it|in the|in a|inside|at the|against|opposite|around|"
-    r"towards?|along|attached|hanging (?:on|over|near|above)|haning|hung|located|lcoated|placed|positioned|situated|"
-    r"standing|lying|mounted on|facing|to the (?:left|right)|used for|that (?:leads|goes|separates)|there (?:is|are)|"
-    r"depicting|representing|of the (?:room|bed|kitchen|bathroom|closet|stairs|living|corridor|house|table|dining|"
-    r"couch))\b"
-)
-"""Where a phrase begins to speak of places and of other things."""
+_CUT = re.compile(rf"\b(?:{'|'.join(PLACE_PHRASES)})\b")
 _OWN_START = re.compile(
     r"\s*(?:and |also |then )*(?:it|they|these|this|which|that|its)\b|\s*(?:the|a|an|one of the|this)\b"
 )
@@ -29,29 +23,21 @@ _STOP = frozenset(
     ["the", "a", "an", "of", "is", "are", "it", "that", "which", "this", "one", "two", "three", "four", "some", "with",
      "on", "in", "at", "to", "by", "from", "there", "its", "over", "under", "near", "has", "these", "they", "for"]
 )  # fmt: skip
-_ALSO: dict[str, tuple[str, ...]] = {
-    "couch": ("sofa", "couches"), "sofa": ("couch",), "picture": ("painting", "photo", "poster"),
-    "rug": ("carpet",), "carpet": ("rug",), "armchair": ("chair", "armachair"),
-    "refrigerator": ("fridge", "refridgerator"),
-    "tv": ("television",), "sink": ("washbasin", "basin"), "nightstand": ("bedside",), "bathtub": ("tub", "bath"),
-    "pillow": ("cushion",), "cushion": ("pillow",), "dresser": ("chest", "drawers"), "bench": ("seat",),
-    "mirror": ("mirrors",), "blanket": ("comforter", "throw"), "stair": ("stairs", "staircase"), "shelf": ("shelves",),
-}  # fmt: skip
 
 
 class OwnWords(NamedTuple):
-    """What a caption says about its object; words in order, "-" where a hyphen joins two."""
+    """The words of a caption about its object, in order; "-" stands where a hyphen joins two."""
 
     noun: list[str]
     """Attributes before the first mention of the category's own noun: of "a large blue sofa", "large blue"."""
     rest: list[str]
-    """All that the caption says of the thing itself, without `parts`."""
+    """All words about the object itself, without `parts`."""
     parts: list[str]
-    """What it says of the thing's parts and patterns: "golden frame", "white and blue stripes"."""
+    """Words about the object's parts and patterns: "golden frame", "white and blue stripes"."""
 
     @property
     def all(self) -> frozenset[str]:
-        """Every word that is about the thing."""
+        """Every word about the object."""
         return frozenset([*self.noun, *self.rest, *self.parts])
 
 
@@ -81,7 +67,7 @@ def _words(text: str) -> list[str]:
 def _before_noun(words: list[str], category: str) -> list[str]:
     """Up to eight words before the first mention of the category's noun, back to an article or preposition."""
     last = category.lower().replace("-", " ").split()[-1]
-    nouns = {last, f"{last}s", f"{last}es", *_ALSO.get(last, ())}
+    nouns = {last, f"{last}s", f"{last}es", *ALSO_CALLED.get(last, ())}
     at = next((k for k, word in enumerate(words) if word in nouns), None)
     if at is None:
         return []

@@ -23,11 +23,16 @@ COLOURS: dict[str, Rgb] = {
     "bamboo": (206, 178, 112), "rosewood": (98, 48, 40),
 }  # fmt: skip
 """sRGB of the colour (and wood) words that captions use."""
+COLOUR_NAMES = frozenset({
+    "red", "blue", "green", "yellow", "brown", "grey", "white", "golden", "purple", "black", "beige", "cream",
+    "orange", "pink", "teal", "turquoise", "silver",
+})  # fmt: skip
+"""The colours that descriptions are compared by; other words for them are in synonyms.py."""
 WOODS = frozenset(
     ["wooden", "wood", "oak", "walnut", "pine", "birch", "maple", "beech", "cherry", "mahogany", "teak", "ebony",
      "bamboo", "rosewood"]
 )  # fmt: skip
-"""Colour words that are kinds of wood, and so say less about the colour than a plain colour word does."""
+"""Colour words that are kinds of wood; they say less about the colour than a plain colour word."""
 OF_MATERIAL: dict[str, tuple[Material, Rgb]] = {
     "stainless": ("metal", (184, 188, 194)), "steel": ("metal", (184, 188, 194)), "chrome": ("metal", (196, 200, 206)),
     "aluminium": ("metal", (190, 194, 198)), "aluminum": ("metal", (190, 194, 198)),
@@ -39,7 +44,7 @@ OF_MATERIAL: dict[str, tuple[Material, Rgb]] = {
 }  # fmt: skip
 """Materials that have a colour of their own; used where no colour is named."""
 _SHADES = {"light": 0.45, "pale": 0.55, "pastel": 0.5, "bright": 0.12, "dark": -0.42, "deep": -0.3, "darker": -0.4}
-"""Share of the way to white (positive) or black."""
+"""Share of the way to white (positive) or black (negative)."""
 _MISSPELT = {
     "brwon": "brown", "brow": "brown", "balck": "black", "blak": "black", "wite": "white", "withe": "white",
     "whit": "white", "whitw": "white", "awhite": "white", "greyish": "grey", "grayish": "grey", "gery": "grey",
@@ -59,7 +64,7 @@ def corrected(word: str) -> str:
 
 
 def colours_in(words: list[str], *, with_woods: bool = True) -> list[Rgb]:
-    """Colours of a phrase in order; "dark blue" is one, and so is "red-brown", which comes as "red", "-", "brown"."""
+    """Colours of a phrase in order; "dark blue" is one colour, and so is "red-brown" (given as "red", "-", "brown")."""
     found: list[Rgb] = []
     shade = 0.0
     is_mixed = False

@@ -1,4 +1,4 @@
-"""What a surface can be made of and look like, as captions and plans name it."""
+"""Materials and patterns of surfaces, as captions and plans name them."""
 
 from typing import Annotated, Literal
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from grounding.types import PosedFrame
 from sim.frames import T_world_glb_zup
+from sim.types import Frame
 
 PATCH = 10
 """Pixels a side of the encoders' patches."""
@@ -26,7 +26,7 @@ class IdEncoder:
         """Texts are ids in digits."""
         return np.eye(self.dim, dtype=np.float32)[[int(text) for text in texts]]
 
-    def encode_patches(self, frames: Sequence[PosedFrame]) -> np.ndarray:
+    def encode_patches(self, frames: Sequence[Frame]) -> np.ndarray:
         ids = np.array([self._ids(frame.instance_ids) for frame in frames])
         return np.where(ids[..., None] > 0, np.eye(self.dim, dtype=np.float32)[ids], 0)
 
@@ -35,7 +35,7 @@ class IdEncoder:
         tiles = ids.reshape(middle.shape[0], PATCH, middle.shape[1], PATCH)
         return np.where((tiles == middle[:, None, :, None]).mean(axis=(1, 3)) > 0.6, middle, 0)
 
-    def encode_images(self, frames: Sequence[PosedFrame]) -> np.ndarray:
+    def encode_images(self, frames: Sequence[Frame]) -> np.ndarray:
         sums = self.encode_patches(frames).sum(axis=(1, 2))
         return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)
 
@@ -49,10 +49,10 @@ class ColourEncoder:
         """Texts are `r g b` in digits."""
         return self._unit(np.array([[int(word) for word in text.split()] for text in texts], float))
 
-    def encode_patches(self, frames: Sequence[PosedFrame]) -> np.ndarray:
+    def encode_patches(self, frames: Sequence[Frame]) -> np.ndarray:
         return self._unit(np.array([frame.rgb[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] for frame in frames], float))
 
-    def encode_images(self, frames: Sequence[PosedFrame]) -> np.ndarray:
+    def encode_images(self, frames: Sequence[Frame]) -> np.ndarray:
         return self._unit(np.array([frame.rgb.mean(axis=(0, 1)) for frame in frames]))
 
     def _unit(self, rgb: np.ndarray) -> np.ndarray:
@@ -65,13 +65,13 @@ def colours() -> ColourEncoder:
     return ColourEncoder()
 
 
-def poses_of(frames: Sequence[PosedFrame], *, up: str) -> list[np.ndarray]:
+def poses_of(frames: Sequence[Frame], *, up: str) -> list[np.ndarray]:
     """(4, 4) of each camera in a frame whose z or y is up."""
     T_recording_map = np.linalg.inv(T_world_glb_zup) if up == "z" else np.eye(4)
-    return [T_recording_map @ frame.T_map_camera for frame in frames]
+    return [T_recording_map @ frame.T_world_camera for frame in frames]
 
 
-def write_recording(folder: Path, frames: Sequence[PosedFrame], *, up: str, colour: str = "png") -> None:
+def write_recording(folder: Path, frames: Sequence[Frame], *, up: str, colour: str = "png") -> None:
     """Our own layout: color/, depth/ in mm, poses/ of one matrix each, intrinsics.json."""
     for name in ("color", "depth", "poses"):
         (folder / name).mkdir(parents=True)
@@ -81,21 +81,21 @@ def write_recording(folder: Path, frames: Sequence[PosedFrame], *, up: str, colo
     write_intrinsics(folder / "intrinsics.json", frames[0])
 
 
-def write_pictures(frame: PosedFrame, colour: Path, depth: Path, *, per_metre: float = 1000.0) -> None:
+def write_pictures(frame: Frame, colour: Path, depth: Path, *, per_metre: float = 1000.0) -> None:
     """One picture and its 16-bit depth."""
     Image.fromarray(frame.rgb).save(colour, **({"quality": 95} if colour.suffix == ".jpg" else {}))
     Image.fromarray((frame.depth_m * per_metre).round().astype(np.uint16)).save(depth)
 
 
-def write_intrinsics(path: Path, frame: PosedFrame) -> None:
+def write_intrinsics(path: Path, frame: Frame) -> None:
     """As OpenCV counts pixels: the middle of the first one is 0."""
-    seen = frame.intrinsics
-    content = {"fx": seen.fx, "fy": seen.fy, "cx": seen.cx - 0.5, "cy": seen.cy - 0.5}
-    path.write_text(json.dumps({**content, "width": seen.width, "height": seen.height}))
+    fx, fy, cx, cy = frame.camera.lens
+    content = {"fx": fx, "fy": fy, "cx": cx - 0.5, "cy": cy - 0.5}
+    path.write_text(json.dumps({**content, "width": frame.camera.width, "height": frame.camera.height}))
 
 
-def matrix_of_intrinsics(frame: PosedFrame, *, size: int) -> np.ndarray:
+def matrix_of_intrinsics(frame: Frame, *, size: int) -> np.ndarray:
     """3 x 3 or 4 x 4, as OpenCV counts pixels."""
-    seen, K = frame.intrinsics, np.eye(size)
-    K[0, 0], K[1, 1], K[0, 2], K[1, 2] = seen.fx, seen.fy, seen.cx - 0.5, seen.cy - 0.5
+    (fx, fy, cx, cy), K = frame.camera.lens, np.eye(size)
+    K[0, 0], K[1, 1], K[0, 2], K[1, 2] = fx, fy, cx - 0.5, cy - 0.5
     return K

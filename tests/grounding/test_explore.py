@@ -88,8 +88,8 @@ def test_frames_are_the_views_of_the_way_with_ids_and_another_home_is_refused() 
     found = explored(has_door=False)
     frames = list(frames_of(two_room_scene(has_door=False), found, camera=CAMERA, every=10))
     assert len(frames) == len(range(0, len(found.steps), 10))
-    np.testing.assert_allclose(frames[0].T_map_camera[:3, 3], (1.0, CAMERA.mount_height, 1.0))
-    assert frames[0].instance_ids is not None
+    np.testing.assert_allclose(frames[0].T_world_camera[:3, 3], (1.0, CAMERA.mount_height, 1.0))
+    assert frames[0].ids is not None
     with pytest.raises(SceneError, match="expected the same home"):
         next(frames_of(two_room_scene(), found))
 

@@ -21,7 +21,7 @@ DEFAULTS = {"json": True}
 
 def ground(**options) -> int:
     """The verb with these options, as the command line makes it."""
-    return Ground(**options).work()
+    return Ground(**options).run()
 
 
 def document(capsys: pytest.CaptureFixture[str], **options) -> dict:

@@ -43,6 +43,7 @@ def maps_of(runs: Path, run_id: str) -> Path:
     return runs / str(read_run(runs / run_id).info.config["maps"])
 
 
+@pytest.mark.slow
 def test_a_real_encoder_is_loaded_once_for_all_homes_where_it_was_asked(
     small_root: Path, runs: Path, clip_name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -55,7 +56,7 @@ def test_a_real_encoder_is_loaded_once_for_all_homes_where_it_was_asked(
     monkeypatch.setattr(clip, "load_pretrained", counted)
     encoders._model.cache_clear()
     options = {"autocast": "bfloat16", "batch": 3, "run_id": "real", "json": True}
-    assert Ground(small_root, "qs", map="explore", encoder=clip_name, out=runs, **options).work() == 0
+    assert Ground(small_root, "qs", map="explore", encoder=clip_name, out=runs, **options).run() == 0
     assert loaded == [("cpu", "bfloat16", 3)]
     run = read_run(runs / "real")
     assert (len(run.answers), run.info.config["autocast"]) == (11, "bfloat16")
@@ -72,7 +73,7 @@ def test_the_device_reaches_the_model(
 ) -> None:
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)  # also on a machine with a GPU
     with pytest.raises(AgentError, match=r"device 'cuda': torch sees no such device"):
-        Ground(small_root, "qs", map="explore", encoder=clip_name, out=runs, device="cuda", run_id="gpu").work()
+        Ground(small_root, "qs", map="explore", encoder=clip_name, out=runs, device="cuda", run_id="gpu").run()
 
 
 @pytest.mark.parametrize(
@@ -88,13 +89,13 @@ def test_options_of_models_are_refused_without_one(
     options: dict, message: str, small_root: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(PersonalVizError, match=message):
-        Ground(small_root, "qs", map="explore", out=tmp_path / "runs", **options).work()
+        Ground(small_root, "qs", map="explore", out=tmp_path / "runs", **options).run()
     assert not (tmp_path / "runs").exists()
 
 
 def test_the_centre_of_a_walked_home_is_the_middle_of_what_was_seen(small_root: Path, runs: Path) -> None:
     scene = {"scene": ("HomeTwo",), "out": runs, "json": True, "map": "explore"}
-    assert Ground(small_root, "center", **scene, run_id="centre").work() == 0
+    assert Ground(small_root, "center", **scene, run_id="centre").run() == 0
     memory = load_memory(maps_of(runs, "centre") / "HomeTwo.npz").storeys[0].memory
     assert isinstance(memory, FeatureMap)
     x, z = memory.centre_xz
@@ -144,7 +145,7 @@ def test_worker_processes_make_the_same_maps_and_answers(small_root: Path, tmp_p
     shutil.copytree(runs / "explorations", two / "explorations")
     for out, jobs in ((runs, 1), (two, 2)):
         options = {"view_noise": 0.2, "confusion": 0.2, "jobs": jobs, "run_id": "noisy", "json": True}
-        assert Ground(small_root, "dual", map="explore", out=out, **options).work() == 0
+        assert Ground(small_root, "dual", map="explore", out=out, **options).run() == 0
     assert read_run(runs / "noisy").answers == read_run(two / "noisy").answers
     for scene in ("HomeOne", "HomeTwo"):
         one, other = (maps_of(out, "noisy") / f"{scene}.npz" for out in (runs, two))

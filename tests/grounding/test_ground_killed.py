@@ -27,7 +27,7 @@ def write_and_die(self, answers):
         os.kill(os.getpid(), signal.SIGKILL)
 
 RunWriter.add_answers = write_and_die
-parse(sys.argv[2:]).work()
+parse(sys.argv[2:]).run()
 """
 
 
@@ -51,10 +51,10 @@ def test_a_killed_run_keeps_its_answers_and_a_second_call_gives_the_rest(
         return answer(self, episode)
 
     monkeypatch.setattr(SceneGrounder, "answer", counted)
-    assert parse([*options, "--out", str(tmp_path / "killed")]).work() == 0
+    assert parse([*options, "--out", str(tmp_path / "killed")]).run() == 0
     assert len(asked) == 5, "11 in all, and no episode twice"
     after = (killed / "answers.jsonl").read_bytes()
     assert after.startswith(before)
     assert (killed / "run.json").read_bytes() == info
-    assert parse([*options, "--out", str(tmp_path / "whole")]).work() == 0
+    assert parse([*options, "--out", str(tmp_path / "whole")]).run() == 0
     assert (whole / "answers.jsonl").read_bytes() == after

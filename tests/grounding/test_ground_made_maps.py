@@ -53,7 +53,7 @@ def maps(tmp_path_factory: pytest.TempPathFactory, small_root: Path) -> Path:
 
 def call(small_root: Path, maps: Path, out: Path, **options) -> int:
     settings = {"method": "qs", "scene": ("HomeTwo",), "json": True, **options}
-    return Ground(dataset=small_root, map=str(maps), out=out, **settings).work()
+    return Ground(dataset=small_root, map=str(maps), out=out, **settings).run()
 
 
 @pytest.mark.parametrize(

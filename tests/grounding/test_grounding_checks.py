@@ -24,11 +24,13 @@ def test_our_grounders_keep_the_contract(name) -> None:
     assert check_grounder(lambda encoder: make_grounder(name, encoder), WORDS) == []
 
 
+@pytest.mark.slow
 def test_ours_answer_alike_in_another_process() -> None:
     assert check_grounder(make_grounder("joint", WORDS), WORDS) == []
     assert check_phrases(RulePhrases) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [PRESETS["authors"], RpgOptions(literal=True)])
 def test_rpg_keeps_the_contract_with_other_options(options: RpgOptions) -> None:
     assert check_grounder(RegionGated(WORDS, options=options), WORDS) == []

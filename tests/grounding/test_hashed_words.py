@@ -62,6 +62,7 @@ def test_stop_words_are_lower_case_words_of_two_letters_or_more() -> None:
     assert all(word.isalpha() and word.islower() and len(word) > 1 for word in STOP_WORDS)
 
 
+@pytest.mark.slow
 def test_hashed_words_keep_the_encoders_contract() -> None:
     assert check_encoder(HashedWords()) == []
     assert check_encoder(make_encoder("hashed")) == []

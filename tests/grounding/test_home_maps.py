@@ -18,7 +18,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, RunFileError
 from sim.tasks.run_files import read_run
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.release  # a whole home is explored and mapped: 45 s
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory, small_home_root: Path) -> Pat
     """Where the home was explored and mapped once, for the run `first`."""
     out = tmp_path_factory.mktemp("runs")
     assert (
-        Ground(dataset=small_home_root, method="phrase", map="explore", out=out, run_id="first", json=True).work() == 0
+        Ground(dataset=small_home_root, method="phrase", map="explore", out=out, run_id="first", json=True).run() == 0
     )
     return out
 
@@ -36,7 +36,6 @@ def folders(runs: Path) -> MapFolders:
     return MapFolders(runs / str(info.config["maps"]), runs / "explorations")
 
 
-@pytest.mark.release
 def test_a_walked_home_answers_most_queries_and_its_run_says_how(runs: Path) -> None:
     run = read_run(runs / "first")
     assert run.info.scene_kind == "invented"
@@ -59,19 +58,18 @@ def test_a_folder_of_maps_gives_the_same_answers(
 ) -> None:
     maps = folders(runs).maps
     options = {"dataset": small_home_root, "method": "phrase", "out": runs, "run_id": "again", "json": True}
-    assert Ground(**options, map=str(maps), encoder="hashed").work() == 0
+    assert Ground(**options, map=str(maps), encoder="hashed").run() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["scene_kind"] == "invented"
     first, again = read_run(runs / "first"), read_run(runs / "again")
     assert [item.candidates for item in first.answers] == [item.candidates for item in again.answers]
 
 
-@pytest.mark.release  # the pictures of a whole exploration are drawn and mapped again: 44 s
 def test_exploration_is_not_done_twice_for_another_layout(runs: Path, small_home_root: Path) -> None:
     (exploration,) = (runs / "explorations").iterdir()
     before = exploration.stat().st_mtime_ns
     options = {"dataset": small_home_root, "map": "explore", "out": runs, "json": True, "limit": 2}
-    assert Ground(**options, method="object-phrase", layout="objects", run_id="things").work() == 0
+    assert Ground(**options, method="object-phrase", layout="objects", run_id="things").run() == 0
     assert exploration.stat().st_mtime_ns == before
     info = read_run(runs / "things").info
     home = load_memory(runs / str(info.config["maps"]) / "Small.npz")
@@ -92,6 +90,6 @@ def test_all_storeys_are_one_map(runs: Path, small_home_root: Path) -> None:
 
 def test_a_map_of_another_encoder_or_home_is_refused(runs: Path, small_home_root: Path, tmp_path: Path) -> None:
     with pytest.raises(AgentError, match=r"Small\.npz: holds 768-d vectors of encoder .*the query is 384-d"):
-        Ground(dataset=small_home_root, method="qs", map=str(folders(runs).maps), encoder="minilm", out=tmp_path).work()
+        Ground(dataset=small_home_root, method="qs", map=str(folders(runs).maps), encoder="minilm", out=tmp_path).run()
     with pytest.raises(RunFileError, match=r"Small\.npz: found no file"):
-        Ground(dataset=small_home_root, method="qs", map=str(tmp_path), out=tmp_path / "out").work()
+        Ground(dataset=small_home_root, method="qs", map=str(tmp_path), out=tmp_path / "out").run()

@@ -13,8 +13,7 @@ from grounding.maps.home_map import HomeMemory, OccupancyGrid
 from grounding.maps.object_map import ObjectMapBuilder
 from grounding.perception.segment_depth import DepthRegions
 from grounding.perception.segments import InstanceIds
-from grounding.types import PosedFrame
-from sim.types import GridSpec
+from sim.types import Frame, GridSpec
 
 from .mapped_views import ColourEncoder, IdEncoder
 
@@ -35,6 +34,7 @@ def test_our_builders_keep_the_contract(builder) -> None:
     assert check_map_builder(builder, IDS) == []
 
 
+@pytest.mark.slow
 def test_builders_that_read_colours_only_keep_it_too() -> None:
     assert check_map_builder(GridMapBuilder(ColourEncoder(), cell=0.5), ColourEncoder()) == []
     assert check_map_builder(ObjectMapBuilder(ColourEncoder(), DepthRegions(floors=(0.0,))), ColourEncoder()) == []
@@ -60,7 +60,7 @@ class Changed:
     def reset(self) -> None:
         self._inner.reset()
 
-    def add(self, frame: PosedFrame) -> None:
+    def add(self, frame: Frame) -> None:
         self._inner.add(frame)
 
     def finish(self) -> HomeMemory:
@@ -68,16 +68,16 @@ class Changed:
 
 
 class OpenGl(Changed):
-    def add(self, frame: PosedFrame) -> None:
-        super().add(replace(frame, T_map_camera=frame.T_map_camera @ np.diag([1.0, -1, -1, 1])))
+    def add(self, frame: Frame) -> None:
+        super().add(replace(frame, T_world_camera=frame.T_world_camera @ np.diag([1.0, -1, -1, 1])))
 
 
 class LeftIsRight(Changed):
-    def add(self, frame: PosedFrame) -> None:
-        T = frame.T_map_camera.copy()
+    def add(self, frame: Frame) -> None:
+        T = frame.T_world_camera.copy()
         flip = np.diag([-1.0, 1, 1])
         T[:3, :3] = flip @ T[:3, :3] @ flip
-        super().add(replace(frame, T_map_camera=T))
+        super().add(replace(frame, T_world_camera=T))
 
 
 class Swapped(Changed):
@@ -113,14 +113,14 @@ class KeepsAll(Changed):
 
 
 class Scribbler(Changed):
-    def add(self, frame: PosedFrame) -> None:
+    def add(self, frame: Frame) -> None:
         super().add(frame)
         frame.depth_m[frame.depth_m > 3] = 0
 
 
 class Blind(Changed):
-    def add(self, frame: PosedFrame) -> None:
-        super().add(replace(frame, instance_ids=np.zeros_like(frame.instance_ids)))
+    def add(self, frame: Frame) -> None:
+        super().add(replace(frame, ids=np.zeros_like(frame.instance_ids)))
 
 
 @pytest.mark.parametrize(

@@ -14,14 +14,14 @@ from grounding.methods.baselines import MapCentre
 from grounding.perception.segment_depth import DepthRegions
 from grounding.perception.segments import InstanceIds, Segments
 from grounding.robot.frames import read_robot_frames
-from grounding.types import FeatureMap, Intrinsics, PosedFrame
+from grounding.types import FeatureMap
 from sim.errors import AgentError
 from sim.frames import T_world_camera
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.mesh import Scene, SceneObject
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
-from sim.types import Camera, GridSpec, Pose, Task
+from sim.types import Camera, Frame, GridSpec, Pose, Task
 
 from .mapped_views import ColourEncoder, IdEncoder, write_recording
 
@@ -36,7 +36,7 @@ class SeenHome:
     """A home of two storeys and views of both."""
 
     scene: Scene
-    frames: list[PosedFrame]
+    frames: list[Frame]
 
     @property
     def encoder(self) -> IdEncoder:
@@ -64,10 +64,7 @@ def home() -> SeenHome:
         for _ in range(24)
     ]
     Ts = np.array([T_world_camera(pose, CAMERA) for pose in poses])
-    views = Raycaster(scene.mesh).render_batch(Ts, CAMERA)
-    seen = Intrinsics.of(CAMERA)
-    frames = [PosedFrame(view.rgb, view.depth_m, T, seen, view.instance_ids) for view, T in zip(views, Ts, strict=True)]
-    return SeenHome(scene, frames)
+    return SeenHome(scene, Raycaster(scene.mesh).render_batch(Ts, CAMERA))
 
 
 def built(builder, frames) -> HomeMemory:
@@ -100,6 +97,7 @@ def right_share(memory: HomeMemory, things: tuple[SceneObject, ...], cell: float
     return float(np.mean(right))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", [1.0, 0.25])
 def test_every_well_seen_object_is_in_a_cell_where_it_stands(home: SeenHome, cell: float) -> None:
     memory = built(GridMapBuilder(home.encoder, cell=cell), home.frames)
@@ -116,22 +114,22 @@ def test_every_well_seen_object_is_in_a_cell_where_it_stands(home: SeenHome, cel
             assert apart(thing, place - cell / 2, place + cell / 2) <= NEAR, thing
 
 
-def turned_about_itself(frame: PosedFrame) -> PosedFrame:
+def turned_about_itself(frame: Frame) -> Frame:
     """Yaw of the opposite sign."""
-    T = frame.T_map_camera.copy()
+    T = frame.T_world_camera.copy()
     flip = np.diag([-1.0, 1, 1])
     T[:3, :3] = flip @ T[:3, :3] @ flip
-    return replace(frame, T_map_camera=T)
+    return replace(frame, T_world_camera=T)
 
 
-def upside_down(frame: PosedFrame) -> PosedFrame:
+def upside_down(frame: Frame) -> Frame:
     """Camera axes of OpenGL taken for OpenCV's."""
-    return replace(frame, T_map_camera=frame.T_map_camera @ np.diag([1.0, -1, -1, 1]))
+    return replace(frame, T_world_camera=frame.T_world_camera @ np.diag([1.0, -1, -1, 1]))
 
 
-def mirrored(frame: PosedFrame) -> PosedFrame:
+def mirrored(frame: Frame) -> Frame:
     """Columns from right to left."""
-    return replace(frame, depth_m=frame.depth_m[:, ::-1].copy(), instance_ids=frame.instance_ids[:, ::-1].copy())
+    return replace(frame, depth_m=frame.depth_m[:, ::-1].copy(), ids=frame.instance_ids[:, ::-1].copy())
 
 
 @pytest.mark.parametrize("spoil", [turned_about_itself, upside_down, mirrored])
@@ -148,7 +146,9 @@ def test_storeys_are_found_on_the_way_and_get_their_own_maps(home: SeenHome) -> 
     assert all((storey.memory.cell_y == np.float32(storey.floor_y)).all() for storey in memory.storeys)
     for storey, floor in zip(memory.storeys, heights, strict=True):
         standing = [
-            frame.T_map_camera[[0, 2], 3] for frame in home.frames if abs(frame.T_map_camera[1, 3] - floor - 1) < 0.5
+            frame.T_world_camera[[0, 2], 3]
+            for frame in home.frames
+            if abs(frame.T_world_camera[1, 3] - floor - 1) < 0.5
         ]
         known = storey.occupancy.cells[tuple(storey.occupancy.grid.rc_from_xz(np.array(standing)).T)]
         assert (known != OCCUPIED).all()
@@ -191,8 +191,8 @@ def test_whole_picture_vectors_go_to_every_cell_in_view_and_no_other(home: SeenH
     memory = built(GridMapBuilder(home.encoder, features="images"), [frame]).storeys[0].memory
     vector = home.encoder.encode_images([frame])[0]
     assert np.allclose(memory.rows, vector, atol=1e-6)
-    offsets = memory.grid.xz_from_rc(memory.rc) - frame.T_map_camera[[0, 2], 3]
-    heading = frame.T_map_camera[[0, 2], 2]
+    offsets = memory.grid.xz_from_rc(memory.rc) - frame.T_world_camera[[0, 2], 3]
+    heading = frame.T_world_camera[[0, 2], 2]
     assert len(offsets) >= 3
     assert (offsets @ heading > -0.75).all()
     assert (np.linalg.norm(offsets, axis=1) < 8).all()
@@ -234,7 +234,7 @@ def test_masks_without_identity_become_one_thing_each_by_overlap_and_feature(hom
     class Anonymous(InstanceIds):
         name = "anonymous masks"
 
-        def segment(self, frame: PosedFrame) -> Segments:
+        def segment(self, frame: Frame) -> Segments:
             return Segments(super().segment(frame).masks)
 
     memory = built(ObjectMapBuilder(home.encoder, Anonymous(), min_points=20), home.frames)
@@ -260,7 +260,7 @@ def test_depth_regions_find_most_things_without_any_model(home: SeenHome) -> Non
 
 
 def test_the_same_views_as_a_robots_recording_give_the_same_map(home: SeenHome, tmp_path: Path) -> None:
-    frames = [replace(frame, instance_ids=None) for frame in home.frames[:12]]
+    frames = [replace(frame, ids=None) for frame in home.frames[:12]]
     write_recording(tmp_path / "run", frames, up="z", colour="jpg")
     recorded, counts = read_robot_frames(tmp_path / "run", up="z")
     assert counts.num_used == 12
@@ -287,7 +287,7 @@ def test_an_empty_builder_gives_an_empty_memory() -> None:
 
 
 def test_a_view_that_shows_nothing_maps_nothing(home: SeenHome) -> None:
-    blind = replace(home.frames[0], depth_m=np.zeros_like(home.frames[0].depth_m), instance_ids=None)
+    blind = replace(home.frames[0], depth_m=np.zeros_like(home.frames[0].depth_m), ids=None)
     memory = built(GridMapBuilder(ColourEncoder()), [blind])
     assert len(memory.storeys[0].memory.rows) == 0
     assert (memory.storeys[0].occupancy.cells == UNKNOWN).all()

@@ -50,7 +50,7 @@ def test_vectors_are_those_of_transformers_whatever_texts_share_a_pass() -> None
     assert np.allclose(MiniLM().encode_texts(texts), np.array(expected), rtol=0, atol=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_minilm_keeps_the_encoders_contract(minilm: MiniLM) -> None:
     assert check_encoder(minilm) == []
     assert check_encoder(make_encoder("minilm")) == []

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from grounding.maps.occupancy import OccupancyMapper
-from grounding.types import Intrinsics
 from sim.frames import T_world_camera
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import Camera, Pose
 
 CAMERA = Camera(160, 120)
-INTRINSICS = Intrinsics.of(CAMERA)
+INTRINSICS = CAMERA
 T = T_world_camera(Pose((0.0, 0.0, 0.0), yaw=0.0), CAMERA)  # looks along -z from 0.88 m
 
 

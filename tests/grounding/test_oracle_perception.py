@@ -10,24 +10,24 @@ from grounding.checks import check_image_encoder
 from grounding.encoders.hashed import HashedWords
 from grounding.maps.oracle_map import object_texts
 from grounding.perception.oracle_perception import CLUTTER_TEXTS, OraclePerception, PerceptionOptions, winning_ids
-from grounding.types import Intrinsics, PosedFrame
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError
 from sim.mesh import SceneObject
+from sim.types import Camera, Frame
 
 WORDS = HashedWords()
 CAPTIONS = {1: "red wooden chair", 2: "large white sofa", 3: "oval mirror", 7: "copper lamp"}
 
 
-def frame(ids: list[list[int]], *, x: float = 0.0, scale: int = 8, depth: float = 2.0) -> PosedFrame:
+def frame(ids: list[list[int]], *, x: float = 0.0, scale: int = 8, depth: float = 2.0) -> Frame:
     """A picture of square blocks of these ids, `scale` pixels wide, seen from x."""
     blocks = np.kron(np.array(ids), np.ones((scale, scale), int)).astype(np.int32)
     height, width = blocks.shape
     pose = np.eye(4)
     pose[0, 3] = x
-    lens = Intrinsics(width, height, 50.0, 50.0, width / 2, height / 2)
+    lens = Camera.of_lens(width, height, fx=50.0, fy=50.0, cx=width / 2, cy=height / 2)
     rgb = np.zeros((height, width, 3), np.uint8)
-    return PosedFrame(rgb, np.full((height, width), depth, np.float32), pose, lens, blocks)
+    return Frame(rgb, np.full((height, width), depth, np.float32), pose, lens, blocks)
 
 
 def perception(captions: dict[int, str] = CAPTIONS, *, home: str = "", **options) -> OraclePerception:
@@ -74,6 +74,7 @@ def test_the_name_says_space_and_oracle_and_queries_are_the_text_encoders() -> N
 NOISY = {"view_noise": 0.1, "object_noise": 0.1, "confusion": 0.4, "background": "clutter", "seed": 3}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, NOISY])
 def test_oracle_perception_keeps_the_contract(options: dict) -> None:
     assert check_image_encoder(perception(**options)) == []
@@ -165,7 +166,7 @@ def test_clutter_without_texts_is_refused() -> None:
 
 def test_frames_of_a_robot_are_refused() -> None:
     with pytest.raises(AgentError, match="a frame has no instance ids; expected those of the simulator"):
-        perception().encode_patches([replace(frame([[1]]), instance_ids=None)])
+        perception().encode_patches([replace(frame([[1]]), ids=None)])
 
 
 def test_frames_of_several_sizes_are_refused() -> None:

@@ -78,21 +78,21 @@ def test_a_run_has_the_agents_name_and_versions_share_a_table(
     own: Path, small_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     options = {"dataset": small_root, "agent": "own_agent:Turner", "limit": 1, "split": ("easy",)}
-    assert Run(**options).work() == 0
+    assert Run(**options).run() == 0
     (folder,) = (own / "runs").iterdir()
     assert folder.name.startswith("turner-")
     info = read_run_info(folder)
     assert info.who == "turner"
     assert str(info.config["agent_code"]).startswith("own_agent:Turner@")
-    assert Run(**options).work() == 0
-    assert "1 of them done before" in capsys.readouterr().out
+    assert Run(**options).run() == 0
+    assert "1 done before" in capsys.readouterr().out
     change(own / "own_agent.py")
     with pytest.raises(
         RunFileError, match=r"was made with other code of your agent; expected the same .* --label NAME"
     ):
-        Run(**options).work()
-    assert Run(**options, label="turner-2").work() == 0
-    assert Metrics(tuple((own / "runs").iterdir()), json=True).work() == 0
+        Run(**options).run()
+    assert Run(**options, label="turner-2").run() == 0
+    assert Metrics(tuple((own / "runs").iterdir()), json=True).run() == 0
     printed = capsys.readouterr().out
     rows = json.loads(printed[printed.index("[\n") :])
     assert {row["who"] for row in rows} == {"turner", "turner-2"}
@@ -100,29 +100,29 @@ def test_a_run_has_the_agents_name_and_versions_share_a_table(
 
 @pytest.mark.slow
 def test_ground_takes_an_encoder_a_method_and_phrases_of_ones_own(own: Path, small_root: Path) -> None:
-    assert Ground(small_root, "qs", encoder="own_words:Words", limit=1).work() == 0
+    assert Ground(small_root, "qs", encoder="own_words:Words", limit=1).run() == 0
     (folder,) = (own / "runs").iterdir()
     assert folder.name == "ground-qs-oracle-my-words-768-storey-given-seed0"
     info = read_run_info(folder)
     assert info.config["encoder"] == "my-words-768"
     assert "my-words-768 encoder" in info.condition
     plain = Ground(small_root, "qs", limit=1, run_id="plain")
-    assert plain.work() == 0
+    assert plain.run() == 0
     assert read_run(own / "runs" / "plain").answers == read_run(folder).answers
     change(own / "own_words.py")
     from grounding.encoders import by_name
 
     by_name._plugin.cache_clear()
     with pytest.raises(RunFileError, match="other code of your encoder"):
-        Ground(small_root, "qs", encoder="own_words:Words", limit=1).work()
-    assert Ground(small_root, "own_middle:make", limit=1, run_id="middle").work() == 0
+        Ground(small_root, "qs", encoder="own_words:Words", limit=1).run()
+    assert Ground(small_root, "own_middle:make", limit=1, run_id="middle").run() == 0
     assert read_run_info(own / "runs" / "middle").who == "my-middle"
-    assert Ground(small_root, "joint", phrases="own_nobody:Nobody", limit=1, run_id="nobody").work() == 0
+    assert Ground(small_root, "joint", phrases="own_nobody:Nobody", limit=1, run_id="nobody").run() == 0
     assert read_run_info(own / "runs" / "nobody").config["phrases"] == "nobody"
 
 
 def test_the_name_that_map_files_carry_is_an_encoders_name(own: Path, small_root: Path) -> None:
-    assert Ground(small_root, "qs", encoder="hashed-words-768", limit=1).work() == 0
+    assert Ground(small_root, "qs", encoder="hashed-words-768", limit=1).run() == 0
     (folder,) = (own / "runs").iterdir()
     assert read_run_info(folder).config["encoder"] == "hashed"
 
@@ -143,7 +143,7 @@ def test_a_wrong_plug_in_is_one_line_before_anything_is_written(
     own: Path, small_root: Path, options: dict[str, str], message: str
 ) -> None:
     with pytest.raises(AgentError, match=message) as caught:
-        Ground(**{"dataset": small_root, "method": "joint", **options}).work()
+        Ground(**{"dataset": small_root, "method": "joint", **options}).run()
     assert "\n" not in str(caught.value)
     assert not (own / "runs").exists()
 

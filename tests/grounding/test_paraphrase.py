@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from grounding.encoders.hashed import STOP_WORDS, HashedWords
-from grounding.perception.paraphrase import _SYNONYMS, paraphrase
+from grounding.perception.paraphrase import paraphrase
+from sim.words.synonyms import REWORDINGS
 
 CAPTION = (
     "Small round wooden table located next to the grey couch and under the window. It has a red vase on top of it."
@@ -94,4 +95,4 @@ def test_word_overlap_falls_with_the_attributes() -> None:
 
 
 def test_no_word_is_its_own_synonym() -> None:
-    assert all(word not in choices and choices for word, choices in _SYNONYMS.items())
+    assert all(word not in choices and choices for word, choices in REWORDINGS.items())

@@ -16,8 +16,9 @@ from grounding.checks import check_image_encoder
 from grounding.encoders import by_name as encoders
 from grounding.encoders.by_name import make_encoder, make_image_encoder
 from grounding.encoders.protocol import DenseEncoder, ModelOptions
-from grounding.types import PosedFrame
+from grounding.methods.rpg import one_thread
 from sim.errors import AgentError, MissingDependencyError
+from sim.types import Frame
 
 from .tiny_models import picture, save_blip2, save_clip, save_siglip, save_siglip_naflex
 
@@ -42,12 +43,10 @@ ALL = pytest.mark.parametrize("kind", list(KINDS))
 
 
 @pytest.fixture(scope="module", autouse=True)
-def one_thread() -> Iterator[None]:
+def few_threads() -> Iterator[None]:
     """Tiny products are slower on several threads, and much slower beside other processes."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+    with one_thread():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -76,8 +75,9 @@ def load(folder: Callable[[str], Path]) -> Callable[..., DenseEncoder]:
     return of
 
 
-@pytest.mark.slow
-@ALL
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind == "clip" else pytest.mark.release) for kind in KINDS]
+)
 def test_our_adapters_keep_the_contract(kind: str, load) -> None:
     assert check_image_encoder(load(kind)) == []
 
@@ -132,7 +132,7 @@ CLASSES = {
 }
 
 
-def squeezed(source: Path, frame: PosedFrame, *, side: int | None = 32) -> dict[str, torch.Tensor]:
+def squeezed(source: Path, frame: Frame, *, side: int | None = 32) -> dict[str, torch.Tensor]:
     """A whole picture as `transformers` prepares it for the model's square; None: in its own proportions."""
     how = {"size": {"height": side, "width": side}, "do_center_crop": False} if side else {}
     processor = transformers.AutoImageProcessor.from_pretrained(source)

@@ -21,7 +21,7 @@ def vectors(tmp_path_factory: pytest.TempPathFactory):
 
 def pooled(capsys: pytest.CaptureFixture[str], **options) -> float:
     """Percent of all 2,000 episodes, each counted alike, as the specification does."""
-    assert Ground(**options, json=True, jobs=2).work() == 0
+    assert Ground(**options, json=True, jobs=2).run() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["n"] == 2000
     assert len(read_run(Path(found["run"])).answers) == 2000

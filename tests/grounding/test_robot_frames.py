@@ -13,9 +13,9 @@ from grounding.maps.grid_map import GridMapBuilder
 from grounding.maps.home_map import HomeMemory
 from grounding.maps.storeys import floors_of_frames
 from grounding.robot.frames import read_robot_frames
-from grounding.types import PosedFrame
 from sim.errors import SceneError
 from sim.frames import R_agent_axes, R_agent_camera
+from sim.types import Frame
 
 from .mapped_views import (
     ColourEncoder,
@@ -35,8 +35,8 @@ def built(frames, **options) -> HomeMemory:
     return builder.finish()
 
 
-def plain(frame: PosedFrame) -> PosedFrame:
-    return PosedFrame(frame.rgb, frame.depth_m, frame.T_map_camera, frame.intrinsics)
+def plain(frame: Frame) -> Frame:
+    return Frame(frame.rgb, frame.depth_m, frame.T_world_camera, frame.camera)
 
 
 DIRECT = built([plain(frame) for frame in FRAMES])
@@ -61,8 +61,8 @@ def test_a_recording_of_simulated_views_gives_the_same_map(up, colour: str, tmp_
     loaded = list(frames)
     assert [frame.depth_m.shape for frame in loaded] == [(120, 160)] * len(FRAMES)
     assert np.abs(loaded[0].depth_m - FRAMES[0].depth_m).max() <= 0.00051
-    assert np.allclose(loaded[3].T_map_camera, FRAMES[3].T_map_camera, atol=1e-6)
-    assert loaded[0].intrinsics == FRAMES[0].intrinsics
+    assert np.allclose(loaded[3].T_world_camera, FRAMES[3].T_world_camera, atol=1e-6)
+    assert loaded[0].camera.lens == FRAMES[0].camera.lens
     assert (counts.num_found, counts.num_used, counts.warning) == (8, 8, "")
     assert_same_map(built(frames))
 
@@ -71,7 +71,7 @@ def test_the_wrong_up_axis_is_warned_of_and_gives_another_map(tmp_path: Path) ->
     write_recording(tmp_path / "run", FRAMES, up="z")
     frames, counts = read_robot_frames(tmp_path / "run", up="y")
     assert "0, 1.00) on average, in a frame whose y should point up" in counts.warning
-    assert abs(float(np.mean([frame.T_map_camera[1, 3] for frame in frames])) - 0.88) > 1
+    assert abs(float(np.mean([frame.T_world_camera[1, 3] for frame in frames])) - 0.88) > 1
 
 
 @pytest.mark.parametrize("axes", ["opengl", "flu"])
@@ -84,7 +84,7 @@ def test_other_camera_axes_are_turned(axes, tmp_path: Path) -> None:
     frames, _ = read_robot_frames(tmp_path / "run", up="y", camera_axes=axes)
     assert_same_map(built(frames))
     wrong, counts = read_robot_frames(tmp_path / "run", up="y")
-    assert not np.allclose(wrong.some(1)[0].T_map_camera, FRAMES[0].T_map_camera, atol=0.1)
+    assert not np.allclose(wrong.some(1)[0].T_world_camera, FRAMES[0].T_world_camera, atol=0.1)
     assert counts.warning
 
 
@@ -235,7 +235,7 @@ def test_missing_and_undecided_files_are_named(tmp_path: Path) -> None:
         read_robot_frames(folder, up="z")
     (folder / "intrinsics.txt").rename(folder / "intrinsics_color.txt")
     frames, _ = read_robot_frames(folder, up="z")
-    assert frames.some(1)[0].intrinsics.fx == pytest.approx(FRAMES[0].intrinsics.fx / 2)
+    assert frames.some(1)[0].camera.focal == pytest.approx(FRAMES[0].camera.focal / 2)
     (folder / "intrinsics.json").write_text('{"fx": 1, "fy": 1, "cx": 9000, "cy": 3, "width": 160, "height": 120}')
     with pytest.raises(SceneError, match="expected positive focal lengths and a middle inside of the picture"):
         read_robot_frames(folder, up="z")

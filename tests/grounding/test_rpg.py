@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grounding.methods.rpg import PRESETS, RpgOptions, RpgResult, rpg_dense, rpg_packed
+from grounding.methods.rpg import PRESETS, RpgOptions, RpgResult, one_thread, rpg_dense, rpg_packed
 from grounding.types import TIE, map_from_cells
 from sim.types import GridSpec
 
@@ -19,12 +19,10 @@ LAWS = settings(max_examples=40, deadline=None)
 
 
 @pytest.fixture(autouse=True, scope="module")
-def one_thread() -> Iterator[None]:
+def few_threads() -> Iterator[None]:
     """Products this small wait for each other's threads on busy cores."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+    with one_thread():
+        yield
 
 
 @dataclass(frozen=True)

@@ -5,23 +5,21 @@ import pytest
 
 from grounding.maps.storeys import Storeys, points_at
 from grounding.maps.view_quality import bearing_weight, distance_weight, patches_of
-from grounding.types import Intrinsics, PosedFrame
 from sim.frames import T_world_camera
 from sim.tasks.observers import FREE
-from sim.types import Camera, Pose
+from sim.types import Camera, Frame, Pose
 
 CAMERA = Camera(width=80, height=60)
 
 
-def frame(x: float, feet: float, z: float = 0.0, *, depth: float = 2.0) -> PosedFrame:
+def frame(x: float, feet: float, z: float = 0.0, *, depth: float = 2.0) -> Frame:
     """A view along -z on a wall."""
     T = T_world_camera(Pose((x, feet, z), 0.0), CAMERA)
-    seen = Intrinsics.of(CAMERA)
-    return PosedFrame(np.zeros((60, 80, 3), np.uint8), np.full((60, 80), depth, np.float32), T, seen)
+    return Frame(np.zeros((60, 80, 3), np.uint8), np.full((60, 80), depth, np.float32), T, CAMERA)
 
 
-def feet_of(frames: list[PosedFrame]) -> list[float]:
-    return [round(float(one.T_map_camera[1, 3]) - 0.88, 3) for one in frames]
+def feet_of(frames: list[Frame]) -> list[float]:
+    return [round(float(one.T_world_camera[1, 3]) - 0.88, 3) for one in frames]
 
 
 def test_a_robot_that_climbs_opens_a_storey_only_where_it_walks_on_level_ground() -> None:
@@ -95,7 +93,7 @@ def test_a_patch_lies_on_the_surface_that_has_its_median_depth() -> None:
     depth[:, :4] = 1.0  # two fifths of the first patch are nearer
     depth[:, 70:] = 0.0
     depth[:, 60:70] = 6.0
-    changed = PosedFrame(view.rgb, depth, view.T_map_camera, view.intrinsics)
+    changed = Frame(view.rgb, depth, view.T_world_camera, view.camera)
     patches = patches_of(changed, (6, 8), max_depth=5.0)
     points, weights = patches.points.reshape(6, 8, 3), patches.weights.reshape(6, 8)
     assert points[:, :6, 2] == pytest.approx(np.full((6, 6), -2.0))
@@ -109,7 +107,6 @@ def test_weights_are_those_of_onemap_and_vlfm() -> None:
     assert distance_weight(np.array([0.5, 1, 2, 3, 4, 5])) == pytest.approx(
         [0.964, 1, 0.862, 0.553, 0.264, 0.093], abs=6e-4
     )
-    seen = Intrinsics.of(CAMERA)
-    half = np.arctan(40 / seen.fx)
-    columns = 40 + seen.fx * np.tan(np.array([0, 0.25, 0.5, 1]) * half)
-    assert bearing_weight(columns, seen) == pytest.approx([1, 0.8902, 0.625, 0.25], abs=1e-4)
+    half = np.arctan(40 / CAMERA.focal)
+    columns = 40 + CAMERA.focal * np.tan(np.array([0, 0.25, 0.5, 1]) * half)
+    assert bearing_weight(columns, CAMERA) == pytest.approx([1, 0.8902, 0.625, 0.25], abs=1e-4)

@@ -7,7 +7,7 @@ import torch
 import transformers
 from tokenizers import Tokenizer, models, normalizers, pre_tokenizers, processors
 
-from grounding.types import Intrinsics, PosedFrame
+from sim.types import Camera, Frame
 
 WORDS = (
     *("a", "red", "wooden", "chair", "beside", "the", "window", "large", "white", "sofa", "oval", "mirror", "with"),
@@ -71,13 +71,13 @@ def save_blip2(folder: Path, *, seed: int = 0) -> Path:
     return _save(folder, transformers.Blip2ForImageTextRetrieval, config, processor, seed=seed)
 
 
-def picture(left: int, right: int, *, width: int = 96, height: int = 64, seed: int = 0) -> PosedFrame:
+def picture(left: int, right: int, *, width: int = 96, height: int = 64, seed: int = 0) -> Frame:
     """A picture whose halves are noise around two grey levels."""
     rng = np.random.default_rng(seed)
     level = np.where(np.arange(width) < width // 2, left, right)
     rgb = np.clip(level[None, :, None] + rng.integers(-20, 20, (height, width, 3)), 0, 255).astype(np.uint8)
-    intrinsics = Intrinsics(width, height, 80.0, 80.0, width / 2, height / 2)
-    return PosedFrame(rgb, np.ones((height, width), np.float32), np.eye(4), intrinsics)
+    camera = Camera.of_lens(width, height, fx=80.0, fy=80.0, cx=width / 2, cy=height / 2)
+    return Frame(rgb, np.ones((height, width), np.float32), np.eye(4), camera)
 
 
 def _save(folder: Path, model_class, config, processor, *, seed: int) -> Path:

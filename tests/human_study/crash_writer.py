@@ -5,7 +5,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from human_study.trial.commands import Move, Resume, Start
-from human_study.trial.session import PanSession, pan_session_from_events
+from human_study.trial.session import PanSession
 from sim.types import Action
 
 from .small_world import SCENE_DIGEST, env, episode, study
@@ -22,7 +22,7 @@ def walk_until_killed(folder: Path, acknowledged: Connection) -> None:
     events = [stored.event for stored in store.events(trial.trial_id)]
     world, task = env(with_pictures=True), config.task_for(episode(), "pan")
     names = {"key": trial.key, "task": task, "scene_digest": SCENE_DIGEST}
-    session = pan_session_from_events(events, world, **names) if events else PanSession(world, **names)
+    session = PanSession(world, **names).after(events) if events else PanSession(world, **names)
     command = Resume(trial.away_s) if events else Start()
     actions = cycle(WALK[len(world.steps) % len(WALK) :] + WALK[: len(world.steps) % len(WALK)])
     now_s = 0.0

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from human_study.design.plan import StudyScene
+from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig
 from human_study.export.verify import TrialHome
 from human_study.store.store import StudyStore
-from human_study.tickets import token_hash
 from human_study.trial.commands import Click, Command, Confirm, Fail, Move, PressStop, Start
 from human_study.trial.events import Event
 from human_study.trial.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome

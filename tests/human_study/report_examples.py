@@ -9,7 +9,7 @@ from human_study.design.study import StudyConfig, StudyDataset, StudyMemory, sav
 from human_study.export.rows import ExclusionRow, ParticipantRow, StageRow
 from human_study.export.runs import run_condition
 from human_study.export.trial_table import TrialRow
-from human_study.store.stages import Stage
+from human_study.store.record_types import Stage
 from sim.tasks.run_files import (
     EpisodeEnd,
     EpisodeRun,
@@ -21,7 +21,7 @@ from sim.tasks.run_files import (
     Step,
 )
 from sim.tasks.run_writer import RunWriter
-from sim.types import SPLITS, SUCCESS_RULES, Action, EpisodeKey
+from sim.types import SPLITS, SUCCESS_RULES, Action, EndReason, EpisodeKey
 
 DIGEST = "d" * 64
 KEYS = [EpisodeKey(split, f"Home{n // 2}", str(n)) for split in SPLITS for n in range(4)]
@@ -40,8 +40,10 @@ def study_config(**more: object) -> StudyConfig:
     return StudyConfig.model_validate(fields | more)
 
 
-def pan_episode(key: EpisodeKey, *, success: bool, steps: int, code: str | None, path: int = 3) -> EpisodeRun:
-    """A walk of so many steps, a second each, a quarter of a metre along z for the first `path`."""
+def pan_episode(
+    key: EpisodeKey, *, success: bool, steps: int, code: str | None, path: int = 3, reason: EndReason = "stop"
+) -> EpisodeRun:
+    """A walk of `steps` steps, a second each, a quarter of a metre along z for the first `path`."""
     rule = RuleMeasures(
         success=success, spl=0.5 * success, soft_spl=0.4, dtg=0.0 if success else 3.0, start_distance=5.0
     )
@@ -61,7 +63,7 @@ def pan_episode(key: EpisodeKey, *, success: bool, steps: int, code: str | None,
         Step(action=Action.FORWARD, position=(0, 0, 0.25 * min(k + 1, path)), yaw=0.0, t_s=float(k + 1))
         for k in range(steps)
     )
-    return EpisodeRun(start=start, steps=walked, end=EpisodeEnd(reason="stop", measures=measures))
+    return EpisodeRun(start=start, steps=walked, end=EpisodeEnd(reason=reason, measures=measures))
 
 
 def run_info(run_id: str, who: str, config: StudyConfig, **more: object) -> RunInfo:

@@ -10,9 +10,9 @@ from human_study.design.plan import StudyPlan, StudyScene
 from human_study.design.planning import make_plan
 from human_study.design.study import StudyConfig
 from sim.episodes.schema import AgentState, Episode, EpisodeInfo, EpisodeRecord, Goal, ViewPoint
-from sim.render.renderer import Frame, Hits
+from sim.render.renderer import Hits
 from sim.tasks.pan import PanEnv
-from sim.types import Camera, EpisodeKey, GridSpec
+from sim.types import Camera, EpisodeKey, Frame, GridSpec
 from sim.walk.navigation_map import StepResult, TopDown
 
 HALF = 3.0
@@ -91,7 +91,10 @@ class PoseColours:
         shape = (camera.height, camera.width)
         colour = np.round(np.abs(T_world_camera[[0, 2, 0], [3, 3, 2]]) * 50).astype(np.uint8)
         rgb = np.broadcast_to(colour, (*shape, 3)).copy()
-        return Frame(rgb, np.ones(shape, np.float32), np.zeros(shape, np.int32))
+        return Frame(rgb, np.ones(shape, np.float32), T_world_camera, camera, np.zeros(shape, np.int32))
+
+    def depth(self, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:
+        return self.render(T_world_camera, camera).depth_m
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
         count = len(origins)

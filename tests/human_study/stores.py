@@ -3,13 +3,12 @@
 import sqlite3
 from pathlib import Path
 
+from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig
-from human_study.export.codes import exported_codes
-from human_study.export.collect import collect
+from human_study.export.collect import collect, exported_codes
 from human_study.export.trial_table import TrialRow
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, Trial, open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import Key, Open
 from sim.types import Action
 

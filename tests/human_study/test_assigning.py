@@ -8,10 +8,10 @@ import pytest
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
+from human_study.design.secrets import token_hash
+from human_study.store.record_types import has_dropped_out
 from human_study.store.records import read_study
-from human_study.store.stages import has_dropped_out
 from human_study.store.store import StudyStore, TrialEndedError, open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import Abandoned, Error, GaveUp
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd

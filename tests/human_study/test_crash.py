@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from human_study.design.secrets import token_hash
 from human_study.store.records import read_study
-from human_study.tickets import token_hash
 from human_study.trial.events import Act
-from human_study.trial.session import pan_session_from_events
+from human_study.trial.session import PanSession
 from sim.types import Pose
 
 from .crash_writer import WALK, walk_until_killed
@@ -83,7 +83,7 @@ def test_a_trial_survives_kills_at_random_instants(tmp_path: Path, kills: int) -
         assert ([Pose((0.0, 0.0, 0.0), 0.0), *(step.pose for step in steps)])[last_step] == last_pose
         world = env()
         task = config.task_for(episode(), "pan")
-        pan_session_from_events(events, world, key=episode().key, task=task, scene_digest=SCENE_DIGEST)
+        PanSession(world, key=episode().key, task=task, scene_digest=SCENE_DIGEST).after(events)
         assert (len(world.steps), world.pose) == (len(steps), world.poses[len(steps)])
         resumed_at_step = len(steps)
 

@@ -7,11 +7,9 @@ from pathlib import Path
 import pytest
 
 from human_study.design.study import StudyConfig, StudyPrivacy
-from human_study.texts.documents import ethics_documents
+from human_study.texts.documents import ethics_documents, hypothesis_sentence, sample_of
 from human_study.texts.estimate import announced_minutes, estimate_time
 from human_study.texts.participants import instruction_texts
-from human_study.texts.preregistration import hypothesis_sentence
-from human_study.texts.sample import sample_of
 from human_study.texts.words import filled, filled_text, open_places, words_of, wrapped
 
 from .small_world import plan, study
@@ -82,7 +80,7 @@ def test_a_mark_that_a_line_break_cuts_is_found() -> None:
 def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None:
     deleted, kept = consent_text(config_of()), consent_text(config_of(privacy={"on_withdraw": "keep"}))
     flat = " ".join(deleted.split())
-    assert "The key that your records are encrypted with is then deleted" in flat
+    assert "We then delete the key that your records are encrypted with" in flat
     for what in (
         "what the check of your browser found",
         "which keys you chose",
@@ -94,8 +92,8 @@ def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None
     assert "A code made of your id on the recruiting platform remains too" in " ".join(prolific.split())
     assert "that it took place, how it ended, how many events of which kind" in flat
     assert "never their content" in flat
-    assert "deleted, so that nobody can read" not in " ".join(kept.split())
-    assert "What you have done until then is kept and used" in " ".join(kept.split())
+    assert "We then delete the key" not in " ".join(kept.split())
+    assert "We keep what you have done until then and use it" in " ".join(kept.split())
 
 
 @pytest.mark.parametrize(
@@ -112,9 +110,9 @@ def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None
 def test_the_consent_form_tells_what_is_not_stored(kind: str, platform_id: str, is_hashed: bool, is_kept: bool) -> None:
     config = config_of(privacy={"platform_id": platform_id}, recruit={"kind": kind})
     text = " ".join(consent_text(config).split())
-    assert "**Not** stored are your name, your e-mail address, your internet (IP) address" in text
-    assert ("recruiting platform is turned into a code" in text) == is_hashed
-    assert ("kept in a file apart from your records" in text) == is_kept
+    assert "We do **not** store your name, your e-mail address, your internet (IP) address" in text
+    assert ("your id on the recruiting platform into a code" in text) == is_hashed
+    assert ("in a file apart from your records" in text) == is_kept
     assert ("pay.db" in ethics_documents(config, None)["data_flow.md"]) == is_kept
 
 
@@ -141,7 +139,7 @@ def test_instructions_fit_the_study_file() -> None:
         "| `R` | Look up |",
         "after **300 steps** or after 4 minutes",
         "at least 10 seconds and at most 90 seconds",
-        "alone**, for at most 2 minutes",
+        "see only the home**, for at most 2 minutes",
         "**map from above**",
         "A search ends by itself 5 minutes after the text appears",
         "Some questions about these rules come next.",

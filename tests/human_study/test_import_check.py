@@ -117,3 +117,24 @@ def test_events_of_another_home_are_unsupported_not_wrong(out: Path) -> None:
     report = import_check(out, lambda _: room(scene_digest="e" * 64))
     assert (report.num_unsupported, report.num_agreeing, report.problems) == (3, 0, ())
     assert not report.agrees
+
+
+def test_an_export_of_version_1_which_knew_no_paper_strict_agrees(out: Path) -> None:
+    def without_strict(text: str) -> str:
+        lines = [json.loads(line) for line in text.splitlines()]
+        for line in lines:
+            if line["kind"] == "episode":
+                line["schema_version"] = 1
+            if line["kind"] == "end":
+                del line["measures"]["rules"]["paper-strict"]
+        return "".join(json.dumps(line) + "\n" for line in lines)
+
+    change(out, f"{walker(out)}/steps.jsonl", without_strict)
+    change(out, f"{walker(out)}/run.json", lambda text: text.replace('"schema_version": 2', '"schema_version": 1'))
+    report = import_check(out, room)
+    assert report.agrees
+    assert report.num_agreeing == 3
+
+    change(out, f"{walker(out)}/steps.jsonl", lambda text: text.replace('"path_m": 1.25', '"path_m": 1.0'))
+    (problem,) = import_check(out, room).problems
+    assert "run.end.measures.path_m is stored as 1.0, recomputed as 1.25" in problem

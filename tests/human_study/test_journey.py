@@ -18,7 +18,7 @@ from human_study.journey import (
     trial_before,
     trial_name,
 )
-from human_study.store.stages import Stage, StageEntry
+from human_study.store.record_types import Stage, StageEntry
 from sim.types import EpisodeKey
 
 NOW_NS = 1_800_000_000 * 10**9
@@ -162,11 +162,11 @@ def test_who_never_came_has_not_arrived_and_who_dropped_out_may_return() -> None
     ("stages", "trials", "before", "name"),
     [
         ((), [trial(1), trial(2)], None, ""),
-        ((), [trial(1, is_over=True), trial(2)], 1, "Trial 1 of 2"),
+        ((), [trial(1, is_over=True), trial(2)], 1, "Search 1 of 2"),
         ((), [trial(1, is_over=True), trial(2, is_begun=True)], None, ""),
         ((), [trial(1, is_over=True), trial(2, is_over=True)], None, ""),
         ((), [trial(1, phase="practice", is_over=True), trial(2)], 1, "Practice 1 of 1"),
-        ((), [trial(1, is_over=True), trial(2, phase="check", is_over=True), trial(3)], 2, "Trial 2 of 3"),
+        ((), [trial(1, is_over=True), trial(2, phase="check", is_over=True), trial(3)], 2, "Search 2 of 3"),
     ],
 )
 def test_the_stored_trial_before_the_next_one_is_named(

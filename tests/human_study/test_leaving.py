@@ -6,11 +6,11 @@ import pytest
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
+from human_study.design.secrets import token_hash
 from human_study.export.verify import verify_trial
 from human_study.store.progress import SlotCount, study_progress
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, TrialEndedError, open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import Abandoned, Error, GaveUp
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey, TaskKind

@@ -234,7 +234,7 @@ def test_a_plan_that_cannot_give_what_was_asked_says_so_and_why(tmp_path: Path) 
     assert planned(as_asked, sample_episodes(as_asked, POOL)).changes == ()
     without_checks = study(checks={"every": 15})
     assert plan(without_checks).changes == (
-        "checks.every: 15 asked, no attention trial planned, because nobody has so many trials",
+        "checks.every: 15 asked, no attention trial planned, because nobody has that many trials",
     )
 
 

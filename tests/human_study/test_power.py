@@ -121,22 +121,22 @@ def test_the_command_prints_the_same_twice_and_reads_the_plan(
     )
     assert (design_of(config, plan).num_people, design_of(config, plan).episodes_per_split) == (4, 1)
     save_plan(tmp_path, plan)
-    assert StudyPlanVerb(study=tmp_path, power=True, simulations=20, json=True, person_sd=(0.5,)).work() == 0
+    assert StudyPlanVerb(study=tmp_path, power=True, simulations=20, json=True, person_sd=(0.5,)).run() == 0
     printed = capsys.readouterr().out
-    assert StudyPlanVerb(study=tmp_path, power=True, simulations=20, json=True, person_sd=(0.5,)).work() == 0
+    assert StudyPlanVerb(study=tmp_path, power=True, simulations=20, json=True, person_sd=(0.5,)).run() == 0
     assert capsys.readouterr().out == printed
     assert json.loads(printed)["rows"][0]["num_people"] == 4
-    assert StudyPlanVerb(power=True, people=6, episodes=10, raters=3, simulations=20, person_sd=(0.5,)).work() == 0
+    assert StudyPlanVerb(power=True, people=6, episodes=10, raters=3, simulations=20, person_sd=(0.5,)).run() == 0
     assert "| 6 people | 6 | 10 | 3 |" in capsys.readouterr().out
 
 
 def test_impossible_options_are_refused() -> None:
     with pytest.raises(StudyError, match="expected all within 0 and 1"):
-        StudyPlanVerb(power=True, base_rate=0.9, memory_gap=0.2).work()
+        StudyPlanVerb(power=True, base_rate=0.9, memory_gap=0.2).run()
     with pytest.raises(StudyError, match="raters times conditions people"):
-        StudyPlanVerb(power=True, people=3, raters=5).work()
+        StudyPlanVerb(power=True, people=3, raters=5).run()
     with pytest.raises(StudyError, match="raters times conditions people"):
-        StudyPlanVerb(power=True, people=5, raters=5, conditions=2).work()
+        StudyPlanVerb(power=True, people=5, raters=5, conditions=2).run()
 
 
 @pytest.mark.parametrize(
@@ -155,14 +155,14 @@ def test_impossible_options_are_refused() -> None:
 )
 def test_an_option_out_of_its_range_is_one_line(options: str, line: str) -> None:
     with pytest.raises(StudyError) as caught:
-        parse(["study", "plan", "--power", *options.split()]).work()
+        parse(["study", "plan", "--power", *options.split()]).run()
     assert str(caught.value) == f"study plan --power: {line}"
 
 
 def test_every_option_of_the_command_reaches_the_simulation(capsys: pytest.CaptureFixture[str]) -> None:
     options = "--people 8 --episodes 10 --raters 2 --conditions 2 --base-rate 0.6 --gap 0.2 --split-gap 0.12"
     options += " --memory-gap 0.3 --person-sd 0.4 0.8 --episode-sd 1.1 --simulations 25 --seed 7 --json"
-    assert parse(["study", "plan", "--power", *options.split()]).work() == 0
+    assert parse(["study", "plan", "--power", *options.split()]).run() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["assumptions"] == {
         "base_rate": 0.6,
@@ -179,8 +179,9 @@ def test_every_option_of_the_command_reaches_the_simulation(capsys: pytest.Captu
     assert found["rows"][0]["power_memory"] is not None
 
 
+@pytest.mark.slow
 def test_the_options_defaults_are_those_of_the_assumptions(capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--people", "4", "--episodes", "4", "--raters", "2", "--json"]
-    assert parse(["study", "plan", "--power", *options]).work() == 0
+    assert parse(["study", "plan", "--power", *options]).run() == 0
     found = PowerAssumptions.model_validate(json.loads(capsys.readouterr().out)["assumptions"])
     assert found == PowerAssumptions()

@@ -10,11 +10,17 @@ import pytest
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
-from human_study.store.progress import MOST_TIMES, PersonProgress, SlotCount, StudyProgress, study_progress
-from human_study.store.progress_people import STUCK_AFTER_S
+from human_study.design.secrets import token_hash
+from human_study.store.progress import (
+    MOST_TIMES,
+    STUCK_AFTER_S,
+    PersonProgress,
+    SlotCount,
+    StudyProgress,
+    study_progress,
+)
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import Error, GaveUp
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import EpisodeKey

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
+from human_study.design.secrets import token_hash
 from human_study.store.store import StudyStore, open_store
-from human_study.tickets import token_hash
 from sim.types import SPLITS, EpisodeKey
 
 from .small_world import study

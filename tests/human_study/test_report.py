@@ -15,22 +15,18 @@ from human_study.report.sections import markdown
 from human_study.report.statistics import wilson_interval
 from human_study.report.tables import csv_text, latex
 from personal_viz.cli.study.report import StudyReportVerb
-from sim.errors import RunFileError, StudyError
+from sim.errors import PersonalVizError, RunFileError, StudyError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import (
     Answer,
     AnswerMeasures,
-    EpisodeEnd,
-    EpisodeRun,
-    EpisodeStart,
-    Measures,
-    RuleMeasures,
     Run,
     RunInfo,
-    Step,
 )
 from sim.tasks.run_writer import RunWriter
-from sim.types import SPLITS, SUCCESS_RULES, Action, EndReason, Split
+from sim.types import SPLITS, EndReason, EpisodeKey, Split
+
+from .report_examples import pan_episode
 
 EPISODES = [(split, str(k)) for split in SPLITS for k in range(4)]
 Succeeds = Callable[[Split, str], bool]
@@ -49,22 +45,9 @@ def info(run_id: str, who: str, **more: object) -> RunInfo:
 
 
 def pan(split: Split, episode: str, *, success: bool, steps: int, code: str | None, reason: EndReason = "stop"):
-    """An episode of so many steps, a second each."""
-    rule = RuleMeasures(
-        success=success, spl=0.5 * success, soft_spl=0.4, dtg=0.0 if success else 3.0, start_distance=5.0
-    )
-    measures = Measures(
-        rules=dict.fromkeys(SUCCESS_RULES, rule),
-        centre_distance=1.0,
-        path_m=4.0,
-        num_steps=steps,
-        collisions=0,
-        stored_geodesic=5.0,
-        scene_digest="s",
-    )
-    start = EpisodeStart(split=split, scene="Home", episode_id=episode, position=(0, 0, 0), yaw=0.0, participant=code)
-    walked = tuple(Step(action=Action.FORWARD, position=(0, 0, 0), yaw=0.0, t_s=float(k + 1)) for k in range(steps))
-    return EpisodeRun(start=start, steps=walked, end=EpisodeEnd(reason=reason, measures=measures))
+    """An episode in one home, of `steps` steps, a second each."""
+    key = EpisodeKey(split, "Home", episode)
+    return pan_episode(key, success=success, steps=steps, code=code, path=16, reason=reason)
 
 
 def pan_run(
@@ -295,12 +278,13 @@ def test_the_report_has_paper_strict_and_the_share_far_from_view_beside_paper_an
     assert study_report(runs).warnings == ()
 
 
+@pytest.mark.slow
 def test_the_command_writes_all_files(runs: list[Run], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for run in runs:
         writer = RunWriter(tmp_path / "runs" / run.info.run_id, run.info)
         for episode in run.episodes:
             writer.add_episode(episode)
-    assert StudyReportVerb(runs=[tmp_path / "runs"], out=tmp_path / "out", rule="paper", json=True).work() == 0
+    assert StudyReportVerb(runs=[tmp_path / "runs"], out=tmp_path / "out", rule="paper", json=True).run() == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "out" / "report.json").read_text())
     assert {"low", "high", "k", "n", "method"} <= set(printed["rows"][0])
@@ -310,5 +294,5 @@ def test_the_command_writes_all_files(runs: list[Run], tmp_path: Path, capsys: p
     assert names >= texts | pictures
     assert len({name for name in names if name.startswith("overlay-pan-")}) == len(names - texts - pictures) == 4
     (tmp_path / "file").write_text("x")
-    with pytest.raises(StudyError, match="expected a folder"):
-        StudyReportVerb(runs=[tmp_path / "runs"], out=tmp_path / "file", rule="paper", json=False).work()
+    with pytest.raises(PersonalVizError, match=r"file: cannot be written \(.*expected a folder"):
+        StudyReportVerb(runs=[tmp_path / "runs"], out=tmp_path / "file", rule="paper", json=False).run()

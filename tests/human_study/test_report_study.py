@@ -325,7 +325,7 @@ def test_the_command_gives_the_same_bytes_twice(
     write_runs(tmp_path / "agents", AGENTS)
     for out in ("one", "two"):
         folders = [tmp_path / "export", tmp_path / "agents"]
-        assert StudyReportVerb(runs=folders, out=tmp_path / out, rule=None, json=False, overlays=True).work() == 0
+        assert StudyReportVerb(runs=folders, out=tmp_path / out, rule=None, json=False, overlays=True).run() == 0
     capsys.readouterr()
     files = {path.name: path.read_bytes() for path in (tmp_path / "one").iterdir()}
     assert files == {path.name: path.read_bytes() for path in (tmp_path / "two").iterdir()}

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from human_study.design.plan import PlannedTrial, save_plan
+from human_study.design.secrets import token_hash
 from human_study.design.study import save_study
 from human_study.store.records import read_study
 from human_study.store.requests import (
@@ -19,7 +20,6 @@ from human_study.store.requests import (
     take_requests,
 )
 from human_study.store.store import StudyStore, TrialEndedError, open_store
-from human_study.tickets import token_hash
 from sim.errors import StudyError
 
 from .finished import SUCCESS, do_trial, register

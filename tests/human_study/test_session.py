@@ -23,7 +23,7 @@ from human_study.trial.commands import (
 )
 from human_study.trial.events import Cam, Event, Shown, event_to_json
 from human_study.trial.outcome import end_reason, pan_outcome, pog_outcome
-from human_study.trial.session import PanSession, PogSession, pan_session_from_events, pog_session_from_events
+from human_study.trial.session import PanSession, PogSession
 from human_study.trial.views import PanView
 from sim.errors import StudyError, TaskStateError
 from sim.tasks.run_files import ClickRay
@@ -114,7 +114,7 @@ def test_the_sign_of_a_blocked_step_waits_for_its_picture_and_ends_with_an_absen
     assert isinstance(before, PanView)
     assert isinstance(after, PanView)
     assert (before.is_blocked, after.is_blocked) == (False, True)
-    again = pan_session_from_events(events, env(with_pictures=True), **names)
+    again = PanSession(env(with_pictures=True), **names).after(events)
     back = again.handle(Resume(1.0), 10.0)
     assert isinstance(back.view, PanView)
     assert not back.view.is_blocked
@@ -227,7 +227,7 @@ def test_a_rebuilt_session_stands_at_the_same_step_and_pose() -> None:
     session = PanSession(world, key=episode().key, task=task, scene_digest=SCENE_DIGEST)
     events = drive(session, walk)
     again = env(with_pictures=True)
-    rebuilt = pan_session_from_events(events, again, key=episode().key, task=task, scene_digest=SCENE_DIGEST)
+    rebuilt = PanSession(again, key=episode().key, task=task, scene_digest=SCENE_DIGEST).after(events)
     update = rebuilt.handle(Resume(away_s=30.0), 7.0)
     assert again.pose == world.pose
     assert again.steps == world.steps
@@ -239,7 +239,7 @@ def test_a_rebuilt_session_stands_at_the_same_step_and_pose() -> None:
 def test_coming_back_too_late_ends_the_trial_as_abandoned() -> None:
     events = drive(pan_session(), [FORWARD])
     task = study().task_for(episode(), "pan")
-    rebuilt = pan_session_from_events(events, env(), key=episode().key, task=task, scene_digest=SCENE_DIGEST)
+    rebuilt = PanSession(env(), key=episode().key, task=task, scene_digest=SCENE_DIGEST).after(events)
     update = rebuilt.handle(Resume(away_s=600.5), 0.0)
     assert kinds(update.events) == ["abandoned"]
     assert update.view.is_over
@@ -250,7 +250,7 @@ def test_a_trial_is_not_resumed_on_another_scene() -> None:
     events = drive(pan_session(), [FORWARD])
     task = study().task_for(episode(), "pan")
     with pytest.raises(TaskStateError, match="expected the same episode and scene ddd"):
-        pan_session_from_events(events, env(), key=episode().key, task=task, scene_digest="e" * 64)
+        PanSession(env(), key=episode().key, task=task, scene_digest="e" * 64).after(events)
 
 
 def test_a_failure_on_our_side_is_another_outcome_than_a_failure_of_the_person() -> None:
@@ -269,7 +269,7 @@ def test_a_trial_starts_once() -> None:
         session.handle(Resume(), 0.0)
     events = drive(session, [FORWARD])
     task = study().task_for(episode(), "pan")
-    rebuilt = pan_session_from_events(events, env(), key=episode().key, task=task, scene_digest=SCENE_DIGEST)
+    rebuilt = PanSession(env(), key=episode().key, task=task, scene_digest=SCENE_DIGEST).after(events)
     for started in (session, rebuilt):
         with pytest.raises(TaskStateError, match="found Start; expected Resume"):
             started.handle(Start(), 200.0)
@@ -314,8 +314,8 @@ def test_no_sequence_of_commands_makes_a_step_too_many_or_one_after_the_end(
     assert sum(event.kind == "act" for event in events) == session.view(now_s).step <= max_steps
     assert end_reason(events) == session.end_reason
     task = study(steps=max_steps).task_for(episode(), "pan")
-    rebuilt = pan_session_from_events(
-        events, env(max_steps=max_steps), key=episode().key, task=task, scene_digest=SCENE_DIGEST
+    rebuilt = PanSession(env(max_steps=max_steps), key=episode().key, task=task, scene_digest=SCENE_DIGEST).after(
+        events
     )
     assert rebuilt.end_reason == session.end_reason
 
@@ -423,7 +423,5 @@ def test_a_rebuilt_pog_session_shows_the_same_storey_and_mark() -> None:
     events += session.handle(ShowStorey(1), 1.0).events
     events += session.handle(Click(RAY, (1.0, 3.0, 1.0)), 2.0).events
     task = study().task_for(episode(), "pog")
-    rebuilt = pog_session_from_events(
-        events, key=episode().key, task=task, storeys=(0.0, 3.0), scene_digest=SCENE_DIGEST
-    )
+    rebuilt = PogSession(key=episode().key, task=task, storeys=(0.0, 3.0), scene_digest=SCENE_DIGEST).after(events)
     assert rebuilt.handle(Resume(away_s=1.0), 50.0).view == session.view(2.0)

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from human_study.design.secrets import new_token, token_hash
 from human_study.store.record_types import VerificationEntry
 from human_study.store.records import read_study
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
-from human_study.tickets import new_token, token_hash
 from human_study.trial.events import Act, Error, Event, Reconnect
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd

@@ -9,6 +9,7 @@ import pytest
 
 from human_study.store.people import KEPT_BACKUPS
 from human_study.store.records import read_study
+from human_study.store.store import StudyStore, Trial
 from human_study.trial.events import GaveUp, Reconnect
 from sim.tasks.run_files import EpisodeEnd
 
@@ -120,16 +121,21 @@ def test_a_steady_clock_that_starts_again_is_compared_within_its_boot_only(tmp_p
         assert store.open_trial("p02", 1).away_s == 20.0
 
 
+def secs_before_the_next(store: StudyStore, trial: Trial) -> float | None:
+    """Gives the trial up; how long its participant was in the home before the next one there."""
+    store.append(trial.trial_id, trial.epoch, GaveUp())
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
+    store.open_trial(trial.code, trial.order_no + 1)
+    return store.trials(trial.code)[trial.order_no].secs_in_scene_before
+
+
 @pytest.mark.parametrize("jump_s", [HOUR_S, -HOUR_S])
 def test_the_time_spent_in_a_home_is_counted_by_the_steady_clock(tmp_path: Path, clocks: Clocks, jump_s: int) -> None:
     store, trial = opened(tmp_path)
     with store:
         clocks.pass_s(30.0)
         clocks.wall_ns += jump_s * S
-        store.append(trial.trial_id, trial.epoch, GaveUp())
-        store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
-        store.open_trial("p02", 2)
-        assert store.trials("p02")[1].secs_in_scene_before == 30.0
+        assert secs_before_the_next(store, trial) == 30.0
 
 
 def test_an_absence_is_no_time_spent_in_a_home(tmp_path: Path, clocks: Clocks) -> None:
@@ -140,10 +146,7 @@ def test_an_absence_is_no_time_spent_in_a_home(tmp_path: Path, clocks: Clocks) -
         clocks.pass_s(500.0)
         again = store.open_trial("p02", 1)
         clocks.pass_s(7.0)
-        store.append(again.trial_id, again.epoch, GaveUp())
-        store.finish_trial(again.trial_id, EpisodeEnd(reason="giveup"))
-        store.open_trial("p02", 2)
-        assert store.trials("p02")[1].secs_in_scene_before == 37.0
+        assert secs_before_the_next(store, again) == 37.0
 
 
 def test_the_time_spent_in_a_home_over_a_reboot_is_that_of_both_parts(tmp_path: Path, clocks: Clocks) -> None:
@@ -155,10 +158,7 @@ def test_the_time_spent_in_a_home_over_a_reboot_is_that_of_both_parts(tmp_path: 
     with open_small(tmp_path) as store:
         again = store.open_trial("p02", 1)
         clocks.pass_s(12.0)
-        store.append(again.trial_id, again.epoch, GaveUp())
-        store.finish_trial(again.trial_id, EpisodeEnd(reason="giveup"))
-        store.open_trial("p02", 2)
-        assert store.trials("p02")[1].secs_in_scene_before == 42.0
+        assert secs_before_the_next(store, again) == 42.0
 
 
 def test_backups_made_after_the_wall_clock_went_back_are_the_newest(tmp_path: Path, clocks: Clocks) -> None:

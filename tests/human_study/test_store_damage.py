@@ -1,4 +1,4 @@
-"""Databases that are damaged, foreign, newer, changed behind the back, or as an older version wrote them."""
+"""Databases that are damaged, foreign, newer, too old, changed behind the back, or in need of a later step."""
 
 import shutil
 import sqlite3
@@ -95,54 +95,46 @@ def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -
         open_small(tmp_path)
 
 
-def version_1(folder: Path) -> Path:
-    """A database as version 1 wrote it, by its own SQL."""
-    fixture = Path(__file__).parent / "study_v1.sql"
-    database = sqlite3.connect(folder / "study.db")
-    database.executescript(fixture.read_text())
-    database.close()
-    return folder / "study.db"
+def test_a_database_of_before_the_first_release_is_refused(tmp_path: Path) -> None:
+    filled(tmp_path).close()
+    edit(tmp_path, "PRAGMA user_version = 1")
+    for use in (
+        lambda: open_small(tmp_path),
+        lambda: read_study(tmp_path).__enter__(),
+        lambda: bring_up_to_date(tmp_path),
+    ):
+        with pytest.raises(StudyError, match=r"schema version 1; expected at least 2\..*use the personal-viz that"):
+            use()
 
 
-def test_a_store_of_version_1_is_brought_up_to_date_and_read(tmp_path: Path) -> None:
-    version_1(tmp_path)
-    with pytest.raises(StudyError, match=r"schema version 1; expected 2\..*check-db brings it up to date"):
-        read_study(tmp_path).__enter__()
-    assert bring_up_to_date(tmp_path) == [2]
+def test_an_up_to_date_database_needs_no_step(tmp_path: Path) -> None:
+    filled(tmp_path).close()
     assert bring_up_to_date(tmp_path) == []
-    with read_study(tmp_path) as reader:
-        status = reader.trials("p02")
-        assert [trial.outcome for trial in status] == [EpisodeEnd(reason="giveup"), None]
-        assert [(trial.phase, trial.condition, trial.rep, trial.attempt) for trial in status] == [
-            ("main", "none", 1, 1),
-            ("main", "none", 1, 0),
-        ]
-        assert [stored.event.kind for stored in reader.events(status[0].trial_id or "")] == ["open", "key", "giveup"]
-        assert reader.participant("p02").task == "pan"
-        assert reader.config.design.kind == "crossed"
-        assert [scene.name for scene in reader.plan.scenes] == ["room"]
-        assert reader.check() == 3
-    with pytest.raises(StudyError, match=r"holds study_version .*study\.yaml was changed after the start"):
-        open_small(tmp_path)
+    assert not (tmp_path / database_module.BACKUP_FOLDER).exists()
 
 
 def test_a_migration_keeps_a_copy_of_what_was_and_moves_the_version(tmp_path: Path) -> None:
-    path = version_1(tmp_path)
+    store, trial = opened(tmp_path)
+    store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
+    store.close()
+    path = tmp_path / "study.db"
     database = sqlite3.connect(path, isolation_level=None)
-    assert migrate(database, path, steps=(*MIGRATIONS, "ALTER TABLE trial ADD COLUMN later TEXT")) == [2, 3]
-    assert database.execute("PRAGMA user_version").fetchone()[0] == 3
-    assert database.execute("SELECT later FROM trial").fetchall() == [(None,)]
+    steps = (*MIGRATIONS, "ALTER TABLE trial ADD COLUMN later TEXT", "ALTER TABLE trial ADD COLUMN last TEXT")
+    assert migrate(database, path, steps=steps) == [3, 4]
+    assert database.execute("PRAGMA user_version").fetchone()[0] == 4
+    assert database.execute("SELECT later, last FROM trial").fetchall() == [(None, None)]
     database.close()
     (copy,) = (tmp_path / database_module.BACKUP_FOLDER).iterdir()
     shutil.copy(copy, path)
-    bring_up_to_date(tmp_path)
     with read_study(tmp_path) as reader:
         assert reader.check() == 3
 
 
 def test_a_migration_that_fails_leaves_the_database_as_it_was(tmp_path: Path) -> None:
-    path = version_1(tmp_path)
-    bring_up_to_date(tmp_path)
+    store, trial = opened(tmp_path)
+    store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
+    store.close()
+    path = tmp_path / "study.db"
     database = sqlite3.connect(path, isolation_level=None)
     bad = "ALTER TABLE trial ADD COLUMN later TEXT; INSERT INTO nowhere VALUES (1)"
     with pytest.raises(StudyError, match="cannot go from schema version 2 to 3"):

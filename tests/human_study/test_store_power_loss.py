@@ -13,8 +13,8 @@ import pytest
 
 from human_study.store import database as database_module
 from human_study.store import store as store_module
+from human_study.store.record_types import has_reached
 from human_study.store.records import read_study
-from human_study.store.stages import has_reached
 from human_study.store.store import Trial
 from human_study.store.vault import KEYS_FILE, Vault
 from human_study.trial.events import Shown

@@ -13,11 +13,11 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invar
 
 from human_study.design.plan import StudyPlan, StudyScene
 from human_study.design.planning import make_plan
+from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig
 from human_study.store.progress import study_progress
 from human_study.store.records import StudyReader, read_study
 from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError, open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import Shown
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd

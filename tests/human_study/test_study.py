@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from human_study.design.secrets import new_id, new_token, token_hash, token_matches
 from human_study.design.study import StudyConfig, StudyDataset, load_study, save_study
-from human_study.tickets import new_id, new_token, token_hash, token_matches
 from human_study.trial.events import EVENT_KINDS, Act, Clicked, Event, event_from_json, event_to_json
 from sim.errors import StudyError
 from sim.types import Action, Camera

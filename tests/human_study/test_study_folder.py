@@ -71,7 +71,7 @@ def test_a_folder_of_an_earlier_version_is_closed_to_others(tmp_path: Path, door
     if door == "opened":
         open_small(folder).close()
     else:
-        StudyCheckDb(study=folder).work()
+        StudyCheckDb(study=folder).run()
     found = modes(folder)
     assert {found["study"], found["study/backups"]} == {"700"}
     assert {mode for name, mode in found.items() if name.endswith((".db", "plan.json", ".lock"))} == {"600"}
@@ -79,7 +79,7 @@ def test_a_folder_of_an_earlier_version_is_closed_to_others(tmp_path: Path, door
 
 def test_whole_keys_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study_with_trials(tmp_path)
-    assert StudyCheckDb(study=tmp_path).work() == 0
+    assert StudyCheckDb(study=tmp_path).run() == 0
     assert "and the keys open them" in capsys.readouterr().out
 
 
@@ -105,7 +105,7 @@ def test_missing_damaged_and_other_keys_are_one_line(tmp_path: Path, damage, lin
     else:
         keys.write_text(text)
     with pytest.raises(StudyError) as caught:
-        StudyCheckDb(study=tmp_path).work()
+        StudyCheckDb(study=tmp_path).run()
     assert line in str(caught.value)
     assert "estore" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -118,6 +118,6 @@ def test_keys_of_people_who_withdrew_may_be_gone(tmp_path: Path) -> None:
     keys = tmp_path / "keys.json"
     kept = {code: key for code, key in json.loads(keys.read_text()).items() if key}
     assert list(kept) == ["p01"]
-    assert StudyCheckDb(study=tmp_path).work() == 0
+    assert StudyCheckDb(study=tmp_path).run() == 0
     keys.write_text(json.dumps(kept))  # restored without the mark
-    assert StudyCheckDb(study=tmp_path).work() == 0
+    assert StudyCheckDb(study=tmp_path).run() == 0

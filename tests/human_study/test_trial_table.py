@@ -5,11 +5,10 @@ from pathlib import Path
 import pytest
 
 from human_study.design.plan import PlannedTrial, StudyPlan
+from human_study.design.secrets import token_hash
 from human_study.export.data_dictionary import columns_of
-from human_study.export.trial_figures import trial_figures
-from human_study.export.trial_table import TrialRow
+from human_study.export.trial_table import TrialRow, trial_figures
 from human_study.store.store import open_store
-from human_study.tickets import token_hash
 from human_study.trial.commands import Move, Start
 from human_study.trial.events import Confidence, Event, Hidden, Looking, MapOff, MapOn, Open, Reconnect, Shown, Visible
 from sim.tasks.run_files import EpisodeEnd

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from human_study.trial.commands import Command, Resume
 from human_study.trial.events import Event
-from human_study.trial.pan_session import PanSession, pan_session_from_events
-from human_study.trial.pog_session import PogSession, pog_session_from_events
+from human_study.trial.pan_session import PanSession
+from human_study.trial.pog_session import PogSession
 from human_study.trial.terms import Look, TrialTerms
 from sim.types import TaskKind
 
@@ -32,8 +32,8 @@ def rebuilt_session(
     task = study(steps=max_steps).task_for(episode(), kind)
     names = {"key": episode().key, "task": task, "storeys": STOREYS, "scene_digest": SCENE_DIGEST, "terms": terms}
     if kind == "pan":
-        return pan_session_from_events(events, env(max_steps=max_steps, with_pictures=True), **names)
-    return pog_session_from_events(events, **names)
+        return PanSession(env(max_steps=max_steps, with_pictures=True), **names).after(events)
+    return PogSession(**names).after(events)
 
 
 def driven(session: PanSession | PogSession, commands: Sequence[tuple[Command, float]]) -> list[Event]:

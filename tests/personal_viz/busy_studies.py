@@ -4,10 +4,10 @@ from pathlib import Path
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
+from human_study.design.secrets import token_hash
 from human_study.store.store import StudyStore, open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import Error, GaveUp, Shown
-from personal_viz.study_app.operator.dashboard_view import Serving, ShownWorker
+from personal_viz.study_app.operator.progress_view import Serving, ShownWorker
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import SPLITS, EpisodeKey
 from tests.human_study.small_world import study

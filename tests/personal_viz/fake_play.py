@@ -14,17 +14,17 @@ from human_study.store.writer import StoreFullError
 from human_study.trial.events import Event, event_to_json
 from human_study.trial.views import LookView, PanView, PogView, RateView
 from personal_viz.study_app.home.frames import Frames, RenderThreads
-from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.screens import play as play_module
 from personal_viz.study_app.screens.desk import GoneError, Item, WithdrawnError
 from personal_viz.study_app.screens.play import TrialPlay
 from personal_viz.study_app.watch import Observers, Watches
 from sim.copies.cut import StoreyCut
 from sim.episodes.schema import Episode
-from sim.render.renderer import Frame, Hits
+from sim.render.renderer import Hits
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import ClickRay, Vector3
-from sim.types import Camera, TaskKind
+from sim.types import Camera, Frame, TaskKind
 
 from ..human_study.small_world import PoseColours, SquareRoom, episode, study
 

@@ -5,7 +5,7 @@ import re
 from playwright.sync_api import Page, expect
 
 from human_study.design.study import load_study
-from human_study.store.record_types import ParticipantRecord, TrialStatus
+from human_study.store.record_types import ParticipantRecord, StoredTrial
 from human_study.store.records import read_study
 from human_study.texts.quiz import questions_for
 from sim.types import TaskKind
@@ -23,7 +23,7 @@ def start(page: Page, link: str) -> None:
     page.get_by_role("button", name="Start", exact=True).click()
 
 
-def record(study: PlannedStudy, code: str) -> tuple[ParticipantRecord, list[TrialStatus]]:
+def record(study: PlannedStudy, code: str) -> tuple[ParticipantRecord, list[StoredTrial]]:
     """What is stored of a participant; the hash chains are checked too."""
     with read_study(study.folder) as reader:
         reader.check()

@@ -146,7 +146,7 @@ class EchoViser:
 
     async def _run(self) -> None:
         self._stop = asyncio.Event()
-        async with serve(self._answer, "127.0.0.1", 0, max_size=None) as server:
+        async with serve(self._answer, "127.0.0.1", 0, max_size=None, close_timeout=1) as server:
             self.port = next(iter(server.sockets)).getsockname()[1]
             self._is_ready.set()
             await self._stop.wait()

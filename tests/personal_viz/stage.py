@@ -16,10 +16,10 @@ from human_study.store.store import SupersededError, Trial
 from human_study.trial.events import Event, event_from_json, event_to_json
 from human_study.trial.outcome import Outcome
 from personal_viz.study_app.home.frames import RenderThreads
-from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.page_script import PageMessages
 from personal_viz.study_app.screens.desk import Desk, GoneError, Item, Signal
-from personal_viz.study_app.screens.panels import Page
+from personal_viz.study_app.screens.panels import Card, Choice, Page, paragraphs
 from personal_viz.study_app.screens.play import TrialPlay
 from personal_viz.study_app.server import open_home
 from personal_viz.study_app.store_link import StoreLink
@@ -126,8 +126,8 @@ def staged(
                 play.play(trial, progress="Trial 1 of 1", away_s=1.0, took_over=stage.link.epoch > 1)
                 if not again:
                     break
-                desk.ask("Saved", "The trial is over.", "Once more")
-                desk.ask("Ready", "The trial begins.", "Begin")
+                desk.choose(Card("Saved", paragraphs("The trial is over."), (Choice("more", "Once more"),)))
+                desk.choose(Card("Ready", paragraphs("The trial begins."), (Choice("begin", "Begin"),)))
                 stage.link = MemoryLink()
             desk.page.notice("Saved", "The trial is over.")
         except (GoneError, SupersededError):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from human_study.design.study import StudyPrivacy, StudyRecruit, save_study
-from human_study.store.stages import Stage
+from human_study.store.record_types import Stage
 from personal_viz.cli.study.purge_ids import StudyPurgeIds
 from personal_viz.study_app.gateway.admission import (
     PAY_FILE,
@@ -108,7 +108,7 @@ def test_purged_ids_are_gone_and_the_place_stays(tmp_path: Path, capsys: pytest.
     save_study(tmp_path, small_config())
     admission = admission_for(few_people(), tmp_path, recruit="prolific", platform_id="hmac")
     assert admission.join(PERSON) == "good"
-    assert [StudyPurgeIds(study=tmp_path).work() for _ in range(2)] == [0, 0]
+    assert [StudyPurgeIds(study=tmp_path).run() for _ in range(2)] == [0, 0]
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(" deleted")[0] for line in lines] == ["small: 1 platform ids", "small: 0 platform ids"]
     assert not (tmp_path / PAY_FILE).exists()

@@ -135,12 +135,12 @@ def test_sizes_have_short_names() -> None:
     assert [size.name for size in sizes] == ["100k", "1M cluttered", "2M"]
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_a_run_writes_figures_table_and_picture_and_prints_one_document(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(simulator, "QUICK", TINY)
-    assert Bench("sim", out=tmp_path / "bench", quick=True, json=()).work() == 0
+    assert Bench("sim", out=tmp_path / "bench", quick=True, json=()).run() == 0
     printed = capsys.readouterr()
     document = json.loads(printed.out)
     assert "30k: rendering" in printed.err
@@ -196,7 +196,7 @@ def test_a_part_that_takes_too_long_is_ended() -> None:
     assert in_child("browser", 30_000, 10, 0, 2, 16, timeout_s=0.01) is None
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_what_has_no_time_left_is_named_as_left_out() -> None:
     late = BenchSettings(TINY.sizes, budget_s=0.0)
     report = simulator.run_benchmark(late, quick=True, progress=lambda line: None)

@@ -53,11 +53,12 @@ def test_without_the_release_inputs_have_its_shape_and_are_called_synthetic(synt
     assert bool((solve_batch(batch).index >= 0).all())
 
 
+@pytest.mark.slow
 def test_figures_have_the_shape_that_the_command_prints(
     synthetic: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bench, "QUICK", TINY)
-    assert Bench("grounding", out=tmp_path, quick=True, json=()).work() == 0
+    assert Bench("grounding", out=tmp_path, quick=True, json=()).run() == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "bench-grounding.json").read_text())
     assert printed["inputs"] == "synthetic"

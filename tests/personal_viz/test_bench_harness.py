@@ -73,25 +73,25 @@ def test_the_command_prints_json_or_writes_it_where_it_is_told(
 ) -> None:
     monkeypatch.setattr(recordings, "measure_recordings", lambda *_, **__: made_up())
     out, file = tmp_path / "out", tmp_path / "figures" / "recordings.json"
-    assert Bench("recordings", out=out, quick=True, json=()).work() == 0
+    assert Bench("recordings", out=out, quick=True, json=()).run() == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["b1"]["theirs_ms"] == 20.0
     assert [figure["name"] for figure in printed["figures"] if figure["met"] is False] == ["b64.ours_ms"]
     assert printed == json.loads((out / "bench-recordings.json").read_text())
     assert (out / "bench-recordings.md").read_text().startswith("# Benchmark test (quick)\n")
-    assert Bench("recordings", out=out, json=(file,)).work() == 0
+    assert Bench("recordings", out=out, json=(file,)).run() == 0
     assert "not measured" in capsys.readouterr().out
     assert set(json.loads(file.read_text())) == set(printed)
 
 
 def test_a_place_that_cannot_be_written_is_found_before_anything_is_measured(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(PersonalVizError, match=r"file/bench' cannot be written \(Not a directory\); expected"):
-        Bench("sim", out=tmp_path / "file" / "bench").work()
+    with pytest.raises(PersonalVizError, match=r"file/bench: cannot be written \(Not a directory\); expected"):
+        Bench("sim", out=tmp_path / "file" / "bench").run()
     with pytest.raises(PersonalVizError, match="cannot be written"):
-        Bench("sim", out=tmp_path / "out", json=(tmp_path / "file" / "x.json",)).work()
+        Bench("sim", out=tmp_path / "out", json=(tmp_path / "file" / "x.json",)).run()
     with pytest.raises(PersonalVizError, match="found 2 files; expected at most one"):
-        Bench("sim", out=tmp_path, json=(tmp_path / "a", tmp_path / "b")).work()
+        Bench("sim", out=tmp_path, json=(tmp_path / "a", tmp_path / "b")).run()
 
 
 def test_functions_are_called_in_turn_after_a_warm_up() -> None:

@@ -23,7 +23,7 @@ def figures() -> Values:
     return bench.measure_recordings(TINY, quick=True, progress=lambda _: None).values
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_a_walker_takes_the_steps_asked_for_and_stops(home: RecordedHome) -> None:
     agent = walked(home, "agent", who_kind="agent", num_steps=60, seed=3)
     (run,) = agent.episodes
@@ -36,14 +36,14 @@ def test_a_walker_takes_the_steps_asked_for_and_stops(home: RecordedHome) -> Non
     assert again == agent.episodes
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_people_take_time_and_have_a_code(home: RecordedHome) -> None:
     (run,) = walked(home, "person", who_kind="human", num_steps=4, seed=1).episodes
     assert run.start.participant == "P01"
     assert [step.t_s for step in run.steps] == pytest.approx([0.8, 1.6, 2.4, 3.2])
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_figures_belong_together(figures: Values) -> None:
     fast, plain = figures["encode_only_fast_steps_per_s"], figures["encode_only_steps_per_s"]
     assert figures["cost_over_encoding"] == pytest.approx(plain / figures["steps_per_s"])

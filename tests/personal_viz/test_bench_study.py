@@ -9,7 +9,7 @@ import pytest
 
 from personal_viz.bench.harness import markdown
 from personal_viz.bench.study import parts as bench
-from personal_viz.bench.study.delay import delayed
+from personal_viz.bench.study.browser import delayed
 from personal_viz.bench.study.store import store_acks_ms
 from personal_viz.cli.bench import Bench
 from sim.errors import PersonalVizError, StudyError
@@ -24,17 +24,17 @@ def test_the_command_measures_the_parts_that_it_is_asked_for(tmp_path: Path, mon
         return empty
 
     monkeypatch.setattr(bench, "measure_study", measured)
-    assert Bench("study", out=tmp_path, quick=True).work() == 0
-    assert Bench("study", out=tmp_path, parts=("soak", "kills")).work() == 0
+    assert Bench("study", out=tmp_path, quick=True).run() == 0
+    assert Bench("study", out=tmp_path, parts=("soak", "kills")).run() == 0
     assert asked == [(bench.QUICK, tuple(bench.PARTS)), (bench.FULL, ("soak", "kills"))]
     assert bench.FULL.kills.kills == 200
 
 
 def test_unknown_parts_are_refused_before_work_starts(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="--parts nap: is none of the parts; expected some of store, load"):
-        Bench("study", out=tmp_path, quick=True, parts=("nap",)).work()  # type: ignore[arg-type]
+        Bench("study", out=tmp_path, quick=True, parts=("nap",)).run()  # type: ignore[arg-type]
     with pytest.raises(PersonalVizError, match="bench sim: --parts is soak; expected none"):
-        Bench("sim", out=tmp_path, parts=("soak",)).work()
+        Bench("sim", out=tmp_path, parts=("soak",)).run()
 
 
 def test_only_the_parts_that_were_asked_for_are_measured() -> None:

@@ -1,7 +1,4 @@
-"""The parts of the human study's benchmark in small: real processes, a real websocket, no judgement of speed.
-
-The last two take long where little is free, and run when asked for.
-"""
+"""The parts of the human study's benchmark in small: real processes, a real websocket, no judgement of speed."""
 
 from pathlib import Path
 
@@ -9,7 +6,7 @@ import pytest
 
 from personal_viz.bench.study.big_home import BigHomeSettings, measure_big_home
 from personal_viz.bench.study.kills import KillSettings, measure_kills
-from personal_viz.bench.study.people import PeopleSettings, measure_people
+from personal_viz.bench.study.load import PeopleSettings, measure_people
 from personal_viz.bench.study.restart import RestartSettings, measure_restarts
 from personal_viz.bench.study.soak import SoakSettings, measure_soak
 from personal_viz.bots.site import HOME
@@ -24,7 +21,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.release
 def test_after_kills_everything_acknowledged_is_there_and_people_are_where_they_were(
     tmp_path: Path, dataset: Path
 ) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from human_study.store.store import StudyStore, Trial
 from human_study.trial.events import Act, Event, Key
-from personal_viz.bench.study.big_scan import divided
+from personal_viz.bench.study.big_home import divided
 from personal_viz.bench.study.crowd import StayingBot
 from personal_viz.bench.study.records import first_other_step, missing_steps, resumed_elsewhere
 from personal_viz.bench.study.server import held_by

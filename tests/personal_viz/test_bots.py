@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from human_study.design.plan import load_plan
+from human_study.design.secrets import token_hash
 from human_study.design.study import load_study
 from human_study.store.store import open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import Act, Dropped, Key, Open
-from personal_viz.bots.flow import right_answers
+from personal_viz.bots.forms import right_answers
 from personal_viz.bots.records import BotLog, Press, count_bots
 from personal_viz.bots.site import copy_plan, cpu_seconds, make_bot_study
 from personal_viz.cli.study.bots import StudyBots
@@ -81,18 +81,18 @@ def test_a_bot_study_gives_everybody_every_episode(tmp_path: Path, demo_root: Pa
 
 def test_what_bots_cannot_do_is_said_before_work_starts(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="--rate 9"):
-        StudyBots(rate=9.0).work()
+        StudyBots(rate=9.0).run()
     with pytest.raises(StudyError, match="found no --dataset"):
-        StudyBots(study=tmp_path).work()
+        StudyBots(study=tmp_path).run()
     with pytest.raises(StudyError, match="found no study folder"):
-        StudyBots(url="http://127.0.0.1:1").work()
+        StudyBots(url="http://127.0.0.1:1").run()
 
 
 def test_bots_never_stand_among_people(tmp_path: Path) -> None:
     config = study()
     open_store(tmp_path, config, plan(config, ("0",))).close()
     with pytest.raises(StudyError, match="is a study with people; expected a pilot"):
-        StudyBots(url="http://127.0.0.1:1", study=tmp_path, dataset=tmp_path).work()
+        StudyBots(url="http://127.0.0.1:1", study=tmp_path, dataset=tmp_path).run()
 
 
 def test_cpu_time_of_a_process_that_is_gone_is_none() -> None:

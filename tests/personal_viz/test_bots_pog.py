@@ -8,13 +8,13 @@ import pytest
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
+from human_study.design.secrets import token_hash
 from human_study.store.records import read_study
 from human_study.store.store import open_store
-from human_study.tickets import token_hash
 from human_study.trial.commands import Click, Confirm, Start
 from human_study.trial.events import ShownStorey
 from human_study.trial.pog_session import PogSession
-from personal_viz.bots.flow import right_answers
+from personal_viz.bots.forms import right_answers
 from personal_viz.bots.records import KINDS, BotCount, BotLog, Confirmed, Pointed, count_bots
 from personal_viz.bots.run import run_bots
 from personal_viz.bots.site import Person, Site, make_bot_study, served
@@ -195,7 +195,7 @@ def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path:
     measures = [answer.measures for answer in answers if isinstance(answer, Answer) and answer.measures is not None]
     assert len(measures) == 12
     assert sum(one.success for one in measures) == 12
-    assert StudyVerify(study=tmp_path / "study", dataset=dataset, scenes_dir=None, store=False).work() == 0
+    assert StudyVerify(study=tmp_path / "study", dataset=dataset, scenes_dir=None, store=False).run() == 0
 
 
 @pytest.mark.slow
@@ -206,7 +206,7 @@ def test_every_kind_takes_part_in_both_tasks_and_nothing_is_lost(
     chosen = StudyBots(
         dataset=small_home_root, participants=10, seconds=6.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True
     )
-    assert chosen.work() == 0
+    assert chosen.run() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["tasks"] == {"pan": 5, "pog": 5}
     assert (found["lost"], found["duplicated"], found["unknown"], found["problems"]) == (0, 0, 0, [])

@@ -9,9 +9,10 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from personal_viz.browse import app as browse_app
-from personal_viz.browse.library import open_library
+from personal_viz.browse.library import Library, open_library
 from personal_viz.browse.visitor import Visitor
-from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.gateway.filter import CAMERA
+from personal_viz.study_app.worker_door import make_updates_safe
 
 from .gateways import pack
 from .invented import invented_dataset
@@ -20,17 +21,21 @@ from .invented import invented_dataset
 def test_a_visitor_s_page_is_safe_to_change_before_any_other_thread_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found: list[tuple[bool, int, viser.ClientHandle]] = []
+    done: list[tuple[str, int]] = []
     arrived = threading.Event()
 
     class Noted(Visitor):
-        def __init__(self, client: viser.ClientHandle, library: object) -> None:
-            event = client._websock_connection.get_message_buffer().message_event
-            found.append(("set" in vars(event), threading.get_ident(), client))
-            super().__init__(client, library)  # type: ignore[arg-type]
+        def __init__(self, client: viser.ClientHandle, library: Library) -> None:
+            done.append(("visitor", threading.get_ident()))
+            super().__init__(client, library)
             arrived.set()
 
+    def noted(client: viser.ClientHandle) -> None:
+        done.append(("safe", threading.get_ident()))
+        make_updates_safe(client)
+
     monkeypatch.setattr(browse_app, "Visitor", Noted)
+    monkeypatch.setattr(browse_app, "make_updates_safe", noted)
     invented_dataset(tmp_path / "data", name="Small", seed=3)
     with (
         browse_app.browser_app(open_library(tmp_path / "data")) as address,
@@ -44,7 +49,7 @@ def test_a_visitor_s_page_is_safe_to_change_before_any_other_thread_does(
     ):
         connection.send(pack(CAMERA))
         assert arrived.wait(60)
-        ((is_safe, thread, client),) = found
-        assert is_safe
-        assert thread != client._viser_server._websock_server._server_thread.ident  # type: ignore[union-attr]
+        (first, event_loop), (second, thread) = done
+        assert (first, second) == ("safe", "visitor")
+        assert thread != event_loop
         assert connection.recv(timeout=60)

@@ -22,7 +22,7 @@ from personal_viz.browse.library import Library, open_library
 from personal_viz.cli.browse import Browse
 from personal_viz.cli.run import Run
 from personal_viz.study_app.operator.served import hear_ctrl_c
-from personal_viz.study_app.page_version import VISER_CLIENT
+from personal_viz.study_app.page_script import VISER_CLIENT
 from sim.episodes.ownership import ownership_graph
 from sim.errors import PersonalVizError
 
@@ -48,7 +48,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         seed=0,
         jobs=1,
         run_id="walked",
-    ).work()
+    ).run()
     return root
 
 
@@ -273,6 +273,6 @@ def test_ctrl_c_ends_the_command_cleanly(made: Path) -> None:
 def test_a_busy_port_is_one_clear_line(served: tuple[Library, str], made: Path) -> None:
     port = int(re.findall(r"\d+", served[1])[-1])
     with pytest.raises(PersonalVizError, match=rf"--port {port}: cannot be used .* 0 for any free one"):
-        Browse(dataset=made / "data", port=port).work()
+        Browse(dataset=made / "data", port=port).run()
     with pytest.raises(PersonalVizError, match="--port 70000"):
-        Browse(dataset=made / "data", port=70_000).work()
+        Browse(dataset=made / "data", port=70_000).run()

@@ -66,12 +66,12 @@ def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, bro
     page.keyboard.press("4", delay=HOLD_MS)
     expect(page.get_by_role("heading", name="Saved")).to_be_visible()
     expect(page.get_by_text("That was right. An answer is right when the robot stops")).to_be_visible()
-    page.get_by_role("button", name="Next trial").click()
+    page.get_by_role("button", name="Next search").click()
     expect(page.get_by_role("heading", name="Now it counts")).to_be_visible()
     expect(page.get_by_text("0 of 2 searches done")).to_be_visible()
     page.get_by_role("button", name="Begin", exact=True).click()
 
-    expect(page.get_by_text("Trial 1 of 2")).to_be_visible()
+    expect(page.get_by_text("Search 1 of 2")).to_be_visible()
     page.keyboard.press("a", delay=HOLD_MS)
     see_step(page, 1)
     page.reload()
@@ -86,7 +86,7 @@ def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, bro
     assert page.get_by_label("Completion code").count() == 0
     page.get_by_role("button", name="Go on").click()
 
-    expect(page.get_by_text("Trial 2 of 2")).to_be_visible()
+    expect(page.get_by_text("Search 2 of 2")).to_be_visible()
     give_up(page)
     expect(page.get_by_role("heading", name="Thank you!")).to_be_visible()
     code = page.get_by_label("Completion code").inner_text()
@@ -119,16 +119,16 @@ def test_a_whole_pog_participant_from_link_to_code(full_study: PlannedStudy, bro
     page = browser.new_page()
     come_to_the_trials(page, full_study, who, "pog")
     assert page.get_by_role("button", name="Keys", exact=True).count() == 0
-    for title in ("Practice 1 of 1", "Trial 1 of 2", "Trial 2 of 2"):
+    for title in ("Practice 1 of 1", "Search 1 of 2", "Search 2 of 2"):
         expect(page.get_by_text(title)).to_be_visible()
         point_somewhere(page)
         page.get_by_role("button", name="Confirm the mark").click()
         expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
         page.keyboard.press("3", delay=HOLD_MS)
         if title.startswith("Practice"):
-            page.get_by_role("button", name="Next trial").click()
+            page.get_by_role("button", name="Next search").click()
             page.get_by_role("button", name="Begin", exact=True).click()
-        elif title == "Trial 1 of 2":
+        elif title == "Search 1 of 2":
             page.get_by_role("button", name="Go on").click()
     expect(page.get_by_role("heading", name="Thank you!")).to_be_visible()
     assert CODE.match(page.get_by_label("Completion code").inner_text())
@@ -173,7 +173,7 @@ def test_wrong_answers_are_explained_and_a_reload_stays_at_the_question(
     for question in questions[1:]:
         expect(page.get_by_text(question.text)).to_be_visible()
         page.get_by_role("button", name=question.answers[0], exact=True).click()
-    expect(page.get_by_text("They are asked once more")).to_be_visible()
+    expect(page.get_by_text("answer these questions once more")).to_be_visible()
     expect(page.get_by_text("Question 1 of 1")).to_be_visible()  # the second round asks only what was wrong
     page.get_by_role("button", name=questions[1].answers[2], exact=True).click()
     expect(page.get_by_role("alert").filter(has_text="Not quite")).to_be_visible()

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.browser
 
 def test_the_open_link_leads_to_a_place_and_the_same_person_back_to_it(tmp_path: Path, browser: BrowserContext) -> None:
     with running(tmp_path, recruit="link") as gateway:
-        for answer in (None, "Yes: go on where I stopped", "No: I begin anew"):
+        for answer in (None, "Yes: go on where I stopped", "No: I am somebody else"):
             page = browser.new_page()
             page.goto(f"{gateway.address}/join")
             if answer is not None:

@@ -3,7 +3,7 @@
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.store.record_types import TrialStatus
+from human_study.store.record_types import StoredTrial
 from human_study.store.records import read_study
 from human_study.trial.events import Act, ContextLost, Key, Reconnect
 from sim.types import Action
@@ -166,7 +166,7 @@ def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
     assert trials[0].key == trials[1].key
 
 
-def _events_of(study: PlannedStudy, trial: TrialStatus) -> list:
+def _events_of(study: PlannedStudy, trial: StoredTrial) -> list:
     with read_study(study.folder) as reader:
         assert trial.trial_id is not None
         return [stored.event for stored in reader.events(trial.trial_id)]

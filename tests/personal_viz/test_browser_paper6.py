@@ -8,7 +8,7 @@ from playwright.sync_api import BrowserContext, Page
 
 from human_study.export.verify import TrialHome, verify_trial
 from human_study.trial.events import Act
-from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.home.homes import Home
 from sim.types import TURN_STEP, Action
 
 from ..human_study.small_world import study

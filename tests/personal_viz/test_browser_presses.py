@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.trial.events import Shown
-from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.screens import play as play_module
 
 from .fake_play import EmptySurface, meshless_home

@@ -7,11 +7,10 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.design.plan import load_plan
-from human_study.design.secrets import make_secrets
+from human_study.design.secrets import make_secrets, token_hash
 from human_study.design.study import StudyDesign, load_study
 from human_study.store.store import open_store
 from human_study.texts.quiz import questions_for
-from human_study.tickets import token_hash
 
 from .flow_steps import HOLD_MS, press_by_keyboard, record, stages
 from .flow_studies import plan_small, served
@@ -68,7 +67,7 @@ def test_who_takes_over_trials_has_pages_breaks_and_the_end_like_others(
             press_by_keyboard(page, question.answers[0])
         press_by_keyboard(page, "Begin to practise")
         stop_with_keys(page)
-        press_by_keyboard(page, "Next trial")
+        press_by_keyboard(page, "Next search")
         expect(page.get_by_role("heading", name="Now it counts")).to_be_visible()
         press_by_keyboard(page, "Begin")
         stop_with_keys(page)

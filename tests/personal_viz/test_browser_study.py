@@ -11,7 +11,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.design.plan import StudyPlan
 from human_study.export.verify import TrialHome, verify_trial
-from human_study.store.records import TrialStatus, read_study
+from human_study.store.records import StoredTrial, read_study
 from human_study.trial.events import Act, Cam, Clicked, Dropped, Key
 from sim.copies.cut import storey_mesh
 from sim.episodes.dataset import PersonalDataset
@@ -56,7 +56,7 @@ def way_to_the_target(episode: Episode, scene: Scene) -> list[Action]:
     return actions
 
 
-def first_trial(folder: Path, code: str) -> tuple[TrialStatus, list]:
+def first_trial(folder: Path, code: str) -> tuple[StoredTrial, list]:
     """A participant's first trial and its events, as stored."""
     with read_study(folder) as reader:
         reader.check()
@@ -65,7 +65,7 @@ def first_trial(folder: Path, code: str) -> tuple[TrialStatus, list]:
         return status, [stored.event for stored in reader.events(status.trial_id)]
 
 
-def verified(status: TrialStatus, events: list, episode: Episode, scene: Scene, dataset: PersonalDataset) -> str:
+def verified(status: StoredTrial, events: list, episode: Episode, scene: Scene, dataset: PersonalDataset) -> str:
     """What doing the stored trial again says."""
     assert status.outcome is not None
     storeys = scene_storeys(dataset.goals(scene.name).values())

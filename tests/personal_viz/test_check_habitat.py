@@ -102,7 +102,7 @@ def test_one_json_document_with_the_issues_keys_is_printed(few: Path) -> None:
 
 
 def test_the_table_shows_each_figure_beside_its_target(few: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert CheckHabitat(golden=few, json=False).work() == 0
+    assert CheckHabitat(golden=few, json=False).run() == 0
     lines = capsys.readouterr().out.splitlines()
     for label, target, value in (
         ("distances within 1e-4 m", ">= 99.50%", "100.00%"),
@@ -126,7 +126,7 @@ def test_parts_that_are_missing_are_null_and_named(few: Path, capsys: pytest.Cap
     without |= {"depth_median_mm", "depth_within_1mm"}
     assert {key for key in KEYS if values[key] is None} == without
     assert {key for key, met in targets_met(found).items() if met is None} == without
-    assert CheckHabitat(golden=few, json=False).work() == 0
+    assert CheckHabitat(golden=few, json=False).run() == 0
     assert "Not in the folder, so not compared: dev_b.default.navmesh, dev_b.glb" in capsys.readouterr().out
 
 
@@ -231,6 +231,7 @@ def peak_mb(folder: Path) -> tuple[str, float]:
     return line, float(peak)
 
 
+@pytest.mark.slow
 def test_a_part_that_unpacks_to_a_gigabyte_is_refused_at_the_limit(rows_only: Path) -> None:
     with gzip.open(rows_only / "dev_b.steps.json.gz", "wb", compresslevel=1) as file:
         for _ in range(1 << 10):
@@ -240,6 +241,7 @@ def test_a_part_that_unpacks_to_a_gigabyte_is_refused_at_the_limit(rows_only: Pa
     assert peak < 500
 
 
+@pytest.mark.slow
 def test_depth_images_that_do_not_fit_the_poses_are_refused_from_the_header(rows_only: Path) -> None:
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(
@@ -279,6 +281,7 @@ def test_sensitive_forwards_are_left_out_and_counted(rows_only: Path) -> None:
     assert (found.steps_within_1mm, found.rows.steps, found.rows.sensitive) == (None, 0, 40)
 
 
+@pytest.mark.slow
 def test_a_scan_with_z_up_is_recognised_by_its_bounds(few: Path) -> None:
     before = agreement(few)
     scene = trimesh.load_scene(few / "dev_b.glb")

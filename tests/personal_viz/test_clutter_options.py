@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from human_study.design.study import StudyConfig, StudyDataset
+from personal_viz.cli.refusals import require_no_scan
 from personal_viz.cli.replay import Replay
 from personal_viz.cli.study.serve import StudyServe
 from personal_viz.cli.verbs import Run, Study, parse
-from personal_viz.study_app.checked_options import require_no_scan
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RecordingError
 from sim.homes.open_home import open_scene
@@ -27,7 +27,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def made(dataset: Path, out: Path, clutter) -> Path:
     options = {"scene": ("Demo",), "split": ("easy",), "limit": 1, "seed": 0, "jobs": 1, "scenes_dir": None}
-    Run(agent="shortest-path", dataset=dataset, out=out, run_id=None, clutter=clutter, **options).work()
+    Run(agent="shortest-path", dataset=dataset, out=out, run_id=None, clutter=clutter, **options).run()
     return out / f"shortest-path-invented{f'-clutter{clutter}' if clutter else ''}-seed0"
 
 
@@ -47,9 +47,9 @@ def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, tm
 def test_a_recording_is_made_in_the_home_of_its_runs(dataset: Path, tmp_path: Path) -> None:
     plain, cluttered = (made(dataset, tmp_path, level) for level in (0, 1))
     common = {"dataset": dataset, "scenes_dir": None}
-    assert Replay(runs=(cluttered,), out=tmp_path / "a.rrd", **common).work() == 0
+    assert Replay(runs=(cluttered,), out=tmp_path / "a.rrd", **common).run() == 0
     with pytest.raises(RecordingError, match=r"found clutter levels 0 \(.*\), 1 \(.*clutter1.*\); expected one"):
-        Replay(runs=(plain, cluttered), out=tmp_path / "b.rrd", **common).work()
+        Replay(runs=(plain, cluttered), out=tmp_path / "b.rrd", **common).run()
 
 
 def test_a_study_freezes_its_level_and_older_studies_keep_their_hash() -> None:

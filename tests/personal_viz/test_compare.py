@@ -117,14 +117,14 @@ def test_worker_processes_write_the_same_page_as_one(made: Compared, out: Path, 
 def test_the_command_says_where_it_wrote_and_refuses_bad_options(
     made: Compared, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert Compare(runs=(made.runs,), dataset=made.data, out=out, picture_width=32).work() == 0
+    assert Compare(runs=(made.runs,), dataset=made.data, out=out, picture_width=32).run() == 0
     printed = capsys.readouterr()
     assert printed.out == f"{out / 'index.html'}: 6 episodes of 5 runs, 6 made before\n"
     assert printed.err == ""
     with pytest.raises(PersonalVizError, match="--picture-width is 7; expected 32 to 640, or 0"):
-        Compare(runs=(made.runs,), dataset=made.data, out=out, picture_width=7).work()
+        Compare(runs=(made.runs,), dataset=made.data, out=out, picture_width=7).run()
     with pytest.raises(PersonalVizError, match="--jobs is 0"):
-        Compare(runs=(made.runs,), dataset=made.data, out=out, jobs=0).work()
+        Compare(runs=(made.runs,), dataset=made.data, out=out, jobs=0).run()
 
 
 def test_runs_that_cannot_be_compared_are_refused_before_anything_is_written(made: Compared, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from personal_viz.compare.episode_folder import traces_of
 from personal_viz.compare.sheet import figures_of, mark_of, sheet_png, thumbnail_jpeg
 from personal_viz.compare.sheet_map import STYLES, end_marker, floors_of, style_of
 from recordings.scene import goal_region
-from sim.homes.labels import renderer_of
+from sim.homes.renderers import renderer_of
 from sim.tasks.run_files import Run
 
 from .compared_runs import Compared

@@ -14,7 +14,7 @@ from personal_viz.contact_sheet.sheet import PER_ROW, WIDTH, contact_sheet_pictu
 from personal_viz.contact_sheet.views import CROP_SIDE, category_crops, object_crop, room_views
 from sim.errors import PersonalVizError
 from sim.frames import T_world_camera
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import HomePlan
 from sim.mesh import Scene
@@ -38,6 +38,7 @@ def rooms_of(scene: Scene, plan: HomePlan) -> dict[int, str]:
     return {item.instance_id: piece.room for item, piece in zip(scene.objects, plan.furniture, strict=True)}
 
 
+@pytest.mark.slow
 def test_four_views_show_different_rooms_and_no_wall(scene: Scene, plan: HomePlan) -> None:
     caster = Raycaster(scene.mesh)
     views = room_views(scene, caster, rooms=rooms_of(scene, plan), count=4)
@@ -83,6 +84,7 @@ def test_the_storey_is_to_scale_and_names_stand_on_it(scene: Scene, plan: HomePl
     assert (np.asarray(named) != np.asarray(bare)).any(axis=2).mean() > 0.005
 
 
+@pytest.mark.slow
 def test_there_is_one_portrait_of_each_category(plan: HomePlan) -> None:
     tiles = portraits(plan)
     assert len(tiles) == len({piece.category for piece in plan.furniture})
@@ -130,7 +132,7 @@ def test_crops_are_numbered_in_an_order_that_tells_nothing(scene: Scene, tmp_pat
 def test_the_command_writes_a_picture_of_an_invented_home(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "sheet.png"
     options = {"scene": None, "dataset": None, "scenes_dir": None, "crops": None}
-    assert ContactSheet(out=out, invent=2, clutter=0, **options).work() == 0
+    assert ContactSheet(out=out, invent=2, clutter=0, **options).run() == 0
     assert f"{out}: Invented2 (invented home)" in capsys.readouterr().out
     assert Image.open(out).width == WIDTH
 
@@ -141,8 +143,8 @@ def test_mistakes_are_one_line(tmp_path: Path) -> None:
     with pytest.raises(PersonalVizError, match="--invent: found a SCENE"):
         ContactSheet(
             scene="A", out=tmp_path / "a.png", dataset=None, scenes_dir=None, invent=1, clutter=0, crops=None
-        ).work()
+        ).run()
     with pytest.raises(PersonalVizError, match="--invent is -1"):
         ContactSheet(
             scene=None, out=tmp_path / "a.png", dataset=None, scenes_dir=None, invent=-1, clutter=0, crops=None
-        ).work()
+        ).run()

@@ -12,13 +12,13 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from starlette.testclient import TestClient
 
-from human_study.store.stages import has_reached
+from human_study.store.record_types import has_reached
 from human_study.store.store import StudyStore
 from personal_viz.study_app.gateway.app import STATIC
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.workers import Worker, WorkerPool
-from personal_viz.study_app.operator.dashboard import LOOK_EVERY_S, PAGE, Dashboard, dashboard
-from personal_viz.study_app.operator.dashboard_view import Serving, ShownPerson, ShownStudy, ShownWorker, serving_of
+from personal_viz.study_app.operator.dashboard import LOOK_EVERY_S, PAGE, Dashboard, dashboard, serving_of
+from personal_viz.study_app.operator.progress_view import Serving, ShownPerson, ShownStudy, ShownWorker
 from personal_viz.study_app.worker_door import WorkerDoor
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials

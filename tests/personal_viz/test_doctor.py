@@ -1,5 +1,6 @@
 """`study doctor` against a gateway behind a real TLS proxy: all is well, or one setting is wrong and is named."""
 
+import asyncio
 import json
 import signal
 import socket
@@ -12,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from websockets.sync.client import connect
+from websockets.asyncio.client import connect
 
 from personal_viz.cli.study.doctor import StudyDoctor
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
@@ -104,7 +105,7 @@ def test_a_link_that_is_not_known_fails_and_stands_nowhere(tmp_path: Path, capsy
             insecure_ca=tmp_path / "cert.pem",
             link=f"https://localhost:{proxy.port}/#canary",
             http_port=proxy.http_port,
-        ).work()
+        ).run()
     out = capsys.readouterr().out
     assert code == 1
     assert "FAIL  session: entering was refused (status 401). Copy a whole personal link" in out
@@ -115,7 +116,7 @@ def test_a_link_that_is_not_known_fails_and_stands_nowhere(tmp_path: Path, capsy
 def test_the_report_is_json_for_other_programs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with deployed(tmp_path) as (proxy, _):
         url = f"https://localhost:{proxy.port}"
-        assert StudyDoctor(url=url, json=True, insecure_ca=tmp_path / "cert.pem", http_port=proxy.http_port).work() == 0
+        assert StudyDoctor(url=url, json=True, insecure_ca=tmp_path / "cert.pem", http_port=proxy.http_port).run() == 0
     rows = json.loads(capsys.readouterr().out)
     assert {row["name"]: row["passed"] for row in rows} == {name: True for name, _ in CHECKS} | {"session": None}
 
@@ -123,7 +124,7 @@ def test_the_report_is_json_for_other_programs(tmp_path: Path, capsys: pytest.Ca
 def test_nobody_there_is_a_failure_with_advice(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
-        assert StudyDoctor(url=f"https://localhost:{free.getsockname()[1]}").work() == 1
+        assert StudyDoctor(url=f"https://localhost:{free.getsockname()[1]}").run() == 1
     out = capsys.readouterr().out
     assert "FAIL  certificate: no answer (ConnectionRefusedError" in out
     assert "study serve are running" in out
@@ -162,9 +163,13 @@ def test_our_own_tls_serves_without_a_proxy(tmp_path: Path) -> None:
         context = site_from_url(address, insecure_ca=certificate, http_port=None).context
         url, headers = enter(address, "good", context=context)
         assert url.startswith(f"wss://localhost:{gateway.port}/ws/")
-        with connect(url, ssl=context, additional_headers=headers, proxy=None) as connection:
-            connection.send(pack(PRESS))
-            assert connection.recv(timeout=20) == b"GuiUpdateMessage"
+
+        async def answer() -> str | bytes:
+            async with connect(url, ssl=context, additional_headers=headers, proxy=None) as connection:
+                await connection.send(pack(PRESS))
+                return await asyncio.wait_for(connection.recv(), 20)
+
+        assert asyncio.run(answer()) == b"GuiUpdateMessage"
         with pytest.raises(urllib.error.URLError):
             urllib.request.urlopen(address, timeout=20)  # nobody trusts it without the file
         assert failed({check.name: check for check in examine(address, insecure_ca=certificate)}) == []

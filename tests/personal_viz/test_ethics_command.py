@@ -20,7 +20,7 @@ def test_the_command_writes_all_documents_and_counts_open_places(
     config = config_of(ethics={"irb": "2026-17"})
     save_study(tmp_path / "study", config)
     (tmp_path / "study" / "consent.md").write_text("# Ours\n\nAsk [to be filled in: ethics.contact].\n")
-    assert StudyEthics(study=tmp_path / "study", out=tmp_path / "out").work() == 0
+    assert StudyEthics(study=tmp_path / "study", out=tmp_path / "out").run() == 0
     printed = capsys.readouterr().out
     assert "Written to" in printed
     assert "They are templates: no ethics board has read them." in printed
@@ -35,7 +35,7 @@ def test_the_command_writes_what_participants_of_each_task_read(tmp_path: Path) 
     save_study(tmp_path, config_of(task=("pan", "pog"), ethics={"contact": "study@anywhere.example"}))
     (tmp_path / "consent.md").write_text("Ask {{ contact }}.\n")
     (tmp_path / "instructions.md").write_text("# Ours\n\nYou have {{ study.steps }} steps.\n")
-    assert StudyEthics(study=tmp_path, out=tmp_path / "out").work() == 0
+    assert StudyEthics(study=tmp_path, out=tmp_path / "out").run() == 0
     assert (tmp_path / "out" / "consent.md").read_text() == "Ask study@anywhere.example.\n"
     walking, pointing = ((tmp_path / "out" / f"instructions-{task}.md").read_text() for task in ("pan", "pog"))
     assert walking.startswith("# Ours\n\nYou have 500 steps.\n\n# Your task")

@@ -8,7 +8,7 @@ import pytest
 from grounding import check_encoder
 from personal_viz.cli.run import Run
 from personal_viz.examples.example_1_look_at_an_episode import look
-from personal_viz.examples.example_2_your_own_agent import GRID, ExplainingAgent, make
+from personal_viz.examples.example_2_your_own_agent import GRID, ExplainingAgent
 from personal_viz.examples.example_3_your_own_encoder import nearest
 from personal_viz.examples.example_4_a_study_in_code import plan, show
 from personal_viz.examples.example_5_agent_beside_people import beside
@@ -34,7 +34,7 @@ def explore(home: Scene, steps: int) -> tuple[list[Action], list[Insight]]:
     """What the agent does in a small home, and why."""
     x, y, z = home.navigation.random_point(np.random.default_rng(0), storey_y=home.navigation.storey_heights[0])
     env = PanEnv(Pose((x, y, z), 0.3), home.navigation, renderer=Raycaster(home.mesh), max_steps=steps)
-    agent = make()
+    agent = ExplainingAgent()
     agent.reset(Task("pan", "", ("Find it",)), env.camera, seed=0)
     observation, insights = env.reset(), []
     while not env.is_over:
@@ -57,6 +57,7 @@ def test_an_episode_is_looked_at(small_home_root: Path, tmp_path: Path, capsys: 
     assert all((tmp_path / name).stat().st_size > 2000 for name in ("first_view.png", "from_above.png"))
 
 
+@pytest.mark.slow
 def test_the_encoder_keeps_the_contract_and_finds_things(small_home_root: Path) -> None:
     name = "personal_viz.examples.example_3_your_own_encoder:make"
     assert check_encoder(name) == []
@@ -74,7 +75,7 @@ def test_a_study_is_planned_in_code(small_home_root: Path, tmp_path: Path) -> No
 def test_an_agent_stands_beside_people(small_home_root: Path, tmp_path: Path) -> None:
     from rerun.chunk import RrdReader
 
-    Run(dataset=small_home_root, agent="random", out=tmp_path, limit=1, split=("easy",), run_id="person").work()
+    Run(dataset=small_home_root, agent="random", out=tmp_path, limit=1, split=("easy",), run_id="person").run()
     beside(small_home_root, [tmp_path / "person"], tmp_path / "pair.rrd")
     reader = RrdReader(str(tmp_path / "pair.rrd"))
     shown = {chunk.entity_path for chunk in reader.stream(store=reader.recordings()[0])}
@@ -112,7 +113,7 @@ def test_the_explaining_agent_is_shown_with_all_that_it_explains(tmp_path: Path)
 
     invented_dataset(tmp_path / "homes", name="Demo", seed=1)
     Run(
-        agent="personal_viz.examples.example_2_your_own_agent:make",
+        agent="personal_viz.examples.example_2_your_own_agent:ExplainingAgent",
         dataset=tmp_path / "homes",
         out=tmp_path / "runs",
         scenes_dir=None,
@@ -123,7 +124,7 @@ def test_the_explaining_agent_is_shown_with_all_that_it_explains(tmp_path: Path)
         jobs=1,
         run_id="explorer",
         rerun=str(tmp_path / "live"),
-    ).work()
+    ).run()
     (rrd,) = (tmp_path / "live").iterdir()
     reader = RrdReader(str(rrd))
     shown = {chunk.entity_path for chunk in reader.stream(store=reader.recordings()[0])}

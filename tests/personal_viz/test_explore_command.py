@@ -28,6 +28,7 @@ from ..grounding.two_rooms import two_room_scene
 OPTIONS = ["explore", "--homes", "1", "--width", "48", "--height", "36", "--max-steps", "30"]
 
 
+@pytest.mark.slow
 def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
@@ -35,7 +36,7 @@ def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(
         jobs_module, "invented_home", lru_cache(jobs_module.invented_home)
     )  # made once, not three times
     options = [*OPTIONS, "--out", str(tmp_path), "--json"]
-    assert parse(options).work() == 0
+    assert parse(options).run() == 0
     document = json.loads(capsys.readouterr().out)
     (row,) = document["homes"]
     assert {"steps", "coverage", "doors_passed", "stop_reason", "rooms_missed"} <= set(row)
@@ -53,20 +54,20 @@ def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(
     assert (row["scene_digest"], document["policy"]) == (load_exploration(path).scene_digest, EXPLORER_VERSION)
     written = path.stat().st_mtime_ns
     assert len(load_exploration(path).steps) == 30
-    assert parse([*OPTIONS, "--out", str(tmp_path)]).work() == 0
+    assert parse([*OPTIONS, "--out", str(tmp_path)]).run() == 0
     assert path.stat().st_mtime_ns == written
     assert "Mean coverage" in capsys.readouterr().out
     with pytest.raises(RunFileError, match="expected seed 1"):
-        parse([*OPTIONS, "--seed", "1", "--out", str(tmp_path)]).work()
+        parse([*OPTIONS, "--seed", "1", "--out", str(tmp_path)]).run()
 
 
 def test_a_dataset_or_a_number_of_homes_is_needed(tmp_path: Path) -> None:
     with pytest.raises(PersonalVizError, match="expected one"):
-        Explore(out=tmp_path).work()
+        Explore(out=tmp_path).run()
     with pytest.raises(PersonalVizError, match=r"--homes is 0; expected a whole number from 1"):
-        Explore(homes=0, out=tmp_path).work()
+        Explore(homes=0, out=tmp_path).run()
     with pytest.raises(PersonalVizError, match="whole numbers from 1"):
-        Explore(homes=1, width=0, out=tmp_path).work()
+        Explore(homes=1, width=0, out=tmp_path).run()
 
 
 def test_every_option_of_the_verb_says_what_it_is() -> None:
@@ -95,7 +96,7 @@ def test_two_worker_processes_give_the_documents_that_one_gives(tmp_path: Path, 
     options = ["explore", "--dataset", str(tmp_path / "dataset"), "--storeys", "all", "--max-steps", "6"]
     for jobs in ("1", "2"):
         small = [*options, "--width", "32", "--height", "24", "--jobs", jobs, "--out", str(tmp_path / jobs)]
-        assert parse(small).work() == 0
+        assert parse(small).run() == 0
     one, two = ({path.name: path.read_bytes() for path in (tmp_path / jobs).glob("Home*")} for jobs in ("1", "2"))
     assert sorted(name.split(".")[0] for name in one) == ["HomeOne-0", "HomeOne-3", "HomeTwo-0"]
     assert two == one
@@ -127,7 +128,7 @@ def test_a_datasets_digest_stands_with_the_figures(tmp_path: Path, monkeypatch, 
     home = replace(two_room_scene(), name="HomeTwo")
     monkeypatch.setattr(jobs_module, "_opened", lambda job: (home, None))
     options = [*OPTIONS[3:-1], "4", "--dataset", str(tmp_path / "dataset"), "--scene", "HomeTwo", "--json"]
-    assert parse(["explore", *options, "--out", str(tmp_path / "out")]).work() == 0
+    assert parse(["explore", *options, "--out", str(tmp_path / "out")]).run() == 0
     document = json.loads(capsys.readouterr().out)
     assert document["dataset_digest"] == PersonalDataset(tmp_path / "dataset").digest()
     assert (document["scene_kind"], document["rooms_missed"], document["config"]["homes"]) == ("schematic", None, None)

@@ -42,7 +42,7 @@ def imported(home: Path, *files: Path, run_id: str, out: Path, **options: object
         who="again",
         run_id=run_id,
         **options,  # type: ignore[arg-type]
-    ).work()
+    ).run()
     return read_run(out / run_id)
 
 
@@ -60,7 +60,7 @@ def test_every_format_is_written_and_says_where(home: Path, tmp_path: Path) -> N
 
 
 def test_tum_files_are_imported_to_the_same_poses_and_measures(home: Path, tmp_path: Path) -> None:
-    Export(runs=(home / "runs" / RUN,), out=tmp_path, format="tum").work()
+    Export(runs=(home / "runs" / RUN,), out=tmp_path, format="tum").run()
     files = sorted((tmp_path / RUN).glob("*.tum"))
     done = personal_viz(
         *("import", *map(str, files), "--dataset", str(home / "data"), "--who", "again"),
@@ -85,7 +85,7 @@ def test_a_recording_is_exported_as_the_run_that_it_shows(home: Path, tmp_path: 
         *("--episode", str(key), "--out", str(tmp_path / "one.rrd")),
     )
     assert done.returncode == 0, done.stderr
-    Export(runs=(tmp_path / "one.rrd",), out=tmp_path / "out", format="jsonl").work()
+    Export(runs=(tmp_path / "one.rrd",), out=tmp_path / "out", format="jsonl").run()
     original = read_run(home / "runs" / RUN)
     assert read_run(tmp_path / "out" / RUN) == original.model_copy(update={"episodes": original.episodes[:1]})
 

@@ -6,9 +6,9 @@ import pytest
 
 from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset
 from human_study.journey import AssignedTrial, Person
-from human_study.store.stages import StageEntry
+from human_study.store.record_types import StageEntry
+from personal_viz.study_app.screens.cards import TrialCards
 from personal_viz.study_app.screens.desk import Desk
-from personal_viz.study_app.screens.pages import TrialPages
 from personal_viz.study_app.screens.panels import Card
 from personal_viz.study_app.store_link import StoreLink
 from sim.types import EpisodeKey
@@ -57,7 +57,7 @@ def said(trials: list[AssignedTrial], *, is_new_page: bool, word: str = "", rest
         breaks=StudyBreaks(every=2, sitting_max=None),
     )
     desk = ReadingDesk()
-    pages = TrialPages(cast(Desk, desk), cast(StoreLink, StoredPerson(trials, stages)), config)
+    pages = TrialCards(cast(Desk, desk), cast(StoreLink, StoredPerson(trials, stages)), config)
     if is_new_page:
         pages.welcome_back()
     else:
@@ -69,8 +69,8 @@ def said(trials: list[AssignedTrial], *, is_new_page: bool, word: str = "", rest
 def test_a_trial_is_said_to_be_saved_when_the_store_has_its_outcome(is_new_page: bool) -> None:
     trials = [stored(1, phase="practice", is_over=True), stored(2, is_over=True), stored(3)]
     (card,) = said(trials, is_new_page=is_new_page)
-    assert (card.title, card.choices[0].label) == ("Saved", "Next trial")
-    assert "Trial 1 of 2 is stored." in card.body
+    assert (card.title, card.choices[0].label) == ("Saved", "Next search")
+    assert "Search 1 of 2 is stored." in card.body
     assert "1 of 2 searches done" in card.body
 
 

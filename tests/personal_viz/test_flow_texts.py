@@ -149,7 +149,7 @@ def test_pictures_are_small_and_of_one_size() -> None:
 
 def test_the_time_of_the_look_is_said() -> None:
     assert "for at most 1 minute." in " ".join("".join(instruction_texts(config(), "pan", ("glb",))).split())
-    assert "for at most 2 minutes," in " ".join("".join(instruction_texts(config(), "pog", ("map_first",))).split())
+    assert "for at most 2 minutes." in " ".join("".join(instruction_texts(config(), "pog", ("map_first",))).split())
     assert "What you see of a home" not in "".join(instruction_texts(config(), "pan", ("none",)))
 
 

@@ -16,9 +16,9 @@ from human_study.trial.session import PanSession
 from personal_viz.study_app.home.frames import RENDER_NICE, Frames, RenderThreads, successors
 from sim.errors import SceneError
 from sim.frames import T_world_camera
-from sim.render.renderer import Frame, jpeg_bytes
+from sim.render.renderer import jpeg_bytes
 from sim.tasks.pan import PanEnv
-from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Pose
+from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Frame, Pose
 from tests.human_study.small_world import CAMERA, SCENE_DIGEST, PoseColours, SquareRoom, episode, study
 
 HERE, THERE = Pose((0.0, 0.0, 0.0), 0.0), Pose((0.5, 0.0, 1.0), 0.3)

@@ -10,7 +10,7 @@ from starlette.websockets import WebSocketDisconnect
 from personal_viz.study_app.gateway.admission import DeviceProfile, Tickets
 from personal_viz.study_app.gateway.app import SESSION_COOKIE, Gateway
 from personal_viz.study_app.gateway.options import ServeOptions
-from personal_viz.study_app.page_version import page_version
+from personal_viz.study_app.page_script import page_version
 
 from .gateways import NO_PAGES, FewPeople, OnePort, admission_for, few_people
 
@@ -43,6 +43,13 @@ def site(folder: Path, *, options: ServeOptions | None = None, peer: str = "192.
     )
     client = TestClient(gateway.app(), base_url="http://127.0.0.1", client=(peer, 5000))
     return Site(client, tickets, people, told)
+
+
+def closed_with(at: Site, url: str, headers: dict[str, str]) -> int:
+    """The code with which a websocket is refused."""
+    with pytest.raises(WebSocketDisconnect) as refused, at.client.websocket_connect(url, headers=headers):
+        pass
+    return refused.value.code
 
 
 def ticket_in(reply) -> str:
@@ -246,9 +253,7 @@ def test_the_websocket_opens_only_with_its_own_ticket_cookie_and_origin(
     if origin:
         headers["origin"] = "http://127.0.0.1" if origin == "own" else origin
     url = f"ws://127.0.0.1/ws/{ {'own': ticket_id, 'fine': of_another}.get(ticket, 'x') }"
-    with pytest.raises(WebSocketDisconnect) as refused, at.client.websocket_connect(url, headers=headers):
-        pass
-    assert refused.value.code == 1008
+    assert closed_with(at, url, headers) == 1008
 
 
 def test_a_revoked_ticket_opens_nothing(tmp_path: Path) -> None:
@@ -257,9 +262,7 @@ def test_a_revoked_ticket_opens_nothing(tmp_path: Path) -> None:
     at.tickets.revoke("p01")
     headers = {"cookie": f"{SESSION_COOKIE}={session_id}", **ORIGIN}
     url = f"ws://127.0.0.1/ws/{ticket_id}"
-    with pytest.raises(WebSocketDisconnect) as refused, at.client.websocket_connect(url, headers=headers):
-        pass
-    assert refused.value.code == 1008
+    assert closed_with(at, url, headers) == 1008
 
 
 def test_a_worker_that_is_gone_closes_the_websocket_for_a_later_try(tmp_path: Path) -> None:
@@ -267,9 +270,7 @@ def test_a_worker_that_is_gone_closes_the_websocket_for_a_later_try(tmp_path: Pa
     session_id, ticket_id = at.tickets.issue("p01")
     headers = {"cookie": f"{SESSION_COOKIE}={session_id}", **ORIGIN}
     url = f"ws://127.0.0.1/ws/{ticket_id}/{page_version()}"
-    with pytest.raises(WebSocketDisconnect) as refused, at.client.websocket_connect(url, headers=headers):
-        pass
-    assert refused.value.code == 1013
+    assert closed_with(at, url, headers) == 1013
 
 
 def test_measurements_say_what_the_proxy_says_and_are_few(tmp_path: Path) -> None:

@@ -7,9 +7,9 @@ import msgspec
 import pytest
 from viser import _messages
 
-from personal_viz.study_app.first_camera import CAMERA
 from personal_viz.study_app.gateway.filter import (
     ACTION_RATE,
+    CAMERA,
     CommandTriggerMessage,
     GuiUpdateMessage,
     RateLimit,

@@ -17,9 +17,8 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from personal_viz.study_app.first_camera import CAMERA
-from personal_viz.study_app.gateway.filter import browser_message, viser_bytes
-from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.gateway.filter import CAMERA, browser_message, viser_bytes
+from personal_viz.study_app.home.homes import Home
 
 from ..human_study.small_world import study
 from .gateways import PRESS, connected, pack, raw, running, says
@@ -77,6 +76,51 @@ LETTERS = (
     {"kind": "told", "n": 7, "t_cli_ms": 0, "name": "<script>"},
     {"kind": "nothing", "n": 8},
     ["kind"],
+)
+
+PATHS = ("/", "/enter", "/join", "/view/", "/check/download", "/page-version", "/ws/x", "/ws/x/y", "/static/enter.js")
+TAILS = (
+    "",
+    "?",
+    "?websocket=%ff/ws/%00",
+    "?websocket=/ws/%ed%a0%80/x",
+    "/%ff%fe",
+    "/" + "a" * 5000,
+    "?" + "a&" * 3000,
+)
+BODIES = (
+    b"",
+    b"{",
+    b"[" * 4000,
+    b'{"token":7}',
+    b'{"token":"\xff"}',
+    b'{"token":"\\ud800"}',
+    b'{"token":"\\u0000"}',
+    b'{"token":"x","device":{"webgl2":1}}',
+    b'{"token":' + b"9" * 4000 + b"}",
+    b"\x00" * 5000,
+)
+HEADERS = (
+    "X: y",
+    "Cookie: " + "=;" * 900,
+    'Cookie: personal_session="\\777',
+    "Cookie: \xff\xfe=\xfd",
+    "Origin: http://[",
+    f"X-Forwarded-For: {'9' * 900}, ::%, ",
+    "Content-Length: " + "1" * 5000,
+    "Content-Type: multipart/form-data",
+    "Upgrade: websocket\r\nConnection: Upgrade",
+    "Transfer-Encoding: chunked",
+    "Expect: 100-continue",
+    "Range: bytes=9-1,-",
+)
+SOCKET_HEADERS = (
+    "",
+    "Protocol: ,viser-v\xff",
+    "Protocol: ,",
+    "Extensions: ;;=",
+    "Extensions: \xff",
+    "Version: \xb2",
 )
 
 
@@ -185,80 +229,32 @@ def test_no_message_of_a_browser_makes_a_traceback(home: Home, no_traceback: Non
 def hostile_requests(address: str) -> Iterator[bytes]:
     """What a program that means harm might send."""
     seeded = random.Random(0)
+    yield from hostile_pages(address, seeded)
+    yield from hostile_handshakes(address)
+    yield from (seeded.randbytes(300) + b"\r\n\r\n" for _ in range(20))
+
+
+def hostile_pages(address: str, seeded: random.Random) -> Iterator[bytes]:
+    """Requests for each path in each way, with a body and a header that are drawn."""
     host, own = f"Host: {address[7:]}", f"Origin: {address}"
-    paths = [
-        "/",
-        "/enter",
-        "/join",
-        "/view/",
-        "/check/download",
-        "/page-version",
-        "/ws/x",
-        "/ws/x/y",
-        "/static/enter.js",
-    ]
-    tails = [
-        "",
-        "?",
-        "?websocket=%ff/ws/%00",
-        "?websocket=/ws/%ed%a0%80/x",
-        "/%ff%fe",
-        "/" + "a" * 5000,
-        "?" + "a&" * 3000,
-    ]
-    bodies = [
-        b"",
-        b"{",
-        b"[" * 4000,
-        b'{"token":7}',
-        b'{"token":"\xff"}',
-        b'{"token":"\\ud800"}',
-        b'{"token":"\\u0000"}',
-    ]
-    bodies += [
-        b'{"token":"x","device":{"webgl2":1}}',
-        b'{"token":' + b"9" * 4000 + b"}",
-        b"\x00" * 5000,
-        seeded.randbytes(500),
-    ]
-    headers = [
-        "X: y",
-        "Cookie: " + "=;" * 900,
-        'Cookie: personal_session="\\777',
-        "Cookie: \xff\xfe=\xfd",
-        "Origin: http://[",
-    ]
-    headers += [
-        f"X-Forwarded-For: {'9' * 900}, ::%, ",
-        "Content-Length: " + "1" * 5000,
-        "Content-Type: multipart/form-data",
-    ]
-    headers += [
-        "Upgrade: websocket\r\nConnection: Upgrade",
-        "Transfer-Encoding: chunked",
-        "Expect: 100-continue",
-        "Range: bytes=9-1,-",
-    ]
-    for path, tail in itertools.product(paths, tails):
+    bodies = [*BODIES, seeded.randbytes(500)]
+    for path, tail in itertools.product(PATHS, TAILS):
         for method in ("GET", "POST", "HEAD", "PUT"):
-            body, header = seeded.choice(bodies), seeded.choice(headers)
+            body, header = seeded.choice(bodies), seeded.choice(HEADERS)
             first = f"{method} {path}{tail} HTTP/1.1"
             head = "\r\n".join([first, host, own, header, "Connection: close", f"Content-Length: {len(body)}", "", ""])
             yield head.encode("latin-1") + body
+
+
+def hostile_handshakes(address: str) -> Iterator[bytes]:
+    """Beginnings of a websocket that no browser makes."""
+    host, own = f"Host: {address[7:]}", f"Origin: {address}"
     handshake = f"GET /ws/x/y HTTP/1.1\r\n{host}\r\n{own}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     whole = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
     for key in ("", "Sec-WebSocket-Key: x\r\n", "Sec-WebSocket-Key: \xff\r\n", whole, whole * 2):
-        for more in (
-            "",
-            "Protocol: ,viser-v\xff",
-            "Protocol: ,",
-            "Extensions: ;;=",
-            "Extensions: \xff",
-            "Version: \xb2",
-        ):
+        for more in SOCKET_HEADERS:
             named = f"Sec-WebSocket-{more}\r\n" if more else ""
             yield f"{handshake}{key}{named}\r\n".encode("latin-1")
-    yield from (seeded.randbytes(300) + b"\r\n\r\n" for _ in range(20))
 
 
 def leave_in_the_middle(port: int, request: bytes, *, at: int, is_rude: bool) -> None:

@@ -16,7 +16,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.gateway.options import ServeOptions
 
 from .gateways import KEY_PRESS, PRESS, Running, connected, enter, pack, raw, running, says, wait_until

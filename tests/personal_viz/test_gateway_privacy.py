@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
+from human_study.design.secrets import new_token, token_hash
 from human_study.store.store import open_store
-from human_study.tickets import new_token, token_hash
 from personal_viz.study_app.gateway.admission import PAY_FILE, Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.options import ServeOptions

@@ -10,7 +10,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from personal_viz.study_app.gateway.options import ServeOptions
-from personal_viz.study_app.page_version import SUBPROTOCOL, is_other_viser, page_of, page_version
+from personal_viz.study_app.page_script import SUBPROTOCOL, is_other_viser, page_of, page_version
 
 from .gateways import PRESS, Running, enter, pack, running
 

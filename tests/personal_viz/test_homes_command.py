@@ -16,7 +16,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import DatasetError, PersonalVizError, RecordingError, RunFileError, SceneError
 from sim.homes.open_home import open_scene
 from sim.homes.plan import load_plan, save_plan
-from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.plans import recover_plan
 from tests.sim.synthetic import SCENE, example_content, example_goal, example_view_point, write_dataset
 
 from .program import assert_one_line, personal_viz
@@ -35,7 +35,7 @@ def schematic(tmp_path: Path) -> Path:
 
 def report(dataset: Path, capsys: pytest.CaptureFixture[str], **options) -> dict:
     settings = {"scene": (), "json": True, "out": None, "jobs": 1, "folds": True, **options}
-    assert Homes(dataset=dataset, **settings).work() == 0
+    assert Homes(dataset=dataset, **settings).run() == 0
     return json.loads(capsys.readouterr().out)
 
 
@@ -77,7 +77,7 @@ def test_plans_are_written_where_they_can_be_corrected_and_put_back(
     schematic: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = {"scene": (SCENE,), "json": False, "jobs": 1, "folds": False}
-    assert Homes(dataset=schematic, out=tmp_path / "plans", **settings).work() == 0
+    assert Homes(dataset=schematic, out=tmp_path / "plans", **settings).run() == 0
     out = capsys.readouterr().out
     assert f"{schematic}/scenes/<scene>.plan.json" in out
     path = tmp_path / "plans" / f"{SCENE}.plan.json"
@@ -98,7 +98,7 @@ def test_plans_are_written_where_they_can_be_corrected_and_put_back(
 def test_the_table_names_every_scene_and_how_many_were_held_out(
     schematic: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Homes(dataset=schematic, scene=(), json=False, out=None, jobs=1, folds=True).work()
+    Homes(dataset=schematic, scene=(), json=False, out=None, jobs=1, folds=True).run()
     out = capsys.readouterr().out
     assert SCENE in out
     assert "of n" in out
@@ -106,17 +106,15 @@ def test_the_table_names_every_scene_and_how_many_were_held_out(
 
 
 @pytest.mark.slow
-def test_jobs_change_nothing_but_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for seed, name in enumerate(("DemoA", "DemoB")):
-        write_files(tmp_path, dataset_files(name, seed=seed, episodes_per_split=2))
-    one, two = report(tmp_path, capsys), report(tmp_path, capsys, jobs=2)
+def test_jobs_change_nothing_but_times(invented_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one, two = (report(invented_root, capsys, jobs=jobs, folds=False) for jobs in (1, 2))
     for found in (one, two):
         for figures in found["scenes"].values():
             figures.pop("build_s")
     assert one == two
     assert one["total"]["playable"] == 1.0
     assert one["total"]["guessed_area"] == 0.0
-    assert one["total"]["episodes"] == 12
+    assert one["total"]["episodes"] == 48
 
 
 def test_mistakes_are_one_line(schematic: Path, tmp_path: Path) -> None:
@@ -127,9 +125,9 @@ def test_mistakes_are_one_line(schematic: Path, tmp_path: Path) -> None:
     done = personal_viz("homes", "--dataset", str(schematic), "--no-folds", "--out", str(tmp_path / "file" / "plans"))
     assert_one_line(done, "cannot be written")
     with pytest.raises(PersonalVizError, match="--jobs is 0; expected a whole number from 1"):
-        Homes(dataset=schematic, scene=(), json=True, out=None, jobs=0, folds=True).work()
+        Homes(dataset=schematic, scene=(), json=True, out=None, jobs=0, folds=True).run()
     with pytest.raises(DatasetError):
-        Homes(dataset=schematic, scene=("Nowhere",), json=True, out=None, jobs=1, folds=True).work()
+        Homes(dataset=schematic, scene=("Nowhere",), json=True, out=None, jobs=1, folds=True).run()
 
 
 def test_the_verbs_parse() -> None:
@@ -142,7 +140,7 @@ def test_the_verbs_parse() -> None:
 def made_run(dataset: Path, out: Path, *, scene: str, run_id: str) -> Path:
     """A run of the shortest-path agent on one episode of one scene."""
     options = {"agent": "shortest-path", "scenes_dir": None, "split": ("easy",), "limit": 1, "seed": 0, "jobs": 1}
-    Run(dataset=dataset, out=out, scene=(scene,), run_id=run_id, **options).work()
+    Run(dataset=dataset, out=out, scene=(scene,), run_id=run_id, **options).run()
     return out / run_id
 
 
@@ -153,23 +151,24 @@ def mixed(schematic: Path) -> Path:
     return schematic
 
 
+@pytest.mark.slow
 def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed: Path, tmp_path: Path) -> None:
     both = {"scene": ("Demo", SCENE), "scenes_dir": None, "split": (), "limit": None, "seed": 0, "jobs": 1}
     with pytest.raises(
         SceneError, match=r"found scene kinds invented \(Demo\), schematic \(.*expected one kind per run"
     ):
-        Run(agent="random", dataset=mixed, out=tmp_path / "runs", run_id=None, **both).work()
+        Run(agent="random", dataset=mixed, out=tmp_path / "runs", run_id=None, **both).run()
     runs = tuple(
         made_run(mixed, tmp_path / "runs", scene=scene, run_id=name)
         for scene, name in (("Demo", "on-invented"), (SCENE, "on-schematic"))
     )
     with pytest.raises(RunFileError, match=r"found scene kinds invented \(on-invented\), schematic \(on-schematic\)"):
-        Metrics(runs=runs, rule="paper", json=True).work()
+        Metrics(runs=runs, rule="paper", json=True).run()
     # a home that was corrected into another kind: the run of before cannot be replayed in it
     info = (runs[1] / "run.json").read_text()
     (runs[1] / "run.json").write_text(info.replace('"scene_kind": "schematic"', '"scene_kind": "scan"'))
     key = str(next(PersonalDataset(mixed).episodes(scenes=(SCENE,))).key)
     with pytest.raises(RecordingError, match=r"was made on a home of kind 'scan'.*opened as 'schematic'"):
-        Replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, scenes_dir=None, episode=key).work()
+        Replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, scenes_dir=None, episode=key).run()
     with pytest.raises(RunFileError, match=r"found scene kinds invented .* scan"):
-        Metrics(runs=runs, rule="paper", json=False).work()
+        Metrics(runs=runs, rule="paper", json=False).run()

@@ -92,24 +92,26 @@ def test_each_kind_has_one_label_and_scans_have_none() -> None:
     assert [scene_label(kind) for kind in ("scan", "oracle-map")] == ["", ""]
 
 
+@pytest.mark.slow
 def test_metrics_say_it_below_the_table_and_in_every_row(
     made: Compared, scans: Compared, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Metrics(runs=home_runs(made), rule="paper", json=False).work()
+    Metrics(runs=home_runs(made), rule="paper", json=False).run()
     printed = capsys.readouterr().out
     assert f"{INVENTED}." in printed
     assert "Rule paper = our reading of the PersONAL paper" in printed
     assert "evil" not in printed
-    Metrics(runs=home_runs(made), rule="habitat", json=True).work()
+    Metrics(runs=home_runs(made), rule="habitat", json=True).run()
     rows = json.loads(capsys.readouterr().out)
     assert {row["scene_label"] for row in rows} == {INVENTED}
     assert {row["paper_strict"]["undefined"] for row in rows if row["task"] == "pan"} == {0}
-    Metrics(runs=home_runs(scans), rule="paper", json=False).work()
+    Metrics(runs=home_runs(scans), rule="paper", json=False).run()
     assert BASELINE not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_every_file_of_a_study_report_says_it(made: Compared, scans: Compared, tmp_path: Path) -> None:
-    assert StudyReportVerb(runs=home_runs(made), out=tmp_path / "invented", dataset=made.data).work() == 0
+    assert StudyReportVerb(runs=home_runs(made), out=tmp_path / "invented", dataset=made.data).run() == 0
     names = {path.name for path in (tmp_path / "invented").iterdir()}
     assert {"report.tex", "report.csv", "report.json", "pan-trials.csv", "pan-glmm.R", "pan-people.svg"} <= names
     assert any(name.startswith("overlay-") for name in names)
@@ -117,25 +119,26 @@ def test_every_file_of_a_study_report_says_it(made: Compared, scans: Compared, t
     latex = (tmp_path / "invented" / "report.tex").read_text()
     assert "scenes: invented, rule paper" in latex
     assert all("%" not in line or r"\%" in line for line in latex.splitlines())  # no comment carries it
-    assert StudyReportVerb(runs=home_runs(scans), out=tmp_path / "scan", rule=None, json=False).work() == 0
+    assert StudyReportVerb(runs=home_runs(scans), out=tmp_path / "scan", rule=None, json=False).run() == 0
     assert [path.name for path in (tmp_path / "scan").iterdir() if BASELINE in said_in(path)] == []
 
 
+@pytest.mark.slow
 def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Compared, tmp_path: Path) -> None:
     runs = [made.runs / "study", made.runs / "grounder"]
-    assert PogReport(runs=runs, out=tmp_path / "invented").work() == 0
+    assert PogReport(runs=runs, out=tmp_path / "invented").run() == 0
     empty = {"differences.csv", "options.csv"}  # heads alone
     assert silent_files(tmp_path / "invented", besides=NO_TABLE | empty) == []
     assert {"methods-1.png", "distance-1.svg", "table.tex"} <= {path.name for path in (tmp_path / "invented").iterdir()}
-    assert PogReport(runs=[scans.runs / "study", scans.runs / "grounder"], out=tmp_path / "scan").work() == 0
+    assert PogReport(runs=[scans.runs / "study", scans.runs / "grounder"], out=tmp_path / "scan").run() == 0
     assert [path.name for path in (tmp_path / "scan").iterdir() if BASELINE in said_in(path)] == []
 
 
 @pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
 def test_every_export_of_runs_says_it(made: Compared, scans: Compared, tmp_path: Path, format: ExportFormat) -> None:
-    assert Export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format).work() == 0
+    assert Export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format).run() == 0
     assert silent_files(tmp_path / "invented") == []
-    assert Export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format).work() == 0
+    assert Export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format).run() == 0
     found = [path for path in (tmp_path / "scan").rglob("*") if path.is_file()]
     assert [path.name for path in found if BASELINE in said_in(path)] == []
 
@@ -149,7 +152,7 @@ def test_exports_of_reconstructed_homes_name_whose_terms_may_apply(
     (tmp_path / "idle" / "run.json").write_text(json.dumps(info | {"scene_kind": "schematic"}))
     for run, is_named in ((tmp_path / "idle", True), (made.runs / "idle", False)):
         out = tmp_path / f"out-{is_named}"
-        assert Export(runs=(run,), out=out, format=format).work() == 0
+        assert Export(runs=(run,), out=out, format=format).run() == 0
         text = " ".join(said_in(path) for path in out.rglob("*") if path.is_file())
         assert ("HM3D's terms may apply to your use: https://matterport.com/" in text) == is_named
 
@@ -162,7 +165,7 @@ def test_every_table_of_a_study_export_says_it(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> None:
-    assert Compare(runs=(made.runs / "idle", made.runs / "evil"), dataset=made.data, out=tmp_path / "c").work() == 0
+    assert Compare(runs=(made.runs / "idle", made.runs / "evil"), dataset=made.data, out=tmp_path / "c").run() == 0
     assert silent_files(tmp_path / "c") == []
     page = (tmp_path / "c" / "index.html").read_text()
     assert "Rule paper = our reading of the PersONAL paper" in page
@@ -170,17 +173,17 @@ def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> N
     out = tmp_path / "r" / "one.rrd"
     out.parent.mkdir()
     key = str(made.episodes[0].key)
-    assert Replay(runs=(made.runs / "idle",), out=out, dataset=made.data, scenes_dir=None, episode=key).work() == 0
+    assert Replay(runs=(made.runs / "idle",), out=out, dataset=made.data, scenes_dir=None, episode=key).run() == 0
     assert silent_files(out.parent) == []
 
 
 @pytest.mark.slow
 def test_homes_and_contact_sheets_say_it(made: Compared, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for as_json in (False, True):
-        assert Homes(dataset=made.data, scene=(), json=as_json, out=None, jobs=1, folds=False).work() == 0
+        assert Homes(dataset=made.data, scene=(), json=as_json, out=None, jobs=1, folds=False).run() == 0
         assert INVENTED in capsys.readouterr().out
     options = {"scene": "Demo", "dataset": made.data, "scenes_dir": None, "invent": None, "clutter": 0}
-    assert ContactSheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops").work() == 0  # type: ignore[arg-type]
+    assert ContactSheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops").run() == 0  # type: ignore[arg-type]
     assert silent_files(tmp_path, besides={path.stem for path in (tmp_path / "crops").glob("*.png")}) == []
 
 
@@ -191,9 +194,9 @@ def test_walks_explorations_and_their_recordings_say_it(
     data, small = ["--dataset", str(made.data)], ["--width", "48", "--height", "36", "--max-steps", "20"]
     key = str(made.episodes[0].key)
     walk = ["run", *data, "--agent", "random", "--episode", key]
-    assert parse([*walk, "--out", str(tmp_path / "runs"), "--rerun", str(tmp_path / "live")]).work() == 0
+    assert parse([*walk, "--out", str(tmp_path / "runs"), "--rerun", str(tmp_path / "live")]).run() == 0
     explored = ["explore", *data, *small, "--rerun", str(tmp_path / "seen"), "--out", str(tmp_path / "explored")]
-    assert parse([*explored, "--json"]).work() == 0
+    assert parse([*explored, "--json"]).run() == 0
     assert INVENTED in capsys.readouterr().out
     assert {path.suffix for path in tmp_path.rglob("*") if path.is_file()} >= {".rrd", ".png", ".json", ".jsonl"}
     silent = [Path(name) for name in silent_files(tmp_path)]

@@ -8,13 +8,13 @@ import pytest
 
 from human_study.design.plan import StudyScene, save_plan
 from human_study.design.planning import make_plan
+from human_study.design.secrets import token_hash
 from human_study.design.study import save_study
 from human_study.store.database import require_free_space
 from human_study.store.progress import study_progress
+from human_study.store.record_types import has_dropped_out
 from human_study.store.records import read_study
-from human_study.store.stages import has_dropped_out
 from human_study.store.store import StudyStore, open_store
-from human_study.tickets import token_hash
 from personal_viz.cli.study.exclude import StudyExclude
 from personal_viz.cli.study.withdraw import StudyWithdraw
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
@@ -282,10 +282,10 @@ def test_commands_of_the_researcher_work_while_the_study_is_served(
         trial = store.open_trial("p02", 1)
         keeper, _, told = kept(store)
         with upkeep(store, keeper, tell=told.append, tick_s=0.01):
-            assert StudyWithdraw(study=tmp_path, participant="p01").work() == 0
+            assert StudyWithdraw(study=tmp_path, participant="p01").run() == 0
             names = {"study": tmp_path, "trial": "p02/1", "participant": None, "rule": "disturbed"}
-            assert StudyExclude(**names, reason="somebody came in", undo=False).work() == 0
-            assert StudyExclude(**names, reason=None, undo=True).work() == 0
+            assert StudyExclude(**names, reason="somebody came in", undo=False).run() == 0
+            assert StudyExclude(**names, reason=None, undo=True).run() == 0
         assert store.participant("p01").is_withdrawn
         with read_study(tmp_path) as reader:
             assert [(entry.target, entry.is_undone) for entry in reader.exclusions()] == [(trial.trial_id, True)]

@@ -60,10 +60,10 @@ def test_errors_that_nobody_reads_end_in_silence(
 
 
 def test_a_pipe_of_our_own_that_broke_is_a_bug(monkeypatch: pytest.MonkeyPatch) -> None:
-    def work(_: object) -> int:
+    def run(_: object) -> int:
         raise BrokenPipeError("a worker's")
 
-    monkeypatch.setattr(cli.Validate, "work", work)
+    monkeypatch.setattr(cli.Validate, "run", run)
     monkeypatch.setattr(sys, "argv", ["personal-viz", "validate", "--dataset", "x"])
     with pytest.raises(BrokenPipeError, match="a worker's"):
         main()
@@ -73,8 +73,8 @@ def test_exit_codes_stay_where_somebody_reads(monkeypatch: pytest.MonkeyPatch, c
     def fail(_: object) -> int:
         raise DatasetError("x: is\nmissing")
 
-    for work, code in ((lambda _: 3, 3), (fail, 1)):
-        monkeypatch.setattr(cli.Validate, "work", work)
+    for run, code in ((lambda _: 3, 3), (fail, 1)):
+        monkeypatch.setattr(cli.Validate, "run", run)
         monkeypatch.setattr(sys, "argv", ["personal-viz", "validate", "--dataset", "x"])
         with pytest.raises(SystemExit) as ended:
             main()
@@ -82,6 +82,7 @@ def test_exit_codes_stay_where_somebody_reads(monkeypatch: pytest.MonkeyPatch, c
     assert capsys.readouterr().err == "personal-viz: x: is missing\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [["stats", "--json"], ["validate", "--json"], ["run", "--agent", "random", "--limit", "2"]],

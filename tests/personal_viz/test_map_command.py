@@ -28,7 +28,7 @@ def recording(tmp_path: Path) -> Path:
 
 def run(recording: Path, *more: str) -> int:
     arguments = ["map", "--frames", str(recording), "--up", "z", "--encoder", COLOURS, *more]
-    return parse(arguments).work()
+    return parse(arguments).run()
 
 
 def test_a_recording_becomes_a_map_file_with_counts(recording: Path, tmp_path: Path, capsys) -> None:

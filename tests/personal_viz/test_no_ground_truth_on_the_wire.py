@@ -33,9 +33,9 @@ from personal_viz.bots import forms
 from personal_viz.bots.page import BotPage, decoded
 from personal_viz.bots.run import run_bots
 from personal_viz.bots.site import served
-from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.home.frames import RenderThreads
-from personal_viz.study_app.home.home import Home
+from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.page_script import STATIC
 from personal_viz.study_app.server import open_home
 from personal_viz.study_app.study_files import PRACTICE_HOME, plan_study

@@ -14,14 +14,13 @@ from starlette.websockets import WebSocketDisconnect
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
-from human_study.store.stages import Stage
+from human_study.design.secrets import token_hash
+from human_study.store.record_types import Stage
 from human_study.store.store import StudyStore, open_store
 from human_study.store.writer import StoreFullError
 from human_study.texts.quiz import questions_for
-from human_study.tickets import token_hash
 from human_study.trial.events import GaveUp
-from personal_viz.bots.flow import right_answers
-from personal_viz.bots.forms import LastPage, Session, answer_pages
+from personal_viz.bots.forms import LastPage, Session, answer_pages, right_answers
 from personal_viz.study_app.gateway.admission import Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.device import device_report
@@ -158,7 +157,7 @@ def enter(who: Taking, *stages: Stage) -> None:
 
 def test_a_participant_comes_from_the_link_to_viser_and_each_answer_is_stored(taking: Callable[..., Taking]) -> None:
     who = taking()
-    assert "Looking at your browser" in who.page()
+    assert "Checking your browser" in who.page()
     assert who.stages() == ["arrived"]
     assert who.send(**DEVICE).status_code == 303
     assert who.last_detail() == {"webgl2": True, "width": 1300, "height": 800, "keyboard": True, "buttons": False}
@@ -287,7 +286,7 @@ def test_wrong_answers_are_explained_and_twice_wrong_leads_back_to_the_instructi
 
     answer_all(questions[1].name)
     assert who.last_detail() == {"round": 1, "wrong": [questions[1].name]}
-    assert "They are asked once more" in who.page()
+    assert "answer these questions once more" in who.page()
     assert "Question 1 of 1" in who.page()  # the second round asks only what was wrong
     answer_all(questions[1].name)
     assert who.place() == "instructions"
@@ -311,7 +310,7 @@ def test_a_break_and_the_end_of_a_sitting_are_stored_when_they_begin_and_when_th
     do_trial(who.store)
     shown = who.page()
     assert "in 50 minutes or later" in shown
-    assert "Look whether I can go on" in shown
+    assert "See if I can go on" in shown
     at = re.findall(r"pause-\d+-0", "pause-4-0")[0]
     who.post({"at": at, "choice": "next"})
     assert who.stages()[-1] == "break_started"

@@ -8,21 +8,22 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import hypothesis.strategies as st
+import pytest
 from hypothesis import HealthCheck, given, settings
 from starlette.testclient import TestClient
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import Practice, make_plan
+from human_study.design.secrets import token_hash
 from human_study.design.study import FlowStep
 from human_study.journey import GONE, Journey, journey_of
 from human_study.store.store import StudyStore, open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import GaveUp
 from personal_viz.cli.study.status import progress_now
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.operator.dashboard import Dashboard
-from personal_viz.study_app.progress_words import place_words
+from personal_viz.study_app.operator.progress_view import place_words
 from personal_viz.study_app.store_link import StoreLink, StoreService
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import EpisodeKey
@@ -141,6 +142,7 @@ def has_left(store: StudyStore, away_s: float) -> bool:
     return len(store.participant(CODE).stages) > num_before
 
 
+@pytest.mark.slow
 @given(flow=st.sampled_from(FLOWS), names=st.lists(ACTS, max_size=24), is_shown=st.booleans())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_all_who_ask_where_a_participant_is_hear_the_same(

@@ -13,8 +13,7 @@ from human_study.trial.outcome import HIT_TOLERANCE
 from human_study.trial.views import PogView
 from personal_viz.study_app.home.map_view import map_click
 from personal_viz.study_app.home.top_view import TopView
-from personal_viz.study_app.screens.play_clicks import click_of
-from personal_viz.study_app.screens.pog import Nudge
+from personal_viz.study_app.screens.pog import Nudge, click_of
 from sim.copies.cut import StoreyCut
 from sim.tasks.run_files import ClickRay, Vector3
 from sim.types import GridSpec

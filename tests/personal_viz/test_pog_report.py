@@ -46,10 +46,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 @pytest.fixture(scope="module")
 def written(made: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("report")
-    assert PogReport(runs=[made[1]], out=out, dataset=[made[0]]).work() == 0
+    assert PogReport(runs=[made[1]], out=out, dataset=[made[0]]).run() == 0
     return out
 
 
+@pytest.mark.slow
 def test_every_file_is_written(written: Path) -> None:
     names = {path.name for path in written.iterdir()}
     assert {"index.md", "index.html", "report.json", "table.tex", "table.csv", "differences.csv"} <= names
@@ -94,7 +95,7 @@ def test_the_curve_of_three_is_drawn_and_runs_that_lack_it_are_named(
     for line in old:
         del line["measures"]["planar_distances"]
     answers.write_text("".join(json.dumps(line) + "\n" for line in old))
-    PogReport(runs=[older], out=tmp_path / "out").work()
+    PogReport(runs=[older], out=tmp_path / "out").run()
     assert "No curve of three: the run files of qs hold" in (tmp_path / "out" / "index.md").read_text()
 
 
@@ -138,7 +139,7 @@ def test_latex_has_the_papers_columns(written: Path) -> None:
 
 
 def test_the_same_runs_give_the_same_bytes(made: tuple[Path, Path], written: Path, tmp_path: Path) -> None:
-    PogReport(runs=[made[1]], out=tmp_path, dataset=[made[0]]).work()
+    PogReport(runs=[made[1]], out=tmp_path, dataset=[made[0]]).run()
     first, second = ({path.name: path.read_bytes() for path in folder.iterdir()} for folder in (written, tmp_path))
     assert first == second
 
@@ -148,13 +149,13 @@ def test_without_a_dataset_there_are_no_failures_and_old_ones_go(
 ) -> None:
     out = tmp_path / "report"
     shutil.copytree(written, out)
-    PogReport(runs=[made[1] / "run-qs"], out=out).work()
+    PogReport(runs=[made[1] / "run-qs"], out=out).run()
     assert not list(out.glob("failure-*"))
     assert "--dataset DIR shows those" in capsys.readouterr().out
 
 
 def test_json_is_one_document(made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    PogReport(runs=[made[1]], out=tmp_path, json=True).work()
+    PogReport(runs=[made[1]], out=tmp_path, json=True).run()
     assert json.loads(capsys.readouterr().out)["tables"][0]["scene_kind"] == "oracle-map"
 
 
@@ -162,12 +163,12 @@ def test_another_dataset_and_bad_options_are_refused(made: tuple[Path, Path], tm
     other = tmp_path / "other"
     shutil.copytree(made[0] / "hard", other / "hard")
     with pytest.raises(RunFileError, match="expected the episode files of a run"):
-        PogReport(runs=[made[1]], out=tmp_path / "out", dataset=[other]).work()
+        PogReport(runs=[made[1]], out=tmp_path / "out", dataset=[other]).run()
     with pytest.raises(PersonalVizError, match="--failures is -1"):
-        PogReport(runs=[made[1]], out=tmp_path / "out", failures=-1).work()
+        PogReport(runs=[made[1]], out=tmp_path / "out", failures=-1).run()
     (tmp_path / "file").write_text("")
     with pytest.raises(PersonalVizError, match="cannot be written"):
-        PogReport(runs=[made[1]], out=tmp_path / "file").work()
+        PogReport(runs=[made[1]], out=tmp_path / "file").run()
 
 
 def test_the_verb_takes_runs_and_datasets() -> None:
@@ -179,5 +180,5 @@ def test_the_report_says_where_the_constants_of_joint_were_frozen(
     made: tuple[Path, Path], written: Path, tmp_path: Path
 ) -> None:
     assert "frozen on 24 invented homes" in (written / "index.md").read_text()
-    assert PogReport(runs=[made[1] / "run-qs"], out=tmp_path / "other", dataset=[made[0]]).work() == 0
+    assert PogReport(runs=[made[1] / "run-qs"], out=tmp_path / "other", dataset=[made[0]]).run() == 0
     assert "frozen" not in (tmp_path / "other" / "index.md").read_text()

@@ -14,12 +14,11 @@ import viser
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from human_study.store.record_types import TrialStatus
+from human_study.design.secrets import token_hash
+from human_study.store.record_types import StoredTrial
 from human_study.store.store import StudyStore, SupersededError, open_store
-from human_study.tickets import token_hash
-from personal_viz.study_app.first_camera import CAMERA
-from personal_viz.study_app.home.home import Home
-from personal_viz.study_app.home.homes import HomeLibrary
+from personal_viz.study_app.gateway.filter import CAMERA
+from personal_viz.study_app.home.homes import Home, HomeLibrary
 from personal_viz.study_app.screens.seat import Study
 from personal_viz.study_app.server import serve
 from personal_viz.study_app.store_link import StoreLink, StoreService
@@ -75,7 +74,7 @@ class Worker:
             client.send(CAMERA)
             yield client
 
-    def trial(self) -> TrialStatus:
+    def trial(self) -> StoredTrial:
         """The participant's first."""
         return self.store.trials(CODE)[0]
 

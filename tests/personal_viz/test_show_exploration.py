@@ -50,7 +50,7 @@ def test_the_walk_is_shown_with_its_figures(
 ) -> None:
     monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
     save_exploration(tmp_path / "a.json", exploration)
-    assert ShowExploration(file=tmp_path / "a.json", dataset=root, out=tmp_path / "a.rrd").work() == 0
+    assert ShowExploration(file=tmp_path / "a.json", dataset=root, out=tmp_path / "a.rrd").run() == 0
     read = tables(tmp_path / "a.rrd")
     assert len(read[("/runs/frontier/camera", False)]["EncodedImage:blob"]) == 6
     assert ("/runs/frontier/map/storey_0/occupancy", False) in read
@@ -66,29 +66,29 @@ def test_another_version_of_the_home_and_other_files_are_refused(
     monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
     save_exploration(tmp_path / "b.json", exploration.model_copy(update={"scene_digest": "f" * 64}))
     with pytest.raises(RecordingError, match="expected the same version of the home"):
-        ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.rrd").work()
+        ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.rrd").run()
     with pytest.raises(RecordingError, match=r"ends in \.rrd"):
-        ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.json").work()
+        ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.json").run()
 
 
 @pytest.mark.slow
 def test_an_invented_home_is_made_again_from_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     explored = ["explore", "--homes", "1", "--width", "48", "--height", "36", "--max-steps", "4"]
-    assert parse([*explored, "--out", str(tmp_path / "walks")]).work() == 0
+    assert parse([*explored, "--out", str(tmp_path / "walks")]).run() == 0
     (file,) = (tmp_path / "walks").glob("Invented0*.json")
-    assert parse(["show-exploration", str(file), "--out", str(tmp_path / "a.rrd")]).work() == 0
+    assert parse(["show-exploration", str(file), "--out", str(tmp_path / "a.rrd")]).run() == 0
     assert len(tables(tmp_path / "a.rrd")[("/runs/frontier/camera", False)]["EncodedImage:blob"]) == 5
     assert "4 steps in" in capsys.readouterr().out
     other = load_exploration(file).model_copy(update={"scene_digest": "f" * 64})
     save_exploration(tmp_path / "other.json", other)
     with pytest.raises(RecordingError, match=r"the home invented now has .*Give its --dataset, or explore it again"):
-        ShowExploration(file=tmp_path / "other.json", out=tmp_path / "b.rrd").work()
+        ShowExploration(file=tmp_path / "other.json", out=tmp_path / "b.rrd").run()
 
 
 def test_a_home_that_is_not_made_of_its_name_needs_its_dataset(exploration: Exploration, tmp_path: Path) -> None:
     save_exploration(tmp_path / "c.json", exploration)
     with pytest.raises(RecordingError, match=r"c\.json: home 'HomeTwo': is none .* Give --dataset"):
-        ShowExploration(file=tmp_path / "c.json", out=tmp_path / "c.rrd").work()
+        ShowExploration(file=tmp_path / "c.json", out=tmp_path / "c.rrd").run()
     assert not (tmp_path / "c.rrd").exists()
 
 

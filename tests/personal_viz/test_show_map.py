@@ -43,33 +43,33 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_robots_map_is_written_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = saved(tmp_path / "lab.npz", frame="robot, y up", kind="robot", scene="lab")
-    assert ShowMap(file=file, out=tmp_path / "lab.rrd").work() == 0
+    assert ShowMap(file=file, out=tmp_path / "lab.rrd").run() == 0
     assert ("/memory/lab/map/storey_0/features", True) in tables(tmp_path / "lab.rrd")
     assert "map of lab without its home" in capsys.readouterr().out
     with pytest.raises(RecordingError, match="is a robot's map; expected no --dataset"):
-        ShowMap(file=file, out=tmp_path / "x.rrd", dataset=tmp_path).work()
+        ShowMap(file=file, out=tmp_path / "x.rrd", dataset=tmp_path).run()
 
 
 @pytest.mark.slow
 def test_a_map_is_shown_in_the_home_that_it_was_made_in(tmp_path: Path, root: Path) -> None:
     digest = open_scene(PersonalDataset(root), "HomeOne").digest
     file = saved(tmp_path / "HomeOne.npz", digest=digest)
-    ShowMap(file=file, out=tmp_path / "a.rrd", dataset=root).work()
+    ShowMap(file=file, out=tmp_path / "a.rrd", dataset=root).run()
     read = tables(tmp_path / "a.rrd")
     assert ("/scene/mesh/storey_0", True) in read
     assert ("/memory/HomeOne/home/storey_0/features", True) in read
     other = saved(tmp_path / "other.npz", digest="f" * 64)
     with pytest.raises(RecordingError, match="expected the same version of the home"):
-        ShowMap(file=other, out=tmp_path / "b.rrd", dataset=root).work()
+        ShowMap(file=other, out=tmp_path / "b.rrd", dataset=root).run()
 
 
 def test_maps_of_scans_need_leave_and_files_their_ending(tmp_path: Path) -> None:
     file = saved(tmp_path / "scan.npz", kind="scan")
     with pytest.raises(RecordingError, match="licensed scan HomeOne"):
-        ShowMap(file=file, out=tmp_path / "a.rrd").work()
-    assert ShowMap(file=file, out=tmp_path / "a.rrd", with_pixels=True).work() == 0
+        ShowMap(file=file, out=tmp_path / "a.rrd").run()
+    assert ShowMap(file=file, out=tmp_path / "a.rrd", with_pixels=True).run() == 0
     with pytest.raises(RecordingError, match=r"ends in \.rrd"):
-        ShowMap(file=file, out=tmp_path / "a.png").work()
+        ShowMap(file=file, out=tmp_path / "a.png").run()
 
 
 def test_the_verb_takes_a_file() -> None:

@@ -13,10 +13,10 @@ import pytest
 from rich.console import Console
 
 from human_study.journey import Place
-from human_study.store.progress_people import PersonProgress, State
+from human_study.store.progress import PersonProgress, State
 from personal_viz.cli.study.status import MIN_WIDTH, StudyStatus, page, progress_now
+from personal_viz.study_app.operator.progress_view import age_words, disk_words, place_words
 from personal_viz.study_app.operator.served import hear_ctrl_c
-from personal_viz.study_app.progress_words import age_words, disk_words, place_words
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials
 from tests.human_study.small_world import CANARY
@@ -25,7 +25,7 @@ from tests.human_study.stores import KEY, opened
 from .busy_studies import busy_study
 
 SHOW = "import sys; from pathlib import Path; from personal_viz.cli.study.status import StudyStatus; "
-SHOW += "sys.exit(StudyStatus(Path(sys.argv[1]), json=True, watch=True).work())"
+SHOW += "sys.exit(StudyStatus(Path(sys.argv[1]), json=True, watch=True).run())"
 
 
 def person(place: Place, state: State = "active", *, trial_no: int | None = None, is_in_trial: bool = False):
@@ -35,7 +35,7 @@ def person(place: Place, state: State = "active", *, trial_no: int | None = None
 
 def test_the_tables_say_who_is_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study_with_trials(tmp_path)
-    assert StudyStatus(study=tmp_path, json=False, watch=False).work() == 0
+    assert StudyStatus(study=tmp_path, json=False, watch=False).run() == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "pilot" in lines
     assert any("2 of 6 counted trials" in line for line in lines)
@@ -61,7 +61,7 @@ def test_who_may_need_somebody_comes_first_and_who_never_came_last(tmp_path: Pat
 
 def test_the_json_is_one_document_without_outcomes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study_with_trials(tmp_path)
-    assert StudyStatus(study=tmp_path, json=True, watch=False).work() == 0
+    assert StudyStatus(study=tmp_path, json=True, watch=False).run() == 0
     text = capsys.readouterr().out
     found = json.loads(text)
     assert [(one["code"], one["num_done"], one["num_technical"]) for one in found["people"]] == [
@@ -76,7 +76,7 @@ def test_a_study_that_is_open_elsewhere_can_be_looked_at(tmp_path: Path, capsys:
     store, trial = opened(tmp_path)
     with store:
         store.append(trial.trial_id, trial.epoch, KEY)
-        assert StudyStatus(study=tmp_path, json=True, watch=False).work() == 0
+        assert StudyStatus(study=tmp_path, json=True, watch=False).run() == 0
         store.append(trial.trial_id, trial.epoch, KEY)
     assert json.loads(capsys.readouterr().out)["people"][1]["is_in_trial"]
 
@@ -106,7 +106,7 @@ def test_watching_shows_what_is_new_until_ctrl_c(tmp_path: Path) -> None:
 
 def test_a_folder_without_a_study_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="expected a study"):
-        StudyStatus(study=tmp_path, json=False, watch=False).work()
+        StudyStatus(study=tmp_path, json=False, watch=False).run()
 
 
 @pytest.mark.parametrize(

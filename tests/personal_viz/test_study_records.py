@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyPlan
+from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig, StudyDataset, load_study, save_study
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, Trial, open_store
-from human_study.tickets import token_hash
 from human_study.trial.commands import Click, Command, Confirm, GiveUp, Move, PressStop, Start
 from human_study.trial.outcome import pan_outcome, pog_outcome
 from human_study.trial.session import PanSession, PogSession, terms_of
@@ -128,7 +128,7 @@ def pointing(home, start) -> tuple[Command, ...]:
 def test_trials_of_all_homes_and_of_practice_are_verified_and_stored(
     study: Path, invented_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert StudyVerify(study=study, dataset=invented_root, scenes_dir=None, jobs=2).work() == 0
+    assert StudyVerify(study=study, dataset=invented_root, scenes_dir=None, jobs=2).run() == 0
     printed = capsys.readouterr().out
     assert "6 verified" in printed
     assert "Stored beside the trials" in printed
@@ -150,7 +150,7 @@ def test_a_study_that_is_served_is_verified_without_being_written(
     with read_study(study) as reader:
         plan = reader.plan
     with open_store(study, config, plan):
-        assert StudyVerify(study=study, dataset=invented_root, scenes_dir=None).work() == 0
+        assert StudyVerify(study=study, dataset=invented_root, scenes_dir=None).run() == 0
     assert "Not stored:" in capsys.readouterr().out
     with read_study(study) as reader:
         assert reader.verifications() == ()
@@ -181,7 +181,7 @@ def test_an_outcome_that_is_too_good_fails_and_ends_with_1(
         store.append_many(trial.trial_id, trial.epoch, events)
         better = done.outcome.measures.model_copy(update={"centre_distance": 0.0})
         store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup", measures=better))
-    assert StudyVerify(study=copy, dataset=invented_root, scenes_dir=None).work() == 1
+    assert StudyVerify(study=copy, dataset=invented_root, scenes_dir=None).run() == 1
     printed = capsys.readouterr().out
     assert "1 failed" in printed
     assert "outcome.measures.centre_distance is stored as 0.0, recomputed as" in printed
@@ -200,27 +200,27 @@ def cheated(study: Path, folder: Path) -> tuple[StudyConfig, StudyPlan]:
 
 def test_another_dataset_is_refused(study: Path) -> None:
     with pytest.raises(StudyError, match=r"--dataset .*practice: has digest [0-9a-f]{12}; expected"):
-        StudyVerify(study=study, dataset=study / PRACTICE_FOLDER, scenes_dir=None).work()
+        StudyVerify(study=study, dataset=study / PRACTICE_FOLDER, scenes_dir=None).run()
 
 
 def test_an_export_is_read_back_and_agrees(
     study: Path, invented_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert StudyExport(study=study, out=None).work() == 0
+    assert StudyExport(study=study, out=None).run() == 0
     out = study / "exports" / "records"
     assert f"Written to {out}: 2 run folders, 6 trials in trials.csv, 2 of them in no run" in capsys.readouterr().out
-    assert StudyImportCheck(export=out, dataset=invented_root, scenes_dir=None).work() == 0
+    assert StudyImportCheck(export=out, dataset=invented_root, scenes_dir=None).run() == 0
     assert "6 of 6 outcomes agree with their events" in capsys.readouterr().out
     rows = [json.loads(line) for line in (out / "trials.jsonl").read_text().splitlines()]
     rows[-1]["planar_distance"] = 0.0
     (out / "trials.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     with pytest.raises(StudyError, match=r"trials\.jsonl: has sha256"):
-        StudyImportCheck(export=out, dataset=invented_root, scenes_dir=None).work()
+        StudyImportCheck(export=out, dataset=invented_root, scenes_dir=None).run()
 
 
 def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def run_folders() -> int:
-        StudyExport(study=study, out=None).work()
+        StudyExport(study=study, out=None).run()
         return len(list((study / "exports" / "records").glob("records-*")))
 
     def say(**changes: object) -> str:
@@ -232,7 +232,7 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
             "reason": "x",
             "undo": False,
         }
-        assert StudyExclude(**(arguments | changes)).work() == 0  # type: ignore[arg-type]
+        assert StudyExclude(**(arguments | changes)).run() == 0  # type: ignore[arg-type]
         return capsys.readouterr().out
 
     assert run_folders() == 2
@@ -263,4 +263,4 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
 def test_what_cannot_be_excluded_is_said(study: Path, changes: dict[str, object], message: str) -> None:
     arguments = {"study": study, "trial": None, "participant": None, "rule": "disturbed", "reason": "x", "undo": False}
     with pytest.raises(StudyError, match=message.replace("(", r"\(").replace("!", r"\!")):
-        StudyExclude(**(arguments | changes)).work()  # type: ignore[arg-type]
+        StudyExclude(**(arguments | changes)).run()  # type: ignore[arg-type]

@@ -11,8 +11,7 @@ import psutil
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.store.progress import study_progress
-from human_study.store.progress_people import PersonProgress
+from human_study.store.progress import PersonProgress, study_progress
 from human_study.store.records import read_study
 from human_study.trial.events import Act
 from personal_viz.study_app.operator.served import free_port
@@ -115,4 +114,4 @@ def require_new_link(watch: Page, link: str, old_token: str) -> None:
     expect(watch.locator("#page")).to_be_hidden()
     watch.goto("about:blank")
     watch.goto(link)
-    expect(watch.get_by_role("heading", name="Who is where")).to_be_visible()
+    expect(watch.get_by_role("heading", name="Participants")).to_be_visible()

@@ -9,7 +9,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
-from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.server import address_of
 from personal_viz.study_app.worker_door import SECRET_HEADER, open_door
 

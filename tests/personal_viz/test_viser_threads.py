@@ -6,7 +6,7 @@ from importlib.metadata import version
 
 from viser.infra._async_message_buffer import AsyncMessageBuffer
 
-from personal_viz.study_app.viser_threads import wake_on_loop_only
+from personal_viz.study_app.worker_door import wake_on_loop_only
 
 PUSHES = 300
 

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 from rerun.chunk import RrdReader
 
-from human_study.export.codes import exported_codes
+from human_study.export.collect import exported_codes
 from human_study.export.study_export import export_study
 from human_study.store.records import read_study
 from human_study.trial.events import Act
@@ -120,5 +120,5 @@ def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -
             host=(),
             rerun="x.rrd",
             with_pixels=False,
-        ).work()
+        ).run()
     assert not (tmp_path / "study" / "study.db").exists()

@@ -27,6 +27,8 @@ from sim.errors import StudyError
 
 from .gateways import NO_PAGES, PRESS, admission_for, enter, few_people, pack, wait_until
 
+pytestmark = pytest.mark.slow
+
 PATIENCE_S = 60
 
 

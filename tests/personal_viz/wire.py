@@ -12,7 +12,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from personal_viz.bots.forms import answer_pages, open_session
-from personal_viz.study_app.first_camera import CAMERA
+from personal_viz.study_app.gateway.filter import CAMERA
 
 
 class WireClient:

@@ -148,6 +148,7 @@ def test_a_habitat_that_answers_differently_shows_in_the_figures(written) -> Non
     assert found.measures_max_abs_error > 1e-4
 
 
+@pytest.mark.slow
 def test_a_report_holds_no_place_of_the_scan(written) -> None:
     folder = written(lab=False)
     text = agreement(folder).model_dump_json()

@@ -12,10 +12,10 @@ from grounding.evaluation.evaluate import GroundSettings, SceneGrounder
 from grounding.report.asked_again import settings_of
 from recordings.layers import outline, reground
 from recordings.maps import on_map
-from recordings.scene import StoreyMap
 from recordings.traces import select_traces
 from sim.episodes.dataset import PersonalDataset
 from sim.mesh import Scene
+from sim.plan_view.storey import StoreyMap
 from sim.tasks.run_files import Run
 from sim.types import EpisodeKey, GridSpec
 from sim.walk.floor_grid import FloorGrid

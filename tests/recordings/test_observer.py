@@ -17,11 +17,11 @@ from rerun.chunk import RrdReader
 from recordings import live_episode
 from recordings.maps import HEAT_PALETTE, SEEN_PALETTE
 from recordings.observer import ObserveRuns, RerunObserver
-from recordings.scene import storey_map
 from recordings.sinks import LiveSink
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.mesh import Scene
+from sim.plan_view.storey import storey_map
 from sim.render.raycast import Raycaster
 from sim.tasks.observers import FREE, OCCUPIED, Detection, Insight
 from sim.tasks.pan import PanEnv

@@ -9,8 +9,8 @@ from PIL import Image
 
 from recordings.pictures import picture_cameras, rendered_jpegs
 from sim.render.raycast import Raycaster
-from sim.render.renderer import Frame, Hits
-from sim.types import Camera, Pose
+from sim.render.renderer import Hits
+from sim.types import Camera, Frame, Pose
 
 
 class Counting:
@@ -26,6 +26,9 @@ class Counting:
     def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
         self.asked += [(camera.width, T.tobytes()) for T in Ts_world_camera]
         return self._renderer.render_batch(Ts_world_camera, camera)
+
+    def depth(self, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:
+        return self._renderer.depth(T_world_camera, camera)
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
         return self._renderer.cast(origins, directions)

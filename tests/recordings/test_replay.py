@@ -356,6 +356,7 @@ except RecordingError as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("num_pictures", [1, 30])
 def test_a_full_disk_is_one_line_and_leaves_no_half_file(tmp_path: Path, num_pictures: int) -> None:
     out = tmp_path / "a.rrd"

@@ -29,12 +29,10 @@ def test_two_agents_on_a_released_episode_become_one_recording(
         run_agent([job], writer, processes=1)
         folders.append(writer.folder)
     out = tmp_path / "both.rrd"
-    assert Replay(runs=tuple(folders), out=out, dataset=dataset_root, scenes_dir=None).work() == 0
+    assert Replay(runs=tuple(folders), out=out, dataset=dataset_root, scenes_dir=None).run() == 0
     printed = capsys.readouterr().out
     assert f"{out}: {KEY} in 4ok3usBNeis (schematic, not HM3D)" in printed
     entities = {chunk.entity_path for chunk in RrdReader(str(out)).stream()}
     assert {"/runs/shortest-path/camera", "/runs/random/camera", "/goal/centre", "/task"} <= entities
     with pytest.raises(RecordingError, match="found no run of episode easy/4ok3usBNeis/196"):
-        Replay(
-            runs=(folders[0],), out=out, dataset=dataset_root, scenes_dir=None, episode="easy/4ok3usBNeis/196"
-        ).work()
+        Replay(runs=(folders[0],), out=out, dataset=dataset_root, scenes_dir=None, episode="easy/4ok3usBNeis/196").run()

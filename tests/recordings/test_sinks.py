@@ -181,6 +181,7 @@ def in_child(body: str, *args: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", program, *args], capture_output=True, text=True, timeout=120)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", ["os.kill(os.getpid(), signal.SIGKILL)", "os._exit(3)"])
 def test_a_crash_in_mid_episode_leaves_every_flushed_row_readable(tmp_path: Path, end: str) -> None:
     done = in_child(f"log(range(50)); recording.flush(); log(range(50, 60)); {end}", str(tmp_path / "a.rrd"))
@@ -197,6 +198,7 @@ def test_a_program_that_ends_in_mid_episode_completes_the_file(tmp_path: Path) -
     assert verifies(tmp_path / "a.rrd")
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_clear_line_and_nothing_hangs(tmp_path: Path) -> None:
     body = """
         import resource

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import T_world_camera
-from sim.homes.labels import renderer_of
 from sim.homes.open_home import open_scene
+from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.types import Camera, Pose
 

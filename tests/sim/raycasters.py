@@ -10,8 +10,7 @@ from sim.frames import T_world_camera
 from sim.mesh import TriangleMesh
 from sim.render import embree
 from sim.render.raycast import Raycaster
-from sim.render.renderer import Frame
-from sim.types import Camera, Pose
+from sim.types import Camera, Frame, Pose
 
 from .meshes import floor, mesh_of
 

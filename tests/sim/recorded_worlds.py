@@ -1,12 +1,15 @@
 """Small recorded scenes with known answers, for tests of the recovery."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sim.episodes.schema import Goal
 from sim.frames import quat_xyzw_from_yaw, yaw_towards
+from sim.homes.furniture.families import Mounting
 from sim.homes.plan import Furniture, Storey
+from sim.homes.recovered.objects import recovered_pieces
 from sim.homes.recovered.recorded import Recorded
-from sim.homes.recovered.recovered_objects import RecoveredObject, recovered_objects
 
 from .synthetic import example_goal, example_view_point
 
@@ -34,9 +37,17 @@ def recorded_of(*goals: Goal, captions: dict[str, str] | None = None, more: list
     return Recorded(standing, extras, {goal.object_name: goal for goal in goals}, captions or {}, ())
 
 
-def objects_of(recorded: Recorded) -> dict[str, RecoveredObject]:
+class Found(NamedTuple):
+    """A recovered object and where it is fixed."""
+
+    piece: Furniture
+    mounting: Mounting
+
+
+def objects_of(recorded: Recorded) -> dict[str, Found]:
     """The recovered objects of a one-storey scene, by name."""
-    return {item.piece.name: item for item in recovered_objects(recorded, GROUND)}
+    pieces, mountings = recovered_pieces(recorded, GROUND)
+    return {piece.name: Found(piece, mountings[piece.name]) for piece in pieces}
 
 
 def bottom(piece: Furniture) -> float:

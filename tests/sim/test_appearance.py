@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.homes.furniture.appearance import COLOURS, finish_from_text, names_colour, tinted
+from sim.homes.furniture.appearance import finish_from_text, names_colour
 from sim.words.captions import own_words
-from sim.words.colours import colours_in, shaded
+from sim.words.colours import COLOURS, colours_in, shaded, tinted
 
 WHITE, RED, BLUE = COLOURS["white"], COLOURS["red"], COLOURS["blue"]
 

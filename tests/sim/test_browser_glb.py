@@ -18,7 +18,7 @@ from sim.copies.browser_glb import MAX_BYTES, MAX_FACES, browser_glb, glb_from_m
 from sim.copies.cut import storey_mesh
 from sim.errors import SceneError
 from sim.frames import T_world_camera
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.mesh import FLAT, VERTEX_COLOURS, Scene, TriangleMesh
 from sim.render.raycast import Raycaster
@@ -75,6 +75,7 @@ def test_trimesh_reads_back_a_mesh_as_it_was(scene: Scene) -> None:
     np.testing.assert_array_equal(triangles_of(glb_from_mesh(storey)), storey.vertices[storey.faces[order]])
 
 
+@pytest.mark.slow
 def test_the_same_storey_gives_the_same_bytes_and_stays_small(scene: Scene, monkeypatch, tmp_path: Path) -> None:
     data = browser_glb(scene, 2.8)
     monkeypatch.setenv(VARIABLE, str(tmp_path))
@@ -85,6 +86,7 @@ def test_the_same_storey_gives_the_same_bytes_and_stays_small(scene: Scene, monk
     assert len(triangles_of(data)) <= MAX_FACES
 
 
+@pytest.mark.slow
 def test_a_copy_is_made_once(scene: Scene, monkeypatch, tmp_path: Path) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     browser_glb(scene, 0.0)

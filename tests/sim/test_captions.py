@@ -8,7 +8,7 @@ import pytest
 from sim.authoring.captions import are_mixed_up, caption_of, ownership_sentence, queries_for
 from sim.authoring.descriptions import OwnedItem, write_description
 from sim.episodes.ownership import parse_ownership
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
 
 GREY = Finish(rgb=(128, 128, 128))

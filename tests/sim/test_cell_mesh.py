@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from sim.copies.cut import storey_mesh
-from sim.homes.building.cell_mesh import add_cells
-from sim.homes.building.cell_spaces import floor_layers, padded
+from sim.homes.building.cells.flights import RISE, with_whole_flights
+from sim.homes.building.cells.mesh import add_cells
+from sim.homes.building.cells.spaces import floor_layers, padded
+from sim.homes.building.cells.storeys import StoreyCells, storeys_of_cells
+from sim.homes.building.house import mesh_from_plan
 from sim.homes.building.quads import QuadBuilder
-from sim.homes.building.stairs_mesh import RISE, with_whole_flights
-from sim.homes.building.storey_cells import StoreyCells, storeys_of_cells
 from sim.homes.cells import cells_from_runs
-from sim.homes.house import mesh_from_plan
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import HomePlan
 from sim.mesh import TriangleMesh
@@ -61,6 +61,7 @@ def test_a_small_bulge_and_a_small_island_vanish() -> None:
     assert len(storey.lines) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_no_place_to_stand_is_in_or_behind_a_wall(seed: int) -> None:
     rng = np.random.default_rng(seed)

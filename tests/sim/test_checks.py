@@ -140,6 +140,7 @@ class Hashes(Walker):
         return self.task.actions[1 + hash(f"{observation.step} words") % 3]
 
 
+@pytest.mark.slow
 def test_an_agent_that_differs_between_processes_is_named() -> None:
     (problem,) = check_agent(Hashes, **QUICK)
     assert "a second process does something else" in problem
@@ -171,6 +172,7 @@ def test_a_factory_that_works_only_once_is_named() -> None:
     assert "a second agent: the factory() raised IndexError: pop from empty list. Correct the agent." in problem
 
 
+@pytest.mark.slow
 def test_an_agent_is_loaded_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "my_walker.py").write_text("from tests.sim.test_checks import Walker as make\n")
     monkeypatch.syspath_prepend(tmp_path)

@@ -9,15 +9,14 @@ from personal_viz.bench.homes.sightlines import sights_of, visible_shares
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.homes.cells import CellGrid, CellRun
-from sim.homes.clutter.clutter import with_clutter
 from sim.homes.clutter.household import HOUSEHOLDS, household_of
-from sim.homes.clutter.spare_space import SpareStorey
-from sim.homes.clutter.spare_storeys import spare_storeys
+from sim.homes.clutter.plans import with_clutter
+from sim.homes.clutter.space import SpareStorey, empty_storeys
 from sim.homes.furniture.families import look_of
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import Finish, Furniture, HomePlan, Room, Storey, plan_bytes
-from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.plans import recover_plan
 from sim.render.raycast import Raycaster
 from sim.walk.floor_grid import FloorGrid
 from sim.walk.object_surface import object_surface
@@ -78,6 +77,7 @@ def test_levels_grow_and_the_same_seed_gives_the_same_bytes(request, name: str) 
         with_clutter(many, 1, seed=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["schematic", "invented"])
 def test_names_follow_the_captioned_ones_and_decoys_look_different(request, name: str) -> None:
     plan: HomePlan = request.getfixturevalue(name)
@@ -91,23 +91,24 @@ def test_names_follow_the_captioned_ones_and_decoys_look_different(request, name
     assert {piece.role for piece in new} == {"clutter", "decoy"}
     assert all((piece.role == "decoy") == (piece.category in categories) for piece in new)
     for piece in new:
-        family = look_of(piece.category)[0]
-        for other in (other for other in captioned if look_of(other.category)[0] == family):
+        family = look_of(piece.category).family
+        for other in (other for other in captioned if look_of(other.category).family == family):
             assert np.abs(np.subtract(piece.finish.rgb, other.finish.rgb)).max() >= 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["schematic", "invented"])
 def test_nothing_stands_in_another_thing_and_everything_has_what_carries_it(request, name: str) -> None:
     plan: HomePlan = request.getfixturevalue(name)
     full = with_clutter(plan, 2, seed=0)
     boxes = np.array([piece.box for piece in full.furniture])
-    storeys = [SpareStorey(storey, [], []) for storey in spare_storeys(plan)]
+    storeys = [SpareStorey(storey, [], []) for storey in empty_storeys(plan)]
     rooms = {room.name: room.storey for room in plan.rooms}
     for k, piece in enumerate(added(plan, full), start=len(plan.furniture)):
         box = boxes[k]
         overlaps = ((boxes[:, :3] < box[3:] - 0.005) & (boxes[:, 3:] > box[:3] + 0.005)).all(axis=1)
         overlaps[k] = False
-        met = {look_of(full.furniture[j].category)[0] for j in np.flatnonzero(overlaps)}
+        met = {look_of(full.furniture[j].category).family for j in np.flatnonzero(overlaps)}
         assert met <= {"sofa", "armchair", "bed"}, "what lies on a seat or a bed reaches into its box"
         bottom = box[1]
         below = full.furniture[: len(plan.furniture)] + added(plan, full)
@@ -152,6 +153,7 @@ def test_all_ways_of_an_invented_home_stay_as_long_as_they_were(invented: HomePl
     np.testing.assert_allclose(new[is_joined], old[is_joined], rtol=0.1, atol=0.1)
 
 
+@pytest.mark.slow
 def test_captioned_things_stay_in_sight_in_an_invented_home(invented: HomePlan) -> None:
     before, after = (scene_from_plan(plan) for plan in (invented, with_clutter(invented, 2, seed=0)))
     casters = [Raycaster(scene.mesh) for scene in (before, after)]

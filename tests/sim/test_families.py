@@ -6,31 +6,31 @@ from typing import get_args
 import pytest
 
 from sim.episodes.dataset import PersonalDataset
-from sim.homes.furniture import families
-from sim.homes.furniture.families import Family, Mounting, is_known, known_words, look_of, mounting_of
+from sim.homes.furniture.families import UNKNOWN, Family, Mounting, look_of
 from sim.homes.furniture.parts import BUILDERS
 
-README = Path(families.__file__).parent / "README.md"
+from .furniture_catalogue import README, RELEASE_CATEGORIES, WORDS, catalogue
 
 
+@pytest.mark.slow
 def test_the_released_categories_are_those_of_the_list(dataset_root: Path) -> None:
     dataset = PersonalDataset(dataset_root)
     found = {goal.object_category for scene in dataset.scenes for goal in dataset.goals(scene).values()}
-    assert tuple(sorted(found)) == families.RELEASE_CATEGORIES
+    assert tuple(sorted(found)) == RELEASE_CATEGORIES
     assert len(found) == 143
 
 
 def test_every_released_category_has_a_family_made_for_it() -> None:
-    assert [category for category in families.RELEASE_CATEGORIES if not is_known(category)] == []
+    assert [category for category in RELEASE_CATEGORIES if look_of(category) is UNKNOWN] == []
 
 
 def test_every_family_has_a_builder_and_a_word() -> None:
     assert set(BUILDERS) == set(get_args(Family))
-    assert {look_of(word)[0] for word in known_words()} == set(get_args(Family))
+    assert {look_of(word).family for word in WORDS} == set(get_args(Family))
 
 
 def test_the_readme_lists_every_family_as_it_is() -> None:
-    assert README.read_text(encoding="utf-8") == families.catalogue()
+    assert README.read_text(encoding="utf-8") == catalogue()
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_the_readme_lists_every_family_as_it_is() -> None:
     ],
 )
 def test_a_category_is_drawn_by_its_longest_known_words(category: str, family: str) -> None:
-    assert look_of(category)[0] == family
+    assert look_of(category).family == family
 
 
 @pytest.mark.parametrize(
@@ -57,14 +57,14 @@ def test_a_category_is_drawn_by_its_longest_known_words(category: str, family: s
     [("picture", "wall"), ("chandelier", "ceiling"), ("microwave", "on"), ("couch", "floor"), ("never seen", "floor")],
 )
 def test_things_hang_stand_and_lie_where_they_usually_do(category: str, mounting: Mounting) -> None:
-    assert mounting_of(category) == mounting
+    assert look_of(category).mounting == mounting
 
 
 def test_usual_sizes_are_those_of_homes() -> None:
-    for word in known_words():
-        width, height, depth = look_of(word)[1]
+    for word in WORDS:
+        width, height, depth = look_of(word).size
         assert 0.05 <= width <= 2.1, word
         assert 0.01 <= height <= 2.5, word
         assert 0.02 <= depth <= 2.1, word
-    assert look_of("dining table")[1] == (1.5, 0.75, 0.9)
-    assert look_of("couch")[1][0] > 2 * look_of("armchair")[1][0]
+    assert look_of("dining table").size == (1.5, 0.75, 0.9)
+    assert look_of("couch").size[0] > 2 * look_of("armchair").size[0]

@@ -5,9 +5,9 @@ import pytest
 
 from sim.copies.cut import cut_storey
 from sim.frames import T_world_camera, forward_from_yaw
+from sim.homes.building.house import mesh_from_plan
 from sim.homes.building.walls import SKIRTING
-from sim.homes.house import mesh_from_plan
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Stair, Storey, Wall
 from sim.mesh import TriangleMesh

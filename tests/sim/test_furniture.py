@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from sim.homes.building.furniture_mesh import add_piece
-from sim.homes.building.quads import QuadBuilder
+from personal_viz.contact_sheet.portrait import portrait
+from sim.homes.building.quads import QuadBuilder, add_piece
 from sim.homes.furniture.appearance import finish_from_text
-from sim.homes.furniture.draft import Part
-from sim.homes.furniture.families import RELEASE_CATEGORIES, Vec, known_words, look_of
+from sim.homes.furniture.families import Vec, look_of
 from sim.homes.furniture.lofts import ball, cushion, cylinder, lathe, ring, sheet, tube
 from sim.homes.furniture.parts import parts_of
-from sim.homes.furniture.shapes import Shape, box, prism, rounded_box, slab
+from sim.homes.furniture.shapes import Part, Shape, box, prism, rounded_box, slab
 from sim.homes.plan import Finish, Furniture
-from sim.homes.portrait import portrait
 
-ALL = sorted({*RELEASE_CATEGORIES, *known_words(), "strange thing"})
+from .furniture_catalogue import RELEASE_CATEGORIES, WORDS
+
+ALL = sorted({*RELEASE_CATEGORIES, *WORDS, "strange thing"})
 TOLERANCE = 0.002
 MOST_TRIANGLES = 1000
 
@@ -24,7 +24,7 @@ def piece_of(category: str, caption: str = "", size: Vec | None = None, name: st
         name=name or f"{category}_1",
         category=category,
         centre=(0.0, 0.0, 0.0),
-        size=size or look_of(category)[1],
+        size=size or look_of(category).size,
         finish=finish_from_text(caption, category),
         caption=caption,
     )
@@ -50,7 +50,7 @@ def volume(shape: Shape) -> float:
 
 @pytest.mark.parametrize("category", ALL)
 def test_a_piece_fills_its_box_and_stays_inside(category: str) -> None:
-    usual = np.array(look_of(category)[1])
+    usual = np.array(look_of(category).size)
     for factors in ((1, 1, 1), (0.1, 1, 1), (1, 1, 0.12), (1.4, 0.3, 1.2), (0.7, 1.3, 0.7)):
         size: Vec = tuple((usual * factors).tolist())  # type: ignore[assignment]
         low, high = bounds(parts_of(piece_of(category, size=size)))

@@ -57,6 +57,7 @@ def test_every_split_has_its_episodes_on_every_storey(episodes: list[Episode]) -
         assert floors == {("Demo", "0"), ("Demo", "1"), ("Small", "0")}
 
 
+@pytest.mark.slow
 def test_starts_are_in_the_splits_window_and_nobody_starts_at_the_target(root: Path, episodes: list[Episode]) -> None:
     scene = open_scene(PersonalDataset(root), "Demo")
     for episode in (e for e in episodes if e.key.scene == "Demo"):
@@ -127,6 +128,7 @@ def test_searches_ask_for_many_different_objects(episodes: list[Episode]) -> Non
         assert len(set(asked)) >= 0.8 * len(asked)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEEDS)
 def test_the_scan_shows_the_same_objects_as_the_plan(root: Path, name: str) -> None:
     dataset = PersonalDataset(root)
@@ -155,6 +157,7 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process(root: Path) -> No
     assert done.stdout.splitlines() == [f"{p} {hashlib.sha256((root / p).read_bytes()).hexdigest()}" for p in paths]
 
 
+@pytest.mark.slow
 def test_other_numbers_of_episodes_can_be_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim.authoring.searches.ONE_OF_SHARE", 1.0)
     generation.write_files(tmp_path, dataset_files("Many", seed=3, episodes_per_split=5))
@@ -171,9 +174,10 @@ def test_other_numbers_of_episodes_can_be_had(tmp_path: Path, monkeypatch: pytes
         dataset_files("Many", seed=3, episodes_per_split=0)
 
 
+@pytest.mark.slow
 def test_a_home_in_which_a_piece_cannot_be_seen_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(generation, "view_points_around", lambda *_, **__: [])
-    monkeypatch.setattr("sim.homes.invented.invent._ATTEMPTS", 2)
+    monkeypatch.setattr("sim.homes.invented.plans._ATTEMPTS", 2)
     with pytest.raises(SceneError, match=r"'Demo': seed 3 gave \d homes in 2 tries, none fit to be used"):
         dataset_files("Demo", seed=3)
 
@@ -186,8 +190,9 @@ def test_a_folder_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["medium"]
 
 
+@pytest.mark.slow
 def test_the_invent_verb_writes_whole_homes_and_says_what_is_next(tmp_path: Path, capsys) -> None:
-    assert Invent(homes=1, seed=7, out=tmp_path / "homes").work() == 0
+    assert Invent(homes=1, seed=7, out=tmp_path / "homes").run() == 0
     names = sorted(str(path.relative_to(tmp_path / "homes")) for path in (tmp_path / "homes").rglob("*.*"))
     assert names == [
         "easy/content/Invented7.json.gz",
@@ -203,5 +208,5 @@ def test_the_invent_verb_writes_whole_homes_and_says_what_is_next(tmp_path: Path
     ]
     assert "personal-viz validate --dataset" in capsys.readouterr().out
     with pytest.raises(DatasetError, match="homes is 0; expected at least 1"):
-        Invent(homes=0, seed=7, out=tmp_path / "none").work()
+        Invent(homes=0, seed=7, out=tmp_path / "none").run()
     assert not (tmp_path / "none").exists()

@@ -115,6 +115,7 @@ def test_storeys_are_found_and_roofs_are_not(grids):
     assert grids["dev_b"].storey_heights == pytest.approx((0.0371,), abs=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("house", HOUSES)
 def test_the_nearest_of_several_goals_is_as_far_as_in_habitat(house, grids, golden_root):
     queries = [

@@ -46,6 +46,7 @@ def crosses(a: np.ndarray, b: np.ndarray, box: Box) -> bool:
     return leave - enter > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_distances_exceed_the_exact_shortest_way_round_boxes_by_far_less_than_a_percent(seed):
     rng = np.random.default_rng(seed)

@@ -28,6 +28,8 @@ from sim.tasks.pan import PanEnv
 from sim.tasks.runner import play_episode
 from sim.types import PAPER4, PAPER6, Camera, EpisodeKey
 
+pytestmark = pytest.mark.slow
+
 SMALL = Camera(64, 48)
 STOP, FORWARD, LEFT, LOOK_UP = 0, 1, 2, 4
 

@@ -62,7 +62,7 @@ def as_zup_glb(source: Path, target: Path) -> None:
     scene.export(str(target))
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.parametrize("house", ["dev_a", "dev_b"])
 def test_imported_golden_runs_have_habitat_labs_measures(golden_root: Path, tmp_path: Path, house: str) -> None:
     rows = golden_episodes(golden_root, house)
@@ -76,7 +76,7 @@ def test_imported_golden_runs_have_habitat_labs_measures(golden_root: Path, tmp_
         out=tmp_path / "runs",
         who="follower",
         run_id="golden",
-    ).work()
+    ).run()
     run = read_run(tmp_path / "runs" / "golden")
     assert (run.info.scene_kind, run.info.who_kind, len(run.episodes)) == ("scan", "agent", len(rows))
     found = [_measures(episode) for episode in run.episodes]

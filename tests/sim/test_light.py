@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from sim.cache import VARIABLE
 from sim.homes.building import light as light_module
-from sim.homes.building import sky_rays
 from sim.homes.building.light import DARKEST
 from sim.homes.building.quads import QuadBuilder
+from sim.homes.furniture.shapes import box
 from sim.homes.plan import Finish
 from sim.mesh import TriangleMesh
 from sim.render.raycast import Raycaster
@@ -21,6 +21,12 @@ from .raycasters import has_embree
 WHITE = Finish(rgb=(255, 255, 255))
 """Smooth, so that vertex colours are the light itself."""
 Light = NDArray[np.float64]
+Vec = tuple[float, float, float]
+
+
+def add_box(builder: QuadBuilder, centre: Vec, size: Vec, *, yaw: float = 0.0, instance: int = 0) -> None:
+    """A white box, turned by `yaw` about its own middle."""
+    builder.add_quads(box((0, 0, 0), size).turned("y", yaw).corners + np.array(centre), WHITE, instance=instance)
 
 
 def flat(x0: float, z0: float, x1: float, z1: float, y: float = 0.0) -> list[list[tuple[float, float, float]]]:
@@ -85,7 +91,7 @@ def test_quads_of_different_sizes_have_the_same_light_along_a_shared_edge() -> N
     builder.add_quads(flat(0, 0, edge, 3.11), WHITE)
     for z0, z1 in ((0.0, 0.37), (0.37, 1.9), (1.9, 3.11)):
         builder.add_quads(flat(edge, z0, 3.3, z1), WHITE)
-    builder.add_box((2.0, 0.6, 1.0), (0.8, 1.0, 0.7), finish=WHITE, yaw=0.4, instance=1)
+    add_box(builder, (2.0, 0.6, 1.0), (0.8, 1.0, 0.7), yaw=0.4, instance=1)
     builder.add_quads(wall_z(0, 0, 3.3), WHITE)
     mesh = builder.mesh()
     at = np.linspace(0.001, 3.109, 500)
@@ -115,14 +121,14 @@ def test_the_corner_of_a_room_is_darker_than_its_middle() -> None:
 def test_the_floor_under_a_table_is_darker() -> None:
     builder = QuadBuilder()
     room(builder, 5.0)
-    builder.add_box((2.5, 0.72, 2.5), (1.4, 0.06, 0.9), finish=WHITE, instance=1)
+    add_box(builder, (2.5, 0.72, 2.5), (1.4, 0.06, 0.9), instance=1)
     under, beside = floor_light(builder.mesh(), [(2.5, 2.5), (4.0, 4.0)])
     assert under < beside - 0.12
 
 
 def test_the_side_towards_the_sun_is_brighter() -> None:
     builder = QuadBuilder()
-    builder.add_box((0, 1, 0), (1, 1, 1), finish=WHITE, instance=1)
+    add_box(builder, (0, 1, 0), (1, 1, 1), instance=1)
     mesh = builder.mesh()
     sides = {
         name: float(light_at(mesh, [tuple(3 * np.array(d) + [0, 1, 0])], tuple(-np.array(d)))[0])
@@ -136,8 +142,8 @@ def test_the_side_towards_the_sun_is_brighter() -> None:
 def test_nothing_is_black_however_hidden() -> None:
     builder = QuadBuilder()
     room(builder)
-    builder.add_box((2, 0.1, 2), (1.5, 0.16, 1.5), finish=WHITE, instance=1)
-    builder.add_box((2, 0.18, 2), (1.5, 0.3, 1.5), finish=WHITE, instance=2)  # inside of each other
+    add_box(builder, (2, 0.1, 2), (1.5, 0.16, 1.5), instance=1)
+    add_box(builder, (2, 0.18, 2), (1.5, 0.3, 1.5), instance=2)  # inside of each other
     mesh = builder.mesh()
     assert mesh.vertex_rgb is not None
     assert mesh.vertex_rgb.min() >= int(DARKEST * 255)
@@ -148,7 +154,7 @@ def test_a_wall_that_stands_on_a_floor_leaves_no_black_line() -> None:
     for shift in (0.0, 0.05, 0.1):
         builder = QuadBuilder()
         builder.add_quads(flat(0, 0, 6, 4), WHITE)
-        builder.add_box((3 + shift, 1.25, 2), (0.12, 2.5, 4), finish=WHITE)
+        add_box(builder, (3 + shift, 1.25, 2), (0.12, 2.5, 4))
         mesh = builder.mesh()
         foot = floor_light(mesh, [(3 + shift + side * 0.07, z) for side in (-1, 1) for z in (0.8, 1.3, 1.9, 2.6)])
         middle = floor_light(mesh, [(1.3, 2.0)])[0]
@@ -161,7 +167,7 @@ def test_a_wall_that_stands_on_a_floor_leaves_no_black_line() -> None:
 def test_light_changes_smoothly_over_a_floor() -> None:
     builder = QuadBuilder()
     room(builder)
-    builder.add_box((2, 0.4, 1.2), (0.9, 0.8, 0.5), finish=WHITE, yaw=0.3, instance=1)
+    add_box(builder, (2, 0.4, 1.2), (0.9, 0.8, 0.5), yaw=0.3, instance=1)
     light = floor_light(builder.mesh(), [(x, 2.2) for x in np.linspace(0.1, 3.9, 381).tolist()])
     assert np.abs(np.diff(light)).max() < 0.02, "1 cm further"
 
@@ -191,14 +197,14 @@ def test_both_ways_to_trace_rays_agree(monkeypatch, tmp_path) -> None:
     def lit() -> NDArray[np.uint8]:
         builder = QuadBuilder()
         room(builder)
-        builder.add_box((2, 0.4, 1.2), (0.9, 0.8, 0.5), finish=WHITE, yaw=0.3, instance=1)
+        add_box(builder, (2, 0.4, 1.2), (0.9, 0.8, 0.5), yaw=0.3, instance=1)
         vertex_rgb = builder.mesh().vertex_rgb
         assert vertex_rgb is not None
         return vertex_rgb
 
     fast = lit()
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    monkeypatch.setattr(sky_rays, "chosen_backend", lambda: Backend("open3d", 1, "test"))
+    monkeypatch.setattr(light_module, "chosen_backend", lambda: Backend("open3d", 1, "test"))
     slow = lit()
     difference = np.abs(fast.astype(int) - slow)
     assert difference.mean() < 0.2
@@ -214,7 +220,7 @@ def test_light_is_made_once_and_anew_for_other_geometry(monkeypatch, tmp_path) -
     def lit(shift: float, *lamps: tuple[float, float, float]) -> str:
         builder = QuadBuilder()
         room(builder)
-        builder.add_box((2, 0.4, 1.2 + shift), (0.9, 0.8, 0.5), finish=WHITE, instance=1)
+        add_box(builder, (2, 0.4, 1.2 + shift), (0.9, 0.8, 0.5), instance=1)
         return builder.mesh(lamps=lamps).digest()
 
     first = lit(0.0)

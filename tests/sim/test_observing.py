@@ -22,6 +22,8 @@ from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
 from sim.types import Action, Camera, Observation, Task
 
+pytestmark = pytest.mark.slow
+
 
 class Wanders:
     """Walks by its own random numbers for 15 steps, and explains itself."""
@@ -113,7 +115,7 @@ def command(root: Path, out: Path, **changes: Any) -> int:
         "agent": "random", "scenes_dir": None, "scene": (), "split": (), "limit": 1, "seed": 3, "jobs": 1,
         "run_id": "a", "dataset": root, "out": out,
     }  # fmt: skip
-    return Run(**(options | changes)).work()
+    return Run(**(options | changes)).run()
 
 
 @pytest.mark.slow

@@ -65,6 +65,7 @@ def test_articles_inside_distinguish_objects() -> None:
     assert graph.objects == ("coats in closet of the hall", "coats in closet of hall")
 
 
+@pytest.mark.slow
 @given(
     owner=st.from_regex(r"[A-Z][a-z]{1,8}", fullmatch=True),
     words=st.from_regex(r"[a-z]{1,6}( [a-z]{3,6}){0,4}", fullmatch=True),

@@ -8,9 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim.errors import TaskStateError
+from sim.render.raycast import Raycaster
 from sim.tasks.pan import PanEnv
-from sim.types import Action, Pose
+from sim.types import Action, Camera, Pose
 
+from .raycasters import soup
 from .worlds import open_room, room_with
 
 START = Pose((3.0, 0.0, 3.0), 0.0)
@@ -23,6 +25,16 @@ def test_forward_walks_a_quarter_metre_along_minus_z() -> None:
     assert env.pose.position == pytest.approx((3.0, 0.0, 2.75))
     assert not observation.collided
     assert observation.gps == pytest.approx((0.25, 0.0))
+
+
+def test_without_colours_the_depth_stays_the_same() -> None:
+    walls, camera = Raycaster(soup(4)), Camera(32, 24)
+    whole = PanEnv(START, open_room(), renderer=walls, camera=camera).reset()
+    bare = PanEnv(START, open_room(), renderer=walls, camera=camera, colours=False).reset()
+    assert bare.rgb is None
+    assert bare.depth_m is not None
+    assert whole.depth_m is not None
+    np.testing.assert_array_equal(bare.depth_m, whole.depth_m)
 
 
 def test_left_then_forward_walks_towards_minus_x() -> None:

@@ -1,5 +1,6 @@
 """HomePlan on disk, and cells as runs."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from sim.errors import SceneError
 from sim.homes.cells import CellGrid, CellRun, Cells, cells_from_runs, runs_from_cells
 from sim.homes.plan import Finish, Furniture, HomePlan, Rect, Room, Stair, Storey, Wall, load_plan, save_plan
+from sim.types import GridSpec
 
 CHAIR = Furniture(
     name="chair_1", category="chair", centre=(1.0, 0.45, 2.0), size=(0.5, 0.9, 0.4), finish=Finish(rgb=(200, 30, 30))
@@ -136,3 +138,23 @@ def test_a_plan_as_version_1_wrote_it_still_reads_and_a_newer_one_is_refused(tmp
     path.write_text(VERSION_1.replace('"schema_version":1', '"schema_version":3'))
     with pytest.raises(SceneError, match=r"Tiny\.plan\.json: schema_version is 3; expected"):
         load_plan(path)
+
+
+def test_a_rectangle_touches_cells_and_keeps_to_the_grid() -> None:
+    grid = GridSpec((0.0, 0.0), 0.5, (4, 6))
+    assert Rect(0.6, 0.1, 1.4, 0.9).cells(grid) == (slice(0, 2), slice(1, 3))
+    assert Rect(0.5, 0.0, 1.0, 0.5).cells(grid, slack=1e-6) == (slice(0, 1), slice(1, 2))
+    assert Rect(-3.0, -3.0, -2.0, 9.0).cells(grid) == (slice(0, 4), slice(0, 1))
+
+
+@pytest.mark.parametrize(
+    ("yaw", "strip"),
+    [
+        (0.0, Rect(0.0, 2.0, 1.0, 2.5)),
+        (math.pi / 2, Rect(1.0, 0.0, 1.5, 2.0)),
+        (math.pi, Rect(0.0, -0.5, 1.0, 0.0)),
+        (-math.pi / 2, Rect(-0.5, 0.0, 0.0, 2.0)),
+    ],
+)
+def test_the_strip_beside_a_rectangle_is_where_its_side_looks(yaw: float, strip: Rect) -> None:
+    assert Rect(0.0, 0.0, 1.0, 2.0).beside(yaw, 0.5) == strip

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from sim.plan_view.heat import heat_colours, heat_shares
+from sim.plan_view.storey import cropped_map
 from sim.plan_view.svg import free_floor
 from sim.plan_view.view import PlanView
 from sim.types import GridSpec
@@ -22,3 +24,20 @@ def test_each_run_of_free_cells_is_one_rectangle() -> None:
     drawn = free_floor(view, free, GridSpec((0.0, 0.0), 1.0, (2, 4)))
     assert drawn == '<path d="M0.0 0.0h20.0v10.3h-20.0zM30.0 0.0h10.0v10.3h-10.0z" fill="#ffffff"/>'
     assert view.pixels((2.0, 1.0)) == pytest.approx([20, 10])
+
+
+def test_heat_goes_from_dark_blue_to_yellow_whatever_the_range() -> None:
+    shares = heat_shares(np.array([-3.0, np.nan, 1.0, -1.0]))
+    assert shares[[0, 2, 3]].tolist() == [0.0, 1.0, 0.5]
+    assert np.isnan(shares[1])
+    assert heat_shares(np.array([2.0, 2.0])).tolist() == [1.0, 1.0]
+    assert heat_colours(np.array([0.0, 0.5, 1.0])).tolist() == [[68, 1, 84], [33, 145, 140], [253, 231, 37]]
+
+
+def test_a_map_ends_half_a_metre_behind_its_free_cells() -> None:
+    free = np.zeros((40, 40), bool)
+    free[20, 22:24] = True
+    shown = cropped_map(1, 3.0, free, GridSpec((-2.0, -2.0), 0.1, free.shape), around=free)
+    assert (shown.name, shown.free.shape, shown.free.sum()) == ("storey_1", (11, 12), 2)
+    assert shown.grid.origin_xz == pytest.approx((-0.3, -0.5))
+    assert shown.pixels(np.array([-0.3, 9.0, -0.4])) == pytest.approx([0, 1])

@@ -16,7 +16,7 @@ from sim.types import Action
 from .pose_writers import FRAMES, write_csv, write_gps, write_json, write_npz
 from .test_import_golden import golden_dataset, golden_episodes, play_golden
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.release
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,12 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from sim.copies.glb_writer import glb_from_mesh
+from sim.homes.building.house import mesh_from_plan
 from sim.homes.building.patches import FLOOR_STEP
 from sim.homes.building.quads import QuadBuilder
 from sim.homes.building.textures import texture_of
-from sim.homes.house import mesh_from_plan
-from sim.homes.invented.invent import invent_plan
+from sim.homes.furniture.shapes import box
+from sim.homes.invented.plans import invent_plan
 from sim.homes.plan import Finish
 from sim.mesh import VERTEX_COLOURS, TriangleMesh
 
@@ -185,11 +186,12 @@ def test_rounded_solids_have_no_edges_in_their_light() -> None:
 def test_nothing_added_twice_or_lost() -> None:
     builder = QuadBuilder()
     builder.add_quads(np.zeros((0, 4, 3)), RED)
-    builder.add_box((0, 1, 0), (1, 2, 0.5), finish=RED, yaw=0.7, instance=2)
+    builder.add_quads(box((0, 1, 0), (1, 2, 0.5)).turned("y", 0.7).corners, RED, instance=2)
     mesh = builder.mesh()
     assert area(mesh).sum() == pytest.approx(2 * (2 + 0.5 + 1), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_an_invented_home_is_small_enough_for_a_browser_and_always_the_same() -> None:
     plan = invent_plan("X", seed=1)
     mesh, _ = mesh_from_plan(plan)

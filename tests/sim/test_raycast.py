@@ -105,6 +105,17 @@ def test_depth_alone_is_that_of_the_frame(make_raycaster, size):
     np.testing.assert_array_equal(raycaster.depth(view, camera), raycaster.render(view, camera).depth_m)
 
 
+def test_a_measured_lens_shows_the_part_of_a_wider_view_that_its_middle_says(make_raycaster):
+    raycaster, whole = make_raycaster(soup(4)), Camera(96, 72)
+    part = Camera.of_lens(40, 30, fx=whole.focal, fy=whole.focal, cx=48 - 10, cy=36 - 20)
+    view = T_world_camera(Pose((0, 0, 0), 1.0), whole)
+    seen, cut = raycaster.render(view, whole), raycaster.render(view, part)
+    np.testing.assert_array_equal(cut.instance_ids, seen.instance_ids[20:50, 10:50])
+    np.testing.assert_allclose(cut.depth_m, seen.depth_m[20:50, 10:50], rtol=1e-5)
+    assert cut.camera == part
+    np.testing.assert_array_equal(cut.T_world_camera, view)
+
+
 def test_a_small_picture_is_the_large_one_at_fewer_pixels(make_raycaster):
     # Every third pixel centre of a picture three times as large in all directions is a pixel centre of the small one.
     raycaster = make_raycaster(soup(5))

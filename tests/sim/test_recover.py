@@ -11,10 +11,10 @@ from sim.frames import T_world_camera, quat_xyzw_from_yaw, yaw_towards
 from sim.homes.cells import cells_from_runs
 from sim.homes.open_home import open_scene, scene_from_plan
 from sim.homes.plan import HomePlan, load_plan, plan_bytes, save_plan
-from sim.homes.recovered import recover
+from sim.homes.recovered import plans
+from sim.homes.recovered.objects import recovered_pieces
 from sim.homes.recovered.open_space import LOW_STEP, STEP, step_cells
-from sim.homes.recovered.recover import recover_plan
-from sim.homes.recovered.recovered_objects import recovered_objects
+from sim.homes.recovered.plans import recover_plan
 from sim.render.raycast import Raycaster
 from sim.types import AGENT_RADIUS, Camera, Pose, Split
 from sim.walk.floor_grid import FloorGrid
@@ -123,11 +123,11 @@ def test_a_picture_keeps_a_wall_right_behind_it(tmp_path: Path) -> None:
     cells = recover_plan(dataset_of(tmp_path, LATTICE), SCENE).cells
     assert cells is not None
     recorded = recorded_of(recorded_goal("picture_1", (2.0, 1.6, -0.6), LATTICE))
-    steps = step_cells(recorded, recovered_objects(recorded, GROUND), GROUND, grid=cells)
+    steps = step_cells(recorded, *recovered_pieces(recorded, GROUND), GROUND, grid=cells)
     xz = cells.grid.xz_from_rc(steps.rc)
     assert xz[np.abs(xz[:, 0] - 2.0) < 0.25, 1].min() > -0.6 - 0.08
     table = recorded_of(recorded_goal("table_1", (2.0, 0.37, -0.6), LATTICE))
-    steps = step_cells(table, recovered_objects(table, GROUND), GROUND, grid=cells)
+    steps = step_cells(table, *recovered_pieces(table, GROUND), GROUND, grid=cells)
     xz = cells.grid.xz_from_rc(steps.rc)
     assert xz[np.abs(xz[:, 0] - 2.0) < 0.25, 1].min() < -0.6 - 0.2
 
@@ -158,7 +158,7 @@ def test_a_plan_is_kept_until_the_files_change(tmp_path: Path, monkeypatch: pyte
         made.append(scene)
         return first
 
-    monkeypatch.setattr(recover, "_recovered", counted)
+    monkeypatch.setattr(plans, "_recovered", counted)
     assert recover_plan(dataset_of(tmp_path, LATTICE), SCENE) == first
     assert made == []
     recover_plan(dataset_of(tmp_path, LATTICE[:-1]), SCENE)

@@ -11,9 +11,9 @@ from sim.episodes.dataset import PersonalDataset
 from sim.homes.furniture.families import look_of
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import Finish, Furniture
+from sim.homes.recovered.footprints import clipped, fitted_footprint
+from sim.homes.recovered.plans import recover_plan
 from sim.homes.recovered.recorded import recorded_facts
-from sim.homes.recovered.recover import recover_plan
-from sim.homes.recovered.recovered_sizes import clipped, fitted_footprint
 from sim.homes.recovered.unhidden import made_way, unhidden
 from sim.types import AGENT_RADIUS, CAMERA_HEIGHT
 
@@ -65,7 +65,7 @@ def test_a_box_shrinks_to_the_agents_radius_from_every_place() -> None:
 
 def test_what_stands_on_the_floor_is_twice_as_high_as_its_centre() -> None:
     found = objects_of(recorded_of(recorded_goal("couch_4", (0.0, 0.41, 0.0), SOUTH)))["couch_4"]
-    assert found.stand == "floor"
+    assert found.mounting == "floor"
     assert found.piece.centre == (0.0, 0.41, 0.0)
     assert found.piece.size[1] == pytest.approx(0.82)
     assert found.piece.yaw == 0.0
@@ -73,9 +73,9 @@ def test_what_stands_on_the_floor_is_twice_as_high_as_its_centre() -> None:
 
 def test_a_picture_hangs_thin_and_faces_who_sees_it() -> None:
     found = objects_of(recorded_of(recorded_goal("picture_4", (0.3, 1.6, -0.1), SOUTH)))["picture_4"]
-    assert found.stand == "wall"
+    assert found.mounting == "wall"
     assert found.piece.centre == (0.3, 1.6, -0.1)
-    assert found.piece.size[2] == look_of("picture")[1][2]
+    assert found.piece.size[2] == look_of("picture").size[2]
     assert found.piece.yaw == 0.0
 
 
@@ -84,7 +84,7 @@ def test_a_vase_above_a_table_stands_on_it() -> None:
     vase = recorded_goal("vase_2", (0.1, 0.93, 0.05), SOUTH)
     found = objects_of(recorded_of(table, vase))
     assert set(found) == {"table_1", "vase_2"}
-    assert found["vase_2"].stand == "on"
+    assert found["vase_2"].mounting == "on"
     assert bottom(found["vase_2"].piece) == pytest.approx(0.74)
     assert found["vase_2"].piece.centre == (0.1, 0.93, 0.05)
 
@@ -102,8 +102,8 @@ def test_a_vase_in_the_air_gets_a_table_that_no_episode_names() -> None:
 def test_a_lamp_high_up_hangs_from_the_ceiling_and_a_low_vase_stands_on_the_floor() -> None:
     lamp, vase = recorded_goal("lamp_1", (0.0, 2.1, 0.0), SOUTH), recorded_goal("vase_2", (2.0, 0.2, 0.0), SOUTH)
     found = objects_of(recorded_of(lamp, vase))
-    assert found["lamp_1"].stand == "ceiling"
-    assert (found["vase_2"].stand, bottom(found["vase_2"].piece)) == ("floor", pytest.approx(0.0))
+    assert found["lamp_1"].mounting == "ceiling"
+    assert (found["vase_2"].mounting, bottom(found["vase_2"].piece)) == ("floor", pytest.approx(0.0))
 
 
 def test_places_on_top_of_a_bed_do_not_shrink_it_and_are_not_its_floor() -> None:
@@ -164,10 +164,10 @@ def test_a_hidden_object_is_seen_afterwards() -> None:
     picture = recorded_goal("picture_1", (0.0, 0.95, -0.6), SOUTH)
     wardrobe = recorded_goal("wardrobe_2", (0.0, 1.0, -0.1), SOUTH)
     recorded = recorded_of(picture, wardrobe)
-    before = list(objects_of(recorded).values())
-    after = {item.piece.name: item.piece for item in unhidden(before, recorded.goals)}
+    before = [found.piece for found in objects_of(recorded).values()]
+    after = {piece.name: piece for piece in unhidden(before, recorded.goals)}
     assert set(after) == {"picture_1", "wardrobe_2"}
-    assert after["wardrobe_2"].size[0] < before[1].piece.size[0]
+    assert after["wardrobe_2"].size[0] < before[1].size[0]
     line = after["wardrobe_2"].rect
     # from the outermost place the picture's edge is past the wardrobe's near corner
     assert line.x1 < 0.5
@@ -190,7 +190,7 @@ def test_every_goal_of_a_real_home_is_at_its_recorded_centre_and_seen(dataset_ro
     recorded = recorded_facts(dataset, scene)
     for item in captioned.values():
         # a box is at least 8 cm thick, though the recorded centre may be nearer to a place than that allows
-        if look_of(item.category)[0] == "flat" or min(item.size[0], item.size[2]) < 0.081:
+        if look_of(item.category).family == "flat" or min(item.size[0], item.size[2]) < 0.081:
             continue
         near_floor = np.abs(recorded.places[:, 1] - goals[item.name].floor_y) < 0.2
         reached = (recorded.places[:, 1] + CAMERA_HEIGHT > bottom(item)) & (recorded.places[:, 1] < top(item) - 0.1)

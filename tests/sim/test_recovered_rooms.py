@@ -9,9 +9,9 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.cells import CellGrid, Cells, runs_from_cells
 from sim.homes.plan import Room, Storey
-from sim.homes.recovered.recover import recover_plan
-from sim.homes.recovered.recovered_rooms import RecoveredRooms, open_cells, recovered_rooms
-from sim.homes.recovered.room_words import room_name, room_texts, usual_room
+from sim.homes.recovered.names import room_name, room_texts, usual_room
+from sim.homes.recovered.plans import recover_plan
+from sim.homes.recovered.rooms import RecoveredRooms, open_cells, recovered_rooms
 from sim.types import SPLITS
 
 from .recorded_worlds import GROUND, Point, recorded_goal

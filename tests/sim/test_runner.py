@@ -78,11 +78,11 @@ def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(demo_root:
 @pytest.mark.slow
 def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(demo_root: Path, tmp_path: Path) -> None:
     options = {**OPTIONS, "agent": "shortest-path", "dataset": demo_root, "out": tmp_path, "limit": 4}
-    assert Run(**options, rule="habitat").work() == 0
+    assert Run(**options, rule="habitat").run() == 0
     found = read_run(tmp_path / "shortest-path-habitat-invented-seed0")
     assert (found.info.who, found.info.made_for) == ("shortest-path-habitat", "habitat")
     assert [str(item.key) for item in found.episodes if not item.end.measures.rules["habitat"].success] == []
-    assert Run(**options).work() == 0
+    assert Run(**options).run() == 0
     plain = read_run(tmp_path / "shortest-path-invented-seed0").info
     assert (plain.who, plain.made_for) == ("shortest-path", "paper")
 
@@ -90,7 +90,7 @@ def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(demo_root: 
 def test_a_rule_is_for_the_agent_that_knows_the_goal_only(demo_root: Path, tmp_path: Path) -> None:
     options = {**OPTIONS, "dataset": demo_root, "out": tmp_path, "rule": "habitat"}
     with pytest.raises(AgentError, match=r"--rule: found 'habitat' for --agent random; expected it with --agent short"):
-        Run(**options).work()
+        Run(**options).run()
     assert not list(tmp_path.iterdir())
 
 
@@ -131,9 +131,9 @@ def test_homes_of_several_kinds_are_not_run_together(demo_root: Path, tmp_path: 
     )
     options = {**OPTIONS, "dataset": tmp_path / "mixed", "out": tmp_path / "runs"}
     with pytest.raises(SceneError, match=r"found scene kinds invented \(Demo\), schematic \(\w+\); expected one kind"):
-        Run(**options).work()
+        Run(**options).run()
     assert not (tmp_path / "runs").exists()
-    assert Run(**{**options, "scene": ("Demo",), "limit": 1}).work() == 0
+    assert Run(**{**options, "scene": ("Demo",), "limit": 1}).run() == 0
     assert read_run(tmp_path / "runs" / "random-invented-seed0").info.scene_kind == "invented"
 
 
@@ -163,9 +163,9 @@ OPTIONS = {
 def test_bad_options_are_one_line_before_any_work(tmp_path: Path, change: dict, message: str) -> None:
     nowhere = tmp_path / "nowhere"
     with pytest.raises(PersonalVizError, match=message) as caught:
-        Run(**{**OPTIONS, "dataset": nowhere, "out": nowhere, **change}).work()
+        Run(**{**OPTIONS, "dataset": nowhere, "out": nowhere, **change}).run()
     assert "\n" not in str(caught.value)
     if "run_id" in change:
         with pytest.raises(PersonalVizError, match=message):
-            Import(files=(), dataset=nowhere, scenes_dir=None, out=nowhere, who="a", **change).work()
+            Import(files=(), dataset=nowhere, scenes_dir=None, out=nowhere, who="a", **change).run()
     assert not nowhere.exists()

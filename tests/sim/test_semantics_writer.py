@@ -9,7 +9,7 @@ import pytest
 from sim.authoring.semantics_writer import rooms_of_objects, semantic_files
 from sim.copies.glb_writer import glb_from_mesh
 from sim.frames import glb_zup_from_world
-from sim.homes.house import mesh_from_plan
+from sim.homes.building.house import mesh_from_plan
 from sim.homes.plan import Finish, Furniture, HomePlan, Rect, Room, Storey
 from sim.scans.hm3d import load_semantics
 from sim.scans.meshes import load_mesh

@@ -14,7 +14,7 @@ from sim.frames import glb_zup_from_world
 from sim.homes.kind import common_kind, scene_kind
 from sim.homes.open_home import find_scan, open_scene
 from sim.homes.plan import save_plan
-from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.plans import recover_plan
 from sim.scans.up_axis import up_axis
 from sim.walk.floor_grid import FloorGrid
 from sim.walk.navmesh import NavMesh

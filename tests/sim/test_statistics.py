@@ -170,12 +170,12 @@ def test_statistics_refuse_a_damaged_file_in_one_line(tmp_path: Path) -> None:
     path = write_dataset(tmp_path) / "easy" / "content" / f"{SCENE}.json.gz"
     path.write_bytes(b"?")
     with pytest.raises(DatasetError, match="cannot be read"):
-        Stats(dataset=tmp_path, json=False).work()
+        Stats(dataset=tmp_path, json=False).run()
 
 
 def test_stats_prints_both_tables_beside_the_papers_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_dataset(tmp_path)
-    assert Stats(dataset=tmp_path, json=False).work() == 0
+    assert Stats(dataset=tmp_path, json=False).run() == 0
     text = capsys.readouterr().out
     assert "4.52 | 2.00 | 2.00" in text
     assert "GOAT (paper)" in text
@@ -184,7 +184,7 @@ def test_stats_prints_both_tables_beside_the_papers_figures(tmp_path: Path, caps
 
 def test_stats_prints_one_json_document(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_dataset(tmp_path)
-    assert Stats(dataset=tmp_path, json=True).work() == 0
+    assert Stats(dataset=tmp_path, json=True).run() == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document) == {"network", "captions"}
     assert document["network"]["per_episode"][0]["people"] == 2

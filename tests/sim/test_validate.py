@@ -338,13 +338,13 @@ def test_an_unresolved_target_is_named_with_its_reason(tmp_path: Path) -> None:
 
 def test_a_folder_without_episodes_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="found no episode file"):
-        Validate(dataset=tmp_path, json=False).work()
+        Validate(dataset=tmp_path, json=False).run()
 
 
 def test_the_command_prints_a_table_and_exits_0_without_errors(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert Validate(dataset=write_dataset(tmp_path), json=False).work() == 0
+    assert Validate(dataset=write_dataset(tmp_path), json=False).run() == 0
     text = capsys.readouterr().out
     assert "1 episodes (easy 1, medium 0, hard 0)" in text
     assert "start-looks-away" in text
@@ -352,12 +352,12 @@ def test_the_command_prints_a_table_and_exits_0_without_errors(
 
 
 def test_the_command_exits_1_on_errors_and_prints_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert Validate(dataset=write_dataset(tmp_path, easy(owner=5)), json=False).work() == 1
+    assert Validate(dataset=write_dataset(tmp_path, easy(owner=5)), json=False).run() == 1
     assert "episodes.0.owner is 5; expected: Input should be a valid string" in capsys.readouterr().out
 
 
 def test_the_command_prints_one_json_document(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert Validate(dataset=write_dataset(tmp_path, easy(object_id="coffee table_70")), json=True).work() == 1
+    assert Validate(dataset=write_dataset(tmp_path, easy(object_id="coffee table_70")), json=True).run() == 1
     document = json.loads(capsys.readouterr().out)
     assert (document["episodes"], document["per_split"]) == (1, {"easy": 1, "medium": 0, "hard": 0})
     assert document["errors"] == 1

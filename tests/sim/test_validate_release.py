@@ -170,7 +170,7 @@ def test_the_release_has_no_error(
 ) -> None:
     assert report.num_errors == 0
     assert report.problems == ()
-    assert Validate(dataset=dataset_root, json=True).work() == 0
+    assert Validate(dataset=dataset_root, json=True).run() == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["episodes"], document["errors"]) == (2000, 0)
     assert document["per_split"] == {"easy": 600, "medium": 700, "hard": 700}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.frames import T_world_camera
-from sim.homes.invented.invent import invent_plan
+from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.mesh import SceneObject, TriangleMesh
 from sim.render.raycast import Raycaster

@@ -1,1 +1,1 @@
-"""How closely we agree with a real Habitat's answers."""
+"""Measures how closely we agree with a real Habitat's answers."""

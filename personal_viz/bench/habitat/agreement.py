@@ -1,4 +1,4 @@
-"""How closely navigation, depth and measures agree with a real Habitat's answers: figures of any golden folder."""
+"""Computes how closely navigation, depth and measures agree with a real Habitat's answers in a golden folder."""
 
 import hashlib
 from collections.abc import Callable
@@ -8,27 +8,28 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from ..harness import Target
 from .compare import DEPTH_BINS, STEP_CLOSE, Samples, merged, samples_of
 from .golden import read_houses
 
-TARGETS: dict[str, tuple[str, float]] = {
-    "geodesic_within_1e-4": (">=", 0.995),
-    "reachability": (">=", 1.0),
-    "steps_within_1mm": (">=", 0.995),
-    "snap": (">=", 0.995),
-    "navigable": (">=", 0.995),
-    "grid_mean_rel_error": ("<=", 0.01),
-    "grid_reachability": (">=", 0.99),
-    "grid_area_rel_error": ("<=", 0.01),
-    "depth_median_mm": ("<=", 0.1),
-    "depth_within_1mm": (">=", 0.999),
-    "measures_max_abs_error": ("<=", 1e-5),
+TARGETS: dict[str, Target] = {
+    "geodesic_within_1e-4": Target(0.995, at_least=True),
+    "reachability": Target(1.0, at_least=True),
+    "steps_within_1mm": Target(0.995, at_least=True),
+    "snap": Target(0.995, at_least=True),
+    "navigable": Target(0.995, at_least=True),
+    "grid_mean_rel_error": Target(0.01),
+    "grid_reachability": Target(0.99, at_least=True),
+    "grid_area_rel_error": Target(0.01),
+    "depth_median_mm": Target(0.1),
+    "depth_within_1mm": Target(0.999, at_least=True),
+    "measures_max_abs_error": Target(1e-5),
 }
-"""What issue 3 asks for, by JSON key."""
+"""Targets of issue 3, by JSON key."""
 
 
 class Rows(BaseModel):
-    """How many rows each figure was counted on."""
+    """Number of rows behind each figure."""
 
     model_config = ConfigDict(frozen=True)
     geodesic: int
@@ -36,7 +37,7 @@ class Rows(BaseModel):
     """Pairs in both directions and queries with several goals, reachable or not."""
     steps: int
     sensitive: int
-    """Forwards left out, because two micrometres decide them."""
+    """Forwards left out because two micrometres decide their result."""
     snap: int
     grid: int
     grid_off_mesh: int
@@ -51,7 +52,7 @@ class Further(BaseModel):
     reverse_within_1e_4: float | None = Field(serialization_alias="reverse_within_1e-4")
     multi_goal_within_1e_4: float | None = Field(serialization_alias="multi_goal_within_1e-4")
     step_flags: float | None
-    """Forwards whose `collided` is the same."""
+    """Share of forwards with the same `collided`."""
     slide_steps_within_1mm: float | None
     slide_flags: float | None
     navigable_dy_0_1: float | None
@@ -63,12 +64,12 @@ class Further(BaseModel):
     """Pairs with an end off the navmesh, where Detour counts heights above the floor."""
     grid_off_mesh_reachability: float | None
     depth_same_holes: float | None
-    """Pixels that both or neither see something at."""
+    """Share of pixels where both see something, or neither does."""
     success_exact: float | None
     num_steps_exact: float | None
     collisions_exact: float | None
     nonfinite_exact: float | None
-    """distance_to_goal, spl and soft_spl that are both finite, both inf or both nan."""
+    """Share of distance_to_goal, spl and soft_spl that are both finite, both inf or both nan."""
     distance_after_step_within_1e_4: float | None = Field(serialization_alias="distance_after_step_within_1e-4")
 
 
@@ -77,25 +78,25 @@ class Figures(BaseModel):
 
     model_config = ConfigDict(frozen=True)
     geodesic_within_1e_4: float | None = Field(serialization_alias="geodesic_within_1e-4")
-    """Pairs that Habitat finds a way for and whose distance differs by at most 1e-4 m."""
+    """Share of the pairs for which Habitat finds a way whose distance differs by at most 1e-4 m."""
     reachability: float | None
-    """Queries for which both find a way, or neither."""
+    """Share of queries for which both find a way, or neither does."""
     steps_within_1mm: float | None
-    """Forwards under the old no-sliding rule, without sensitive ones."""
+    """Share of forwards under the old no-sliding rule, without sensitive ones."""
     snap: float | None
     navigable: float | None
     grid_mean_rel_error: float | None
     """Mean of |ours / Habitat's - 1| over pairs on the mesh, the grid made from the mesh file alone."""
     grid_reachability: float | None
     grid_area_rel_error: float | None
-    """The largest over houses and robots."""
+    """Largest relative error over houses and robots."""
     depth_median_mm: float | None
-    """Over pixels that both see something at."""
+    """Median over pixels where both see something."""
     depth_within_1mm: float | None
-    """Of pixels that either sees something at; one that only one sees is no agreement."""
+    """Share of the pixels where at least one sees something; a pixel that only one sees counts as disagreement."""
     measures_max_abs_error: float | None
-    """Largest error of distance_to_goal, spl and soft_spl. None where nothing is compared, and where a value is finite,
-    inf or nan on one side only (`further.nonfinite_exact` below 1): `targets_met` then says False."""
+    """Largest error of distance_to_goal, spl and soft_spl. None if nothing is compared, or if a value is finite, inf or
+    nan on one side only (`further.nonfinite_exact` below 1); `targets_met` is False in that last case."""
     further: Further
     rows: Rows
 
@@ -109,12 +110,12 @@ class HouseFigures(Figures):
 
 
 class Agreement(Figures):
-    """Figures of all rows of all houses together, with what a reader needs to trust them. Holds no geometry."""
+    """Figures of all rows of all houses together, with the facts needed to trust them. Holds no geometry."""
 
     missing: tuple[str, ...]
     houses: tuple[HouseFigures, ...]
     made_with: tuple[str, ...]
-    """Habitat's versions, as the folder says."""
+    """Habitat's versions, as the folder states them."""
     compared_with: str
     files: dict[str, str]
     """sha256 of every file that was read, by name."""
@@ -160,13 +161,11 @@ def _sha256(path: Path) -> str:
 def targets_met(figures: Figures) -> dict[str, bool | None]:
     """By JSON key: whether the target is met; None = nothing was compared.
 
-    The measures' target asks for the exact ones too: success, steps, collisions and which values are not finite.
+    The target of the measures also requires exact success, steps and collisions, and the same values that are not
+    finite.
     """
     values = figures.model_dump(by_alias=True)
-    met = {
-        key: None if values[key] is None else values[key] >= limit if sign == ">=" else values[key] <= limit
-        for key, (sign, limit) in TARGETS.items()
-    }
+    met = {key: None if values[key] is None else target.is_met_by(values[key]) for key, target in TARGETS.items()}
     further = figures.further
     exact = (further.success_exact, further.num_steps_exact, further.collisions_exact, further.nonfinite_exact)
     if any(share is not None and share < 1 for share in exact):
@@ -175,7 +174,7 @@ def targets_met(figures: Figures) -> dict[str, bool | None]:
 
 
 def _figures(samples: Samples) -> dict:
-    """Fields of `Figures`."""
+    """The fields of `Figures`, computed from the samples."""
     bins = samples.get("depth_bins", np.zeros(DEPTH_BINS, np.int64))
     single = int(samples.get("depth_single", np.zeros(1, np.int64)).sum())
     both = int(bins.sum())

@@ -21,26 +21,27 @@ from .golden import EpisodeRow, Episodes, Geodesic, House, NavmeshInfo, Pair, Po
 from .measures import HabitatMeasures, distances_to_goal, habitat_measures
 
 CLOSE = 1e-4
-"""Metres by which distances, snapped points and radii may differ (issue 3)."""
+"""Largest allowed difference of distances, snapped points and radii, metres (issue 3)."""
 STEP_CLOSE = 1e-3
-"""Metres by which the end of a forward, or a pixel's depth, may differ (issue 3)."""
+"""Largest allowed difference of the end of a forward, or of a pixel's depth, metres (issue 3)."""
 ON_MESH = ("on_mesh", "any_islands", "other_island")
-"""Kinds of pairs whose ends both lie on Habitat's navmesh. At other ends Detour counts a point's own height above its
-polygon, or clamps the point to it; the grid, whose floor lies up to 0.2 m lower, comes near: reported apart."""
+"""Kinds of pairs whose ends both lie on Habitat's navmesh. For other ends Detour counts a point's own height above its
+polygon, or clamps the point to it. The grid, whose floor lies up to 0.2 m lower, gives similar results there: they are
+reported apart."""
 DEPTH_BINS = 20_000
 """Depth errors are counted in bins of a micrometre, so that any number of images fits into memory; the last bin holds
 everything from 20 mm."""
 BOUNDS_TOLERANCE = 0.5
-"""Metres between the bounds of a scan and of its navmesh; they are equal where Habitat built the navmesh itself."""
+"""Largest distance between the bounds of a scan and of its navmesh, metres; 0 if Habitat built the navmesh itself."""
 FLOATS = ("distance_to_goal", "spl", "soft_spl")
 """Measures that are compared as numbers."""
 
 Samples = dict[str, NDArray]
-"""By the name of a figure: what each row gave. Booleans (agrees or not) or errors; `depth_*` are counts per bin."""
+"""Results of each row, by name of a figure: booleans (agrees or not) or errors; `depth_*` are counts per bin."""
 
 
 def samples_of(house: House) -> tuple[Samples, list[str]]:
-    """What every row of a house gave, and which parts of it are not in the folder.
+    """The results of every row of a house, and the names of the parts that are not in the folder.
 
     Raises:
         SceneError: A file is damaged or contradicts another one.
@@ -83,7 +84,7 @@ def samples_of(house: House) -> tuple[Samples, list[str]]:
 
 
 def merged(samples: Sequence[Samples]) -> Samples:
-    """All houses' rows as one."""
+    """The rows of all houses together."""
     names = dict.fromkeys(name for found in samples for name in found)
     every = {name: [found[name] for found in samples if name in found] for name in names}
     return {
@@ -95,7 +96,7 @@ def merged(samples: Sequence[Samples]) -> Samples:
 def _require_known_navmeshes(
     house: House, geodesic: Geodesic | None, parts: Sequence[Steps | Snap | Episodes | None]
 ) -> None:
-    """Rows on a navmesh that is known but not in the folder are left out, and it is named as missing.
+    """Refuses rows on an unknown navmesh; rows on a known one that is not in the folder are only left out.
 
     Raises:
         SceneError: Rows name a navmesh that the info file does not know.
@@ -113,10 +114,10 @@ def _require_known_navmeshes(
 
 
 def _scene(path: Path, house: House) -> TriangleMesh:
-    """The scan in the world frame: turned as Habitat had it when it built the navmeshes.
+    """The scan in the world frame, turned as it was when Habitat built the navmeshes.
 
     Raises:
-        SceneError: The file is damaged, or it is not what the navmeshes were built from.
+        SceneError: The file is damaged, or the navmeshes were built from another one.
     """
     mesh = load_glb(path, up="y")
     bounds = next((info.bounds for info in house.info.navmeshes.values() if info.bounds), None)
@@ -134,7 +135,7 @@ def _scene(path: Path, house: House) -> TriangleMesh:
 
 
 def _geodesic(part: Geodesic, maps: dict[str, NavMesh]) -> Samples:
-    """Rows where Habitat finds a way: is ours as long; all rows: do both find one."""
+    """Whether ours is as long in rows where Habitat finds a way, and, in all rows, whether both find one."""
     ways = [("geodesic", row.navmesh, row.start, [row.goal], row.distance) for row in part.pairs]
     ways += [
         ("reverse", row.navmesh, row.goal, [row.start], row.reverse_distance)
@@ -155,7 +156,7 @@ def _geodesic(part: Geodesic, maps: dict[str, NavMesh]) -> Samples:
 
 
 def _steps(rows: Sequence[StepRow], navmesh: NavMesh) -> Samples:
-    """Rows that are not sensitive: does the forward end where Habitat's does, and collide as it does."""
+    """For rows that are not sensitive, whether the forward ends where Habitat's does, and collides as it does."""
     steps, flags, slides, slide_flags = [], [], [], []
     for row in rows:
         if row.sensitive:
@@ -200,10 +201,10 @@ def _snap(part: Snap, navmesh: NavMesh) -> Samples:
 
 
 def _episodes(rows: Sequence[EpisodeRow], navmesh: NavMesh) -> Samples:
-    """Final measures of given trajectories, and distance_to_goal at every row of them.
+    """Agreement of the final measures of given trajectories, and of distance_to_goal at each of their rows.
 
-    A float that is finite for one side only, or inf for one and nan for the other, is an error of inf; the same
-    non-finite value on both sides is none, and counts under `nonfinite` alone.
+    A float that is finite on one side only, or inf on one and nan on the other, is an error of inf. The same non-finite
+    value on both sides is no error, and counts under `nonfinite` alone.
     """
     errors: list[float] = []
     exact: dict[str, list[bool]] = {
@@ -237,12 +238,12 @@ def _measures(row: EpisodeRow, positions: NDArray[np.float64], distances: NDArra
         return habitat_measures(
             positions, actions, row.collided, distances=distances, success_distance=row.settings.success_distance
         )
-    except ZeroDivisionError:  # habitat-lab gave measures, so it saw a distance where we see none: nothing agrees
+    except ZeroDivisionError:  # habitat-lab has measures, so it saw a distance where we see none: nothing agrees
         return HabitatMeasures(math.nan, math.nan, math.nan, math.nan, len(actions), sum(row.collided))
 
 
 def _grid(mesh: TriangleMesh, navmeshes: dict[str, NavmeshInfo], pairs: Sequence[Pair]) -> Samples:
-    """Our own grid, made from the mesh alone for each navmesh's robot, against Habitat's distances and areas."""
+    """Errors of our own grid, made from the mesh alone for each navmesh's robot, in Habitat's distances and areas."""
     areas, errors, apart, reachable, reachable_apart = [], [], [], [], []
     for name, info in navmeshes.items():
         radius, height = round(info.settings.agent_radius, 4), round(info.settings.agent_height, 4)
@@ -267,7 +268,7 @@ def _grid(mesh: TriangleMesh, navmeshes: dict[str, NavmeshInfo], pairs: Sequence
 
 
 def _depth(mesh: TriangleMesh, poses: Poses, images: NDArray[np.uint16], scale_m: float) -> Samples:
-    """Errors where both see something, counted per micrometre, and pixels where only one does."""
+    """Counts of errors per micrometre where both see something, and of pixels where only one does."""
     camera = Camera(poses.width, poses.height, poses.hfov_deg, mount_height=poses.sensor_offset[1])
     raycaster = Raycaster(mesh)
     bins, single = np.zeros(DEPTH_BINS, np.int64), 0
@@ -292,5 +293,5 @@ def _kind(value: float) -> str:
 
 
 def _filled(rows: dict[str, list[bool]]) -> Samples:
-    """Arrays of the figures that any row speaks of."""
+    """Arrays of the figures that have at least one row."""
     return {name: np.array(values, bool) for name, values in rows.items() if values}

@@ -1,7 +1,7 @@
 """Reads a folder of Habitat's answers (layout: recordings/habitat_golden.py, which writes one) into checked values.
 
-Only what the comparison needs is read. Every part but `NAME.info.json` may be missing. Nothing is unpacked beyond the
-limits below: a file that announces or holds more is refused before.
+Only the parts that the comparison needs are read. Every part except `NAME.info.json` may be missing. A file that
+announces or holds more than the limits below is refused before it is unpacked.
 """
 
 import gzip
@@ -24,50 +24,50 @@ Point = tuple[float, float, float]
 _ADVICE = "Write the folder again with recordings/habitat_golden.py, or copy it again from its source."
 _SUFFIX = ".info.json"
 MAX_PART_BYTES = 64 << 20
-"""Largest JSON part, unpacked; the golden houses' are below 2 MB."""
+"""Largest size of a JSON part, unpacked; those of the golden houses are below 2 MB."""
 MAX_POSES = 1000
-"""Most poses of a house; the golden houses have 12."""
+"""Largest number of poses of a house; the golden houses have 12."""
 MAX_IMAGE_SIDE = 4096
 """Largest width and height of a depth image, pixels."""
 _MAX_DEPTH_BYTES = 1 << 30
-"""Largest depth archive, unpacked: 1,700 images of 640 x 480."""
+"""Largest size of a depth archive, unpacked: 1,700 images of 640 x 480."""
 _PIECE = 1 << 20
 _NO_ARCHIVE = (
     *(OSError, EOFError, KeyError, ValueError, TypeError, SyntaxError, RuntimeError, MemoryError),
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, tokenize.TokenError),
 )
-"""What zipfile and numpy's reader of headers raise on damaged, encrypted and hostile files."""
+"""Errors that zipfile and numpy's header reader raise for damaged, encrypted and hostile files."""
 _Part = TypeVar("_Part", bound=BaseModel)
 
 
 class _Row(BaseModel):
-    """Read-only; unknown keys are allowed, because the folder tells more than is compared. null = not finite."""
+    """A frozen model; unknown keys are allowed, because folders hold more than is compared. null = not finite."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
 
 class NavmeshSettings(_Row):
-    """For which robot a navmesh was built, metres."""
+    """Size of the robot for which a navmesh was built, metres."""
 
     agent_height: float
     agent_radius: float
 
 
 class NavmeshInfo(_Row):
-    """What Habitat says of one navmesh."""
+    """Habitat's facts about one navmesh."""
 
     settings: NavmeshSettings
     navigable_area: Annotated[float, Field(gt=0)]
     """Square metres."""
     bounds: tuple[Point, Point] | None = None
-    """Lowest and highest corner of what the navmesh was built from, world metres."""
+    """Lowest and highest corner of the mesh that the navmesh was built from, world metres."""
 
 
 class Info(_Row):
     """`NAME.info.json`."""
 
     navmeshes: dict[str, NavmeshInfo]
-    """By file name."""
+    """Navmeshes by file name."""
     up: Literal["y", "z"] | None = None
     """The up axis of the scene file's own coordinates; None = the one that fits the bounds of a navmesh."""
     made_with: str = ""
@@ -115,7 +115,7 @@ class StepRow(_Row):
     start_used: Point
     requested_end: Point
     sensitive: bool
-    """Two micrometres decide the answer: not compared."""
+    """Whether two micrometres decide the answer, so that it is not compared."""
     no_slide_le_0_3_3: StepEnd | None = None
     slide: StepEnd | None = None
 
@@ -148,7 +148,7 @@ class Snap(_Row):
 
 
 class PoseRow(_Row):
-    """From where a depth image was taken."""
+    """The pose from which a depth image was taken."""
 
     body_position: Point
     yaw: float
@@ -173,14 +173,14 @@ class EpisodeGoal(_Row):
 
 
 class EpisodeSettings(_Row):
-    """What habitat-lab was configured with."""
+    """Settings of habitat-lab."""
 
     distance_to: Literal["VIEW_POINTS", "POINT"]
     success_distance: float
 
 
 class LabMeasures(_Row):
-    """As habitat-lab gave them; None = not finite, see `nonfinite`."""
+    """Measures from habitat-lab; None = not finite, see `nonfinite`."""
 
     distance_to_goal: float | None
     success: float
@@ -198,7 +198,7 @@ class EpisodeRow(_Row):
     goals: Annotated[tuple[EpisodeGoal, ...], Field(min_length=1)]
     actions: tuple[Annotated[int, Field(ge=0, le=5)], ...]
     trajectory: tuple[Annotated[tuple[float, ...], Field(min_length=3)], ...]
-    """x, y, z first."""
+    """Rows that begin with x, y, z."""
     collided: tuple[bool, ...]
     measures: LabMeasures
     nonfinite: dict[str, Literal["inf", "nan"]] = {}
@@ -206,7 +206,7 @@ class EpisodeRow(_Row):
 
     @property
     def goal_points(self) -> NDArray[np.float64]:
-        """(N, 3) what distance_to_goal is measured to."""
+        """(N, 3) the points to which distance_to_goal is measured."""
         if self.settings.distance_to == "POINT":
             return np.array([goal.position for goal in self.goals])
         return np.array([point for goal in self.goals for point in goal.view_points]).reshape(-1, 3)
@@ -235,7 +235,7 @@ class Episodes(_Row):
 
 @dataclass(frozen=True, slots=True)
 class House:
-    """One house of a golden folder; parts are read when asked for."""
+    """One house of a golden folder; parts are read on request."""
 
     root: Path
     name: str
@@ -264,7 +264,7 @@ class House:
         """(N, H, W) depth in units of the second value in metres; None if it is not there.
 
         Raises:
-            SceneError: The file is damaged, or does not hold one image of the poses' size per pose; found out from the
+            SceneError: The file is damaged, or does not hold one image of the poses' size per pose; checked in the
                 headers, before anything is unpacked.
         """
         expected = (len(poses.poses), poses.height, poses.width)
@@ -309,7 +309,7 @@ def _shape(archive: zipfile.ZipFile, name: str, *, kind: str, size: int) -> tupl
     """Shape of an array in an archive, from the first bytes of its file.
 
     Raises:
-        ValueError: It is no array as numpy writes them, or of another kind than `kind` with up to `size` bytes.
+        ValueError: The array is not in numpy's format, or is not of `kind` with at most `size` bytes per number.
     """
     with archive.open(f"{name}.npy") as file:
         version = np.lib.format.read_magic(file)
@@ -336,7 +336,7 @@ def _read(path: Path, kind: type[_Part]) -> _Part:
 
 
 def _content(path: Path) -> bytes:
-    """What the file holds, unpacked piece by piece, so that a bomb is noticed at MAX_PART_BYTES."""
+    """The file's contents, unpacked piece by piece, so that a zip bomb is noticed at MAX_PART_BYTES."""
     content = bytearray()
     with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
         while piece := file.read(_PIECE):

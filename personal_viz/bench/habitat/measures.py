@@ -1,7 +1,7 @@
 """habitat-lab's measures of a given trajectory, exactly (HABITAT_SEMANTICS.md, section 1); `rules` has PersONAL's own.
 
-The difference to rule `habitat` of sim/tasks/rules.py is what habitat-lab does not guard: here unreachable goals give
-inf and nan as they do there, and a start on the goal is refused, because habitat-lab itself fails on it.
+They differ from rule `habitat` of sim/tasks/rules.py where habitat-lab has no guard: here unreachable goals give inf
+and nan, as they do in habitat-lab, and a start on the goal is refused, because habitat-lab itself fails on it.
 """
 
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ from sim.types import Action
 from sim.walk.navigation_map import NavigationMap
 
 MOVED = 1e-4
-"""habitat-lab measures the distance anew when np.allclose(..., atol=MOVED) says that the position changed (metres)."""
+"""habitat-lab updates the distance when np.allclose(..., atol=MOVED) says that the position changed (metres)."""
 
 
 class HabitatMeasures(NamedTuple):
-    """What habitat-lab reports at the end of an episode, with its names."""
+    """habitat-lab's report at the end of an episode, under its own names."""
 
     distance_to_goal: float
     """Geodesic metres to the nearest goal point; inf where unreachable."""
@@ -30,22 +30,23 @@ class HabitatMeasures(NamedTuple):
     soft_spl: float
     """max(0, 1 - distance / L) * L / max(L, P); nan when the goal was unreachable at reset."""
     num_steps: int
-    """Actions taken, STOP included."""
+    """Number of actions taken, STOP included."""
     collisions: int
-    """Forwards that a wall shortened."""
+    """Number of forwards that a wall shortened."""
 
 
 def distances_to_goal(positions: ArrayLike, goals: ArrayLike, *, navigation: NavigationMap) -> NDArray[np.float64]:
     """habitat-lab's distance_to_goal at reset and after each action.
 
-    As there, the value is computed anew only when the position differs by more than np.allclose allows (atol 1e-4,
-    rtol 1e-5) from where it was computed last. Not imitated: within an episode habitat-lab keeps lower bounds of the
-    goals' distances and may therefore miss the nearest of several; final measures of the golden data never show it.
+    As in habitat-lab, the value is updated only when the position differs by more than np.allclose allows (atol 1e-4,
+    rtol 1e-5) from the place of the last update. One thing is not imitated: within an episode habitat-lab keeps lower
+    bounds of the goals' distances and may therefore miss the nearest of several; final measures of the golden data
+    never show it.
 
     Args:
         positions: (T + 1, 3) the robot's feet at reset and after each action, world metres.
         goals: (N, 3) all view points or all goal positions; the nearest counts.
-        navigation: Of the scene; a `NavMesh` gives Habitat's own distances.
+        navigation: The scene's map; a `NavMesh` gives Habitat's own distances.
 
     Returns:
         (T + 1,) metres, inf where unreachable.
@@ -80,9 +81,9 @@ def habitat_measures(
     Args:
         positions: (T + 1, 3) the robot's feet at reset and after each action, world metres.
         actions: (T,) STOP only as the last one.
-        collided: (T,) what the simulator said of each action.
+        collided: (T,) the simulator's flag for each action.
         distances: (T + 1,) from `distances_to_goal`; the first is L.
-        success_distance: Metres; a distance equal to it is no success.
+        success_distance: Limit in metres; a distance equal to it is not a success.
 
     Raises:
         RunFileError: Lengths do not fit together, or STOP is not the last action.
@@ -110,7 +111,7 @@ def habitat_measures(
 def _check_lengths(
     positions: NDArray[np.float64], actions: Sequence[Action], collided: Sequence[bool], distances: NDArray[np.float64]
 ) -> None:
-    """Raises RunFileError when the parts of a trajectory do not fit together."""
+    """Raises RunFileError if the parts of a trajectory do not fit together."""
     count = len(actions)
     expected = {"positions": count + 1, "collided": count, "distances": count + 1}
     found = {"positions": len(positions), "collided": len(collided), "distances": len(distances)}

@@ -1,1 +1,1 @@
-"""How well recovered and invented homes serve their episodes."""
+"""Measures how well recovered and invented homes serve their episodes."""

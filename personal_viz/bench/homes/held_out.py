@@ -1,4 +1,4 @@
-"""How far recovery goes beyond memory: a home from two splits, asked for path lengths of the third.
+"""Measures whether recovery does more than memorise: a home from two splits must give path lengths of the third.
 
 Episode files -> path length ratios of places that the two splits never connected. Reported by `personal-viz homes`.
 """
@@ -13,18 +13,18 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.homes.cells import cells_from_runs
 from sim.homes.plan import HomePlan
-from sim.homes.recovered.recover import recover_plan
+from sim.homes.recovered.plans import recover_plan
 from sim.homes.recovered.walkable import PLAN_CLIMB
 from sim.types import SPLITS, EpisodeKey, Split
 from sim.walk.floor_grid import FloorGrid
 from sim.walk.navigation_map import NavigationMap
 
 NEAR_TRAINING = 0.5
-"""A start this close to a place that the two splits know can be judged (metres; issue 4)."""
+"""A start within this distance of a place that the two splits know can be judged (metres; issue 4)."""
 
 
 class Walk(NamedTuple):
-    """The pair of places of which an episode records the path length."""
+    """The two places whose path length an episode records."""
 
     key: EpisodeKey
     start: tuple[float, float, float]
@@ -46,7 +46,7 @@ def recorded_walk(episode: Episode) -> Walk:
 
 
 def path_ratios(walks: Iterable[Walk], navigation: NavigationMap) -> NDArray[np.float64]:
-    """(N,) length of each walk on this map over the recorded one; inf where there is no path, or none was recorded."""
+    """(N,) length of each walk on this map over the recorded one; inf if there is no path, or none was recorded."""
     walks = list(walks)
     lengths = np.full(len(walks), np.inf)
     ends = sorted({walk.end for walk in walks})
@@ -60,19 +60,20 @@ def path_ratios(walks: Iterable[Walk], navigation: NavigationMap) -> NDArray[np.
 def held_out_ratios(dataset: PersonalDataset, scene: str) -> NDArray[np.float64]:
     """(N,) `path_ratios` of held-out episodes, over every fold of two splits against the third.
 
-    Held out are the episodes of the third split whose start is within NEAR_TRAINING (3-D) of a place where the robot
-    stood in the two, and whose target is among the goals of the two. Splits without the scene give no fold.
+    The held-out episodes are those of the third split whose start is within NEAR_TRAINING (3-D) of a place where the
+    robot stood in the other two, and whose target is among the goals of those two. Splits without the scene give no
+    fold.
 
     Raises:
         DatasetError: A file is damaged.
-        SceneError: Two splits hold no place to stand.
+        SceneError: A pair of splits holds no place to stand.
     """
     ratios = [_fold(dataset, scene, held_out) for held_out in SPLITS if (held_out, scene) in dataset.files]
     return np.concatenate(ratios) if ratios else np.empty(0)
 
 
 def held_out_walks(dataset: PersonalDataset, scene: str, held_out: Split) -> list[Walk]:
-    """The walks of one split that the other two splits say enough about; see `held_out_ratios`.
+    """The walks of one split for which the other two splits hold enough information; see `held_out_ratios`.
 
     Raises:
         DatasetError: A file is damaged.
@@ -101,7 +102,7 @@ def _fold(dataset: PersonalDataset, scene: str, held_out: Split) -> NDArray[np.f
 
 
 def _walkable(plan: HomePlan) -> FloorGrid:
-    """The plan's own floor, without the mesh that `scene_from_plan` builds as well."""
+    """The plan's own floor, without the mesh that `scene_from_plan` also builds."""
     assert plan.cells is not None, "a recovered plan has cells"
     cells = cells_from_runs(plan.cells.walkable)
     return FloorGrid.from_cells(cells.rc, cells.y, grid=plan.cells.grid, max_climb=PLAN_CLIMB)

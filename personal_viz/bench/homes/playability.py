@@ -1,4 +1,4 @@
-"""How well a home serves its episodes: the figures of `personal-viz homes`, for one scene and for many together.
+"""Measures how well a home serves its episodes: the figures of `personal-viz homes`, for one scene or many together.
 
 Dataset -> plan -> scene -> `HomeFacts` (counts, in the worker process) -> `HomesReport` (shares, as JSON).
 """
@@ -17,10 +17,10 @@ from sim.copies.glb_writer import glb_from_mesh
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.homes.cells import cells_from_runs
-from sim.homes.kind import plan_of, scene_label, scene_labels
+from sim.homes.kind import scene_label, scene_labels
 from sim.homes.open_home import scene_from_plan
-from sim.homes.plan import HomePlan
-from sim.homes.recovered.recover import recover_plan
+from sim.homes.plan import HomePlan, plan_of
+from sim.homes.recovered.plans import recover_plan
 from sim.mesh import Scene
 from sim.render.raycast import Raycaster
 from sim.types import FORWARD_STEP, SceneKind
@@ -28,7 +28,7 @@ from sim.types import FORWARD_STEP, SceneKind
 from .held_out import held_out_ratios, path_ratios, recorded_walk
 
 SNAP_TOLERANCE = FORWARD_STEP
-"""A start that lies farther off the map than this would be another place (planar metres)."""
+"""Largest distance of a start from the map (planar metres); farther off it would be another place."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -39,14 +39,14 @@ class BuiltHome:
     plan: HomePlan
     scene: Scene
     is_recovered: bool
-    """False where its plan lies beside the episodes: invented, or corrected by hand."""
+    """False if its plan lies beside the episodes: invented, or corrected by hand."""
     build_s: float
     """Wall-clock seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class HomeFacts:
-    """Counts of one home, from which shares over any number of homes follow."""
+    """Counts for one home, from which shares over any number of homes are computed."""
 
     name: str
     scene_kind: SceneKind
@@ -55,47 +55,47 @@ class HomeFacts:
     ratios: NDArray[np.float64]
     """(N,) our path length over the recorded one; inf without a path."""
     held_out: NDArray[np.float64] | None
-    """(M,) the same for the held-out episodes of every fold; None = not measured."""
+    """(M,) the same ratio for the held-out episodes of every fold; None = not measured."""
     view_points: tuple[int, int]
-    """Original view points that are standable and see their object, and all of them."""
+    """Number of original view points that are standable and see their object, and of all original view points."""
     cells: tuple[int, int]
-    """Walkable cells whose place is guessed, and all of them; (0, 0) for a home without cells."""
+    """Number of walkable cells whose place is guessed, and of all walkable cells; (0, 0) for a home without cells."""
     verdicts: tuple[FindVerdict, ...]
     area_m2: float
-    """Walkable, seen from above, all storeys."""
+    """Walkable area seen from above, all storeys."""
     storeys: int
     build_s: float
-    """Plan, mesh and navigation map (wall-clock seconds)."""
+    """Time to build plan, mesh and navigation map (wall-clock seconds)."""
     triangles: int
-    """Of the whole home."""
+    """Number of triangles of the whole home."""
     glb_mb: float
-    """The whole home as one GLB file, 10^6 bytes."""
+    """Size of the whole home as one GLB file, 10^6 bytes."""
 
 
 class Figures(BaseModel):
-    """Shares are in [0, 1]; null where there is nothing to take a share of."""
+    """Figures of one or more homes; shares are in [0, 1], null if there is nothing to take a share of."""
 
     model_config = _MODEL
     episodes: int
     playable: float | None
     """Share of episodes whose start, target and path exist."""
     ratio_median: float | None
-    """Of our path length over the recorded one, over episodes with a path."""
+    """Median of our path length over the recorded one, over episodes with a path."""
     ratio_p95: float | None
     within_5: float | None
     """Share of all episodes whose path length is within 5 % of the recorded one."""
     within_10: float | None
     heldout_split_within_10: float | None
-    """Share within 10 % of held-out episodes, recovering from the two other splits, over all folds."""
+    """Share of held-out episodes within 10 %, with the home recovered from the other two splits, over all folds."""
     heldout_n: int | None
-    """How many those are; null where they were not measured."""
+    """Number of held-out episodes; null if they were not measured."""
     viewpoints_ok: float | None
     """Share of original view points that are standable and see their object."""
     viewpoints_n: int
     guessed_area: float | None
-    """Share of the walkable area."""
+    """Share of the walkable area whose place is guessed."""
     findable: float | None
-    """Share of episodes whose target can be told from its like; see sim/authoring/findable.py."""
+    """Share of episodes whose target can be told from similar objects; see sim/authoring/findable.py."""
     area_m2: float
     storeys: int
 
@@ -108,15 +108,15 @@ class HomeFigures(Figures):
     glb_mb: float
     scene_kind: SceneKind
     scene_label: str
-    """What must be said of results in homes of this kind; empty for scans."""
+    """The warning that results in homes of this kind must carry; empty for scans."""
     not_findable: tuple[str, ...]
-    """SPLIT/SCENE/ID of each episode whose target cannot be told from its like, or is hardly seen."""
+    """SPLIT/SCENE/ID of each episode whose target cannot be told from similar objects, or is hardly seen."""
     why_not_findable: dict[str, str]
-    """The reason for each of them."""
+    """The reason for each episode in `not_findable`."""
 
 
 class HomesReport(BaseModel):
-    """What `personal-viz homes --json` prints."""
+    """The document that `personal-viz homes --json` prints."""
 
     model_config = _MODEL
     total: Figures
@@ -125,14 +125,14 @@ class HomesReport(BaseModel):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What must be said of results in these homes."""
+        """The warnings that results in these homes must carry."""
         return scene_labels(home.scene_kind for home in self.scenes.values())
 
 
 def build_home(dataset: PersonalDataset, name: str) -> BuiltHome:
     """The plan that lies beside the episodes, or else the recovered one, with its scene and the time that both took.
 
-    Only where the cache folder is empty does the time tell what a first visitor waits for.
+    The time is a first visitor's wait only if the cache folder is empty.
 
     Raises:
         DatasetError: The scene is unknown or its files are damaged.
@@ -151,7 +151,7 @@ def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = Tru
     Args:
         dataset: Holds the home's episodes.
         home: From `build_home`.
-        folds: Whether to recover the home three times more, from two splits each. Homes whose plan lies beside the
+        folds: Whether to recover the home three more times, each from two splits. Homes whose plan lies beside the
             episodes have no folds.
 
     Raises:
@@ -180,7 +180,7 @@ def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = Tru
 
 
 def report_of(homes: Sequence[HomeFacts]) -> HomesReport:
-    """The figures of each home and of all together."""
+    """The figures of each home and of all homes together."""
     return HomesReport(total=_figures(homes), scenes={home.name: _home_figures(home) for home in homes})
 
 
@@ -221,7 +221,7 @@ def _home_figures(home: HomeFacts) -> HomeFigures:
 
 
 def _figures(homes: Sequence[HomeFacts]) -> Figures:
-    """Pooled over homes; at least one is given."""
+    """The figures pooled over homes, at least one."""
     ratios = np.concatenate([home.ratios for home in homes])
     playable = np.concatenate([home.is_playable for home in homes])
     measured = [home.held_out for home in homes if home.held_out is not None]

@@ -1,4 +1,4 @@
-"""Checks that recorded view points of a home are standable and see their object; for `personal-viz homes` and tests.
+"""Checks whether recorded view points of a home are standable and see their object; for `personal-viz homes` and tests.
 
 standing, seeing = sights_of(scene_from_plan(plan), dataset.goals(plan.name))["couch_12"]
 """
@@ -18,9 +18,9 @@ from sim.types import TURN_STEP, Camera
 from sim.walk.object_surface import object_ids_at, object_surface
 
 SAMPLES = 64
-"""Number of points of an object's surface to which lines of sight are drawn."""
+"""Number of points on an object's surface to which lines of sight are drawn."""
 _STEEPEST = TURN_STEP + math.atan(Camera().height / 2 / Camera().focal)
-"""Rise or fall of a line of sight that one look up or down still shows (radians)."""
+"""Steepest line of sight, up or down, that one look up or down still shows (radians)."""
 
 
 class Sights(NamedTuple):
@@ -38,7 +38,7 @@ class Sights(NamedTuple):
 
 
 def view_points_ok(scene: Scene, goals: Mapping[str, Goal]) -> tuple[int, int]:
-    """(number of the goals' original view points that are standable and see their object, number of all).
+    """Number of the goals' original view points that are standable and see their object, and of all of them.
 
     Args:
         scene: A home that contains the goals' objects under their names.

@@ -1,1 +1,1 @@
-"""The simulator's benchmark: rendering, walking, loading and browser copies, beside what bounds them."""
+"""The simulator's benchmark: rendering, walking, loading and browser copies, beside their bounds."""

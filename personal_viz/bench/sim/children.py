@@ -1,4 +1,4 @@
-"""Parts of the benchmark in fresh processes: time and memory of a fresh start, and parts that can be ended in time.
+"""Runs parts of the benchmark in fresh processes, to measure a fresh start, and to be able to end a part in time.
 
 `python -m personal_viz.bench.sim.children NAME ARGUMENTS` prints a part's figures as JSON; PARTS names them.
 """
@@ -28,10 +28,10 @@ _LOAD_TIMEOUT_S = 300.0
 
 @contextlib.contextmanager
 def compiling() -> Iterator[None]:
-    """Compiles rendering, questions to maps and steps in a second process, while this one makes the first scene.
+    """Compiles rendering, map queries and steps in a second process, while this one makes the first scene.
 
-    Their code lies in numba's cache afterwards. Costs a second or two where it lay there before. Nothing is measured
-    meanwhile, and a failure is no error: this process then compiles, or fails, itself.
+    Afterwards their code is in numba's cache; if it already was, this costs a second or two. Nothing is measured
+    meanwhile, and a failure is not an error: this process then compiles, or fails, itself.
     """
     child = subprocess.Popen([*_COMMAND, "compile"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -43,7 +43,7 @@ def compiling() -> Iterator[None]:
 
 
 def in_child(part: str, *arguments: object, timeout_s: float = math.inf) -> dict[str, float] | None:
-    """The figures of a part; None where it had to be ended. Its temporary files are gone in both cases.
+    """The figures of a part; None if it had to be ended. Its temporary files are removed in both cases.
 
     Raises:
         SceneError: The process failed.
@@ -72,20 +72,21 @@ def in_child(part: str, *arguments: object, timeout_s: float = math.inf) -> dict
 def measured_loads(
     path: Path, *, repeats: int, has_time: Callable[[float], bool] = lambda need_s: True
 ) -> dict[str, float]:
-    """Loading of a GLB file, ours and trimesh's: medians over fresh processes that load it in turn.
+    """Times of loading a GLB file with our code and with trimesh: medians over fresh processes that load it in turn.
 
-    Imports, those of JPEG decoders too, and compiled code are ready before the clock starts; nothing was decoded.
+    Imports, even of JPEG decoders, and compiled code are ready before the clock starts; nothing is decoded yet.
 
     Args:
         path: GLB file.
-        repeats: Processes of each.
-        has_time: Asked before each pair but the first, with the seconds that the one before took; False ends them.
+        repeats: Number of processes of each kind.
+        has_time: Called before each pair except the first, with the seconds that the previous pair took; False ends the
+            series.
 
     Returns:
         `load_s`, `load_wall_s`: CPU and elapsed seconds from file to first frame, `load_parse_s` of `load_glb` alone;
         `rss_mb`, `peak_mb`: resident memory of the whole process afterwards and at most, MB of 10^6 bytes. With
-        `trimesh_`: the same of `load_scene` and all textures decoded, no frame; `trimesh_parse_s` leaves them
-        undecoded. `load_processes`: how many of each.
+        `trimesh_`: the same for `load_scene` with all textures decoded, without a frame; `trimesh_parse_s` leaves them
+        undecoded. `load_processes`: number of processes of each kind.
 
     Raises:
         SceneError: A process failed.
@@ -103,7 +104,7 @@ def measured_loads(
 
 
 def _compile() -> dict[str, float]:
-    """Calls once what the first scene's figures need, in the order of need."""
+    """Calls once, in order of use, everything that the first scene's figures need."""
     from sim.render.embree import EmbreeScene
     from sim.render.raycast import Raycaster
     from sim.types import Camera
@@ -129,7 +130,7 @@ def _compile() -> dict[str, float]:
 
 
 def _load(path: str) -> dict[str, float]:
-    """Our way to the first frame."""
+    """Figures of our loader up to the first frame."""
     import imagecodecs
 
     from sim.frames import T_world_camera
@@ -153,7 +154,7 @@ def _load(path: str) -> dict[str, float]:
 
 
 def _load_trimesh(path: str) -> dict[str, float]:
-    """trimesh's scene with every texture decoded once."""
+    """Figures of trimesh's scene with every texture decoded once."""
     import PIL.JpegImagePlugin  # Pillow would import its decoder with the first file
     import trimesh
 
@@ -171,7 +172,7 @@ def _spent(name: str, wall: float, core: float) -> dict[str, float]:
 
 
 def _memory(name: str) -> dict[str, float]:
-    """Of this process, while all that a user would keep is alive."""
+    """Memory figures of this process while everything that a user would keep is alive."""
     process = psutil.Process()
     return {f"{name}rss_mb": process.memory_info().rss / 1e6, f"{name}peak_mb": peak_mb(process)}
 

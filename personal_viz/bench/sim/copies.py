@@ -1,4 +1,4 @@
-"""The benchmark's figures of browser copies: how long one takes, how large it is, how far clicks on it are off."""
+"""The benchmark's figures of browser copies: time to make one, its size, and the error of clicks on it."""
 
 import time
 
@@ -23,12 +23,12 @@ def browser_figures(scene: Scene, floor_y: float, *, num_clicks: int, seed: int)
         scene: The home.
         floor_y: One of its storey heights, metres.
         num_clicks: Rays from random eyes 3 to 12 m above the storey to random places on its floor.
-        seed: Of the rays.
+        seed: Seed of the rays.
 
     Returns:
-        `build_s`, CPU seconds to make the copy, nothing cached; its `faces` and `megabytes`; `click_median_mm` and
-        `click_p99_mm` between where a ray meets the copy, which the person sees, and the cut storey, which the server
-        asks; `click_lost`, the share of rays, of those that meet either, that meet only one of the two.
+        `build_s`, CPU seconds to make the copy with nothing cached; its `faces` and `megabytes`; `click_median_mm` and
+        `click_p99_mm`, the distance between a ray's hit on the copy, which the person sees, and on the cut storey,
+        which the server uses; `click_lost`, the share of rays that hit only one of the two, among rays that hit either.
     """
     with empty_cache() as folder:
         browser_glb(_small_scene(), 0.0)  # fetches compiled code from numba's cache

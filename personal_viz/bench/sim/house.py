@@ -13,9 +13,9 @@ STOREY_HEIGHT = 2.88
 """Floor to floor: sixteen risers of 18 cm."""
 _CEILING = STOREY_HEIGHT - 0.2
 _WALL = 0.06
-"""Half the thickness of a wall."""
+"""Half the thickness of a wall, metres."""
 _CROSS_X = (4.5, 9.5)
-"""Walls between the rooms of one side."""
+"""Places along x of the walls between the rooms of one side, metres."""
 _CORRIDOR_Z = (3.4, 4.6)
 _RISER, _TREAD, _TREADS = 0.18, 0.22, 15
 _STAIR_X, _STAIR_Z = 5.3, (6.7, 7.94)
@@ -42,7 +42,7 @@ class Patch(NamedTuple):
     corners: NDArray[np.float64]
     """(4, 3) world metres, counter-clockwise from the front."""
     ball: NDArray[np.float64] | None
-    """(2, 3) centre and radii of the ellipsoid on which the points are put, None = they stay on the quad."""
+    """(2, 3) centre and radii of the ellipsoid onto which the points are pushed; None = they stay on the quad."""
     instance: int
     """Object id, 0 = the building."""
 
@@ -52,10 +52,10 @@ class Opening(NamedTuple):
 
     start: float
     end: float
-    """Along the wall, metres."""
+    """Both ends along the wall, metres."""
     sill: float
     lintel: float
-    """Heights over the floor, metres."""
+    """Both heights above the floor, metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def rooms() -> list[Room]:
 
 
 def box(low: ArrayLike, high: ArrayLike, *, sides: tuple[Side, ...] = _ALL) -> list[Patch]:
-    """The named sides of an upright box from its lowest to its highest corner, metres."""
+    """The named sides of an upright box, given by its lowest and highest corner, metres."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     return [Patch((low + high) / 2 + np.array(_UNIT_SIDES[side]) * (high - low) / 2, None, 0) for side in sides]
 
@@ -124,7 +124,7 @@ def clutter_quads(num_quads: int, *, num_objects: int, rng: np.random.Generator)
     low = np.array([[r.x[0] + 0.3, r.floor_y, r.z[0] + 0.3] for r in room])
     high = np.array([[r.x[1] - 0.3, r.floor_y, r.z[1] - 0.3] for r in room])
     share = rng.random((num_objects, 3))
-    # Above the robot's head anywhere, or lower and near the outer wall; away from the stair: every room stays walkable.
+    # Heaps hang above the robot's head, or lie lower near the outer wall, away from the stair: rooms stay walkable.
     has_stair = np.array([r.has_stair for r in room])
     high[has_stair, 2] = _STAIR_Z[0] - 0.5
     is_low = (rng.random(num_objects) < 0.4) & ~has_stair
@@ -140,7 +140,7 @@ def clutter_quads(num_quads: int, *, num_objects: int, rng: np.random.Generator)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.cross(along, rng.normal(size=(num_quads, 3)))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    # The pieces of a heap cover about three times its cross section, whatever their number.
+    # The pieces of a heap together cover about three times its cross section, however many they are.
     area = 3 * np.pi * reach**2 / np.maximum(num_quads / num_objects, 1)
     thinness = rng.choice([1.5, 4.0, 25.0], size=num_quads)  # book covers, leaves, sticks
     length = np.sqrt(area * thinness)

@@ -1,4 +1,4 @@
-"""The simulator benchmark's picture: time per frame over the number of triangles, ours between its bound and Open3D."""
+"""Draws the simulator benchmark's picture: time per frame over triangles, for our renderer, its bound and Open3D."""
 
 import io
 
@@ -13,7 +13,7 @@ _LINES = (
     ("depth_ms", "ours: depth only", "#3d9a5f", "^", True),
     ("raw_ms", "raw Embree, rays only (bound)", "#555555", "D", False),
 )
-"""Figure, legend, colour, marker, whether numbers stand above."""
+"""Figure, legend, colour, marker, and whether numbers stand above, for each line."""
 _TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
@@ -41,7 +41,7 @@ def frame_time_png(report: Report) -> bytes:
 
 
 def _scale(axes: Axes, report: Report) -> None:
-    """Logarithmic axes with round numbers, shared by both panels."""
+    """Sets logarithmic axes with round numbers, shared by both panels."""
     faces = sorted({float(f"{f['faces']:.2g}") for f in report.values["sizes"].values()})
     values = [value for f in report.values["sizes"].values() for line in _LINES if (value := f[line[0]]) is not None]
     axes.set_xscale("log")
@@ -55,7 +55,7 @@ def _scale(axes: Axes, report: Report) -> None:
 
 
 def _draw(axes: Axes, chosen: list[Values], name: str, *, label: str, look: tuple[str, str], above: bool) -> None:
-    """One line with the value at each point; nothing where the figure was not measured."""
+    """Draws one line with the value at each point; skips points where the figure was not measured."""
     points = [(figures["faces"], value) for figures in chosen if (value := figures[name]) is not None]
     if not points:
         return

@@ -1,6 +1,6 @@
-"""The benchmark's rendering figures on one mesh: ours, Open3D's rays alone, and Embree alone on the same packets.
+"""The benchmark's rendering figures on one mesh: our renderer, Open3D's rays alone, and Embree alone on our packets.
 
-The last is the bound of every renderer over Embree: its coherent packets on prefilled rays, and nothing else.
+The last is the lower bound for every renderer on Embree: only its coherent packets on prefilled rays.
 """
 
 import itertools
@@ -22,7 +22,7 @@ from sim.types import Camera
 from ..harness import Timing, interleaved
 
 SMALL = Camera(width=256, height=256)
-"""The second size that is measured."""
+"""The second camera size that is measured."""
 _Cast = Callable[[int, int], object]
 
 
@@ -31,16 +31,16 @@ def render_figures(
 ) -> dict[str, float | None]:
     """Milliseconds per 640 x 480 frame, medians over the poses (B, 4, 4), interleaved.
 
-    CPU times (`raw_ms`, `rgbd_ms` ...) are those of one thread, so that none waits; `wall_..._1_ms` is the elapsed time
-    of the same frames, `wall_..._ms` that of `threads` threads. `raw` is the bound and None without the embree backend;
-    `rgbd` has RGB (bilinear), planar depth and instance ids; `_256` is the smaller picture.
+    CPU times (`raw_ms`, `rgbd_ms` ...) are measured on one thread, so that no thread waits; `wall_..._1_ms` is the
+    elapsed time of the same frames, `wall_..._ms` that of `threads` threads. `raw` is the bound, None without the
+    embree backend; `rgbd` has RGB (bilinear), planar depth and instance ids; `_256` is the smaller picture.
 
     Args:
         mesh: The scene.
         Ts_world_camera: Poses, OpenCV axes.
-        threads: Of the second row of elapsed times.
-        rounds: How often each pose is measured.
-        with_variants: Measure the other texture filters and the small picture too.
+        threads: Number of threads for the second series of elapsed times.
+        rounds: How many times each pose is measured.
+        with_variants: Whether to measure the other texture filters and the small picture too.
     """
     Ts, camera, num = Ts_world_camera, Camera(), len(Ts_world_camera)
     before = time.process_time()
@@ -73,21 +73,21 @@ def render_figures(
 
 
 class RawTrace:
-    """Prefilled rays of some cameras over one search tree; tracing them makes no rays and reads no hits.
+    """Prefilled rays of some cameras over one search tree; tracing neither makes rays nor reads hits.
 
     Directions are kept packet by packet (4 MB for a 640 x 480 camera) and copied into one packet before it is traced;
     whole prefilled packets (30 MB) take 1 % longer. Fetching rays takes 3-5 % longer than making them in the kernel
-    (measured at 1M triangles), so a renderer of depth alone may come out below this bound by as much.
+    (measured at 1M triangles), so a renderer of depth alone may be faster than this bound by that much.
     """
 
     def __init__(self, scene: EmbreeScene, Ts_world_camera: NDArray[np.float64], camera: Camera, *, width: int) -> None:
         """Fills the rays.
 
         Args:
-            scene: The tree, made as the renderer's.
+            scene: The search tree, made like the renderer's.
             Ts_world_camera: (B, 4, 4), OpenCV axes.
             camera: Intrinsics; its size is a multiple of the renderer's tile.
-            width: Rays per packet, as the renderer's.
+            width: Rays per packet, as in the renderer.
         """
         self._scene, self._width = scene, width
         self._origins = np.asarray(Ts_world_camera[:, :3, 3], np.float32)
@@ -101,7 +101,10 @@ class RawTrace:
         return self._trace_span(k, (0, len(self._directions[k])))
 
     def traced_by(self, threads: ThreadPoolExecutor, num: int) -> Callable[[int], list[NDArray[np.void]]]:
-        """`trace` on `num` threads, each with an equal range of packets; returns the last packet of each."""
+        """A function like `trace` that uses `num` threads, each on an equal range of packets.
+
+        It returns the last packet of each thread.
+        """
         bounds = np.linspace(0, len(self._directions[0]), num + 1).astype(int)
         spans = [(int(a), int(b)) for a, b in itertools.pairwise(bounds)]
         return lambda k: list(threads.map(lambda span: self._trace_span(k, span), spans))
@@ -132,7 +135,7 @@ def _several_threads(
 def _variants(
     mesh: TriangleMesh, small: RawTrace | None, Ts: NDArray[np.float64], *, bilinear: Raycaster
 ) -> dict[str, Timing]:
-    """Other texture filters, and a smaller picture."""
+    """Times of other texture filters, and of a smaller picture."""
     camera = Camera()
     nearest = Raycaster(mesh, texture_filter="nearest", threads=1)
     mipmap = Raycaster(mesh, texture_filter="mipmap", threads=1)
@@ -147,7 +150,10 @@ def _variants(
 
 
 def _open3d_rays(mesh: TriangleMesh, Ts: NDArray[np.float64], camera: Camera) -> _Cast:
-    """Open3D's `cast_rays` of the k-th camera on this many threads; its scene and rays are ready in its own arrays."""
+    """A function that runs Open3D's `cast_rays` for the k-th camera on some threads.
+
+    Its scene and rays are already in Open3D's own arrays.
+    """
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(_tensor(mesh.vertices), _tensor(mesh.faces.astype(np.uint32)))
     x = (np.arange(camera.width) + 0.5 - camera.width / 2) / camera.focal
@@ -183,15 +189,15 @@ def _trace_range(tracer, packets, directions, span):
 
     Args:
         tracer: Addresses of scene, arguments and mask for `trace`.
-        packets: One packet, ours alone, with its origin.
-        directions: (P, 3, width) of all packets.
-        span: First and last + 1.
+        packets: One packet that no other thread uses, with its origin.
+        directions: (P, 3, width) directions of all packets.
+        span: First packet, and last packet + 1.
     """
     packet = packets[0]
     for k in range(span[0], span[1]):
         for lane in range(len(packet.tfar)):
             packet.dir_x[lane] = directions[k, 0, lane]
-        for lane in range(len(packet.tfar)):  # loops of their own: together they are not vectorised
+        for lane in range(len(packet.tfar)):  # separate loops: a joint one is not vectorised
             packet.dir_y[lane] = directions[k, 1, lane]
         for lane in range(len(packet.tfar)):
             packet.dir_z[lane] = directions[k, 2, lane]

@@ -1,6 +1,6 @@
 """The benchmark's own scenes: the house of `house` as a mesh of any size, noisy and textured like a scan.
 
-Also the same mesh as a GLB file as HM3D's are: z-up, one primitive per texture, JPEG.
+Also writes the mesh as a GLB file in HM3D's form: z-up, one primitive per texture, JPEG.
 """
 
 import json
@@ -20,17 +20,17 @@ from .house import Patch, clutter_quads, house_patches
 CLUTTER_SHARE = 0.5
 """Share of a cluttered scene's triangles in its heaps of small pieces."""
 CLUTTER_OBJECTS = 1500
-"""Heaps of a cluttered scene; fewer where they would have less than _HEAP pieces."""
+"""Number of heaps in a cluttered scene; smaller if heaps would have fewer than _HEAP pieces."""
 _HEAP = 60
 _ISLAND = 1.25
-"""Largest side of one piece of texture, metres: scans have their surfaces cut into such islands."""
+"""Largest side of one piece of texture, metres: the surfaces of scans are cut into such islands."""
 _TEXELS_PER_METRE = 340.0
-"""28 textures of 2048^2 over the house's surface."""
+"""Density of 28 textures of 2048^2 over the house's surface."""
 _NOISE_M = 0.0015
-"""Standard deviation of each of the waves that displace surfaces, metres."""
+"""Standard deviation of each wave that displaces surfaces, metres."""
 _NUM_WAVES = 8
 _ROUGHNESS = 0.35
-"""How fast finer octaves of the textures grow weaker; makes JPEG files of about the size of HM3D's."""
+"""How fast the textures' finer octaves grow weaker; this value makes JPEG files about as large as HM3D's."""
 _JPEG_QUALITY = 85
 _ARRAY_BUFFER, _INDEX_BUFFER, _FLOAT, _UINT32 = 34962, 34963, 5126, 5125
 
@@ -41,11 +41,11 @@ def bench_mesh(
     """The benchmark's house with about `num_faces` triangles (within 2 % from 50,000 up), the same for the same seed.
 
     Args:
-        num_faces: Triangles wanted; the furniture's shape needs about 20,000 even when nothing is divided.
+        num_faces: Wanted number of triangles; the furniture's shape needs about 20,000 even if nothing is divided.
         cluttered: Whether CLUTTER_SHARE of the triangles are small slanted pieces in up to CLUTTER_OBJECTS heaps.
-        seed: Of furniture, noise, clutter and textures.
+        seed: Seed of furniture, noise, clutter and textures.
         texture_size: Side of each square texture, pixels.
-        num_textures: At least 1.
+        num_textures: Number of textures, at least 1.
 
     Returns:
         World frame, floors at y = 0 and 2.88; every face is textured, and no vertex is on two texture islands.
@@ -158,7 +158,7 @@ def write_bench_glb(path: Path, mesh: TriangleMesh) -> None:
 
 
 def _side_lengths(patch: Patch) -> tuple[float, float]:
-    """Lengths of a patch along its first edge and along its last."""
+    """Lengths of a patch along its first and its last edge."""
     a, b, _, d = patch.corners
     return float(np.linalg.norm(b - a)), float(np.linalg.norm(d - a))
 
@@ -176,7 +176,7 @@ def _islands(patch: Patch) -> list[Patch]:
 
 
 def _segments(sides: NDArray[np.float64], num_faces: int) -> NDArray[np.int64]:
-    """(N, 2) divisions of each island along its sides, so that all together have about `num_faces` triangles."""
+    """(N, 2) divisions of each island along its sides, for about `num_faces` triangles in all islands together."""
     fine, coarse = 1e-4, 10.0
     for _ in range(60):
         edge = (fine * coarse) ** 0.5
@@ -191,7 +191,7 @@ def _segments(sides: NDArray[np.float64], num_faces: int) -> NDArray[np.int64]:
 def _layout(
     sides: NDArray[np.float64], num_textures: int, size: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
-    """A random texture (N,) and place in it (N, 4, 2) for each island of this size (N, 2) in metres."""
+    """A random texture (N,), and a place in it (N, 4, 2), for each island with sides (N, 2) in metres."""
     texture = rng.integers(num_textures, size=len(sides)).astype(np.int16)
     extent = np.minimum(sides * _TEXELS_PER_METRE / size, 1.0)
     low = rng.random((len(sides), 2)) * (1 - extent)

@@ -26,7 +26,7 @@ _MORE_PACKAGES = ("embreex", "llvmlite", "imagecodecs")
 _GOLDEN_NAVMESH = Path(__file__).resolve().parents[4] / "shared" / "habitat-golden" / "dev_a.navmesh"
 """A .navmesh of Habitat beside a developer's checkout; without it the figure is left out."""
 GROWING = ("raw_ms", "depth_ms", "rgbd_ms", "open3d_rays_ms", "tree_s", "build_s", "field_ms", "path_us", "load_s")
-"""Figures whose growth with the number of triangles is fitted."""
+"""Figures for which the growth with the number of triangles is fitted."""
 PLAN = Plan(
     targets={
         "sizes.1M.open3d_over_rgbd": Target(2.8, at_least=True),
@@ -61,7 +61,7 @@ PLAN = Plan(
         **dict.fromkeys(("path_us", "distance_us", "navmesh_path_us"), "core-us"),
     },
 )
-"""SIM.md section 5; most of it is for a million triangles."""
+"""Targets of SIM.md, section 5; most are for a million triangles."""
 NOTES = (
     "Milliseconds of rendering: CPU time of all threads per 640 x 480 frame, one thread at work, medians over the same "
     "poses in rooms, the contestants measured in turn; two frames of each before are not counted. Nothing is cached "
@@ -80,7 +80,7 @@ _LOAD_FIGURES = (
     *("load_s", "load_wall_s", "load_parse_s", "rss_mb", "peak_mb", "load_processes"),
     *("trimesh_s", "trimesh_wall_s", "trimesh_parse_s", "trimesh_rss_mb", "trimesh_peak_mb"),
 )
-"""What `measured_loads` gives; None where loading is left out."""
+"""Figures of `measured_loads`; None if loading is left out."""
 
 
 class BenchSize(NamedTuple):
@@ -89,28 +89,28 @@ class BenchSize(NamedTuple):
     faces: int
     cluttered: bool = False
     with_load: bool = True
-    """Whether loading is measured, which takes some seconds a time."""
+    """Whether loading is measured, which takes some seconds each time."""
     with_variants: bool = True
     """Whether other texture filters and a smaller picture are measured."""
     with_browser: bool = False
     """Whether a browser copy is made."""
     need_s: float = 0.0
-    """Elapsed seconds that it takes on the machine of SIM.md, asked only where there is a budget."""
+    """Elapsed seconds that it takes on the machine of SIM.md; used only with a budget."""
 
     @property
     def name(self) -> str:
-        """`100k`, `1M cluttered`."""
+        """The scene's name, such as `100k` or `1M cluttered`."""
         number = f"{self.faces / 1e6:g}M" if self.faces >= 1_000_000 else f"{self.faces / 1e3:g}k"
         return f"{number} cluttered" if self.cluttered else number
 
 
 @dataclass(frozen=True, slots=True)
 class BenchSettings:
-    """What is measured and how often."""
+    """Sizes to measure, and numbers of repetitions."""
 
     sizes: tuple[BenchSize, ...]
     left_out: tuple[str, ...] = ()
-    """Names of sizes and parts that the full benchmark has and this one has not."""
+    """Names of sizes and parts of the full benchmark that this one leaves out."""
     poses: int = 16
     rounds: int = 3
     load_repeats: int = 3
@@ -120,7 +120,7 @@ class BenchSettings:
     num_textures: int = 28
     seed: int = 0
     budget_s: float | None = None
-    """Elapsed seconds since the process's start until the last part ends; what does not fit is left out. None = any."""
+    """Seconds from the process's start to the end of the last part; parts that do not fit are left out. None = any."""
 
 
 FULL = BenchSettings(
@@ -151,21 +151,21 @@ QUICK = BenchSettings(
     budget_s=46.0,  # of 50: writing the table and the picture takes 2 s
 )
 _BROWSER_NEED_S, _NAVMESH_NEED_S = 9.0, 3.0
-"""Elapsed seconds on the machine of SIM.md, compiled code at hand; where it is not, the part is ended in time."""
+"""Elapsed seconds on the machine of SIM.md with compiled code in the cache; without it, the part is ended in time."""
 
 
 class _Run:
-    """What is left of a run's time, and what was left out for want of it."""
+    """The time left of a run, and the parts left out for lack of it."""
 
     def __init__(self, settings: BenchSettings, progress: Progress) -> None:
         self.budget = Budget(settings.budget_s)
         self.left_out = list(settings.left_out)
         self.pace = 1.0
-        """How much slower this machine is than that of SIM.md, or how busy."""
+        """Factor by which this machine is slower than that of SIM.md, or busier."""
         self.progress = progress
 
     def begins(self, what: str, need_s: float) -> bool:
-        """Whether a part fits into the time left; otherwise it is named as left out."""
+        """Whether a part fits into the time left; otherwise names it as left out."""
         if self.budget.has(need_s * self.pace):
             self.progress(what)
             return True
@@ -184,11 +184,12 @@ def run_benchmark(settings: BenchSettings, *, quick: bool, progress: Progress) -
     Args:
         settings: What to measure.
         quick: Written into the report.
-        progress: Told what is being measured.
+        progress: Gets a line about the present work.
 
     Returns:
-        Values: `sizes` by name (`1M cluttered`), `browser` copies by the size's name, `navmesh_path_us` of one
-        `shortest_path` on a Habitat .navmesh, and `growth`, the exponent e of figure ~ triangles^e over plain sizes.
+        A report with these values: `sizes` by name (`1M cluttered`), `browser` copies by the size's name,
+        `navmesh_path_us` of one `shortest_path` on a Habitat .navmesh, and `growth`, the exponent e of
+        figure ~ triangles^e over plain sizes.
 
     Raises:
         SceneError: A process that measures a part failed.
@@ -226,11 +227,11 @@ def growth(sizes: Mapping[str, Values]) -> dict[str, float | None]:
 
 
 def _sizes_and_copies(settings: BenchSettings, run: _Run) -> tuple[dict[str, Values], dict[str, Values]]:
-    """The first size, then what has a copy, then the others, as far as there is time."""
+    """Figures of the first size, then of the browser copies, then of the other sizes, while there is time."""
     first, *others = settings.sizes
     sizes: dict[str, Values] = {}
     copies: dict[str, Values] = {}
-    if run.begins(first.name, 0.0):  # an empty budget alone leaves it out
+    if run.begins(first.name, 0.0):  # only an empty budget leaves it out
         with compiling():
             made = _made(first, settings)
         sizes[first.name] = _size_figures(first, made, settings, run)
@@ -298,7 +299,7 @@ def _made(size: BenchSize, settings: BenchSettings) -> tuple[TriangleMesh, Floor
 
 
 def _loads(size: BenchSize, mesh: TriangleMesh, settings: BenchSettings, run: _Run) -> dict[str, float]:
-    """`measured_loads` of the mesh as a GLB file, repeated while that leaves time for a browser copy."""
+    """`measured_loads` of the mesh as a GLB file, repeated as long as there is still time for a browser copy."""
     run.progress(f"{size.name}: loading in fresh processes")
     reserve_s = _BROWSER_NEED_S * run.pace if size.with_browser else 0.0
     with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as folder:
@@ -310,7 +311,7 @@ def _loads(size: BenchSize, mesh: TriangleMesh, settings: BenchSettings, run: _R
 
 
 def _navmesh_path_us(seed: int, run: _Run) -> float | None:
-    """`path_us` on a navmesh of Habitat, None where there is none, or no time left."""
+    """`path_us` on a navmesh of Habitat; None if there is no navmesh, or no time left."""
     name = "path on a .navmesh"
     if not _GOLDEN_NAVMESH.is_file() or not run.begins(name, _NAVMESH_NEED_S):
         return None

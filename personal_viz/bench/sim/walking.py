@@ -15,32 +15,32 @@ from sim.walk.navigation_map import NavigationMap
 from ..harness import interleaved
 
 _WALK = 20
-"""Steps from one start point before the next."""
+"""Number of steps from one start point before the next."""
 _MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT, Action.LOOK_UP, Action.LOOK_DOWN)
 
 
 def navigation_figures(
     mesh: TriangleMesh, navigation: NavigationMap, *, seed: int, builds: int = 3, goals: int = 8
 ) -> dict[str, float]:
-    """How fast a robot's map of one mesh is made and asked: `query_figures` and `build_s`, CPU seconds.
+    """Speed of making and querying a robot's map of one mesh: `query_figures`, and `build_s` in CPU seconds.
 
     Args:
-        mesh: World frame.
+        mesh: The mesh, world frame.
         navigation: Its `floor_grid_from_mesh`, made before, so that compiled code is ready.
-        seed: Of the places.
-        builds: How often the map is made again.
-        goals: Different goals; each is asked from twenty starts.
+        seed: Seed of the places.
+        builds: How many times the map is made again.
+        goals: Number of different goals; each is queried from twenty starts.
     """
     build = interleaved({"build": lambda _: floor_grid_from_mesh(mesh)}, calls=builds, warm_ups=0)["build"]
     return {"build_s": build.core_s, **query_figures(navigation, seed=seed, goals=goals)}
 
 
 def query_figures(navigation: NavigationMap, *, seed: int, goals: int) -> dict[str, float]:
-    """CPU times of questions for `goals` different random goals, each asked from twenty starts; medians.
+    """Median CPU times of queries for `goals` different random goals, each queried from twenty starts.
 
     Returns:
-        `field_ms` of one `distances` to a goal never asked for before; `path_us` of one `shortest_path` and
-        `distance_us` of one `distances` of one start whose goal's field is at hand, where the goal can be reached.
+        `field_ms` of one `distances` to a new goal; `path_us` of one `shortest_path`, and `distance_us` of one
+        `distances` from one start, both with the goal's field ready, for goals that can be reached.
     """
     rng = np.random.default_rng(seed)
     points = [navigation.random_point(rng)[None] for _ in range(goals + 1)]
@@ -81,11 +81,11 @@ def env_steps_per_s(
     """Steps per elapsed second of one `PanEnv` under random moves, median over walks of twenty steps.
 
     Args:
-        navigation: Where the robot walks.
-        renderer: None = without pictures.
-        camera: Of the observations.
-        num_steps: Steps in all, rounded up to whole walks; one more walk before is not counted.
-        seed: Of starts and moves.
+        navigation: The map on which the robot walks.
+        renderer: Renders the observations; None = without pictures.
+        camera: Camera of the observations.
+        num_steps: Total number of steps, rounded up to whole walks; one more walk comes first and is not counted.
+        seed: Seed of starts and moves.
     """
     rng = np.random.default_rng(seed)
     walks = camera_starts(navigation, -(-num_steps // _WALK) + 1, seed=seed)

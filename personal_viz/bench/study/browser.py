@@ -1,25 +1,37 @@
-"""From a key to its picture on the screen, in a real Chromium: measured inside the page, with the page's own clock."""
+"""Times the way from a key to its picture on the screen in a real Chromium, inside the page by the page's own clock.
 
+Three cases: alone, beside bots, and far away, through a TCP proxy that forwards every byte with a delay.
+"""
+
+import asyncio
 import contextlib
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
-from ...bots.flow import right_answers
+from human_study.design.study import StudyConfig, load_study
+from sim.errors import MissingDependencyError
+
+from ...bots.forms import right_answers
+from ...bots.run import quantile
+from ...bots.site import make_bot_study
 from ...browser import open_chromium
+from ..harness import Progress, Values, background_loop
+from .crowd import CrewSettings, crowd
+from .server import Server
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-from human_study.design.study import StudyConfig
-
 WALK = ("w", "w", "a", "w", "d", "w", "w", "d", "w", "a")
-"""Keys that are pressed in turns: forward, left, right."""
+"""Keys that are pressed in turn: forward, left, right."""
 HOLD_MS = 60
-"""How long a key is held."""
+"""How long a key is held, milliseconds."""
 PACE_S = 0.5
-"""From one press to the next, or longer when the picture takes longer."""
+"""Seconds from one press to the next; longer if the picture takes longer."""
 ANSWER_S = 20.0
 _SCRIPT = """
 (() => {
@@ -45,17 +57,80 @@ _SCRIPT = """
   new MutationObserver(look).observe(document, { childList: true, subtree: true, attributes: true });
 })()
 """
-"""Runs before the page's own scripts, whose key listener lets no other listener behind it hear of keys."""
+"""Runs before the page's own scripts, whose key listener hides keys from all later listeners."""
 _ONWARD = ("I agree and take part", "I have read this", "Next", "Begin", "Begin to practise", "Start", "Continue")
+_CHUNK = 64 * 1024
+
+
+class BrowserSettings(CrewSettings):
+    """Number of keys pressed in the browser, and the bots beside it."""
+
+    keys: int = 60
+    """Number of keys in each case."""
+    bots: int = 9
+    """Number of bots that act at the same time as the browser in the second case."""
+    round_trip_ms: float = 80.0
+    """Round trip injected in the third case, half of it each way."""
+    seed: int = 6
+
+    @property
+    def words(self) -> str:
+        """A description of the work, for the report."""
+        return (
+            f"{self.keys} keys in Chromium, at most one each half second, from keydown until the new picture is drawn: "
+            f"alone, with {self.bots} bots acting beside it, and over a line with a round trip of "
+            f"{self.round_trip_ms:g} ms."
+        )
+
+
+def measure_browser(settings: BrowserSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
+    """Times from keydown until the new picture is drawn in a real Chromium; each case has its own participant.
+
+    Returns:
+        `alone_..._ms` with nobody else in the study; `key_to_image_..._ms` while `bots` act; `delayed_..._ms` alone,
+        over a line with `round_trip_ms`. None = no key had its picture in time. Empty if there is no browser.
+    """
+    make_bot_study(folder, participants=settings.bots + 3, seed=settings.seed, dataset=dataset)
+    with Server(folder / "study", dataset) as server:
+        site = server.start()
+        config, (first, second, third, *others) = load_study(site.folder), site.links
+        try:
+            progress("Chromium, alone")
+            with walking(site.links[first], config) as page:
+                alone = key_to_image_ms(page, num_keys=settings.keys)
+            progress(f"Chromium, over a line with a round trip of {settings.round_trip_ms:g} ms")
+            with (
+                delayed(site.links[second], one_way_s=settings.round_trip_ms / 2e3) as link,
+                walking(link, config) as page,
+            ):
+                late = key_to_image_ms(page, num_keys=settings.keys)
+            progress(f"Chromium and {settings.bots} bots")
+            with walking(site.links[third], config) as page, crowd(site, others, settings) as bots:
+                bots.arrive()
+                bots.begin()
+                together = key_to_image_ms(page, num_keys=settings.keys)
+        except MissingDependencyError as error:
+            progress(f"No figures of a browser: {error}")
+            return {}
+    late_p50 = quantile(late, 0.5)
+    return {
+        "alone_p50_ms": quantile(alone, 0.5),
+        "alone_p95_ms": quantile(alone, 0.95),
+        "key_to_image_p50_ms": quantile(together, 0.5),
+        "key_to_image_p95_ms": quantile(together, 0.95),
+        "delayed_p50_ms": late_p50,
+        "delayed_p95_ms": quantile(late, 0.95),
+        "delayed_p50_over_round_trip_ms": None if late_p50 is None else late_p50 - settings.round_trip_ms,
+    }
 
 
 @contextmanager
 def walking(link: str, config: StudyConfig) -> Iterator["Page"]:
-    """A participant in Chromium who has answered all pages and stands at the start of the first trial.
+    """Yields the page of a participant in Chromium who has answered all pages and stands at the first trial's start.
 
     Args:
         link: Personal link of a PAN participant.
-        config: The study, whose quiz has to be answered.
+        config: The study, whose quiz must be answered.
 
     Raises:
         MissingDependencyError: There is no Chromium or no Playwright.
@@ -73,9 +148,9 @@ def key_to_image_ms(page: "Page", *, num_keys: int, warm_ups: int = 5) -> list[f
     """Milliseconds from each keydown until the page has drawn the picture that follows it.
 
     Args:
-        page: Of `walking`.
-        num_keys: That count; those whose picture did not come within 20 s are left out.
-        warm_ups: Presses before, which do not.
+        page: Page from `walking`.
+        num_keys: Number of measured keys; keys whose picture did not come within 20 s are left out.
+        warm_ups: Number of presses before, which are not measured.
     """
     times = []
     for number in range(warm_ups + num_keys):
@@ -85,8 +160,29 @@ def key_to_image_ms(page: "Page", *, num_keys: int, warm_ups: int = 5) -> list[f
     return [ms for ms in times[warm_ups:] if ms is not None]
 
 
+@contextmanager
+def delayed(link: str, *, one_way_s: float) -> Iterator[str]:
+    """Yields the link through a proxy on loopback that delays both directions, until the end of the block."""
+    parts = urlsplit(link)
+    assert parts.port is not None, link
+
+    async def join(near_in: asyncio.StreamReader, near_out: asyncio.StreamWriter) -> None:
+        """Serves one connection from beginning to end."""
+        far_in, far_out = await asyncio.open_connection("127.0.0.1", parts.port)
+        with contextlib.suppress(OSError):  # one side hung up
+            await asyncio.gather(_hand_on(near_in, far_out, one_way_s), _hand_on(far_in, near_out, one_way_s))
+        for writer in (near_out, far_out):
+            writer.close()
+
+    with background_loop("delay") as loop:
+        server = asyncio.run_coroutine_threadsafe(asyncio.start_server(join, "127.0.0.1", 0), loop).result()
+        port = server.sockets[0].getsockname()[1]
+        yield link.replace(f":{parts.port}", f":{port}", 1)
+        loop.call_soon_threadsafe(server.close)
+
+
 def _press(page: "Page", key: str) -> float | None:
-    """One key; None when no picture came of it in time."""
+    """Presses one key; returns the milliseconds until its picture, None if no picture came in time."""
     count = page.evaluate("window.benchKeys.ms.length")
     page.keyboard.press(key, delay=HOLD_MS)
     deadline_s = time.perf_counter() + ANSWER_S
@@ -99,7 +195,7 @@ def _press(page: "Page", key: str) -> float | None:
 
 
 def _answer_pages(page: "Page", answers: frozenset[str]) -> None:
-    """Presses what leads on until the robot's picture is there."""
+    """Presses the buttons that lead on until the robot's picture appears."""
     from playwright.sync_api import Error as PlaywrightError
 
     image = page.locator("img[data-step]")
@@ -117,3 +213,13 @@ def _answer_pages(page: "Page", answers: frozenset[str]) -> None:
                 page.get_by_role("button", name=found, exact=True).first.click(timeout=3_000)
         page.wait_for_timeout(150)
     image.wait_for()
+
+
+async def _hand_on(source: asyncio.StreamReader, target: asyncio.StreamWriter, one_way_s: float) -> None:
+    """Forwards bytes in order, each `one_way_s` after it came; any number may be on the way."""
+    loop = asyncio.get_running_loop()
+    while data := await source.read(_CHUNK):
+        loop.call_later(one_way_s, target.write, data)
+    await asyncio.sleep(2 * one_way_s)  # everything on the way has arrived
+    with contextlib.suppress(OSError, NotImplementedError):
+        target.write_eof()

@@ -1,4 +1,4 @@
-"""Bots on a thread of their own that come back by themselves while the caller ends and starts the study."""
+"""Bots on their own thread that come back by themselves while the caller ends and restarts the study."""
 
 import asyncio
 import time
@@ -7,6 +7,8 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict
 
 from sim.errors import StudyError
 
@@ -19,28 +21,41 @@ from ..harness import background_loop
 from .server import Server
 
 PATIENCE_S = 120.0
-"""How long a bot tries to come back."""
+"""Seconds for which a bot tries to come back."""
 AGAIN_S = 0.2
-"""Between two tries."""
+"""Seconds between two tries."""
 _TURN_S = 3.0
-"""How long a bot acts before it looks whether it shall stop."""
+"""Seconds for which a bot acts before it checks whether it should stop."""
 _ARRIVE_TOGETHER = 10
 _POLL_S = 0.005
 T = TypeVar("T")
 
 
+class CrewSettings(BaseModel):
+    """The bots that act in a study while something is measured."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    bots: int
+    kinds: tuple[BotKind, ...] = ("random",)
+    """Kinds of bots, dealt out in turn; a crowd has no `shortest`."""
+    rate: float = 2.0
+    """Keys per second that each bot should press."""
+    seed: int
+    """Seed of the plan and of the bots' choices."""
+
+
 class StayingBot(PanBot):
-    """Comes back when the study is served again, and notes where it finds itself then."""
+    """A bot that comes back when the study is served again, and notes where it then stands."""
 
     def __init__(self, person: Person, kind: BotKind, homes: BotHomes | None, *, rate: float, seed: int) -> None:
-        """Arguments as PanBot's."""
+        """Takes the same arguments as PanBot."""
         super().__init__(person, kind, homes, rate=rate, seed=seed)
         self.num_acked = 0
-        """Keys of which the bot heard that they are on disk."""
+        """Number of keys that the study has told the bot are on disk."""
         self.resumed: list[tuple[int, int]] = []
-        """After each way back: (step of the first picture, place in `log.presses` of the next key)."""
+        """(step of the first picture, place in `log.presses` of the next key) after each return."""
         self.step_counted = 0
-        """What the page's counter said last."""
+        """Last value of the page's counter."""
         self.is_here = False
         """Whether it stands in a trial, or has none left, since it last lost its connection."""
         self._stays, self._noted, self._tried_s = True, 1, 0.0
@@ -51,12 +66,12 @@ class StayingBot(PanBot):
             await self.act(time.perf_counter() + _TURN_S)
 
     async def go(self) -> None:
-        """Closes the page when the last answer has come."""
+        """Closes the page after the last answer has come."""
         self._stays = False
         await self.leave()
 
     async def leave(self) -> None:
-        """Stays between two turns."""
+        """Closes the page only after `go`: between two turns the bot stays."""
         if not self._stays:
             await super().leave()
 
@@ -98,10 +113,10 @@ class StayingBot(PanBot):
 
 
 class Crowd:
-    """Staying bots and the thread on which they live; made by `crowd`."""
+    """Staying bots and the thread on which they run; made by `crowd`."""
 
     def __init__(self, bots: Sequence[StayingBot], loop: asyncio.AbstractEventLoop) -> None:
-        """Nobody has come yet."""
+        """Takes the bots, none of which has come yet, and their event loop."""
         self.bots = tuple(bots)
         self._loop = loop
         self._is_over = True
@@ -110,7 +125,7 @@ class Crowd:
 
     @property
     def logs(self) -> list[BotLog]:
-        """What each has done so far."""
+        """The log of each bot so far."""
         return [bot.log for bot in self.bots]
 
     @property
@@ -120,32 +135,32 @@ class Crowd:
 
     @property
     def num_acked(self) -> int:
-        """Keys of which bots have heard that they are on disk."""
+        """Number of keys that the study has told the bots are on disk."""
         return sum(bot.num_acked for bot in self.bots)
 
     def arrive(self) -> None:
-        """All come in and answer the pages until the first trial.
+        """Lets all bots come in and answer the pages until the first trial.
 
         Raises:
-            StudyError: One is not let in.
+            StudyError: A bot is not let in.
         """
         for first in range(0, len(self.bots), _ARRIVE_TOGETHER):
             self._wait(_all(bot.arrive() for bot in self.bots[first : first + _ARRIVE_TOGETHER]))
 
     def begin(self) -> None:
-        """All act from now on."""
+        """Makes all bots act from now on."""
         assert self._is_over
         self._is_over = False
         self._acting = self._submit(_all(bot.go_on(lambda: self._is_over) for bot in self.bots))
 
     def halt(self) -> None:
-        """Returns when nobody presses keys any more; all pages are open."""
+        """Returns when no bot presses keys any more; all pages stay open."""
         self._is_over = True
         if self._acting is not None:
             self._acting.result()
 
     def leave(self) -> None:
-        """All close their pages, if they have not."""
+        """Makes all bots close their pages, unless they have done so."""
         self.halt()
         if not self._have_left:
             self._wait(_all(bot.go() for bot in self.bots))
@@ -155,20 +170,20 @@ class Crowd:
         """Returns when this many more keys are acknowledged.
 
         Raises:
-            StudyError: They are not in time, or no bot can go on.
+            StudyError: They are not acknowledged in time, or no bot can go on.
         """
         goal = self.num_acked + count
         self.wait_until(lambda: self.num_acked >= goal, f"{count} keys acknowledged", within_s=within_s)
 
     def await_all_here(self, connections: Sequence[int], *, within_s: float = PATIENCE_S) -> None:
-        """Returns when all have come back and stand in their trials.
+        """Returns when all bots have come back and stand in their trials.
 
         Args:
-            connections: How many each bot had had before.
-            within_s: Longest wait.
+            connections: Number of connections that each bot had before.
+            within_s: Longest wait, seconds.
 
         Raises:
-            StudyError: Somebody does not in time.
+            StudyError: A bot is not back in time.
         """
         pairs = tuple(zip(self.bots, connections, strict=True))
         self.wait_until(
@@ -178,10 +193,10 @@ class Crowd:
         )
 
     def wait_until(self, is_so: Callable[[], bool], what: str, *, within_s: float = PATIENCE_S) -> None:
-        """Waits for the bots, who act meanwhile.
+        """Waits until `is_so` holds, while the bots act.
 
         Raises:
-            StudyError: It did not happen in time, or a bot gave up.
+            StudyError: That did not happen in time, or a bot gave up.
         """
         deadline_s = time.perf_counter() + within_s
         while not is_so():
@@ -200,21 +215,19 @@ class Crowd:
 
 
 @contextmanager
-def crowd(site: Site, codes: Sequence[str], *, kinds: Sequence[BotKind], rate: float, seed: int) -> Iterator[Crowd]:
-    """Bots for a block; at its end all leave.
+def crowd(site: Site, codes: Sequence[str], crew: CrewSettings) -> Iterator[Crowd]:
+    """Yields bots for a block; at its end all leave.
 
     Args:
-        site: The study; its links have to lead to it also after it was served again.
-        codes: Participants.
-        kinds: Dealt out in turns, `shortest` is none of them.
-        rate: Keys per second and bot.
-        seed: Of their choices.
+        site: The study; its links must still lead to it after a restart.
+        codes: Codes of the participants, one bot for each.
+        crew: How the bots behave.
     """
-    homes, people = BotHomes(site), {person.code: person for person in site.everybody}
+    kinds, homes, people = crew.kinds, BotHomes(site), {person.code: person for person in site.everybody}
     with background_loop("crowd") as loop:
         found = Crowd(
             [
-                StayingBot(people[code], kinds[number % len(kinds)], homes, rate=rate, seed=seed + number)
+                StayingBot(people[code], kinds[number % len(kinds)], homes, rate=crew.rate, seed=crew.seed + number)
                 for number, code in enumerate(codes)
             ],
             loop,
@@ -225,29 +238,21 @@ def crowd(site: Site, codes: Sequence[str], *, kinds: Sequence[BotKind], rate: f
 
 @contextmanager
 def staffed(
-    folder: Path,
-    dataset: Path,
-    *,
-    bots: int,
-    kinds: Sequence[BotKind],
-    rate: float,
-    seed: int,
-    spare: int = 0,
-    workers: int | None = None,
+    folder: Path, dataset: Path, crew: CrewSettings, *, spare: int = 0, workers: int | None = None
 ) -> Iterator[tuple[Server, Site, Crowd]]:
-    """A served study on its own plan with this many bots, who have not come yet; at the block's end all leave.
+    """Yields a served study with its own plan, and its bots, which have not come yet; at the block's end all leave.
 
     Args:
-        folder: An empty one.
-        dataset: Of one invented home.
-        bots: How many; further arguments as `crowd`'s.
-        spare: Participants for whom no bot stands, the last ones.
-        workers: Of the server; None = as many as usual.
+        folder: An empty folder.
+        dataset: Dataset of one invented home.
+        crew: Number of bots, and how they behave.
+        spare: Number of participants without a bot, at the end of the list.
+        workers: Number of the server's workers; None = as many as usual.
     """
-    make_bot_study(folder, participants=bots + spare, seed=seed, dataset=dataset)
+    make_bot_study(folder, participants=crew.bots + spare, seed=crew.seed, dataset=dataset)
     with Server(folder / "study", dataset, workers=workers) as server:
         site = server.start()
-        with crowd(site, list(site.links)[:bots], kinds=kinds, rate=rate, seed=seed) as found:
+        with crowd(site, list(site.links)[: crew.bots], crew) as found:
             yield server, site, found
 
 

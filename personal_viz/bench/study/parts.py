@@ -1,4 +1,4 @@
-"""What a study costs its participants, and what it stands: a key's time, and kills, crowds, restarts, big homes."""
+"""Runs the parts of the study benchmark: the time of a key, and kills, crowds, restarts and big homes."""
 
 import tempfile
 import time
@@ -16,9 +16,9 @@ from sim.errors import StudyError
 from ...bots.site import HOME
 from ..harness import Plan, Progress, Report, Target, Values, machine, report_of
 from .big_home import BigHomeSettings, measure_big_home
+from .browser import BrowserSettings, measure_browser
 from .kills import KillSettings, measure_kills
-from .online import BrowserSettings, LoadSettings, measure_browser, measure_load
-from .people import PeopleSettings, measure_people
+from .load import LoadSettings, PeopleSettings, measure_load, measure_people
 from .restart import RestartSettings, measure_restarts
 from .soak import SoakSettings, measure_soak
 from .store import store_acks_ms
@@ -56,23 +56,28 @@ TARGETS = {
     "soak.clients_left": Target(0.0),
     "soak.leases_left": Target(0.0),
 }
-"""HUMAN_STUDY.md, section 10. Pools of serving process and workers may still add 16 threads and file descriptors after
-the first look of the soak."""
+"""Targets of HUMAN_STUDY.md, section 10. Thread pools of the serving process and workers may still add 16 threads and
+file descriptors after the soak's first measurement."""
 _SEED = 5
 
 
 class StoreSettings(BaseModel):
-    """The store alone."""
+    """Settings for measuring the store alone."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     participants: int = 50
     rate: float = 2.0
-    """Keys per second of each."""
+    """Keys per second of each participant."""
     seconds: float = 10.0
+
+    @property
+    def words(self) -> str:
+        """A description of the work, for the report."""
+        return f"the store alone, {self.participants} people for {self.seconds:g} s."
 
 
 class StudySettings(BaseModel):
-    """How much is measured."""
+    """Settings of all parts."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     store: StoreSettings = StoreSettings()
@@ -99,7 +104,7 @@ QUICK = StudySettings(
 
 
 def measure_store(settings: StoreSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
-    """The store alone: from handing over a key and its step until they are on disk. It serves no study."""
+    """Times the store alone, from handing over a key and its step until they are on disk. It serves no study."""
     acks = store_acks_ms(participants=settings.participants, rate=settings.rate, seconds=settings.seconds)
     return {"ack_p50_ms": float(np.quantile(acks, 0.5)), "ack_p95_ms": float(np.quantile(acks, 0.95))}
 
@@ -114,24 +119,24 @@ PARTS: dict[str, Callable[..., Values]] = {
     "restart": measure_restarts,
     "soak": measure_soak,
 }
-"""In the order in which they are measured."""
+"""The parts in the order in which they are measured."""
 
 
 def measure_study(settings: StudySettings, parts: Sequence[str], *, quick: bool, progress: Progress) -> Report:
-    """Measures some parts, each in a study of its own, one after the other.
+    """Measures some parts, each in its own study, one after the other.
 
     Args:
-        settings: How much.
-        parts: Names of PARTS; they are measured in its order.
+        settings: Settings of the parts.
+        parts: Names in PARTS; they are measured in its order.
         quick: Written into the report.
-        progress: Told what is done now.
+        progress: Gets a line about the present work.
 
     Returns:
-        Values: those of each part by its name, `load_of`, the machine's load average before each, which what ran before
-        may have raised; and at the top, of the load case and of the browser's, the figures that are asked for most.
+        A report with the values of each part by its name; `load_of`, the machine's load average before each part, which
+        earlier parts may have raised; and at the top, the most important figures of the load and browser cases.
 
     Raises:
-        StudyError: A part is unknown, a study cannot be served, or bots do not find back into it.
+        StudyError: A part is unknown, a study cannot be served, or bots cannot come back to it.
     """
     unknown = sorted(set(parts) - set(PARTS))
     if unknown:
@@ -139,6 +144,7 @@ def measure_study(settings: StudySettings, parts: Sequence[str], *, quick: bool,
     here, began_s = machine(), time.perf_counter()
     chosen = [part for part in PARTS if part in parts]
     found: dict[str, Values] = {}
+    words: dict[str, str] = {}
     load_of: dict[str, float] = {}
     with tempfile.TemporaryDirectory(prefix="personal-bench-study-") as name:
         dataset = Path(name) / "dataset"
@@ -151,9 +157,10 @@ def measure_study(settings: StudySettings, parts: Sequence[str], *, quick: bool,
             folder.mkdir()
             key = part.replace("-", "_")
             own = getattr(settings, key)
+            words[part] = own.words
             found[key] = PARTS[part](own, folder=folder, dataset=dataset, progress=progress)
     notes = ["Studies on an invented home, served by their own gateway and workers; all share the cores."]
-    notes += [f"{part}: {_words(settings, part)} Load average before it: {load_of[part]:.2f}." for part in chosen]
+    notes += [f"{part}: {words[part]} Load average before it: {load_of[part]:.2f}." for part in chosen]
     return report_of(
         "study",
         {**_asked_for(found), **found, "load_of": load_of},
@@ -172,38 +179,3 @@ def _asked_for(found: dict[str, Values]) -> dict[str, Any]:
     names = ("participants", "ack_p50_ms", "ack_p95_ms", "lost", "duplicated")
     values = {name: load.get(name) for name in names}
     return values | {name: browser.get(name) for name in ("key_to_image_p50_ms", "key_to_image_p95_ms")}
-
-
-def _words(used: StudySettings, part: str) -> str:
-    """What a part does."""
-    load, browser, soak = used.load, used.browser, used.soak
-    match part:
-        case "store":
-            return f"the store alone, {used.store.participants} people for {used.store.seconds:g} s."
-        case "load":
-            return (
-                f"{load.bots} bots ({', '.join(load.kinds)}), {load.rate:g} keys a second each, for {load.seconds:g} "
-                "s; random ones press on when a picture is late (these keys have no effect), the others wait."
-            )
-        case "browser":
-            return (
-                f"{browser.keys} keys in Chromium, at most one each half second, from keydown until the new picture "
-                f"is drawn: alone, with {browser.together - 1} bots acting beside it, and over a line with a round "
-                f"trip of {browser.round_trip_ms:g} ms."
-            )
-        case "kills":
-            return (
-                f"kill -9 at {used.kills.kills} random instants, of the serving process or of a worker, while "
-                f"{used.kills.bots} bots walk."
-            )
-        case "people":
-            return (
-                f"{used.people.bots} bots, {used.people.rate:g} keys a second asked of each, for "
-                f"{used.people.seconds:g} s: more than two cores can show pictures to."
-            )
-        case "big-home":
-            return f"keys of {used.big_home.bots} bots while somebody opens a home of {used.big_home.faces} triangles."
-        case "restart":
-            return f"{used.restart.restarts} times, by SIGTERM and SIGINT in turns, {used.restart.bots} bots online."
-        case _:
-            return f"{soak.bots} bots that come and go ({', '.join(soak.kinds)}) for {soak.seconds:g} s."

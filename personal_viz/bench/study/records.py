@@ -1,10 +1,11 @@
-"""What a study's records must say of bots after kills and crowds: each acknowledged step, and all are where they were.
+"""Checks a study's records after kills and crowds: they hold each acknowledged step, and all bots are where they were.
 
 A page's counter says "Step 7" when seven steps are on disk: a step is lost if the counter has shown it and it is not
-stored. Keys are looked for by `bots.records`.
+stored. `bots.records` searches for keys.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from human_study.store.records import StudyReader, read_study
@@ -13,23 +14,52 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.pan import PanEnv
 
-from ...bots.records import events_of
+from ...bots.records import BotCount, count_bots, events_of
 from ...study_app.home.trial_homes import open_trial_home
-from .crowd import StayingBot
+from .crowd import Crowd, StayingBot
 
 
-def missing_steps(folder: Path, bots: Sequence[StayingBot]) -> tuple[str, ...]:
-    """Steps that a bot's page has counted and that are not stored now; all chains are checked.
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """How many of the keys and steps that a crowd sent are in the records."""
+
+    keys: BotCount
+    missing: tuple[str, ...]
+    """Result of `missing_steps`."""
+    bot_problems: tuple[str, ...]
+
+    @property
+    def lost(self) -> int:
+        """Number of keys and steps that were acknowledged and are not stored."""
+        return len(self.keys.lost) + len(self.missing)
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Everything that went wrong, in words."""
+        return (*self.bot_problems, *self.keys.lost, *self.missing)
+
+
+def kept(folder: Path, bots: Crowd) -> Kept:
+    """Compares a crowd's actions with the records.
 
     Raises:
         StudyError: The database is damaged.
     """
-    shown = [bot.step_counted for bot in bots]  # before the records are looked at
+    return Kept(count_bots(folder, bots.logs), missing_steps(folder, bots.bots), bots.problems)
+
+
+def missing_steps(folder: Path, bots: Sequence[StayingBot]) -> tuple[str, ...]:
+    """Steps that a bot's page has counted but that are not stored now; all hash chains are checked.
+
+    Raises:
+        StudyError: The database is damaged.
+    """
+    shown = [bot.step_counted for bot in bots]  # must be read before the records
     missing = []
     with read_study(folder) as reader:
         reader.check()
         for bot, step in zip(bots, shown, strict=True):
-            # the page may still show the trial before the one that was opened last
+            # the page may still show the previous trial
             stored = max((len(steps) for steps in _last_steps(reader, bot.log.code)), default=0)
             if stored < step:
                 missing.append(f"{bot.log.code}: step {step} was counted, {stored} are stored")
@@ -37,10 +67,10 @@ def missing_steps(folder: Path, bots: Sequence[StayingBot]) -> tuple[str, ...]:
 
 
 def resumed_elsewhere(folder: Path, bots: Sequence[StayingBot]) -> tuple[int, tuple[str, ...]]:
-    """(ways back that could be compared, those after which a bot stood at another step than the records say).
+    """Number of returns that could be compared, and those after which a bot stood at a step not in the records.
 
-    The first picture of a new connection shows a step; the key that the bot pressed next is stored behind so many
-    steps. Ways back after which no key was stored, because the next kill came first, are left out.
+    The first picture of a new connection shows a step; the key that the bot pressed next must be stored after the same
+    number of steps. Returns after which no key was stored, because the next kill came first, are left out.
     """
     compared, wrong = 0, []
     with read_study(folder) as reader:
@@ -57,9 +87,9 @@ def resumed_elsewhere(folder: Path, bots: Sequence[StayingBot]) -> tuple[int, tu
 
 
 def poses_elsewhere(folder: Path, dataset: Path) -> tuple[int, tuple[str, ...]]:
-    """(steps that were done again, trials in which one leads elsewhere than stored).
+    """Number of replayed steps, and the trials in which a step leads to another pose than the stored one.
 
-    Each trial is done again from its start in one go: a session that resumed at another pose would not fit.
+    Each trial is replayed from its start in one go: a session that resumed at another pose would not fit.
     """
     steps, wrong = 0, []
     episodes = PersonalDataset(dataset)
@@ -80,7 +110,7 @@ def poses_elsewhere(folder: Path, dataset: Path) -> tuple[int, tuple[str, ...]]:
 
 
 def first_other_step(events: Sequence[Event], env: PanEnv) -> int | None:
-    """The first step, from 1, whose pose is not the stored one to the last bit.
+    """The first step, from 1, whose pose differs from the stored one in any bit.
 
     Raises:
         StudyError: There are steps after the end.
@@ -97,13 +127,13 @@ def first_other_step(events: Sequence[Event], env: PanEnv) -> int | None:
 
 
 def _last_steps(reader: StudyReader, code: str) -> list[list[Act]]:
-    """Steps of the last two trials that were opened."""
+    """Steps of the last two opened trials."""
     opened = [status.trial_id for status in reader.trials(code) if status.trial_id is not None]
     return [[line.event for line in reader.events(trial) if isinstance(line.event, Act)] for trial in opened[-2:]]
 
 
 def _steps_before_keys(reader: StudyReader, code: str) -> dict[float | None, int]:
-    """Steps of its trial before each key, by the key's own time."""
+    """Number of steps in the trial before each key, by the key's own time."""
     found: dict[float | None, int] = {}
     steps = 0
     for event in events_of(reader, code):

@@ -1,4 +1,4 @@
-"""The study is ended and started again while people are online: they come back, to where they were."""
+"""Ends and restarts the study while people are online, and checks that they come back to where they were."""
 
 import contextlib
 import signal
@@ -8,69 +8,61 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import psutil
-from pydantic import BaseModel, ConfigDict
 
 from human_study.design.study import load_study
 from human_study.store.records import read_study
 from human_study.trial.events import Act, Reconnect
 from sim.errors import MissingDependencyError
 
-from ...bots.records import BotKind, count_bots
+from ...bots.records import BotKind
 from ...bots.run import quantile
 from ...bots.site import Site
 from ..harness import Progress, Values
 from .browser import key_to_image_ms, walking
-from .crowd import Crowd, staffed
-from .records import missing_steps, resumed_elsewhere
+from .crowd import CrewSettings, Crowd, staffed
+from .records import kept, resumed_elsewhere
 from .server import Server
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 _KEYS = 3
-"""Pressed in the browser before each restart."""
+"""Number of keys pressed in the browser before each restart."""
 _BACK_S = 90.0
-"""Longest wait until a browser is back."""
+"""Longest wait until a browser is back, seconds."""
 
 
-class RestartSettings(BaseModel):
-    """How often, and with whom."""
+class RestartSettings(CrewSettings):
+    """Number of restarts, and the bots."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     restarts: int = 4
-    """By SIGTERM and SIGINT in turns."""
+    """Number of restarts, by SIGTERM and SIGINT in turn."""
     bots: int = 20
     kinds: tuple[BotKind, ...] = ("random", "slow")
-    rate: float = 2.0
     acted_keys: int = 50
-    """Acknowledged keys before each restart."""
+    """Number of acknowledged keys before each restart."""
     with_browser: bool = True
-    """Whether a real browser's page is among them, where there is one."""
+    """Whether a real browser takes part, if there is one."""
     seed: int = 19
+
+    @property
+    def words(self) -> str:
+        """A description of the work, for the report."""
+        return f"{self.restarts} times, by SIGTERM and SIGINT in turns, {self.bots} bots online."
 
 
 def measure_restarts(settings: RestartSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
-    """Ends the program as a host does, starts it again on the same folder and port, and waits for everybody.
-
-    Args:
-        settings: How often.
-        folder: An empty one.
-        dataset: Of one invented home.
-        progress: Told what is done now.
+    """Ends the program as a host does, restarts it on the same folder and port, and waits for everybody.
 
     Returns:
-        `drain_s`, the longest from the signal until the serving process has ended, and `processes_left` that were still
-        there then; `start_s`, the median from starting the program again until it serves; `reconnect_s`, the longest
-        from then until all bots, and the browser, stand in their trials; `lost`, keys and steps that were acknowledged
-        and are not on disk; `resumes`, ways back of bots that could be compared with the records, and
-        `resumed_elsewhere`, those that showed another step, the browser's among them; `browser_returns`, how often the
-        browser's page came back by itself (None = there is no browser).
-
-    Raises:
-        StudyError: The study is not served again, or bots do not find back.
+        `drain_s`, the longest time from the signal until the serving process has ended, and `processes_left`, which
+        were still there then; `start_s`, the median from the restart until it serves; `reconnect_s`, the longest from
+        then until all bots, and the browser, stand in their trials; `lost`, keys and steps that were acknowledged and
+        are not on disk; `resumes`, returns of bots that could be compared with the records, and `resumed_elsewhere`,
+        returns that showed another step, the browser's included; `browser_returns`, how often the browser's page came
+        back by itself (None = there is no browser).
     """
-    crew = {"kinds": settings.kinds, "rate": settings.rate, "seed": settings.seed}
-    with staffed(folder, dataset, bots=settings.bots, spare=1, **crew) as (server, site, bots):
+    with staffed(folder, dataset, settings, spare=1) as (server, site, bots):
         tally, code = _Tally(server), list(site.links)[-1]
         with _browser(site, code, wanted=settings.with_browser, progress=progress) as person:
             bots.arrive()
@@ -83,7 +75,7 @@ def measure_restarts(settings: RestartSettings, *, folder: Path, dataset: Path, 
                 tally.restart(end, bots, person)
             bots.await_acks(settings.bots)
             bots.leave()
-        keys, missing = count_bots(site.folder, bots.logs), missing_steps(site.folder, bots.bots)
+        found = kept(site.folder, bots)
         resumes, elsewhere = resumed_elsewhere(site.folder, bots.bots)
     return {
         "participants": settings.bots + (person.page is not None),
@@ -92,17 +84,17 @@ def measure_restarts(settings: RestartSettings, *, folder: Path, dataset: Path, 
         "processes_left": tally.num_left,
         "start_s": quantile(tally.starts_s, 0.5),
         "reconnect_s": max(tally.returns_s),
-        "lost": len(keys.lost) + len(missing),
-        "duplicated": keys.duplicated,
+        "lost": found.lost,
+        "duplicated": found.keys.duplicated,
         "resumes": resumes,
         "resumed_elsewhere": len(elsewhere) + len(person.problems),
         "browser_returns": person.num_returns if person.page is not None else None,
-        "problems": (*bots.problems, *keys.lost, *missing, *elsewhere, *person.problems),
+        "problems": (*found.problems, *elsewhere, *person.problems),
     }
 
 
 class _Tally:
-    """Restarts, and how long they took."""
+    """The restarts, and their times."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
@@ -112,7 +104,7 @@ class _Tally:
         self.returns_s: list[float] = []
 
     def restart(self, end: signal.Signals, bots: Crowd, person: "_Person") -> None:
-        """Ends the program, starts it again, waits for everybody."""
+        """Ends and restarts the program, and waits for everybody."""
         processes = [psutil.Process(self._server.pid), *self._server.workers]
         connections = [log.num_connections for log in bots.logs]
         self.drains_s.append(self._server.end(end))
@@ -136,13 +128,13 @@ class _Person:
         self._reconnects = 0
 
     def walk(self) -> None:
-        """A few keys, each with its picture."""
+        """Presses a few keys, waiting for the picture of each."""
         if self.page is not None:
             key_to_image_ms(self.page, num_keys=_KEYS, warm_ups=0)
             self._reconnects = self._stored()[0]
 
     def await_return(self) -> None:
-        """Waits until the records say that the page came back by itself; then a key has to work."""
+        """Waits until the records show that the page came back by itself, then checks that a key works."""
         if self.page is None:
             return
         from playwright.sync_api import TimeoutError as TooLateError
@@ -166,7 +158,7 @@ class _Person:
             )
 
     def _stored(self) -> tuple[int, int]:
-        """(ways back, steps) of the first trial that are stored."""
+        """(returns, steps) stored for the first trial."""
         with read_study(self._folder) as reader:
             trial_id = reader.trials(self._code)[0].trial_id
             events = [line.event for line in reader.events(trial_id)] if trial_id is not None else []

@@ -1,4 +1,4 @@
-"""A study that the benchmark serves, kills, ends and serves again at the same address, as a person or a host would."""
+"""Serves a study, kills it, ends it and serves it again at the same address, as a person or a host would."""
 
 import contextlib
 import os
@@ -21,7 +21,7 @@ _DASHBOARD = re.compile(r"for you only: (\S+)")
 
 
 class Server:
-    """A context manager: a study that may be ended and served again as often as one likes."""
+    """A context manager for a study that may be ended and served again any number of times."""
 
     def __init__(
         self,
@@ -35,11 +35,11 @@ class Server:
         """Starts nothing yet.
 
         Args:
-            folder: Of a planned study. What the program says is kept beside it, in `serve.log`.
-            dataset: Of the study.
-            scenes_dir: Of scans.
+            folder: Folder of a planned study. The program's output is kept beside it, in `serve.log`.
+            dataset: Dataset of the study.
+            scenes_dir: Folder of scans.
             cache: Cache folder of the program; None = the user's own.
-            workers: None = as many as usual.
+            workers: Number of workers; None = as many as usual.
         """
         self.log = folder.parent / "serve.log"
         self._folder, self._dataset, self._scenes_dir = folder, dataset, scenes_dir
@@ -48,7 +48,7 @@ class Server:
         self._study: ServedStudy | None = None
 
     def __enter__(self) -> "Server":
-        """Nothing is served before `start`."""
+        """Returns itself; serves nothing before `start`."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -64,7 +64,7 @@ class Server:
 
     @property
     def pid(self) -> int:
-        """Of the serving process."""
+        """Id of the serving process."""
         return self.study.pid
 
     @property
@@ -82,7 +82,7 @@ class Server:
         return []
 
     def start(self) -> Site:
-        """Serves; returns when people can come.
+        """Starts serving; returns when people can come.
 
         Raises:
             StudyError: The program ended instead.
@@ -91,7 +91,7 @@ class Server:
         return self.until_ready()
 
     def begin(self) -> None:
-        """Starts the program, and does not wait for it."""
+        """Starts the program without waiting for it."""
         with self.log.open("a") as said:
             self._study = ServedStudy(self._command, stderr=said, environment=self._environment)
 
@@ -99,7 +99,7 @@ class Server:
         """Waits until the program serves.
 
         Raises:
-            StudyError: It ended instead.
+            StudyError: The program ended instead; the message has its last lines.
         """
         try:
             self.study.await_ready()
@@ -108,7 +108,7 @@ class Server:
         return Site(self._folder, self._dataset, self._scenes_dir, self.study.people, self.pid)
 
     def kill_worker(self, number: int) -> bool:
-        """kill -9 of one of the workers that there are now; False when there is none."""
+        """Kills one of the present workers with kill -9; returns False if there is none."""
         workers = self.workers
         if not workers:
             return False
@@ -117,14 +117,14 @@ class Server:
         return True
 
     def end(self, number: signal.Signals) -> float:
-        """Tells the program to end, as a host does; seconds until it has."""
+        """Tells the program to end, as a host does; returns the seconds until it has ended."""
         began_s = time.perf_counter()
         self.study.end(number)
         return time.perf_counter() - began_s
 
 
 def held_by(pid: int) -> dict[str, float]:
-    """What a serving process and its workers hold now; a process that ends meanwhile counts for nothing.
+    """Resources that a serving process and its workers hold now; a process that ends meanwhile does not count.
 
     Returns:
         Sums: `processes`, `fds` (open file descriptors), `threads`, `clients` (established TCP connections of the

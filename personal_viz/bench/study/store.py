@@ -1,4 +1,4 @@
-"""What a commit costs: people whose keys are stored, without pictures, pages and processes around."""
+"""Measures the cost of a commit: stores people's keys, without pictures, pages and further processes."""
 
 import tempfile
 import time
@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from human_study.design.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene
+from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig, StudyDataset
 from human_study.store.store import StudyStore, open_store
-from human_study.tickets import token_hash
 from human_study.trial.events import Act, Event, Key, Open, Shown
 from sim.types import PAPER4, Action
 
@@ -20,9 +20,9 @@ def store_acks_ms(*, participants: int, rate: float, seconds: float) -> list[flo
     """Milliseconds from handing a key and its step to the store until they are on disk, for all keys of all people.
 
     Args:
-        participants: Who act at the same time, one thread each, as seats do.
+        participants: Number of people who act at the same time, one thread each, as seats do.
         rate: Keys per second and person.
-        seconds: How long.
+        seconds: Duration.
     """
     with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as name:
         config = StudyConfig(study="bench", dataset=StudyDataset(sha256=_HASH), task=("pan",), flow=())
@@ -42,7 +42,7 @@ def store_acks_ms(*, participants: int, rate: float, seconds: float) -> list[flo
 
 
 def _press(store: StudyStore, code: str, offset: float, rate: float, seconds: float, acks: list[float]) -> None:
-    """One person: a key, its step and its picture at a time."""
+    """Plays one person: stores a key, its step and its picture at a time."""
     trial = store.open_trial(code, 1)
     store.append_many(trial.trial_id, trial.epoch, (_opened(),))
     began_s = time.perf_counter() + offset / rate

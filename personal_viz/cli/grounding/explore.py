@@ -1,14 +1,12 @@
-"""Verb `explore`: explorations of homes into a folder, their figures, and how coverage grows over steps."""
+"""Verb `explore`: explores homes into a folder, and shows their figures and the growth of coverage over steps."""
 
 from __future__ import annotations
 
 import io
 import json as json_module
-import multiprocessing
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +17,8 @@ from tyro.conf import arg
 from sim.errors import PersonalVizError
 from sim.types import Camera, SceneKind
 
-from ..options import Json, Scenes, ScenesDir, WithPixels
+from ..options import Jobs, Json, Scenes, ScenesDir, WithPixels
+from ..output import print_json, recorded
 
 if TYPE_CHECKING:
     from grounding.agents.exploration_jobs import ExploreJob
@@ -34,19 +33,22 @@ class Explore:
     """Explore homes with a frontier policy; write the explorations, their figures, and coverage over steps."""
 
     dataset: Annotated[Path | None, arg(help="Folder of episodes whose homes are explored; or give --homes.")] = None
-    homes: Annotated[int | None, arg(help="So many invented homes, from the seeds 0, 1, ...")] = None
+    homes: Annotated[int | None, arg(help="Number of invented homes, from the seeds 0, 1, ...")] = None
     scene: Scenes = ()
     scenes_dir: ScenesDir = None
     storeys: Annotated[Literal["start", "all"], arg(help="start: the storey with the most floor; all: each one.")] = (
         "start"
     )
-    seed: Annotated[int, arg(help="Of the starts.")] = 0
+    seed: Annotated[int, arg(help="Seed of the start places.")] = 0
     max_steps: Annotated[int, arg(help="Most actions per storey; most homes need fewer.")] = 2500
     width: Annotated[
-        int, arg(help="Of the robot's pictures; smaller ones are quicker, with the same field of view.")
+        int,
+        arg(
+            help="Width of the robot's pictures, pixels; smaller pictures are quicker and have the same field of view."
+        ),
     ] = 640
-    height: Annotated[int, arg(help="Of the robot's pictures, pixels, as the width.")] = 480
-    jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
+    height: Annotated[int, arg(help="Height of the robot's pictures, pixels.")] = 480
+    jobs: Jobs = 1
     out: Annotated[Path, arg(help="Folder of the explorations.")] = Path("runs/explore")
     json: Json = False
     rerun: Annotated[
@@ -58,12 +60,12 @@ class Explore:
     ] = None
     with_pixels: WithPixels = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from sim.files import write_whole
 
-        from ...study_app.checked_options import check_options
+        from ..refusals import check_options
 
-        check_options(run_id=None, jobs=self.jobs, seed=self.seed)
+        check_options(self)
         self._check()
         names, kind = self._homes()
         todo = self._jobs(names)
@@ -76,17 +78,17 @@ class Explore:
         write_whole(self.out / _PLOT, coverage_png(found, title=title, label=info.scene_label))
         write_whole(self.out / _SUMMARY, json_module.dumps(document, indent=2) + "\n")
         if self.json:
-            print(json_module.dumps(document, indent=2))
+            print_json(document)
         else:
             _print_table(found, document)
             print(f"Written to {self.out}; coverage over steps: {self.out / _PLOT}")
         return 0
 
     def _check(self) -> None:
-        """Refuses what no exploration can be made with."""
+        """Refuses options with which no exploration can be made."""
         if self.homes is not None and self.homes < 1:
             raise PersonalVizError(
-                f"--homes is {self.homes}; expected a whole number from 1. Give so many homes, or --dataset instead."
+                f"--homes is {self.homes}; expected a whole number from 1. Give how many, or --dataset instead."
             )
         if (self.dataset is None) == (self.homes is None):
             raise PersonalVizError(
@@ -138,7 +140,7 @@ class Explore:
         ]
 
     def _info(self, kind: SceneKind) -> RunInfo:
-        """What `run.json` would say of these explorations."""
+        """The facts that `run.json` would hold about these explorations."""
         from sim.episodes.dataset import PersonalDataset
         from sim.tasks.provenance import make_run_info
 
@@ -155,24 +157,21 @@ class Explore:
 
 @contextmanager
 def watching(rerun: str | None, jobs: list[ExploreJob], *, with_pixels: bool) -> Iterator[list[ExploreJob]]:
-    """The jobs, shown where the option `--rerun` says: live, or done again where their files are there already.
+    """Yields the jobs with the viewer of the option `--rerun`: live, or repeated if their files exist already.
 
     Raises:
-        RecordingError: The option is no place for so many explorations, or no viewer answers.
+        RecordingError: A single file cannot hold all these explorations, or no viewer answers.
     """
     if rerun is None:
         yield jobs
         return
     from recordings.explorations import ObserveExplorations
     from recordings.paths import ExplorationKey
-    from recordings.sinks import live_sink
 
-    per_home = 2 if jobs[0].storeys == "all" else 1  # how many storeys a home has is not known yet
+    per_home = 2 if jobs[0].storeys == "all" else 1  # how many is not known yet: 2 means several
     keys = [ExplorationKey(job.scene, storey, job.seed) for job in jobs for storey in range(per_home)]
-    with live_sink(rerun, keys) as sink:
+    with recorded(rerun, keys, said_to=sys.stderr) as sink:
         yield [replace(job, watch=ObserveExplorations(sink, with_pixels=with_pixels)) for job in jobs]
-        if sink.kind != "address":
-            print(f"Recorded to {sink.where}; see it with: rerun {sink.where}", file=sys.stderr)
 
 
 def _with_progress(jobs: Sequence[ExploreJob], *, processes: int) -> list[Exploration]:
@@ -189,26 +188,18 @@ def _with_progress(jobs: Sequence[ExploreJob], *, processes: int) -> list[Explor
 def _explored(jobs: Sequence[ExploreJob], *, processes: int) -> Iterator[tuple[Exploration, ...]]:
     """The explorations of each job, in the order in which they end."""
     from grounding.agents.exploration_jobs import run_job
+    from sim.tasks.workers import worker_pool
 
     if processes <= 1:
         yield from map(run_job, jobs)
         return
-    context = multiprocessing.get_context("spawn")  # as sim/tasks/workers.py: forked thread pools can deadlock
-    pool = ProcessPoolExecutor(min(processes, len(jobs)), mp_context=context)
-    try:
+    with worker_pool(min(processes, len(jobs)), kept="finished explorations are kept") as pool:
         for future in as_completed([pool.submit(run_job, job) for job in jobs]):
             yield future.result()
-    except BrokenProcessPool:
-        raise PersonalVizError(
-            f"--jobs {processes}: a worker process was ended from outside; expected all to finish. Memory may have run "
-            "out: run again with fewer --jobs, finished explorations are kept."
-        ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def document_of(found: Sequence[Exploration], *, info: RunInfo, out: Path) -> dict:
-    """What `--json` prints: a row per exploration, their means and extremes, and what `run.json` says of a run."""
+    """The document that `--json` prints: a row per exploration, means and extremes, and the facts of `run.json`."""
     rows = [
         {
             "scene": item.scene,

@@ -1,4 +1,4 @@
-"""Verb `ground`: a grounder over POG episodes into a run folder, and the paper's POG table of it; sweeps over noise."""
+"""Verb `ground`: runs a grounder over POG episodes, writes run folders and prints the paper's table; sweeps noise."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from sim.types import SPLITS
 from ..options import (
     Clutter,
     Dataset,
+    Jobs,
     Json,
     Label,
     Limit,
@@ -30,6 +31,7 @@ from ..options import (
     ScenesDir,
     Splits,
 )
+from ..output import print_json
 
 if TYPE_CHECKING:
     from grounding.encoders.protocol import ModelOptions
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
 EXPLORATIONS = "explorations"
 """Folder below --out that all maps of explored homes share."""
 _NOT_OF_THE_MAP = ("method", "phrases", "all_storeys", "llm_url", "llm_model", "llm_key_env")
-"""Settings that the same map serves."""
+"""Settings that do not change the map."""
 
 
 _EXPLORED = "Explored maps: "
@@ -77,26 +79,28 @@ class Ground:
     phrases: Annotated[
         str,
         arg(
-            help="Who owns what: dataset (its own, ground truth), rules (that parse the text), llm (asked of one), or "
-            "your own as package.module:factory."
+            help="Who owns what: dataset (its own, ground truth), rules (that parse the text), llm (a language model "
+            "reads it), or your own as package.module:factory."
         ),
     ] = "dataset"
     llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
-    llm_model: Annotated[str, arg(help="Its model.")] = ""
-    llm_key_env: Annotated[str, arg(help="Environment variable that holds its key; it is not written anywhere.")] = ""
+    llm_model: Annotated[str, arg(help="Name of the language model at that endpoint.")] = ""
+    llm_key_env: Annotated[
+        str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
+    ] = ""
     all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
     layout: Annotated[
         Literal["grid", "fine", "objects"] | None,
         arg(help=_EXPLORED + "cells of 1 m (grid, by default) or 0.25 m (fine), or objects; map files say theirs."),
     ] = None
     features: Annotated[Literal["patches", "images"], arg(help=_EXPLORED + "what is encoded of each view.")] = "patches"
-    blur: Annotated[float, arg(help="Oracle maps: sigma over which objects spread, metres.")] = 0.0
+    blur: Annotated[float, arg(help="Oracle maps: how far objects spread (sigma, metres).")] = 0.0
     object_noise: Annotated[float, arg(help="Error of each object's cosines (standard deviation).")] = 0.0
-    cell_noise: Annotated[float, arg(help="Oracle maps: the same of each cell.")] = 0.0
+    cell_noise: Annotated[float, arg(help="Oracle maps: error of each cell's cosines (standard deviation).")] = 0.0
     clutter_texts: Annotated[bool, arg(help="Oracle maps: empty observed cells hold objects of other homes.")] = False
     view_noise: Annotated[float, arg(help=_EXPLORED + "error of each patch in each view.")] = 0.0
-    confusion: Annotated[float, arg(help=_EXPLORED + "share of objects taken for another one.")] = 0.0
-    background: Annotated[bool, arg(help=_EXPLORED + "walls and nameless things say something random.")] = False
+    confusion: Annotated[float, arg(help=_EXPLORED + "share of objects that are mistaken for another one.")] = 0.0
+    background: Annotated[bool, arg(help=_EXPLORED + "walls and objects without a name get random features.")] = False
     paraphrase: Annotated[
         Literal[0, 1, 2, 3],
         arg(help=_EXPLORED + "captions as they are, reworded, with half of the attributes, or the category only."),
@@ -113,26 +117,22 @@ class Ground:
     limit: Limit = None
     sample_seed: SampleSeed = 0
     seed: int = 0
-    jobs: Annotated[int, arg(help="Worker processes; results do not depend on it.")] = 1
+    jobs: Jobs = 1
     run_id: RunId = None
     label: Label = None
     json: Json = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from grounding.encoders.by_name import is_model, require_no_model_options
         from sim.episodes.dataset import PersonalDataset
 
-        from ...study_app.checked_options import check_options
+        from ..refusals import check_options
         from .ground_tables import ground_document, print_ground_table
 
         _require_names(self.encoder, self.method, self.phrases)
         episodes = PersonalDataset(self.dataset)
         settings = self.settings(episodes)
-        check_options(
-            run_id=self.run_id, limit=self.limit, jobs=self.jobs, seed=self.seed, sample_seed=self.sample_seed
-        )
-        if self.batch < 1:
-            raise PersonalVizError(f"--batch is {self.batch}; expected a whole number from 1. Leave it out.")
+        check_options(self)
         if not is_model(self.encoder):
             require_no_model_options(f"--encoder {self.encoder}", self._model)
         documents = []
@@ -144,14 +144,14 @@ class Ground:
             else:
                 print_ground_table(found)
         if self.json:
-            print(json.dumps(documents if self.sweep else documents[0], indent=2))
+            print_json(documents if self.sweep else documents[0])
         return 0
 
     def settings(self, episodes: PersonalDataset) -> GroundSettings:
-        """What is evaluated; the layout of maps made before is what their files say.
+        """The settings to evaluate; the layout of existing maps is read from their files.
 
         Raises:
-            PersonalVizError: Options that do not go together, or map files that do not.
+            PersonalVizError: Options do not fit together, or map files do not.
         """
         from grounding.encoders.by_name import plain_name
         from grounding.evaluation.settings import GroundSettings
@@ -169,18 +169,18 @@ class Ground:
 
     @property
     def _folder(self) -> Path | None:
-        """Of map files, for `--map PATH`."""
+        """The folder of map files, for `--map PATH`; otherwise None."""
         return None if self.map in ("oracle", "explore") else Path(self.map)
 
     @property
     def _model(self) -> ModelOptions:
-        """How a real encoder runs."""
+        """Options of a real encoder."""
         from grounding.encoders.protocol import ModelOptions
 
         return ModelOptions(self.device, self.batch, self.autocast)
 
     def _grounded(self, episodes: PersonalDataset, settings: GroundSettings) -> GroundResult:
-        """One run, done or gone on with, and its figures."""
+        """Makes or continues one run, and returns it with its figures."""
         from sim.tasks.metrics import metric_rows
         from sim.tasks.run_files import read_run
 
@@ -198,7 +198,7 @@ class Ground:
         return GroundResult(settings, info, rows, folder, phrases_by_rules=fallbacks)
 
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
-        """Answers what the run folder does not hold yet."""
+        """Answers the episodes that the run folder does not hold yet."""
         from grounding.evaluation.evaluate import evaluate
         from sim.tasks.run_writer import RunWriter
 
@@ -236,7 +236,7 @@ class Ground:
         )
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
-        """What run.json says."""
+        """The contents of run.json."""
         from grounding.encoders.by_name import encoder_called
         from grounding.evaluation.settings import CELLS
         from grounding.phrases.sources import phrases_called
@@ -263,7 +263,7 @@ class Ground:
             config["maps"] = str(self._folder or f"{map_name(settings, digest, kind)}/maps")
         cell = cell_of_maps(self._folder, episodes, scenes=self.scene) if self._folder else None
         if cell is not None and cell not in CELLS.values():
-            config["cell"] = cell  # no layout has it
+            config["cell"] = cell  # no layout has this cell size
             condition += f", cells of {cell:g} m"
         return make_run_info(
             (self.run_id and self._swept_id(settings)) or run_name(settings, label=self.label),
@@ -277,7 +277,7 @@ class Ground:
         )
 
     def _swept_id(self, settings: GroundSettings) -> str:
-        """The run's own name; behind it the value of the swept setting, and phrases that were not asked for."""
+        """The run's own name, followed by the swept setting's value and by the phrases if they were not asked for."""
         from sim.tasks.run_files import fitting_run_id
 
         phrases = "" if settings.phrases == self.phrases else f"-{settings.phrases}"
@@ -288,10 +288,10 @@ class Ground:
 
 
 def _require_names(encoder: str, method: str, phrases: str) -> None:
-    """Refuses names of nothing, and plug-ins that cannot be built, before anything is opened.
+    """Refuses unknown names, and plug-ins that cannot be built, before anything is opened.
 
     Raises:
-        AgentError: Names the option.
+        AgentError: A name is refused; the message names the option.
     """
     from grounding.encoders.by_name import encoder_called
     from grounding.methods.by_name import require_method, takes_objects
@@ -304,7 +304,7 @@ def _require_names(encoder: str, method: str, phrases: str) -> None:
 
 
 def _facts(settings: GroundSettings) -> Grounder:
-    """The grounder of the settings for what it says of itself, not for answers."""
+    """The settings' grounder, only to read its properties, not to get answers."""
     from grounding.encoders.by_name import make_encoder
     from grounding.methods.by_name import make_grounder
 
@@ -312,7 +312,7 @@ def _facts(settings: GroundSettings) -> Grounder:
 
 
 def _beside(settings: GroundSettings) -> list[GroundSettings]:
-    """The same with phrases read by rules, where they are the dataset's: ground truth never stands alone."""
+    """The same settings with phrases read by rules, if they are the dataset's: ground truth never stands alone."""
     is_truth = settings.phrases == "dataset" and _facts(settings).uses_phrases
     return [replace(settings, phrases="rules")] if is_truth else []
 
@@ -321,7 +321,7 @@ def swept(settings: GroundSettings, sweep: str) -> list[GroundSettings]:
     """The settings with each value of `NAME=V1,V2,...` in turn.
 
     Raises:
-        AgentError: The name is no setting with numbers, or a value is none.
+        AgentError: The name is not a setting with numbers, or a value is not a number.
     """
     name, _, values = sweep.partition("=")
     name = name.strip().replace("-", "_")
@@ -351,7 +351,7 @@ def _code(settings: GroundSettings) -> dict[str, str]:
 
 
 def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
-    """Folder name of a run: what is usual stays unsaid; a long name is shortened with a digest."""
+    """Folder name of a run: defaults are left out, and a long name is shortened with a digest."""
     from grounding.encoders.by_name import encoder_slug
     from grounding.phrases.sources import phrases_called
     from sim.plugins import own_name
@@ -366,7 +366,7 @@ def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
 
 
 def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
-    """Folder name of the maps of explored homes that runs with these settings and versions of their makers share."""
+    """Folder name of maps of explored homes, shared by all runs with these settings and the same program versions."""
     from grounding.agents.explore import EXPLORER_VERSION
     from grounding.encoders.by_name import encoder_slug
     from grounding.evaluation.home_maps import MAP_VERSION

@@ -1,4 +1,4 @@
-"""What the files of `ground --map PATH` are: their headers tell layout and cells, and options may not differ."""
+"""Reads layout and cells of the files of `ground --map PATH` from their headers; options must agree with them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,16 +18,16 @@ def layout_of_maps(
     """The layout of the chosen scenes' map files; grid maps with cells of no layout (`cell_of_maps`) are `grid`.
 
     Args:
-        folder: Of `<Scene>.npz`.
-        dataset: Of the episodes.
-        scenes: The chosen ones; empty = all of the dataset.
-        method: Must be for maps of this layout.
+        folder: Folder of `<Scene>.npz`.
+        dataset: The episodes' dataset.
+        scenes: The chosen scenes; empty = all scenes of the dataset.
+        method: The method; it must take maps of this layout.
         asked: The option --layout; None = not given.
 
     Raises:
         DatasetError: A scene is unknown.
         RunFileError: A file is missing or damaged, or two have different layouts or cells.
-        AgentError: The layout is not the asked one, or not for the method.
+        AgentError: The layout differs from `asked`, or does not suit the method.
     """
     cell = cell_of_maps(folder, dataset, scenes=scenes)
     layout: MapLayout = "objects" if cell is None else "fine" if cell == CELLS["fine"] else "grid"
@@ -45,7 +45,7 @@ def layout_of_maps(
 
 
 def cell_of_maps(folder: Path, dataset: PersonalDataset, *, scenes: Sequence[str]) -> float | None:
-    """Metres of the cells of the chosen scenes' map files; None for maps of objects.
+    """Side of the cells in the chosen scenes' map files, metres; None for maps of objects.
 
     Raises:
         DatasetError: A scene is unknown.

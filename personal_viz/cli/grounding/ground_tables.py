@@ -1,4 +1,4 @@
-"""What the verb `ground` prints: one JSON document per run, or the paper's POG table."""
+"""Output of the verb `ground`: one JSON document per run, or the paper's POG table."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from sim.tasks.run_files import RunInfo
 from sim.types import SPLITS
 
 _TOTAL_IS = "plain mean of the splits"
-"""As in the paper's Total column and in `personal-viz metrics`; `pooled` weighs every episode alike."""
+"""As in the paper's Total column and in `personal-viz metrics`; `pooled` gives every episode the same weight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +29,11 @@ class GroundResult:
     """By split, and `total`."""
     folder: Path
     phrases_by_rules: int
-    """Answers whose phrases rules read because the language model gave none."""
+    """Number of answers whose phrases were read by rules because the language model gave none."""
 
 
 def ground_document(result: GroundResult) -> dict[str, object]:
-    """The figures of a run, rounded percent; splits without episodes are None."""
+    """The figures of a run in rounded percent; splits without episodes are None."""
     settings, info, rows = result.settings, result.info, result.rows
     names = (*SPLITS, "total")
     splits = [rows[split] for split in SPLITS if split in rows]
@@ -68,7 +68,7 @@ def print_ground_table(results: Sequence[GroundResult]) -> None:
     """The paper's POG table with one method; a group of rows for each source of phrases.
 
     Args:
-        results: Of the same settings but for the phrases; at least one.
+        results: Results with the same settings except for the phrases; at least one.
     """
     info, settings = results[0].info, results[0].settings
     sources = [str(result.info.config["phrases"]) for result in results]
@@ -109,7 +109,7 @@ def _homes(info: RunInfo) -> str:
 
 
 def _pooled(figures: Sequence[tuple[float | None, int]]) -> float | None:
-    """Percent over all episodes together, of each split's percent and number of episodes."""
+    """Percent over all episodes together, from each split's percent and number of episodes."""
     known = [(percent, n) for percent, n in figures if percent is not None]
     return _rounded(sum(percent * n for percent, n in known) / sum(n for _, n in known)) if known else None
 

@@ -1,9 +1,7 @@
-"""Verb `map`: a robot's recorded frames into a map file, and what of them was used."""
+"""Verb `map`: makes a map file from a robot's recorded frames, and reports which frames it used."""
 
 from __future__ import annotations
 
-import json as json_module
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,6 +12,8 @@ from sim.errors import PersonalVizError
 from sim.frames import CameraAxes
 
 from ..options import Json, ModelAutocast, ModelBatch, ModelDevice
+from ..output import print_json
+from ..refusals import require_suffix
 
 if TYPE_CHECKING:
     from grounding.encoders.protocol import DenseEncoder, ModelOptions
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from grounding.robot.frames import FrameCounts, RobotFrames
 
 _FLOOR_FRAMES = 40
-"""So many frames, spread over the recording, tell where the floors are."""
+"""Number of frames, spread over the recording, from which the floors are found."""
 
 
 @dataclass
@@ -53,13 +53,14 @@ class Map:
         str, arg(help="What finds things for --layout objects: depth (no weights), or package.module:factory.")
     ] = "depth"
     camera_axes: Annotated[
-        CameraAxes, arg(help="Of the poses. opencv: z ahead, y down; opengl: -z ahead, y up; flu: x ahead, z up.")
+        CameraAxes,
+        arg(help="Camera axes of the poses. opencv: z ahead, y down; opengl: -z ahead, y up; flu: x ahead, z up."),
     ] = "opencv"
     depth_per_metre: Annotated[
         float | None, arg(help="Depth units: 1000 = mm, 5000 = TUM; what the intrinsics file says, else 1000.")
     ] = None
     mount_height: Annotated[
-        float | None, arg(help="Of the camera above the floor, metres; found from the depth by default.")
+        float | None, arg(help="Height of the camera above the floor, metres; found from the depth by default.")
     ] = None
     max_depth: Annotated[float, arg(help="Farther returns are not mapped, metres.")] = 5.0
     scene: Annotated[str | None, arg(help="Name of the place; the folder's by default.")] = None
@@ -68,15 +69,14 @@ class Map:
     batch: ModelBatch = 8
     json: Json = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from grounding.encoders.protocol import ModelOptions
         from grounding.maps.files import MapSource, save_memory
         from grounding.maps.grid_map import GridMapBuilder
         from grounding.maps.object_map import ObjectMapBuilder
         from grounding.robot.frames import read_robot_frames
 
-        if self.out.suffix != ".npz":
-            raise PersonalVizError(f"--out is {str(self.out)!r}; expected a file that ends in .npz. Give another name.")
+        require_suffix("--out", self.out, ".npz")
         for option, value in (
             ("--batch", self.batch),
             ("--max-depth", self.max_depth),
@@ -105,7 +105,7 @@ class Map:
         source = MapSource(scene=self.scene or self.frames.resolve().name, kind="robot", builder=builder.name)
         save_memory(self.out, memory, source)
         if self.json:
-            print(json_module.dumps(_document(memory, counts, self.layout, builder, self.out), indent=2))
+            print_json(_document(memory, counts, self.layout, builder, self.out))
         else:
             _print(memory, counts, builder, self.out)
         return 0
@@ -115,13 +115,13 @@ def load_encoder(name: str, options: ModelOptions) -> DenseEncoder:
     """A real model by family, or a user's own as `package.module:factory`.
 
     Raises:
-        AgentError: There is none of this name, or it cannot be built.
+        AgentError: No encoder has this name, or it cannot be built.
     """
     from grounding.encoders.by_name import is_model, make_image_encoder, require_no_model_options
     from grounding.encoders.protocol import ModelOptions
 
     if not is_model(name):
-        unbatched = replace(options, batch_size=ModelOptions().batch_size)  # the builder's too, whatever the encoder
+        unbatched = replace(options, batch_size=ModelOptions().batch_size)  # builders use it too
         require_no_model_options(f"--encoder {name}", unbatched)
     return make_image_encoder(name, options=options)
 
@@ -130,7 +130,7 @@ def load_segmenter(name: str, floors: tuple[float, ...]) -> Segmenter:
     """`depth`, or a user's own as `package.module:factory`.
 
     Raises:
-        AgentError: There is none of this name, or it cannot be built.
+        AgentError: No segmenter has this name, or it cannot be built.
     """
     from grounding.perception.segment_depth import DepthRegions
     from sim.plugins import build_plugin
@@ -150,17 +150,17 @@ def _floors(folder: Path, recording: RobotFrames, mount_height: float | None) ->
 
 
 def _built(builder: MapBuilder, recording: RobotFrames, counts: FrameCounts) -> HomeMemory:
-    from rich.progress import track
-
+    """The map of all usable frames; reports progress, and anything odd about the frames."""
     from personal_viz.printed import Console
 
-    console = Console(stderr=True)
-    for frame in track(
-        recording, "Mapping", total=len(recording), console=console, disable=not sys.stderr.isatty(), transient=True
-    ):
-        builder.add(frame)
+    from ..progress import counted
+
+    with counted("frames", len(recording)) as progress:
+        for frame in recording:
+            builder.add(frame)
+            progress.add()
     if counts.warning:
-        console.print(f"Warning: {counts.warning}.", style="yellow", soft_wrap=True)
+        Console(stderr=True).print(f"Warning: {counts.warning}.", style="yellow", soft_wrap=True)
     return builder.finish()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from sim.errors import PersonalVizError, RunFileError
+from sim.errors import RunFileError
+from sim.words.english import how_many
 
 from ..options import Json
+from ..output import print_json, write_report
 
 if TYPE_CHECKING:
     from sim.tasks.run_files import Run
@@ -29,34 +30,33 @@ class PogReport:
     dataset: Annotated[
         tuple[Path, ...], arg(help="Folders of episodes: shows failures of the runs on them, with the episodes' texts.")
     ] = ()
-    failures: Annotated[int, arg(help="So many failures of each method are drawn.")] = 8
-    seed: Annotated[int, arg(help="Of the bootstrap and of the sample of failures.")] = 0
+    failures: Annotated[int, arg(help="How many failures of each method are drawn.")] = 8
+    seed: Annotated[int, arg(help="Seed of the bootstrap and of the sample of failures.")] = 0
     json: Json = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from grounding.report.table import pog_report as numbers_of
         from sim.tasks.metrics import read_runs, run_folders
 
         from ...pog_report.files import document, report_files
-        from ...study_app.checked_options import check_options
+        from ..refusals import check_options
 
-        check_options(run_id=None, seed=self.seed)
-        if self.failures < 0:
-            raise PersonalVizError(f"--failures is {self.failures}; expected 0 or more. Leave it out for the default.")
+        check_options(self)
         found = [run for run in read_runs(self.runs) if run.answers]
         if not found:
             raise RunFileError("runs: found no POG answers; expected run folders of personal-viz ground. Give those.")
         report = numbers_of(found, seed=self.seed)
         beside = [folder.resolve().parent for folder in run_folders(self.runs)]
         gallery = _gallery(found, self.dataset, beside=beside, per_method=self.failures, seed=self.seed)
-        _write(self.out, report_files(report, gallery))
+        drawings = ("failure-*.svg", "over-*.*", "distance-*.*", "methods-*.*")
+        write_report(self.out, report_files(report, gallery), earlier=drawings)
         if self.json:
-            print(json_module.dumps(document(report, gallery), indent=2))
+            print_json(document(report, gallery))
         else:
             rows = sum(len(table.rows) for table in report.tables)
-            shown = "" if gallery is None else f", {len(gallery.drawn)} failures drawn"
+            shown = "" if gallery is None else f", {how_many(len(gallery.drawn), 'failure')} drawn"
             print(
-                f"{len(report.tables)} tables, {rows} rows{shown}. Written to {self.out}: "
+                f"{how_many(len(report.tables), 'table')}, {how_many(rows, 'row')}{shown}. Written to {self.out}: "
                 f"open {self.out / 'index.html'}"
             )
             if gallery is None:
@@ -67,7 +67,7 @@ class PogReport:
 def _gallery(
     runs: Sequence[Run], datasets: Sequence[Path], *, beside: Sequence[Path], per_method: int, seed: int
 ) -> Gallery | None:
-    """The failures of the agents' runs on these datasets; None when none is given."""
+    """The failures of the agents' runs on these datasets; None if no dataset is given."""
     from sim.episodes.dataset import PersonalDataset
 
     from ...pog_report.gallery import Gallery, failure_gallery
@@ -88,22 +88,3 @@ def _gallery(
     return Gallery(
         tuple(count for part in parts for count in part.counts), tuple(item for part in parts for item in part.drawn)
     )
-
-
-def _write(out: Path, files: dict[str, str | bytes]) -> None:
-    """All files; drawn failures and figures of an earlier report that are not among them go."""
-    from sim.files import write_whole
-
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for pattern in ("failure-*.svg", "over-*.*", "distance-*.*", "methods-*.*"):
-            for old in out.glob(pattern):
-                if old.name not in files:
-                    old.unlink()
-        for name, content in files.items():
-            write_whole(out / name, content)
-    except OSError as error:
-        raise PersonalVizError(
-            f"--out: {str(out)!r} cannot be written ({error.strerror}); expected a folder, or a place for one. "
-            "Choose another."
-        ) from None

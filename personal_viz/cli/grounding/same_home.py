@@ -16,15 +16,15 @@ def open_same_home(
     """The home with this digest; homes without a scan are tried with each level of clutter.
 
     Args:
-        dataset: Of the home's episodes; None for those that `personal-viz explore --homes` invents.
-        name: Of the scene.
-        digest: Its `Scene.digest`; "" = any version will do.
+        dataset: Dataset of the home's episodes; None for homes that `personal-viz explore --homes` invents.
+        name: Name of the scene.
+        digest: The `Scene.digest`; "" = any version will do.
         scenes_dir: Folder of scans; None = invented or schematic homes.
-        where: What asks, for the error.
+        where: The file that needs the home, for the error.
 
     Raises:
         SceneError: The home cannot be opened.
-        RecordingError: It is another version.
+        RecordingError: The home found is another version.
     """
     if dataset is None:
         return _invented_again(name, digest=digest, where=where)
@@ -42,7 +42,7 @@ def open_same_home(
 
 
 def _invented_again(name: str, *, digest: str, where: str) -> Scene:
-    """A home of `personal-viz explore --homes`, which its name is enough to make."""
+    """A home of `personal-viz explore --homes`, made from its name alone."""
     try:
         scene, _ = invented_home(name)
     except SceneError as error:

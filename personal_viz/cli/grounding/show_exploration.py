@@ -1,12 +1,10 @@
-"""Verb `show-exploration`: a stored exploration done again in its home, as a Rerun recording."""
+"""Verb `show-exploration`: repeats a stored exploration in its home, as a Rerun recording."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional, arg
-
-from sim.errors import RecordingError
 
 from ..options import OpenIt, ScenesDir, WithPixels
 
@@ -24,20 +22,18 @@ class ShowExploration:
     with_pixels: WithPixels = False
     open: OpenIt = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from grounding.agents.exploration import load_exploration
         from recordings.explorations import EXPLORER, ExplorationObserver, explorer_of, replay_exploration
+        from recordings.replay import require_rrd
         from recordings.sinks import LiveSink
         from recordings.viewer.window import open_file
         from sim.episodes.dataset import PersonalDataset
-        from sim.homes.labels import renderer_of
+        from sim.homes.renderers import renderer_of
 
         from .same_home import open_same_home
 
-        if self.out.suffix != ".rrd":
-            raise RecordingError(
-                f"--out: found {str(self.out)!r}; expected a file that ends in .rrd. Give another name."
-            )
+        require_rrd(self.out)
         found = load_exploration(self.file)
         episodes = None if self.dataset is None else PersonalDataset(self.dataset)
         scene = open_same_home(

@@ -1,4 +1,4 @@
-"""Verb `show-map`: a map file as a Rerun recording, in its home where the episodes are at hand."""
+"""Verb `show-map`: writes a map file as a Rerun recording, in its home if the episodes are given."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,18 +22,15 @@ class ShowMap:
     with_pixels: WithPixels = False
     open: OpenIt = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from grounding.maps.files import load_memory, read_map_header
-        from recordings.replay import record_memory
+        from recordings.replay import record_memory, require_rrd
         from recordings.viewer.window import open_file
         from sim.episodes.dataset import PersonalDataset
 
         from .same_home import open_same_home
 
-        if self.out.suffix != ".rrd":
-            raise RecordingError(
-                f"--out: found {str(self.out)!r}; expected a file that ends in .rrd. Give another name."
-            )
+        require_rrd(self.out)
         source = read_map_header(self.file).source
         if source.kind == "scan" and not self.with_pixels:
             raise RecordingError(

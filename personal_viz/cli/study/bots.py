@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from sim.errors import StudyError
 from sim.types import TaskKind
 
 from ..options import ScenesDir
+from ..output import say
 
 if TYPE_CHECKING:
     from personal_viz.bots.run import BotFigures
@@ -31,20 +31,24 @@ class StudyBots:
 
     study: Positional[Path | None] = None
     """A planned study, of which a copy is served; an invented one without."""
-    dataset: Annotated[Path | None, arg(help="Of the study.")] = None
+    dataset: Annotated[Path | None, arg(help="Folder of the study's episodes.")] = None
     scenes_dir: ScenesDir = None
     participants: int = 10
     seconds: float = 60.0
-    rate: Annotated[float, arg(help="Actions per second of each.")] = 2.0
+    rate: Annotated[float, arg(help="Actions per second of each bot.")] = 2.0
     task: Annotated[
         Literal["pan", "pog", "both"] | None, arg(help="Whom bots stand for; otherwise all of the study, or PAN.")
     ] = None
-    kinds: Annotated[tuple[BotKind, ...], arg(help="How they behave, dealt out in turns.")] = get_args(BotKind)
+    kinds: Annotated[tuple[BotKind, ...], arg(help="How bots behave; the kinds are dealt out in turns.")] = get_args(
+        BotKind
+    )
     seed: int = 0
-    url: Annotated[str | None, arg(help="Of a server on a pilot study: its records will hold the bots.")] = None
+    url: Annotated[str | None, arg(help="Address of a server on a pilot study, whose records will hold the bots.")] = (
+        None
+    )
     json: bool = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from personal_viz.bots.run import run_bots
 
         self._require_possible()
@@ -58,14 +62,14 @@ class StudyBots:
                 kinds=tuple(self.kinds),
                 seed=self.seed,
                 tasks=tasks,
-                progress=_progress,
+                progress=say,
             )
         print(figures.model_dump_json(indent=2) if self.json else "\n".join(lines(figures)))
         return 1 if figures.lost or figures.duplicated else 0
 
     @contextmanager
     def _site(self, tasks: tuple[TaskKind, ...]) -> Iterator[Site]:
-        """The server that runs already, or one of our own until the end of the block."""
+        """Yields the server that is already running, or our own until the end of the block."""
         from personal_viz.bots.site import copy_plan, make_bot_study, running, served
 
         dataset = self.dataset
@@ -75,14 +79,14 @@ class StudyBots:
         with tempfile.TemporaryDirectory(prefix="personal-bots-") as name:
             folder = Path(name)
             if self.study is None:
-                _progress("making a study")
+                say("making a study")
                 dataset = make_bot_study(
                     folder, participants=self.participants, seed=self.seed, dataset=dataset, task=tasks
                 )
             else:
                 copy_plan(self.study, folder / "study")
             assert dataset is not None
-            _progress("starting to serve")
+            say("starting to serve")
             with served(folder / "study", dataset, self.scenes_dir) as site:
                 yield site
 
@@ -113,12 +117,8 @@ class StudyBots:
             )
 
 
-def _progress(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
-
-
 def lines(figures: BotFigures) -> list[str]:
-    """The figures for people."""
+    """The figures as lines for people to read."""
 
     def ms(value: float | None) -> str:
         return "-" if value is None else f"{value:.1f} ms"

@@ -1,4 +1,4 @@
-"""Verb `study check-db`: whether a study's database is whole; an older one is brought up to date."""
+"""Verb `study check-db`: checks whether a study's database is whole; brings an older one up to date."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +12,8 @@ class StudyCheckDb:
 
     study: Positional[Path]
 
-    def work(self) -> int:
-        from human_study.store.database import bring_up_to_date, close_to_others
-        from human_study.store.folder_check import require_keys, require_same_files
+    def run(self) -> int:
+        from human_study.store.database import bring_up_to_date, close_to_others, require_keys, require_same_files
         from human_study.store.records import read_study
 
         for version in bring_up_to_date(self.study):

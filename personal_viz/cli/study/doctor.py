@@ -1,14 +1,15 @@
-"""Verb `study doctor`: looks at a public deployment from outside."""
+"""Verb `study doctor`: checks a public deployment from outside."""
 
 from __future__ import annotations
 
 import dataclasses
-import json as json_format
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
+
+from ..output import print_json
 
 if TYPE_CHECKING:
     from personal_viz.study_app.operator.doctor_site import Check
@@ -24,12 +25,12 @@ class StudyDoctor:
     http_port: Annotated[int | None, arg(help="Where plain http is expected to lead to https; 80 by default.")] = None
     json: bool = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from personal_viz.study_app.operator.doctor import examine
 
         checks = examine(self.url, link=self.link, insecure_ca=self.insecure_ca, http_port=self.http_port)
         if self.json:
-            print(json_format.dumps([dataclasses.asdict(check) for check in checks], indent=1))
+            print_json([dataclasses.asdict(check) for check in checks])
         else:
             for check in checks:
                 print(_line(check))

@@ -1,4 +1,4 @@
-"""Verb `study ethics`: the documents for an ethics board and a registry, and texts as participants will read them."""
+"""Verb `study ethics`: writes documents for an ethics board and a registry, and the texts that participants read."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ class StudyEthics:
     study: Positional[Path]
     out: Path = Path("runs/ethics")
 
-    def work(self) -> int:
+    def run(self) -> int:
         from human_study.design.plan import PLAN_FILE, load_plan
         from human_study.design.study import load_study, write_whole
         from human_study.texts.documents import ethics_documents

@@ -25,7 +25,7 @@ class StudyExclude:
     reason: Annotated[str | None, arg(help="Why it applies here; published, so name nobody.")] = None
     undo: bool = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from human_study.design.study import load_study
         from human_study.store.exclusions import find_target, require_rule_id, rules_before_data
         from human_study.store.records import read_study

@@ -1,4 +1,4 @@
-"""Verb `study export`: a study's records as run folders and tables."""
+"""Verb `study export`: writes a study's records as run folders and tables."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
+
+from sim.words.english import how_many
 
 if TYPE_CHECKING:
     pass
@@ -21,7 +23,7 @@ class StudyExport:
     study: Positional[Path]
     out: Annotated[Path | None, arg(help="New or empty folder; exports/ in the study by default.")] = None
 
-    def work(self) -> int:
+    def run(self) -> int:
         from human_study.export.manifest import read_manifest
         from human_study.export.study_export import export_study
         from human_study.store.records import read_study
@@ -35,9 +37,9 @@ class StudyExport:
         for folder in folders:
             print(f"Run of a participant: {folder}")
         num_trials = manifest.files["trials.jsonl"].num_rows
-        deleted = f", {manifest.num_deleted} people deleted" if manifest.num_deleted else ""
+        deleted = f", {how_many(manifest.num_deleted, 'person', 'people')} deleted" if manifest.num_deleted else ""
         print(
-            f"Written to {out}: {len(folders)} run folders, {num_trials} trials in trials.csv, "
+            f"Written to {out}: {how_many(len(folders), 'run folder')}, {how_many(num_trials, 'trial')} in trials.csv, "
             f"{len(manifest.left_out)} of them in no run (practice, attention, failures){deleted}; "
             "data_dictionary.md explains the columns"
         )

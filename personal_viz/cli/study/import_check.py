@@ -1,4 +1,4 @@
-"""Verb `study import-check`: whether the files of an export hold together, every outcome computed once more."""
+"""Verb `study import-check`: checks that the files of an export agree, and computes every outcome once more."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class StudyImportCheck:
     dataset: Dataset
     scenes_dir: ScenesDir = None
 
-    def work(self) -> int:
+    def run(self) -> int:
         from human_study.export.import_check import import_check as check
         from human_study.export.manifest import read_manifest, require_unchanged
         from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset

@@ -1,4 +1,4 @@
-"""Verb `study init`: study file, consent and instructions for the researcher to read and change."""
+"""Verb `study init`: writes a study file, consent and instructions for the researcher to read and change."""
 
 import re
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class StudyInit:
     per_split: Annotated[int, arg(help="Episodes of each split.")] = 50
     seed: int = 0
 
-    def work(self) -> int:
+    def run(self) -> int:
         from human_study.design.study import STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, save_study
         from human_study.private_files import write_private
         from human_study.texts.participants import TEXT_FILES, write_texts
@@ -65,7 +65,7 @@ class StudyInit:
 
 
 def _study_name(folder: Path) -> str:
-    """The folder's name as a study can have it."""
+    """The folder's name, changed where needed into a valid name of a study."""
     from human_study.design.study import MAX_STUDY_NAME
 
     return re.sub(r"[^A-Za-z0-9_-]+", "-", folder.resolve().name).strip("-")[:MAX_STUDY_NAME] or "study"

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import ValidationError
 from tyro.conf import Positional, arg
 
 from sim.errors import StudyError
+from sim.words.english import how_many
 
 from ..options import ScenesDir
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 _OPTIONS = {"agent_gap": "gap", "person_sds": "person_sd", "num_simulations": "simulations"}
-"""Fields of the assumptions that have another name on the command line."""
+"""Names of options whose name differs from their field in the assumptions."""
 
 
 @dataclass
@@ -35,18 +35,20 @@ class StudyPlanVerb:
     people: Annotated[int, arg(help="--power without a study: people in all.")] = 25
     episodes: Annotated[int, arg(help="--power without a study: episodes of each split.")] = 50
     raters: Annotated[int, arg(help="--power without a study: people per episode and condition.")] = 5
-    conditions: Annotated[int, arg(help="--power without a study: such as 2, without and with memory.")] = 1
+    conditions: Annotated[
+        int, arg(help="--power without a study: number of conditions, such as 2 (without and with memory).")
+    ] = 1
     base_rate: Annotated[float, arg(help="--power: success rate of people.")] = 0.65
-    gap: Annotated[float, arg(help="--power: by which an agent is worse.")] = 0.15
-    split_gap: Annotated[float, arg(help="--power: between two splits.")] = 0.10
-    memory_gap: Annotated[float, arg(help="--power: by which people are better with memory.")] = 0.10
+    gap: Annotated[float, arg(help="--power: how much worse an agent is than people.")] = 0.15
+    split_gap: Annotated[float, arg(help="--power: difference between two splits.")] = 0.10
+    memory_gap: Annotated[float, arg(help="--power: how much better people are with memory.")] = 0.10
     person_sd: Annotated[tuple[float, ...], arg(help="--power: spreads of people (logit), a table each.")] = (0.3, 0.9)
     episode_sd: Annotated[float, arg(help="--power: spread of episodes (logit).")] = 1.3
     simulations: Annotated[int, arg(help="--power: studies drawn per number.")] = 150
-    seed: Annotated[int, arg(help="--power: of the draws.")] = 0
+    seed: Annotated[int, arg(help="--power: seed of the draws.")] = 0
     json: bool = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         from human_study.design.plan import PLAN_FILE
         from human_study.design.study import load_study
         from human_study.store.records import DATABASE_FILE
@@ -71,8 +73,8 @@ class StudyPlanVerb:
         spare = per_person.pop(0, 0)
         num_trials = sum(number * people for number, people in per_person.items())
         keys = {trial.key for person in made.participants for trial in person.trials if trial.phase == "main"}
-        homes = f"{len(made.scenes)} home{'s' if len(made.scenes) > 1 else ''}"
-        print(f"{config.study}: {len(keys)} episodes in {homes}, design {config.design.kind}")
+        homes = how_many(len(made.scenes), "home")
+        print(f"{config.study}: {how_many(len(keys), 'episode')} in {homes}, design {config.design.kind}")
         sizes = ", ".join(f"{people} people x {number} trials" for number, people in sorted(per_person.items()))
         print(f"  {num_trials} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
         for change in made.changes:
@@ -87,10 +89,10 @@ class StudyPlanVerb:
         return 0
 
     def _simulate(self) -> int:
-        """Prints the precision of a design and of others like it; the same options print the same.
+        """Prints the precision of a design and of similar ones; the same options print the same.
 
         Raises:
-            StudyError: The folder holds no study, or an option is out of its range.
+            StudyError: The folder holds no study, or an option is out of range.
         """
         from human_study.design.plan import PLAN_FILE, load_plan
         from human_study.design.study import load_study
@@ -126,6 +128,8 @@ def _most_visits(made: StudyPlan) -> int:
 
 
 def _assumptions(**fields: float | tuple[float, ...]) -> PowerAssumptions:
+    from pydantic import ValidationError
+
     from human_study.report.power import PowerAssumptions
 
     try:
@@ -140,7 +144,7 @@ def _assumptions(**fields: float | tuple[float, ...]) -> PowerAssumptions:
 
 
 def _words(value: object) -> str:
-    """As somebody typed it."""
+    """The value as it was typed."""
     return " ".join(map(str, value)) or "nothing" if isinstance(value, tuple) else str(value)
 
 

@@ -1,4 +1,4 @@
-"""Verb `study purge-ids`: forgets the platform ids that were kept for paying people."""
+"""Verb `study purge-ids`: deletes the platform ids that were kept for paying people."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ class StudyPurgeIds:
 
     study: Positional[Path]
 
-    def work(self) -> int:
+    def run(self) -> int:
         from human_study.design.study import load_study
         from personal_viz.study_app.gateway.admission import PAY_FILE, PayFile
 

@@ -1,4 +1,4 @@
-"""Verb `study report`: a study's figures as tables and pictures."""
+"""Verb `study report`: writes a study's figures as tables and pictures."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from sim.errors import StudyError
 from sim.types import SPLITS, EpisodeKey, SuccessRule, TaskKind
 
 from ..options import ScenesDir
+from ..output import write_report
 
 if TYPE_CHECKING:
     from human_study.report.overlays import FloorPlan
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from sim.tasks.run_files import Run
 
 CHOSEN_OVERLAYS = 4
-"""Episodes of each task that are drawn from above unless all are asked for."""
+"""Number of episodes of each task to draw from above unless all are asked for."""
 
 
 @dataclass
@@ -32,7 +33,7 @@ class StudyReportVerb:
     runs: Positional[tuple[Path, ...]]
     """Study folders, exports, run folders of people and of agents, or folders that hold them."""
     out: Annotated[Path, arg(help="Folder for the report in all its forms.")] = Path("runs/report")
-    rule: Annotated[SuccessRule | None, arg(help="Of success; the study's own by default, paper without one.")] = None
+    rule: Annotated[SuccessRule | None, arg(help="Rule of success; the study's own by default, else paper.")] = None
     dataset: Annotated[
         Path | None, arg(help="For floors under overlays, chosen objects, and dataset_weighted totals.")
     ] = None
@@ -40,8 +41,8 @@ class StudyReportVerb:
     overlays: Annotated[bool, arg(help="Draw the ways and clicks of all episodes, not of a few.")] = False
     json: bool = False
 
-    def work(self) -> int:
-        from human_study.report.report import report_groups, study_report
+    def run(self) -> int:
+        from human_study.report.report import report_groups, report_of
         from human_study.report.source import read_source
         from sim.episodes.dataset import PersonalDataset
 
@@ -53,18 +54,17 @@ class StudyReportVerb:
         episodes = PersonalDataset(self.dataset) if self.dataset is not None else None
         if episodes is not None:
             _require_same_episodes(episodes, {run.info.dataset_digest for run in source.runs})
-        found = study_report(
-            source.runs,
-            rule=self.rule,
-            records=source.records,
+        groups = report_groups(source, rule=self.rule)
+        found = report_of(
+            source,
+            groups,
             split_sizes=_split_sizes(episodes) if episodes is not None else None,
             objects=_objects(episodes, _scenes_of(source.runs)) if episodes is not None else None,
         )
-        groups = report_groups(source, rule=found.rule)
         pictures = _pictures(found, groups) | _overlays(groups, episodes, self.scenes_dir, draws_all=self.overlays)
         document = found.model_dump_json(indent=2) + "\n"
         files = _texts(found, groups, pictures) | {"report.json": document} | pictures
-        _write(self.out, files)
+        write_report(self.out, files, earlier=("overlay-*.svg",))
         print(
             document if self.json else f"{files['report.md']}\nWritten to {self.out}: {', '.join(files)}",
             end="" if self.json else "\n",
@@ -73,7 +73,7 @@ class StudyReportVerb:
 
 
 def _scenes_of(runs: Sequence[Run]) -> set[str]:
-    """Homes in which people were."""
+    """Names of the homes in which people did trials."""
     people = [run for run in runs if run.info.who_kind == "human"]
     return {item.key.scene for run in people for item in (*run.episodes, *run.answers)}
 
@@ -113,7 +113,7 @@ def _pictures(found: StudyReport, groups: ReportGroups) -> dict[str, str]:
 def _overlays(
     groups: ReportGroups, episodes: PersonalDataset | None, scenes_dir: Path | None, *, draws_all: bool
 ) -> dict[str, str]:
-    """Paths and marks from above, by file name; over the free floor where the dataset is at hand."""
+    """Drawings of paths and marks from above, by file name; over the free floor if the dataset is given."""
     from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
 
     shown = (*groups.people, *groups.agents)
@@ -132,7 +132,7 @@ def _overlays(
 def _floors(
     episodes: PersonalDataset, heights: Mapping[EpisodeKey, float], scenes_dir: Path | None
 ) -> dict[EpisodeKey, FloorPlan]:
-    """The free floor of each episode's storey; a home is opened once."""
+    """The free floor of each episode's storey; each home is opened only once."""
     from human_study.report.overlays import FloorPlan
     from sim.homes.open_home import open_scene
 
@@ -177,21 +177,3 @@ def _require_same_episodes(episodes: PersonalDataset, digests: set[str]) -> None
             f"{', '.join(sorted(digest[:12] for digest in digests))}; expected the same episode files. "
             "Give the dataset on which the runs were made."
         )
-
-
-def _write(out: Path, files: dict[str, str]) -> None:
-    """All files; overlays of an earlier report that are not among them go."""
-    from sim.files import write_whole
-
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for old in out.glob("overlay-*.svg"):
-            if old.name not in files:
-                old.unlink()
-        for name, content in files.items():
-            write_whole(out / name, content)
-    except OSError as error:
-        raise StudyError(
-            f"--out: {str(out)!r} cannot be written ({error.strerror}); expected a folder, or a place for one. "
-            "Choose another."
-        ) from None

@@ -1,4 +1,4 @@
-"""Verb `study serve`: a planned study, or one home to try it, until Ctrl-C."""
+"""Verb `study serve`: serves a planned study, or one home for a try, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -53,16 +53,18 @@ class StudyServe:
     workers: Annotated[int | None, arg(help="viser processes; one per core, at most four.")] = None
     max_people: Annotated[int, arg(help="Participants connected at once.")] = 200
     per_address: Annotated[int, arg(help="Connections from one address; loopback and the proxy are not limited.")] = 64
-    dashboard_port: Annotated[int, arg(help="Of the researcher's page, on this machine only; 0 takes a free one.")] = 0
+    dashboard_port: Annotated[
+        int, arg(help="Port of the researcher's page, on this machine only; 0 takes a free one.")
+    ] = 0
 
-    def work(self) -> int:
+    def run(self) -> int:
         from personal_viz.study_app.gateway.options import ServeOptions
 
         same = {field.name for field in dataclasses.fields(ServeOptions)} & set(vars(self))
         return self.serve(ServeOptions(hosts=self.host, **{name: getattr(self, name) for name in same}))
 
     def serve(self, options: ServeOptions) -> int:
-        """Serves until Ctrl-C or SIGTERM; a study folder that exists goes on where it was."""
+        """Serves until Ctrl-C or SIGTERM; an existing study folder continues where it stopped."""
         from human_study.design.study import STUDY_FILE
 
         if (self.study is None) == (self.scene is None):
@@ -87,7 +89,7 @@ class StudyServe:
         return self._serve_planned(self.study, options)
 
     def _serve_planned(self, folder: Path, options: ServeOptions) -> int:
-        """A study that `study plan` has planned."""
+        """Serves a study that `study plan` has planned."""
         from human_study.design.plan import load_plan
         from human_study.design.study import load_study
         from personal_viz.study_app.gateway.options import require_may_serve
@@ -107,19 +109,20 @@ class StudyServe:
         return self._serve(folder, config, plan, options)
 
     def _serve_scene(self, scene: str, options: ServeOptions) -> int:
-        """The episodes of one home: a POG and a PAN participant, no pages before the trials. Always a pilot."""
+        """Serves the episodes of one home to a POG and a PAN participant, without pages before; always a pilot."""
         from human_study.design.plan import StudyScene
-        from personal_viz.study_app.checked_options import check_options, require_no_scan
         from personal_viz.study_app.operator.service import listen
         from sim.episodes.dataset import PersonalDataset
         from sim.homes.kind import scene_kind
 
-        check_options(run_id=None, limit=self.limit, seed=self.seed)
+        from ..refusals import check_options, require_folder, require_no_scan
+
+        check_options(self)
         episodes = PersonalDataset(self.dataset)
         episodes.require_scene(scene)
         folder = self.out or Path("runs") / f"study-{scene}"
-        listen(options).close()  # a port that is taken is told before anything is written
-        require_writable(folder)
+        listen(options).close()  # a taken port is reported before anything is written
+        require_folder(folder)
         kind = scene_kind(episodes, scene, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
         config = self._config(episodes, scene)
@@ -132,7 +135,7 @@ class StudyServe:
         return self._serve(folder, config, self._kept_plan(folder, config, home, keys), options)
 
     def _config(self, episodes: PersonalDataset, scene: str) -> StudyConfig:
-        """The study of one home."""
+        """The settings of a study in one home."""
         from human_study.design.study import (
             StudyBreaks,
             StudyChecks,
@@ -165,10 +168,10 @@ class StudyServe:
         )
 
     def _kept_plan(self, folder: Path, config: StudyConfig, home: StudyScene, keys: Sequence[EpisodeKey]) -> StudyPlan:
-        """The folder's plan, made once.
+        """The folder's plan, which is made only once.
 
         Raises:
-            StudyError: The folder's plan is not the one that is asked for.
+            StudyError: The folder's plan was made with other options.
         """
         from human_study.design.plan import PLAN_FILE, load_plan, save_plan
         from human_study.design.planning import make_plan
@@ -218,28 +221,13 @@ class StudyServe:
 
 
 def _register(store: StudyStore, plan: StudyPlan, secrets: StudySecrets) -> None:
-    """Registers whom the store does not know yet; the tokens are on disk before, so a kill in between loses nothing."""
-    from human_study.tickets import token_hash
+    """Registers the participants that the store does not know yet.
+
+    The tokens are already on disk, so a kill in between loses nothing.
+    """
+    from human_study.design.secrets import token_hash
 
     for person in plan.participants:
         token = secrets.tokens[person.code]
         if store.code_of_token(token) is None:
             store.add_participant(person, token_hash(token))
-
-
-def require_writable(folder: Path) -> None:
-    """Makes the folder and writes into it.
-
-    Raises:
-        StudyError: That is not possible.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise StudyError(
-            f"{folder}: cannot be written ({error.strerror}); expected a folder that you can write. "
-            "Give another with --out."
-        ) from None

@@ -1,4 +1,4 @@
-"""Verb `study status`: who is where and how much is done, also while the study is served; never outcomes."""
+"""Verb `study status`: shows participants' progress, even while the study is served, but never outcomes."""
 
 from __future__ import annotations
 
@@ -13,37 +13,38 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
+from ..output import print_json, table_console
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from human_study.store.progress import StudyProgress
-    from human_study.store.progress_people import PersonProgress, State
-    from personal_viz.printed import Console
+    from human_study.store.progress import State, StudyProgress
+    from personal_viz.study_app.operator.progress_view import ShownPerson, ShownStudy
 
 EVERY_S = 2.0
-"""Between two looks of `--watch`."""
+"""Seconds between two snapshots of `--watch`."""
 MIN_WIDTH = 128
-"""Columns that the tables need; narrower terminals wrap them, files and pipes do not."""
+"""Columns that the tables need; narrower terminals wrap them, but files and pipes do not."""
 _ORDER: tuple[State, ...] = ("stuck", "active", "away", "finished", "out")
 _COLOURS = {"active": "green", "stuck": "bold yellow", "away": "yellow", "finished": "cyan"}
 
 
 @dataclass
 class StudyStatus:
-    """Who is where, stuck or finished; never how well somebody does. Works while the study is served."""
+    """Places of participants, and who is stuck or finished; never results. Works while the study is served."""
 
     study: Positional[Path]
     json: bool = False
     watch: Annotated[bool, arg(help="Stay, and show changes.")] = False
 
-    def work(self) -> int:
+    def run(self) -> int:
         if not self.watch:
             found = progress_now(self.study)
             if self.json:
-                print(json_module.dumps(dataclasses.asdict(found), indent=2))
+                print_json(dataclasses.asdict(found))
             else:
-                _console().print(page(found))
+                table_console(MIN_WIDTH, folds=True).print(page(found))
             return 0
         try:
             _watch(self.study, json=self.json)
@@ -53,7 +54,7 @@ class StudyStatus:
 
 
 def progress_now(study: Path) -> StudyProgress:
-    """One snapshot. Raises StudyError where there is no study."""
+    """One snapshot of the progress. Raises StudyError if there is no study."""
     from human_study.store.progress import study_progress
     from human_study.store.records import read_study
 
@@ -62,68 +63,56 @@ def progress_now(study: Path) -> StudyProgress:
 
 
 def page(found: StudyProgress) -> RenderableType:
-    """Everything for one screen."""
+    """Everything for one screen, in the words of the dashboard."""
     from rich.console import Group
     from rich.text import Text
 
-    from human_study.store.database import MIN_FREE_MB
-    from personal_viz.study_app.progress_words import disk_words
+    from personal_viz.study_app.operator.progress_view import shown_study
 
-    parts: list[RenderableType] = [_head(found), _slots(found), _people(found)]
-    if found.disk.free_mb < MIN_FREE_MB:
-        parts.append(Text(f"The disk has {disk_words(found.disk.free_mb)} free: free some space.", style="bold red"))
+    shown = shown_study(found)
+    parts: list[RenderableType] = [_head(shown), _slots(shown), _people(shown)]
+    if shown.is_nearly_full:
+        parts.append(Text(f"The disk has {shown.free} free: free some space.", style="bold red"))
     return Group(*parts)
 
 
 def _watch(study: Path, *, json: bool) -> None:
     from rich.live import Live
 
-    pause = threading.Event()  # nobody sets it: a wait that Ctrl-C ends
+    pause = threading.Event()  # never set: it only provides a wait that Ctrl-C ends
     found = progress_now(study)
     if json:
         while True:
             print(json_module.dumps(dataclasses.asdict(found)), flush=True)
             pause.wait(EVERY_S)
             found = progress_now(study)
-    with Live(page(found), console=_console(), auto_refresh=False, screen=sys.stdout.isatty()) as live:
+    with Live(
+        page(found), console=table_console(MIN_WIDTH, folds=True), auto_refresh=False, screen=sys.stdout.isatty()
+    ) as live:
         while not pause.wait(EVERY_S):
             live.update(page(progress_now(study)), refresh=True)
 
 
-def _console() -> Console:
-    from personal_viz.printed import Console
-
-    return Console() if sys.stdout.isatty() else Console(width=max(MIN_WIDTH, Console().width))
-
-
-def _head(found: StudyProgress) -> RenderableType:
+def _head(shown: ShownStudy) -> RenderableType:
     from rich.console import Group
     from rich.progress_bar import ProgressBar
     from rich.table import Table
     from rich.text import Text
 
-    from personal_viz.study_app.progress_words import STATES, age_words, disk_words
-
-    title = Text(found.study, style="bold")
-    if found.is_pilot:
+    title = Text(shown.study, style="bold")
+    if shown.is_pilot:
         title.append("  PILOT", style="bold magenta")
-    copied = age_words(found.disk.last_backup_s)
-    backups = (
-        f"{found.disk.num_backups} backups, the newest {copied} ago" if found.disk.num_backups else "no backup yet"
-    )
-    counts = ", ".join(
-        f"{count} {words}" for state, words in STATES.items() if (count := found.num_in(state)) or state == "active"
-    )
+    counts = ", ".join(f"{count.n} {count.words}" for count in shown.counts if count.n or count.state == "active")
     line = Table.grid(padding=(0, 2))
     line.add_row(
-        ProgressBar(total=max(1, found.num_all), completed=found.num_done, width=40),
-        f"{found.num_done} of {found.num_all} counted trials",
+        ProgressBar(total=max(1, shown.planned), completed=shown.done, width=40),
+        f"{shown.done} of {shown.planned} counted trials",
     )
-    disk = f"{disk_words(found.disk.free_mb)} free; {backups}"
+    disk = f"{shown.free} free; backups: {shown.backups}"
     return Group(title, line, Text(counts), Text(disk, style="dim"), Text())
 
 
-def _slots(found: StudyProgress) -> Table:
+def _slots(shown: ShownStudy) -> Table:
     from rich import box
     from rich.table import Table
 
@@ -132,14 +121,14 @@ def _slots(found: StudyProgress) -> Table:
         table.add_column(name)
     for name in ("Done", "Held", "Free", "Failed", "All"):
         table.add_column(name, justify="right")
-    for slot in found.slots:
-        numbers = (slot.num_done, slot.num_held, slot.num_free, slot.num_failed, slot.num_all)
-        table.add_row(slot.task.upper(), slot.condition, slot.split, *map(str, numbers))
+    for slot in shown.slots:
+        numbers = (slot.done, slot.held, slot.free, slot.failed)
+        table.add_row(*slot.name.split(" ", 1), slot.split, *map(str, (*numbers, sum(numbers))))
     return table
 
 
-def _people(found: StudyProgress) -> RenderableType:
-    """Whoever may need somebody comes first: a short terminal cuts off the end."""
+def _people(shown: ShownStudy) -> RenderableType:
+    """A table of the participants; people who may need help come first, because a short terminal cuts off the end."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
@@ -150,26 +139,23 @@ def _people(found: StudyProgress) -> RenderableType:
         table.add_column(name, no_wrap=True)
     for name in ("Done", "Last heard", "Reconnects", "Technical", "Abandoned"):
         table.add_column(name, justify="right")
-    came = [person for person in found.people if person.state != "not_arrived"]
+    came = [person for person in shown.people if person.state != "not_arrived"]
     for person in sorted(came, key=lambda person: _ORDER.index(person.state)):
         table.add_row(*_cells(person))
-    missing = [person.code for person in found.people if person.state == "not_arrived"]
+    missing = [person.code for person in shown.people if person.state == "not_arrived"]
     return Group(table, Text(f"Not arrived: {', '.join(missing)}" if missing else "", style="dim"))
 
 
-def _cells(person: PersonProgress) -> list[RenderableType]:
+def _cells(person: ShownPerson) -> list[RenderableType]:
     from rich.text import Text
 
-    from personal_viz.study_app.progress_words import STATES, age_words, place_words
-
-    numbers = (person.num_reconnects, person.num_technical, person.num_abandoned)
     return [
         person.code,
-        person.task.upper(),
-        Text(STATES[person.state], style=_COLOURS.get(person.state, "dim")),
-        place_words(person),
-        f"{person.code}/{person.order_no}" if person.order_no is not None else "",
-        f"{person.num_done}/{person.num_planned}",
-        age_words(person.last_activity_s),
-        *(str(number) if number else "·" for number in numbers),
+        person.task,
+        Text(person.state_words, style=_COLOURS.get(person.state, "dim")),
+        person.where,
+        person.trial,
+        f"{person.done}/{person.planned}",
+        person.heard,
+        *(str(number) if number else "·" for number in (person.reconnects, person.technical, person.abandoned)),
     ]

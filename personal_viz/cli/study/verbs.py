@@ -44,5 +44,5 @@ class Study:
         | Annotated[StudyReportVerb, subcommand("report")]
     )
 
-    def work(self) -> int:
-        return self.verb.work()
+    def run(self) -> int:
+        return self.verb.run()

@@ -1,4 +1,4 @@
-"""Verb `study verify`: does every finished trial again, home by home, and stores what it finds."""
+"""Verb `study verify`: replays every finished trial, home by home, and stores the results."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from ..options import Dataset, ScenesDir
 
 if TYPE_CHECKING:
     from human_study.design.plan import StudyPlan, StudyScene
-    from human_study.store.record_types import TrialStatus, VerificationEntry
+    from human_study.store.record_types import StoredTrial, VerificationEntry
 
 BATCH = 20
-"""Episodes that a worker process does before it hands them over."""
+"""Number of episodes that a worker process replays before it returns them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +48,17 @@ class StudyVerify:
     jobs: Annotated[int, arg(help="Worker processes, each with homes of its own.")] = 1
     store: Annotated[bool, arg(help="Write the result into the study, unless it is being served.")] = True
 
-    def work(self) -> int:
+    def run(self) -> int:
+        from human_study.design.secrets import new_id
         from human_study.store.records import read_study
-        from human_study.tickets import new_id
-        from personal_viz.study_app.checked_options import check_options
         from personal_viz.study_app.home.trial_homes import require_same_dataset
         from sim.episodes.dataset import PersonalDataset
         from sim.tasks.workers import results
 
         from ..progress import counted
+        from ..refusals import check_options
 
-        check_options(run_id=None, jobs=self.jobs)
+        check_options(self)
         run_id = new_id()
         with read_study(self.study) as reader:
             reader.check()
@@ -83,7 +83,7 @@ class StudyVerify:
 def _jobs(
     study: Path,
     plan: StudyPlan,
-    finished: Sequence[TrialStatus],
+    finished: Sequence[StoredTrial],
     dataset: Path,
     scenes_dir: Path | None,
     run_id: str,
@@ -113,7 +113,7 @@ def _jobs(
 
 
 def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry, ...]]:
-    """What does one episode's trials again, by all its people."""
+    """Opens the job's home; returns a function that replays the trials of one episode by all its people."""
     from human_study.export.verify import verify_trial
     from human_study.store.record_types import VerificationEntry
     from human_study.store.records import read_study
@@ -154,9 +154,9 @@ def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry
 
 
 def _print_found(
-    study: Path, found: Sequence[VerificationEntry], trials: dict[str | None, TrialStatus], *, num_deleted: int
+    study: Path, found: Sequence[VerificationEntry], trials: dict[str | None, StoredTrial], *, num_deleted: int
 ) -> None:
-    """One line per trial that is not verified, then the counts."""
+    """Prints one line per trial that is not verified, then the counts."""
     for entry in found:
         if entry.status != "verified":
             status = trials[entry.trial_id]

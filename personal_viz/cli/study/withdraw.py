@@ -1,4 +1,4 @@
-"""Verb `study withdraw`: a participant asked to be forgotten; a process that serves the study does it."""
+"""Verb `study withdraw`: withdraws a participant on request; if a process serves the study, that process does it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ class StudyWithdraw:
     study: Positional[Path]
     participant: str
 
-    def work(self) -> int:
+    def run(self) -> int:
         from human_study.design.study import load_study
         from human_study.store.requests import Withdrawal, change_study
 

@@ -1,1 +1,1 @@
-"""Our web server in front of viser: who comes in, what passes, and the workers behind it."""
+"""Our web server in front of viser: it admits people, filters their messages and runs the viser workers."""

@@ -1,7 +1,7 @@
-"""Who may take part, and as whom: personal tokens, the open link, Prolific's parameters, and tickets for websockets.
+"""Admits participants: personal tokens, the open link, Prolific's parameters, and tickets for websockets.
 
-Of a platform's id only an HMAC with the study's key reaches the database; the id itself goes to `pay.db`, and only when
-the study file asks for it.
+Only an HMAC of a platform's id, made with the study's key, reaches the database. The id itself goes to `pay.db`, and
+only when the study file asks for it.
 """
 
 import contextlib
@@ -23,25 +23,25 @@ from human_study.private_files import write_private
 from sim.errors import StudyError
 
 SESSIONS_FILE = "sessions.json"
-"""Hashes of tickets, readable by the owner only, so that open pages go on after a restart; never exported."""
+"""File with hashes of tickets, so that open pages go on after a restart; readable by the owner only, never exported."""
 PAY_FILE = "pay.db"
-"""Platform ids in clear for paying people, readable by the owner only; never exported."""
+"""File with platform ids in clear text for paying people; readable by the owner only, never exported."""
 PlatformId = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9]{4,64}\Z")]
 
 
 class DeviceProfile(msgspec.Struct, frozen=True):
-    """What a participant's browser can do, coarsely."""
+    """A coarse profile of a participant's browser."""
 
     webgl2: bool
     width: Annotated[int, msgspec.Meta(ge=0, le=100_000)]
     """Width of the window, pixels, rounded to hundreds."""
     height: Annotated[int, msgspec.Meta(ge=0, le=100_000)]
     dpr: Annotated[float, msgspec.Meta(gt=0, le=16)]
-    """Device pixels per pixel, in quarters."""
+    """Device pixels per pixel, rounded to quarters."""
     touch: bool
 
     def coarse(self) -> "DeviceProfile":
-        """Rounded again, whatever the browser sent."""
+        """The profile rounded again, because a browser may send any numbers."""
         width, height = (round(pixels / 100) * 100 for pixels in (self.width, self.height))
         return DeviceProfile(self.webgl2, width, height, round(self.dpr * 4) / 4, self.touch)
 
@@ -64,15 +64,15 @@ class Ticket(msgspec.Struct, frozen=True):
     profile: DeviceProfile | None = None
 
     def admits(self, cookie: str) -> bool:
-        """Whether this is the ticket's own cookie; takes the same time wherever they differ."""
+        """Whether this is the ticket's own cookie; the time of the comparison does not show where they differ."""
         return hmac.compare_digest(_sha256(cookie), self.session_hash)
 
 
 class Tickets:
-    """Who may open a websocket, and as whom. A participant's newest ticket revokes the older ones."""
+    """The tickets that admit participants to a websocket. A participant's newest ticket revokes the older ones."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """Those of the last run of the study in `folder`; None = kept in memory only.
+        """Reads the tickets of the study's last run from `folder`; None = tickets are kept in memory only.
 
         Raises:
             StudyError: The file of the last run is damaged.
@@ -90,7 +90,7 @@ class Tickets:
                 ) from None
 
     def issue(self, code: str, profile: DeviceProfile | None = None) -> tuple[str, str]:
-        """A new (session id, ticket id) for a participant; valid also after a restart. Blocks until on disk."""
+        """A new session id and ticket id for a participant, valid also after a restart. Blocks until they are kept."""
         session_id, ticket_id = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
         with self._lock:
             kept = {known: ticket for known, ticket in self._by_hash.items() if ticket.code != code}
@@ -98,21 +98,21 @@ class Tickets:
         return session_id, ticket_id
 
     def find(self, ticket_id: str) -> Ticket | None:
-        """The ticket, None if it was never issued or is revoked."""
+        """The ticket; None if it was never issued or is revoked."""
         return self._by_hash.get(_sha256(ticket_id))
 
     def code_of(self, ticket_id: str) -> str | None:
-        """Who holds the ticket."""
+        """Code of the participant who holds the ticket; None for an unknown ticket."""
         ticket = self.find(ticket_id)
         return ticket.code if ticket is not None else None
 
     def client_profile(self, code: str) -> dict[str, Any] | None:
-        """What the participant's browser can do, as JSON; None if it did not say."""
+        """The profile of the participant's browser as JSON; None if the browser sent none."""
         profiles = [ticket.profile for ticket in list(self._by_hash.values()) if ticket.code == code]
         return msgspec.to_builtins(profiles[0]) if profiles and profiles[0] is not None else None
 
     def revoke(self, code: str) -> None:
-        """Whatever tickets the participant has open no further websocket."""
+        """Revokes all tickets of the participant: they open no further websocket."""
         with self._lock:
             self._keep({known: ticket for known, ticket in self._by_hash.items() if ticket.code != code})
 
@@ -123,14 +123,14 @@ class Tickets:
 
 
 class People(Protocol):
-    """What admission needs of the store; both block until on disk."""
+    """The part of the store that admission needs; both methods block until their write is on disk."""
 
     def code_of_token(self, token: str) -> str | None:
-        """Participant of a personal token."""
+        """Code of the participant with this personal token; None if there is none."""
         ...
 
     def claim_person(self, ext_hash: str | None) -> str | None:
-        """Next free participant, the same for the same hash; None when the study is full."""
+        """Code of the next free participant, the same for the same hash; None when the study is full."""
         ...
 
 
@@ -138,11 +138,11 @@ class PayFile:
     """Platform ids of the people to pay, apart from the study's data."""
 
     def __init__(self, folder: Path) -> None:
-        """Makes the file when the first id is kept."""
+        """Takes the study's folder; the file is made when the first id is kept."""
         self._path = folder / PAY_FILE
 
     def keep(self, code: str, arrival: Arrival) -> None:
-        """Once per participant; on disk when this returns.
+        """Keeps a participant's platform id, once; it is on disk when this returns.
 
         Raises:
             StudyError: The file cannot be written.
@@ -164,7 +164,7 @@ class PayFile:
             ) from None
 
     def purge(self) -> int:
-        """Deletes all ids, once everybody is paid; returns how many there were. Who comes back later is kept anew.
+        """Deletes all ids, after everybody is paid; returns their number. A person who comes back later is kept again.
 
         Raises:
             StudyError: The file is damaged or cannot be deleted.
@@ -195,14 +195,14 @@ class Admission:
         platform_key: bytes,
         pay_file: PayFile,
     ) -> None:
-        """Knows the people of one study.
+        """Takes the people of one study.
 
         Args:
             people: The store.
-            config: Says how people come, and what is kept of platform ids.
+            config: The study: it says how people come, and whether platform ids are kept.
             token_of_code: Personal token of each participant.
             platform_key: The study's own key for platform ids.
-            pay_file: Filled only when the study file asks for platform ids.
+            pay_file: The file for platform ids; filled only when the study file asks for them.
         """
         self._people, self._config = people, config
         self._token_of_code, self._key, self._pay_file = token_of_code, platform_key, pay_file
@@ -218,11 +218,11 @@ class Admission:
         return self._config.recruit.kind == "prolific"
 
     def code_of_token(self, token: str) -> str | None:
-        """Participant of a personal token, None if unknown."""
+        """Code of the participant with this personal token; None if the token is unknown."""
         return self._people.code_of_token(token)
 
     def join(self, arrival: Arrival) -> str | None:
-        """Personal token for somebody on the open link; the same person gets the same. None = the study is full.
+        """A personal token for somebody on the open link, the same for the same person; None = the study is full.
 
         Raises:
             StudyError: The store or the file for paying people cannot be written.

@@ -1,6 +1,6 @@
 """Our web server in front of viser: personal links, sessions, checks, and a filtered proxy of viser's websocket.
 
-viser itself has no login and listens on loopback only; whatever a browser sends passes through here.
+viser itself has no login and listens on loopback only; everything that a browser sends passes through here.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from sim.errors import StudyError
 
-from ..page_version import STATIC, is_other_viser, page_of, page_version
+from ..page_script import STATIC, is_other_viser, page_of, page_version
 from ..worker_door import WorkerDoor
 from .admission import Admission, Arrival, DeviceProfile, Tickets
 from .http import Guard, address_of, small_body, too_many_tries
@@ -36,15 +36,15 @@ from .proxy import BAD, LATER, join
 
 SESSION_COOKIE = "personal_session"
 PROBE_COOKIE = "personal_probe"
-"""Set by `/check/download` with the flags of the session's cookie, so that `study doctor` sees what becomes of them."""
+"""Cookie of `/check/download` with the flags of the session's cookie; `study doctor` checks that they arrive."""
 PROBE_BYTES = 256 * 1024
 PROXY_HEADER = "X-Study-Proxy"
-"""Header of `/check/download`: whether the named proxy asked, and for whom: `none`, `named` or `silent`."""
+"""Header of `/check/download`: `none` = no proxy is set, `named` = the proxy names its client, `silent` = not."""
 MAX_JSON_BYTES = 4096
 OTHER_VERSION, OTHER_VERSION_STATUS = "the study's program was updated; load the page again", 409
-"""Answer to a websocket of a page that an earlier, or a later, version of the program served."""
+"""Answer to a websocket of a page that an earlier or later version of the program served."""
 MOST_PER_TICKET = 6
-"""Connections of one session: tabs, and lines that were cut and are not noticed yet."""
+"""Most connections of one session: tabs, and broken lines that are not noticed yet."""
 Body = TypeVar("Body", bound=msgspec.Struct)
 _VISER_CSP = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob:; style-src 'unsafe-inline'; "
@@ -55,12 +55,12 @@ _VISER_CSP = (
 _PAGE_HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; "
     "form-action 'self'",
-    "Referrer-Policy": "same-origin",  # with "no-referrer" browsers send no Origin with a form, and we ask for it
+    "Referrer-Policy": "same-origin",  # with "no-referrer" browsers send no Origin with a form, and we need it
 }
 
 
 class Seats(Protocol):
-    """What the gateway needs of the workers."""
+    """The part of the workers that the gateway needs."""
 
     def seat(self, code: str) -> AbstractContextManager[WorkerDoor | None]:
         """The door of a participant's worker for one connection; None when none is ready."""
@@ -68,7 +68,7 @@ class Seats(Protocol):
 
 
 class Entry(msgspec.Struct, frozen=True):
-    """What the page sends to enter."""
+    """The message by which a page enters."""
 
     token: str = ""
     device: DeviceProfile | None = None
@@ -90,18 +90,18 @@ class Gateway:
         tell: Callable[[str], None] | None = None,
         note_error: Callable[[str, str], None] | None = None,
     ) -> None:
-        """Knows whom to let in and where viser is.
+        """Takes the parts that the routes need.
 
         Args:
-            admission: Who may take part.
+            admission: Decides who may take part.
             seats: The viser workers.
-            tickets: Filled here; the workers ask whose connection they have got.
+            tickets: Filled here; the workers look up the participant of each connection.
             options: Host names, limits, TLS.
-            pages: What participants read and answer outside viser.
-            present: Entered for each participant's connection while it is open.
+            pages: The pages that participants read and answer outside viser.
+            present: Context manager that is entered for each participant's connection while it is open.
             screen_out_code: Shown to people for whom there is no place.
-            tell: One line for the person at the terminal; None = standard error.
-            note_error: Keeps what was wrong with a participant's connection with the trial; any thread.
+            tell: Writes one line for the person at the terminal; None = to standard error.
+            note_error: Stores an error of a participant's connection with the trial; called from any thread.
         """
         self._version = options.page_version or page_version()
         self._page = page_of(self._version)
@@ -114,7 +114,7 @@ class Gateway:
         self._guesses, self._joins, self._downloads = (AddressLimit(*rate) for rate in (GUESSES, JOINS, DOWNLOADS))
         self._people, self._sessions = Holds(), Holds()
         self._numbers = itertools.count(1)
-        """Numbers of connections, in the order in which they come."""
+        """Numbers for connections, in the order in which they come."""
         self._probe = random.Random(0).randbytes(PROBE_BYTES)  # cannot be compressed on the way
 
     def app(self) -> Starlette:
@@ -141,12 +141,12 @@ class Gateway:
         return FileResponse(STATIC / "enter.html")
 
     async def enter(self, request: Request) -> Response:
-        """A session for a known token: a cookie for its pages and its websocket alone, and where these are."""
+        """A session for a known token: the address of its pages, and a cookie for them and their websocket only."""
         if not self._is_own_origin(request):
             return PlainTextResponse("foreign origin", status_code=403)
         entry = await _json(request, Entry) or Entry()
         code = await run_in_threadpool(self._admission.code_of_token, entry.token) if entry.token else None
-        if code is None:  # only now: the wrong guesses of somebody behind the same router keep no valid token out
+        if code is None:  # only now, so that wrong guesses behind the same router do not keep a valid token out
             if not self._guesses.allows(address_of(request, self._options), time.monotonic()):
                 return too_many_tries()
             return PlainTextResponse("unknown token", status_code=401)
@@ -164,7 +164,7 @@ class Gateway:
         return reply
 
     async def join(self, request: Request) -> Response:
-        """A personal token for somebody on the open link, or that there is no place any more."""
+        """A personal token for somebody on the open link, or the answer that the study is full."""
         if not self._is_own_origin(request):
             return PlainTextResponse("foreign origin", status_code=403)
         if not self._joins.allows(address_of(request, self._options), time.monotonic()):
@@ -181,7 +181,7 @@ class Gateway:
         return JSONResponse({"token": token})
 
     async def page(self, request: Request) -> Response:
-        """The page that a participant gets now; a form's answer is stored, and leads to the next page."""
+        """The participant's current page; the answer of a form is stored and leads to the next page."""
         ticket_id, code = request.path_params["ticket"], self._holder(request)
         if code is None:
             return FileResponse(STATIC / "enter.html")
@@ -203,7 +203,7 @@ class Gateway:
         return HTMLResponse(shown, headers=_PAGE_HEADERS)
 
     async def leave_page(self, request: Request) -> Response:
-        """Asks somebody who wants to leave the study whether that is meant."""
+        """The page that asks somebody who wants to leave the study to confirm it."""
         code, base = self._holder(request), f"/page/{request.path_params['ticket']}/"
         if code is None:
             return FileResponse(STATIC / "enter.html")
@@ -214,7 +214,7 @@ class Gateway:
         return RedirectResponse(base, status_code=303) if shown is None else HTMLResponse(shown, headers=_PAGE_HEADERS)
 
     async def here(self, socket: WebSocket) -> None:
-        """Open as long as a page is: its participant is here, and keeps the place in the study."""
+        """A websocket that is open while a page is open: its participant is here and keeps the place in the study."""
         code = self._holder(socket)
         if code is None or not self._is_own_origin(socket):
             await socket.close(code=BAD)
@@ -225,21 +225,21 @@ class Gateway:
                 return
             await socket.accept()
             with self._people.one(code, None), self._present(code), contextlib.suppress(WebSocketDisconnect, KeyError):
-                await socket.receive_text()  # a page never says anything
+                await socket.receive_text()  # a page never sends anything
             with contextlib.suppress(RuntimeError):  # the browser left by itself
                 await socket.close(code=BAD)
 
     def _holder(self, connection: HTTPConnection) -> str | None:
-        """The participant whose page is asked for by somebody who has its cookie."""
+        """The participant of the page in the address, if the browser has the page's cookie; else None."""
         ticket = self._tickets.find(connection.path_params["ticket"])
         if ticket is None or not ticket.admits(connection.cookies.get(SESSION_COOKIE, "")):
             return None
         return ticket.code
 
     async def view(self, request: Request) -> Response:
-        """viser's client; the entry page instead when the ticket in the address is not valid any more.
+        """viser's client; the entry page instead when the ticket in the address is no longer valid.
 
-        A page of before an upgrade that is loaded again gets the address of the version that is served now.
+        A page from before an upgrade that is loaded again gets the address of the current version.
         """
         asked = request.query_params.get("websocket", "").partition("/ws/")[2]
         ticket_id = asked.partition("/")[0]
@@ -250,11 +250,11 @@ class Gateway:
         return Response(self._page, media_type="text/html", headers={"Content-Security-Policy": _VISER_CSP})
 
     async def version(self, _: Request) -> Response:
-        """The version of the pages that are served, for pages that wonder whether they are still of it."""
+        """The version of the served pages, for open pages that check whether they are up to date."""
         return PlainTextResponse(self._version)
 
     async def download(self, request: Request) -> Response:
-        """Bytes to measure the line with, for `study doctor`."""
+        """Bytes by which `study doctor` measures the line."""
         if not self._downloads.allows(address_of(request, self._options), time.monotonic()):
             return too_many_tries()
         peer = request.client.host if request.client is not None else None
@@ -265,7 +265,7 @@ class Gateway:
         return reply
 
     async def websocket(self, socket: WebSocket) -> None:
-        """A participant's connection, joined to viser."""
+        """Joins a participant's websocket to a viser worker."""
         number = next(self._numbers)
         ticket_id = socket.path_params["ticket"]
         ticket = self._tickets.find(ticket_id)
@@ -294,7 +294,7 @@ class Gateway:
         if reason is not None:
             self._tell(f"a connection of {ticket.code} was closed: it sent {reason}")
             if self._note_error is not None:
-                with contextlib.suppress(StudyError):  # a store that cannot write has told so itself
+                with contextlib.suppress(StudyError):  # a store that cannot write has reported it itself
                     await run_in_threadpool(self._note_error, ticket.code, f"connection closed: sent {reason}")
 
     def _paused(self, error: StudyError) -> Response:
@@ -316,7 +316,7 @@ class Gateway:
         return code not in self._people and len(self._people) >= self._options.max_people
 
     def _is_own_origin(self, connection: HTTPConnection) -> bool:
-        """Whether the page that asks is ours: scheme, name and port."""
+        """Whether the requesting page is ours, by scheme, name and port."""
         host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
         try:
             parts = urlsplit(origin or "")
@@ -331,7 +331,7 @@ class Gateway:
 
 
 async def _json(request: Request, kind: type[Body]) -> Body | None:
-    """A small JSON body; None when it is not what we expect."""
+    """A small JSON body as a `kind`; None when it has another form."""
     try:
         return msgspec.json.decode(await small_body(request, MAX_JSON_BYTES), type=kind)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
@@ -339,7 +339,7 @@ async def _json(request: Request, kind: type[Body]) -> Body | None:
 
 
 async def _form(request: Request) -> dict[str, str]:
-    """The fields of a small form; {} when it is not one."""
+    """The fields of a small form; {} when the body is not a form."""
     body = await small_body(request, MAX_FORM_BYTES)
     try:
         return dict(parse_qsl(body.decode(), keep_blank_values=True, max_num_fields=20))

@@ -1,4 +1,4 @@
-"""The device check: whether a participant's computer can show the study, from what the page's script found."""
+"""The device check: decides from the findings of the page's script whether a computer can show the study."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,9 +7,9 @@ from human_study.design.study import Condition
 from human_study.journey import Person
 
 MIN_WIDTH, MIN_HEIGHT = 1000, 600
-"""Smallest page in pixels, to which the device check asks people to widen their window."""
+"""Smallest page in pixels; the device check asks people with a smaller one to widen their window."""
 SMALLER = 0.95
-"""Browsers' own bars make "about": a little less is accepted."""
+"""Share of the smallest page that is still accepted, because browsers' own bars take some room."""
 MOST_PIXELS = 100_000
 IN_3D: tuple[Condition, ...] = ("glb", "map_first", "map_open", "map_2d")
 """Conditions in which the browser draws the home itself and needs WebGL."""
@@ -17,25 +17,25 @@ IN_3D: tuple[Condition, ...] = ("glb", "map_first", "map_open", "map_2d")
 
 @dataclass(frozen=True, slots=True)
 class DeviceReport:
-    """What the device check found; stored coarsely."""
+    """The findings of the device check; stored coarsely."""
 
     webgl2: bool
     width: int
     height: int
     has_pressed: bool
-    """Whether the key W arrived."""
+    """Whether a press of the key W arrived."""
 
     @property
     def is_large_enough(self) -> bool:
-        """Whether the page has room for picture and texts."""
+        """Whether the page has room for the picture and the texts."""
         return self.width >= SMALLER * MIN_WIDTH and self.height >= SMALLER * MIN_HEIGHT
 
     def can_show(self, *, needs_webgl: bool) -> bool:
-        """Whether graphics and window will do."""
+        """Whether the graphics and the window are good enough."""
         return self.is_large_enough and (self.webgl2 or not needs_webgl)
 
     def detail(self) -> dict[str, bool | int]:
-        """For the record: sizes rounded, nothing that tells one computer from another."""
+        """The stored findings, with rounded sizes and nothing that tells one computer from another."""
         return {
             "webgl2": self.webgl2,
             "width": 100 * round(self.width / 100),
@@ -50,7 +50,7 @@ def needs_webgl(person: Person) -> bool:
 
 
 def device_report(form: Mapping[str, str]) -> DeviceReport | None:
-    """What the page's script wrote into its form; None where it did not, or the form is damaged."""
+    """The findings that the page's script wrote into its form; None where there are none or the form is damaged."""
     sizes = [form.get(name, "") for name in ("width", "height")]
     if not all(size.isascii() and size.isdecimal() and len(size) <= 6 for size in sizes):
         return None

@@ -1,36 +1,50 @@
-"""Which of a browser's messages reach viser: a closed list of types, each field checked, a few a second.
+"""Filters a browser's messages to viser: a closed list of types, every field checked, a few messages a second.
 
-What passes is encoded anew, so that viser cannot read it differently than we did.
+Allowed messages are encoded anew, so that viser cannot read them differently than we did.
 """
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 MAX_MESSAGE_BYTES = 64 * 1024
 """Largest message that a browser may send; clicks and camera poses need under 1 kB."""
 ACTION_RATE = (20.0, 20)
-"""(a second, at once) of each type: a person presses at most some 10 keys a second (HUMAN_STUDY.md, section 7), and
-viser's client sends what the page writes into fields at most every 50 ms."""
+"""Actions of each type: (a second on average, at once). A person presses at most about 10 keys a second
+(HUMAN_STUDY.md, section 7), and viser's client sends changed fields at most every 50 ms."""
 CAMERA_RATE = (20.0, 5)
-"""viser sends up to 50 camera messages a second while somebody turns the home; the newest is enough."""
+"""Camera messages: (a second on average, at once). viser's client sends up to 50 a second while somebody turns the
+home; the newest is enough."""
 FLOOD_RATE = (200.0, 400)
-"""Messages of any kind; no browser sends this many, and a client that does is disconnected."""
+"""Messages of any kind: (a second on average, at once). No browser sends more; a client that does is disconnected."""
 _Id = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_:./-]{1,64}\Z")]
 _Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
-"""Metres and what is made of them; who zooms out for a minute is a million metres away."""
+"""Metres and numbers computed from them; after a minute of zooming out a camera is a million metres away."""
 _Vector = tuple[_Number, _Number, _Number]
 _NEAREST = 1e-6
-"""A camera stands further from what it looks at, and a direction is longer (metres); viser cannot turn one without."""
+"""Least distance of a camera from its target, and least length of a direction (metres); viser cannot turn below it."""
 _Pixels = Annotated[int, msgspec.Meta(ge=0, le=100_000)] | Annotated[float, msgspec.Meta(ge=0, le=100_000)]
 _Scalar = bool | int | float | str | None
 _Row = Annotated[list[_Scalar], msgspec.Meta(max_length=64)]
+CAMERA: dict[str, Any] = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [3.0, 3.0, 3.0],
+    "fov": 1.3,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 800,
+    "image_width": 880,
+    "look_at": [0.0, 0.0, 0.0],
+    "up_direction": [0.0, 1.0, 0.0],
+}
+"""A browser's first message, after which viser begins to send; for clients without a browser."""
 
 
 class ViewerCameraMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
-    """Where the browser's camera is."""
+    """The pose of the browser's camera."""
 
     wxyz: tuple[_Number, _Number, _Number, _Number]
     position: _Vector
@@ -44,7 +58,7 @@ class ViewerCameraMessage(msgspec.Struct, tag_field="type", tag=True, frozen=Tru
 
 
 class ScenePointerMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
-    """A click into the scene; viser's rectangles, which have no ray, are none."""
+    """A click into the scene; viser's rectangle selections have no ray and are not clicks."""
 
     event_type: Literal["click"]
     ray_origin: _Vector
@@ -54,32 +68,32 @@ class ScenePointerMessage(msgspec.Struct, tag_field="type", tag=True, frozen=Tru
 
 
 class GuiValue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The one attribute that a browser may set; viser would set any that is named."""
+    """The only attribute that a browser may set; viser itself would set any attribute."""
 
     value: _Scalar | Annotated[list[_Scalar | _Row], msgspec.Meta(max_length=64)]
 
 
 class GuiUpdateMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
-    """A button is pressed or a field is filled."""
+    """The press of a button, or a change of a field."""
 
     uuid: _Id
     updates: GuiValue
 
 
 class CommandTriggerMessage(msgspec.Struct, tag_field="type", tag=True, frozen=True, forbid_unknown_fields=True):
-    """A key is pressed."""
+    """The press of a key."""
 
     uuid: _Id
 
 
 BrowserMessage = ViewerCameraMessage | ScenePointerMessage | GuiUpdateMessage | CommandTriggerMessage
-"""All that a participant's browser has to say; tunnel, upload, render and storage messages are not among it."""
+"""All messages that a participant's browser may send; tunnel, upload, render and storage messages are not allowed."""
 _DECODER = msgspec.msgpack.Decoder(BrowserMessage)
 _ENCODER = msgspec.msgpack.Encoder()
 
 
 def browser_message(data: bytes) -> BrowserMessage | None:
-    """What a browser says; None unless it is small, well formed, on the list, complete and finite."""
+    """A browser's message; None unless it is small, well formed, on the list, complete and finite."""
     if len(data) > MAX_MESSAGE_BYTES:
         return None
     try:
@@ -90,7 +104,7 @@ def browser_message(data: bytes) -> BrowserMessage | None:
 
 
 def viser_bytes(message: BrowserMessage) -> bytes:
-    """The message as viser reads it."""
+    """The message in viser's encoding."""
     return _ENCODER.encode(message)
 
 
@@ -103,25 +117,25 @@ class RateLimit:
         self._left, self._last_s = float(burst), 0.0
 
     def allows(self, now_s: float) -> bool:
-        """Takes one, if one is left at this time (seconds on a steady clock)."""
+        """Takes one token, and returns whether one was left at this time (seconds on a steady clock)."""
         if not self.has_one(now_s):
             return False
         self._left -= 1
         return True
 
     def has_one(self, now_s: float) -> bool:
-        """Whether one is left; takes none."""
+        """Whether a token is left; takes none."""
         self._left = min(self._burst, self._left + (now_s - self._last_s) * self._rate)
         self._last_s = now_s
         return self._left >= 1
 
     def wait_s(self, now_s: float) -> float:
-        """Seconds until one is left."""
+        """Seconds until a token is left."""
         return 0.0 if self.has_one(now_s) else (1 - self._left) / self._rate
 
 
 def _has_directions(message: BrowserMessage) -> bool:
-    """Whether whoever divides by the length of a message's vectors can."""
+    """Whether each vector of a message is long enough to have a direction."""
     match message:
         case ViewerCameraMessage():
             looks = math.dist(message.position, message.look_at)

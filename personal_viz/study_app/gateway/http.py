@@ -1,4 +1,4 @@
-"""Around every route: time limits on a request's arrival, sizes, the Host header, counts per address, headers."""
+"""Guards every route: limits on a request's time and size, the Host header, connections per address, reply headers."""
 
 import asyncio
 import ipaddress
@@ -24,11 +24,11 @@ from .options import ServeOptions
 MAX_HEADER_BYTES = 16 * 1024
 MAX_BODY_BYTES = 64 * 1024
 REQUEST_WITHIN_S = 15.0
-"""From a request's first byte, or from the connection, to its last: whoever takes longer is disconnected."""
+"""Longest time from a request's first byte, or from the connection, to its last; slower clients are disconnected."""
 ANSWER_WITHIN_S = 120.0
-"""For a browser on a slow line to read a page of 1 MB."""
+"""Longest time for an answer: enough for a browser on a slow line to read a page of 1 MB."""
 CONNECTIONS_SHARE = 0.2
-"""Share of the stopping time that connections get; the workers and the last copy need the rest."""
+"""Share of the stopping time that connections get; the workers and the last backup need the rest."""
 OWN_PAGES_CSP = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -42,7 +42,7 @@ _HEADERS = {
 _HANDSHAKE = (b"connection", b"upgrade")
 _HOST = re.compile(r"\A[A-Za-z0-9.:\[\]-]{1,255}\Z")
 _HSTS = "max-age=86400"
-"""A day: long enough for a sitting, short enough to take a study's name back to plain HTTP."""
+"""One day: long enough for a sitting, short enough to take a study's name back to plain HTTP."""
 
 
 class PromptProtocol(H11Protocol):
@@ -56,7 +56,7 @@ class PromptProtocol(H11Protocol):
     _deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Refuses one connection too many, then waits for a request."""
+        """Refuses the connection if its address has too many, else waits for a request."""
         super().connection_made(transport)
         peer = self.client[0] if self.client else ""
         peers = [getattr(connection, "client", None) for connection in self.connections]
@@ -68,7 +68,7 @@ class PromptProtocol(H11Protocol):
         self._wait()
 
     def data_received(self, data: bytes) -> None:
-        """The clock runs from the first byte of a request to its last, however they trickle in."""
+        """Takes bytes; the clock runs from the first byte of a request to its last, however slowly they come."""
         super().data_received(data)
         if self.transport.get_protocol() is not self:  # it became a websocket, which may be quiet for long
             self._stop_waiting()
@@ -78,14 +78,14 @@ class PromptProtocol(H11Protocol):
             self._stop_waiting()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Refuses what `websockets` would stumble over: it quotes a damaged header in its answer, in ASCII only."""
+        """Refuses damaged headers: `websockets` would quote them in its answer, but can write only ASCII there."""
         if all(value.isascii() for name, value in event.headers if name in _HANDSHAKE or name.startswith(b"sec-")):
             super().handle_websocket_upgrade(event)
         else:
             self.send_400_response("Bad handshake.")
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forgets the clock."""
+        """Stops the clock of the request."""
         self._stop_waiting()
         super().connection_lost(exc)
 
@@ -100,7 +100,7 @@ class PromptProtocol(H11Protocol):
 
 
 class Guard:
-    """ASGI middleware: refuses what no route should see, and puts the secure headers on every reply."""
+    """ASGI middleware: refuses requests that no route should see, and puts the secure headers on every reply."""
 
     def __init__(self, app: ASGIApp, options: ServeOptions) -> None:
         """Guards one application.
@@ -114,7 +114,7 @@ class Guard:
         self._open = Holds()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request or websocket."""
+        """Handles one request or websocket."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -137,19 +137,19 @@ class Guard:
             async with asyncio.timeout(ANSWER_WITHIN_S):
                 await self._app(scope, receive, _with_headers(send, is_secure=is_secure))
         except TimeoutError:
-            return  # the server then closes the connection of whoever reads so slowly
+            return  # the server then closes the connection of this slow reader
         except ClientDisconnect:
             return  # in the middle of a body: nobody is left to answer
 
 
 def address_of(connection: HTTPConnection, options: ServeOptions) -> str:
-    """What counts as the client's address (`client_address`)."""
+    """The client's address for limits (`client_address`)."""
     peer = connection.client.host if connection.client is not None else None
     return client_address(peer, connection.headers.getlist("x-forwarded-for"), options.proxy)
 
 
 def too_many_tries() -> Response:
-    """For those who guess tokens, or ask for more than a person would."""
+    """The reply to clients that guess tokens, or ask for more than a person would."""
     return PlainTextResponse("too many tries; wait a minute", status_code=429, headers={"Retry-After": "60"})
 
 
@@ -157,7 +157,7 @@ async def small_body(request: Request, most: int) -> bytes:
     """The body of a request; empty when it is larger than `most` bytes.
 
     Raises:
-        ClientDisconnect: The client left before its end; `Guard` takes that.
+        ClientDisconnect: The client left before the body's end; `Guard` handles this.
     """
     body = b""
     async for chunk in request.stream():
@@ -168,7 +168,7 @@ async def small_body(request: Request, most: int) -> bytes:
 
 
 def uvicorn_server(app: Starlette, options: ServeOptions) -> uvicorn.Server:
-    """A server for the application that believes no header about forwarding and logs no request."""
+    """A server for the application that trusts no header about forwarding and logs no request."""
     limited = {
         "per_address": options.per_address,
         "most_connections": 3 * options.max_people + 256,
@@ -183,9 +183,9 @@ def uvicorn_server(app: Starlette, options: ServeOptions) -> uvicorn.Server:
         server_header=False,
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE_BYTES,
-        ws_per_message_deflate=False,  # viser's messages are compressed, and a bomb cannot hide in what is not inflated
+        ws_per_message_deflate=False,  # viser compresses its messages, and no client can send a compression bomb
         ws_ping_interval=20,
-        ws_ping_timeout=120,  # a home of 15 MB is ahead of the ping, on a line of 1 Mbit/s
+        ws_ping_timeout=120,  # on a line of 1 Mbit/s, a ping waits behind a home of 15 MB
         h11_max_incomplete_event_size=MAX_HEADER_BYTES,
         timeout_graceful_shutdown=max(1, round(CONNECTIONS_SHARE * options.drain_s)),
         ssl_certfile=options.tls_cert,
@@ -195,7 +195,7 @@ def uvicorn_server(app: Starlette, options: ServeOptions) -> uvicorn.Server:
 
 
 def _refusal(scope: Scope, names: frozenset[str]) -> tuple[int, str] | None:
-    """Status and text when the request is refused unseen."""
+    """Status and text of a request that is refused before any route sees it; None = it is not refused."""
     headers: Iterable[tuple[bytes, bytes]] = scope["headers"]
     target = len(scope.get("raw_path", b"")) + len(scope["query_string"])
     if sum(len(name) + len(value) + 4 for name, value in headers) + target > MAX_HEADER_BYTES:
@@ -213,7 +213,7 @@ def _refusal(scope: Scope, names: frozenset[str]) -> tuple[int, str] | None:
 
 
 def host_name(host: str) -> str:
-    """The name in a Host header, lower case, without port; empty when it is not one."""
+    """The name in a Host header, lower case, without port; empty when the header holds no name."""
     if _HOST.match(host) is None:
         return ""
     try:

@@ -1,4 +1,4 @@
-"""Whose request it is, as far as limits need to know: addresses live in memory only and are never written anywhere."""
+"""Limits per client address; addresses are kept in memory only and are never written anywhere."""
 
 import contextlib
 import ipaddress
@@ -8,7 +8,7 @@ from collections.abc import Hashable, Iterator
 from .filter import RateLimit
 
 GUESSES = (10 / 60, 10)
-"""Wrong tokens per address: ten at once, ten a minute. A right one is let in whatever its address guessed before."""
+"""Wrong tokens per address: ten at once, ten a minute. A right token is accepted after any number of wrong ones."""
 JOINS = (10 / 60, 30)
 """Newcomers on the open link per address: a class may come at once from behind one router."""
 DOWNLOADS = (10 / 60, 10)
@@ -18,16 +18,16 @@ _MOST_ADDRESSES = 10_000
 
 
 def client_address(peer: str | None, forwarded_for: list[str], proxy: str | None) -> str:
-    """What counts as one address.
+    """The client's address for limits.
 
     Args:
         peer: Address at the other end of the connection.
         forwarded_for: Values of the request's X-Forwarded-For headers, in order.
-        proxy: Address of the trusted reverse proxy; what anybody else says about forwarding is not believed.
+        proxy: Address of the trusted reverse proxy; headers about forwarding from anybody else are ignored.
 
     Returns:
-        `loopback`; an IPv4 address; the /64 of an IPv6 address, which is one household's; or the text itself when it
-        is no address at all. A trusted proxy that does not say for whom it asks counts as one address.
+        `loopback`; an IPv4 address; the /64 of an IPv6 address, which belongs to one household; or the text itself when
+        it is not an address. A trusted proxy that does not say for whom it asks counts as one address.
     """
     if proxy is not None and _key(peer) == _key(proxy):
         hops = [hop.strip() for value in forwarded_for for hop in value.split(",")]
@@ -37,21 +37,21 @@ def client_address(peer: str | None, forwarded_for: list[str], proxy: str | None
 
 
 def is_forwarded(peer: str | None, forwarded_for: list[str], proxy: str | None) -> bool:
-    """Whether the trusted proxy says for whom it asks."""
+    """Whether the request comes from the trusted proxy and names the client."""
     hops = [hop.strip() for value in forwarded_for for hop in value.split(",")]
     return proxy is not None and _key(peer) == _key(proxy) and bool(hops) and _key(hops[-1]) != ""
 
 
 class AddressLimit:
-    """A token bucket per address; forgets the addresses that were silent longest."""
+    """A token bucket per address; forgets the addresses that have been silent longest."""
 
     def __init__(self, rate: float, burst: int) -> None:
-        """Nobody is limited yet."""
+        """Starts without addresses; each gets `rate` tries a second on average and `burst` at once."""
         self._rate, self._burst = rate, burst
         self._buckets: OrderedDict[str, RateLimit] = OrderedDict()
 
     def allows(self, address: str, now_s: float) -> bool:
-        """Takes one try, if one is left."""
+        """Takes one try, and returns whether one was left."""
         bucket = self._buckets.setdefault(address, RateLimit(self._rate, self._burst))
         self._buckets.move_to_end(address)
         while len(self._buckets) > _MOST_ADDRESSES:
@@ -60,14 +60,14 @@ class AddressLimit:
 
 
 class Holds:
-    """How many things each key has open."""
+    """Counts the open things of each key."""
 
     def __init__(self) -> None:
-        """Nothing is open."""
+        """Starts with nothing open."""
         self._counts: Counter[Hashable] = Counter()
 
     def __len__(self) -> int:
-        """How many keys have something open."""
+        """Number of keys that have something open."""
         return len(self._counts)
 
     def __contains__(self, key: Hashable) -> bool:
@@ -76,7 +76,7 @@ class Holds:
 
     @contextlib.contextmanager
     def one(self, key: Hashable, most: int | None) -> Iterator[bool]:
-        """Holds one more until the end of the block; False, and holds nothing, when the key has `most` already."""
+        """Holds one more until the end of the block; yields False and holds nothing when the key has `most` already."""
         if most is not None and self._counts[key] >= most:
             yield False
             return
@@ -90,7 +90,7 @@ class Holds:
 
 
 def _key(address: str | None) -> str:
-    """Empty when there is no address in the text."""
+    """The key that an address counts under; empty when the text holds no address."""
     try:
         ip = ipaddress.ip_address(address or "")
     except ValueError:

@@ -1,4 +1,4 @@
-"""How a study is served: addresses, names, TLS, limits; what may not be served is refused here, before work starts."""
+"""Options of serving a study: addresses, names, TLS, limits. Unsafe options are refused here, before work starts."""
 
 import ipaddress
 import os
@@ -19,47 +19,47 @@ MOST_DEFAULT_WORKERS = 4
 
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
-    """Choices of the person who serves; none of them changes a result."""
+    """Choices of the person who serves a study; none of them changes a result."""
 
     port: int = 8080
-    """0 takes a free one."""
+    """Port to listen on; 0 takes a free one."""
     bind: str = "127.0.0.1"
     """Address to listen on."""
     public: bool = False
     """Whether people may come from other machines."""
     hosts: tuple[str, ...] = ()
-    """Names under which they reach us, as browsers send them: `study.example.org`, with `:port` unless it is 443."""
+    """Names under which people reach us, as browsers send them: `study.example.org`, with `:port` unless it is 443."""
     tls_cert: Path | None = None
     tls_key: Path | None = None
     proxy: str | None = None
-    """Address of the reverse proxy in front of us, which does TLS; only its X-Forwarded-For is believed."""
+    """Address of the reverse proxy in front of us, which does TLS; only its X-Forwarded-For is trusted."""
     i_have_rights: bool = False
-    """The licence of the scans allows sending them to participants."""
+    """Whether the licence of the scans allows sending them to participants."""
     pilot: bool = False
-    """Serve without an ethics approval; the lead marks the data."""
+    """Whether to serve without an ethics approval; the data is then marked as a pilot's."""
     workers: int | None = None
-    """viser processes; None = one per core, at most four."""
+    """Number of viser processes; None = one per core, at most four."""
     max_people: int = 200
-    """Participants connected at once."""
+    """Most participants connected at once."""
     dashboard_port: int = 0
-    """Of the researcher's page, always on loopback; 0 takes a free one."""
+    """Port of the researcher's page, always on loopback; 0 takes a free one."""
     per_address: int = 64
-    """Connections from one address at once; loopback and the named proxy are not limited."""
+    """Most connections from one address at once; loopback and the named proxy are not limited."""
     heartbeat: Heartbeat = field(default_factory=Heartbeat)
-    """When a viser process counts as hung, and is killed and started again."""
+    """Decides when a viser process counts as hung; it is then killed and started again."""
     drain_s: float = 10.0
-    """Time that connections and viser processes get to end, together, when the study stops."""
+    """Seconds that connections and viser processes together get to end when the study stops."""
     page_version: str | None = None
-    """Of the pages that are sent and taken back, letters and digits; None = this program's (`page_version.py`)."""
+    """Version of the pages that we serve and accept, letters and digits; None = this program's (`page_version`)."""
 
     @property
     def num_workers(self) -> int:
-        """How many viser processes to start."""
+        """Number of viser processes to start."""
         return max(1, min(os.cpu_count() or 1, MOST_DEFAULT_WORKERS)) if self.workers is None else self.workers
 
     @property
     def has_tls(self) -> bool:
-        """Whether we do TLS ourselves."""
+        """Whether this program does TLS itself."""
         return self.tls_cert is not None
 
     @property
@@ -74,7 +74,7 @@ class ServeOptions:
         return self.has_tls or (self.proxy is not None and is_public)
 
     def address(self, port: int) -> str:
-        """What personal links begin with, for the port that is listened on."""
+        """The beginning of personal links, for the port that we listen on."""
         scheme = "https" if self.has_tls or self.proxy else "http"
         if self.hosts and (self.proxy or urlsplit(f"//{self.hosts[0]}").port is not None):
             return f"{scheme}://{self.hosts[0]}"
@@ -84,15 +84,15 @@ class ServeOptions:
 
 
 def require_may_serve(options: ServeOptions, config: StudyConfig, kinds: Iterable[SceneKind]) -> None:
-    """Refuses what would be unsafe or not allowed.
+    """Refuses options that would be unsafe or not allowed.
 
     Args:
-        options: How to serve.
+        options: The options of serving.
         config: The study.
-        kinds: Of the homes that the study uses.
+        kinds: Kinds of the homes that the study uses.
 
     Raises:
-        StudyError: The first thing that is wrong, and which flag or file makes it right.
+        StudyError: An option is wrong; the message names the first one and the flag or file that corrects it.
     """
     _require_addresses(options)
     sends_geometry = "pog" in config.task or ("pan" in config.task and "glb" in config.memory.arms)

@@ -1,7 +1,7 @@
 """The pages of a study without 3-D, as HTML forms: each answer is stored before the next page is shown.
 
-`journey.py` says where a participant is; a page is made anew from what is stored whenever a browser asks, and a form
-says which state it answers, so that a reload or a second press answers nothing twice.
+`journey.py` says where a participant is. A page is made anew from the stored records whenever a browser asks, and a
+form names the state that it answers, so that a reload or a second press answers nothing twice.
 """
 
 import threading
@@ -15,14 +15,22 @@ from markupsafe import Markup
 
 from human_study.design.study import Condition, StudyConfig
 from human_study.journey import Journey, Person, journey_of
-from human_study.store.stages import Stage, last_detail
+from human_study.store.record_types import Stage, last_detail
 from human_study.store.store import StudyStore
-from human_study.texts.participants import CONSENT_FILE, INSTRUCTIONS_FILE, instruction_texts, told_text, welcome_text
+from human_study.texts.participants import (
+    CONSENT_FILE,
+    INSTRUCTIONS_FILE,
+    PARTS,
+    instruction_texts,
+    leave_text,
+    parts_of,
+    told_text,
+    welcome_text,
+)
 from human_study.texts.quiz import Question, QuizRound, questions_for
 from sim.mesh import UNNAMED_LABELS
 
 from ..markdown import html_from_markdown, title_of
-from ..parts import PARTS, parts_of
 from ..recruit_codes import EndCode
 from .device import MIN_HEIGHT, MIN_WIDTH, SMALLER, device_report, needs_webgl
 from .pauses import machine_time, pause_left_s, steady_detail
@@ -33,7 +41,7 @@ _TEMPLATE_OF = {"declined": "end", "withdrawn": "end", "screened_out": "end", "f
 
 
 class Pages:
-    """The pages of all participants of a study; any thread."""
+    """The pages of all participants of a study; any thread may call it."""
 
     def __init__(
         self,
@@ -47,16 +55,17 @@ class Pages:
         """Shows nothing yet.
 
         Args:
-            store: Of the study.
-            texts: Of the study, by file name (`told_text`).
-            client_profile: What a participant's browser can do, coarsely; stored with each sitting. None = not known.
-            end_code: What a participant gets who ended by this stage.
-            warm: Told (participant, scene) of the home that comes next, so that it is open by then.
+            store: The study's store.
+            texts: Texts of the study, by file name (`told_text`).
+            client_profile: Returns the coarse profile of a participant's browser, which is stored with each sitting;
+                None = not known.
+            end_code: Returns the code for a participant who ended by this stage.
+            warm: Called with (participant, scene) for the home that comes next, so that it is open by then.
         """
         self._store, self._texts = store, texts
         self._client_profile, self._end_code, self._warm = client_profile, end_code, warm
         self._quizzes: dict[str, QuizRound] = {}
-        """Rounds of the quiz that are under way, by participant: a reload does not begin a new one."""
+        """Unfinished rounds of the quiz by participant, so that a reload does not begin a new one."""
         self._locks: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
         self._templates = jinja2.Environment(
             loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -76,7 +85,7 @@ class Pages:
         Args:
             code: The participant.
             base: Address of the participant's pages, to which forms are sent.
-            page: Which of several pages of instructions.
+            page: Number of the page of instructions, from 1.
 
         Raises:
             StudyError: The store cannot be written; nothing is lost.
@@ -90,17 +99,19 @@ class Pages:
             return self._page(person, journey, base, max(1, page))
 
     def leaving(self, code: str, base: str) -> str | None:
-        """The page that asks somebody who wants to leave whether it is meant; None where there is nothing to leave."""
+        """The page that asks somebody who wants to leave to confirm it; None where there is nothing to leave."""
         with self._locks[code]:
             person, journey = self._next(code)
-            return self._html("leave", person, journey, base) if _may_leave(journey) else None
+            if not _may_leave(journey):
+                return None
+            return self._html("leave", person, journey, base, on_leave=leave_text(self._config))
 
     def message(self, name: str) -> str:
-        """A page that belongs to no place: `paused`."""
+        """A page that belongs to no place in the study: `paused`."""
         return self._templates.get_template(f"{name}.html").render(parts=(), part=0, base="", place="", may_leave=False)
 
     def answer(self, code: str, form: Mapping[str, str]) -> None:
-        """Stores what a form says; nothing where it answers another state than the present one.
+        """Stores the answer of a form; does nothing where the form answers another state than the present one.
 
         Raises:
             StudyError: The store cannot be written; nothing is lost.
@@ -115,7 +126,7 @@ class Pages:
             self._next(code)
 
     def _next(self, code: str) -> tuple[Person, Journey]:
-        """Where the participant is, after what needs no answer is stored."""
+        """The participant's person and journey, after stages that need no answer are stored."""
         while True:
             person = self._store.person(code)
             journey = journey_of(self._config, person)
@@ -123,7 +134,7 @@ class Pages:
             if not person.stages:
                 self._store.enter_stage(code, "arrived")
             elif journey.place == "dropped_out":
-                self._store.enter_stage(code, "returned")  # goes on where the way was left, with what others left
+                self._store.enter_stage(code, "returned")  # goes on at the same place, with the trials that others left
             elif journey.place == "ending":
                 if self._store.next_trial(code) is None:
                     has_done = any(trial.phase == "main" for trial in person.kept)
@@ -185,7 +196,7 @@ class Pages:
         )
 
     def _at(self, person: Person, journey: Journey) -> str:
-        """Names the state that a form answers: each answer that is stored makes it another one."""
+        """Name of the state that a form answers; each stored answer leads to a different state."""
         quiz = self._quizzes.get(person.code) if journey.place == "quiz" else None
         passed = sum(entry.stage not in ("device_failed", "keys_changed") for entry in person.stages)
         return f"{journey.place}-{passed}-{quiz.answered if quiz is not None else 0}"
@@ -204,7 +215,7 @@ class Pages:
         return {**words, "page": page, "num_pages": len(pages), "home": None, "is_only": False}
 
     def _quiz(self, person: Person, journey: Journey) -> QuizRound:
-        """The round that is under way, or a new one: the second asks only what was answered wrongly in the first."""
+        """The unfinished round, or a new one; the second round asks only questions answered wrongly in the first."""
         if person.code not in self._quizzes:
             questions = questions_for(self._config, person.task, [trial.condition for trial in person.kept])
             if journey.failed_rounds:
@@ -228,7 +239,7 @@ class Pages:
         }
 
     def _left_s(self, journey: Journey) -> float:
-        """How long a pause still lasts."""
+        """Seconds that a pause still lasts."""
         assert journey.rest is not None
         return pause_left_s(journey.rest, self._config.breaks.sitting_gap_s, machine_time())
 
@@ -252,7 +263,7 @@ class Pages:
                 self._store.enter_stage(code, "sitting_started", {**done, "client": profile} if profile else done)
 
     def _store_device(self, person: Person, form: Mapping[str, str]) -> None:
-        """Each new kind of failure is stored once; who can see the study goes on."""
+        """Stores each new kind of failure once; a participant whose device is good enough goes on."""
         code, report = person.code, device_report(form)
         if form.get("choice") == "leave" and self._config.recruit.kind == "prolific":
             self._store.enter_stage(code, "screened_out")
@@ -275,7 +286,7 @@ class Pages:
 
 
 def duration(seconds: float) -> str:
-    """A time to wait, rounded up, in words."""
+    """A waiting time in words, rounded up."""
     minutes = max(1, -int(-seconds // 60))
     if minutes < 90:
         return "one minute" if minutes == 1 else f"{minutes} minutes"
@@ -283,7 +294,7 @@ def duration(seconds: float) -> str:
 
 
 def _may_leave(journey: Journey) -> bool:
-    """Whether there is anything to withdraw from."""
+    """Whether the participant has anything to withdraw from."""
     return journey.place not in ("finished", "declined", "withdrawn", "screened_out", "full")
 
 
@@ -293,7 +304,7 @@ def _shuffled(person: Person, question: Question) -> tuple[str, ...]:
 
 
 def _text_words(text: str, otherwise: str) -> dict[str, Any]:
-    """A text that begins with its heading: title and body."""
+    """Title and body of a text that begins with its heading."""
     return {"title": title_of(text, otherwise=otherwise), "text": _html_of(text)}
 
 

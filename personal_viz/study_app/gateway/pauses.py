@@ -1,34 +1,34 @@
-"""How long a pause between two sittings still lasts, whatever happens to the server's wall clock meanwhile."""
+"""Computes how long a pause between two sittings still lasts, even if the server's wall clock is changed meanwhile."""
 
 import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from human_study.store.stages import StageEntry
+from human_study.store.record_types import StageEntry
 
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-"""Steady; where the system can, it counts the time for which the machine slept too: a rest goes on meanwhile."""
+"""A steady clock; where possible it also counts the time for which the machine slept, since a rest goes on then."""
 _STEADY = "steady"
-"""Name in a stage's detail: the boot and its clock as one text, because exports keep the numbers of a detail, and this
-is none of the participant's."""
+"""Key in a stage's detail. The boot and its clock are one text, because exports keep the numbers of a detail, and this
+one says nothing about the participant."""
 
 
 @dataclass(frozen=True, slots=True)
 class MachineTime:
-    """What the clocks of the machine say."""
+    """The times of the machine's clocks."""
 
     wall_ns: int
-    """Can be set, forwards and backwards."""
+    """The wall clock, which can be set forwards and backwards."""
     since_boot_ns: int
-    """Cannot; begins anew with each boot."""
+    """The steady clock, which cannot be set and begins anew with each boot."""
     boot_id: str | None
-    """None = this system has no name for its boots."""
+    """Name of the boot; None = this system has no such names."""
 
 
 def machine_time() -> MachineTime:
-    """Now."""
+    """The present times."""
     boot_id = None
     with suppress(OSError):
         boot_id = _BOOT_ID.read_text().strip()
@@ -36,7 +36,7 @@ def machine_time() -> MachineTime:
 
 
 def steady_detail(now: MachineTime) -> dict[str, str]:
-    """What is stored with the stage that begins a pause."""
+    """The detail to store with the stage that begins a pause."""
     return {} if now.boot_id is None else {_STEADY: f"{now.boot_id} {now.since_boot_ns}"}
 
 
@@ -48,7 +48,7 @@ def pause_left_s(began: StageEntry, gap_s: float, now: MachineTime) -> float:
 
     Args:
         began: The stage with which it began, its detail with `steady_detail`.
-        gap_s: How long it is.
+        gap_s: Length of the pause, seconds.
         now: The machine's clocks.
     """
     boot_id, _, since_boot = str(began.detail.get(_STEADY, "")).rpartition(" ")

@@ -1,4 +1,4 @@
-"""Joins a browser's websocket to a viser worker's: what viser says passes, of what the browser says the allowed."""
+"""Joins a browser's websocket to a viser worker's: all of viser's messages pass, and allowed ones of the browser."""
 
 import asyncio
 import contextlib
@@ -16,20 +16,20 @@ from .filter import ACTION_RATE, CAMERA_RATE, FLOOD_RATE, RateLimit, ViewerCamer
 OPEN_WITHIN_S = 10.0
 _SUBPROTOCOL = re.compile(r"\Aviser-v[0-9.]{1,16}\Z")
 BAD, LATER, RESTART = 1008, 1013, 1012
-"""Close codes: a message that is not allowed; come back in a moment; the worker behind it ended."""
+"""Close codes: a message that is not allowed; come back in a moment; the worker ended."""
 
 
 async def join(socket: WebSocket, door: WorkerDoor, ticket_id: str, number: int) -> str | None:
     """Passes messages until either side leaves.
 
     Args:
-        socket: The browser's, not accepted yet.
-        door: Of the worker.
-        ticket_id: Told to the worker, which asks whose it is.
-        number: Of the connection, told to the worker too: of a participant's connections the highest is the newest.
+        socket: The browser's websocket, not accepted yet.
+        door: The worker's door.
+        ticket_id: Sent to the worker, which looks up its participant.
+        number: The connection's number, also sent to the worker; a participant's newest connection has the highest.
 
     Returns:
-        Why we ended the connection, in words for the researcher; None when somebody left.
+        The reason why we ended the connection, in words for the researcher; None when either side left.
     """
     offered = [Subprotocol(name) for name in socket.scope.get("subprotocols", []) if _SUBPROTOCOL.match(name)][:1]
     url = f"ws://127.0.0.1:{door.port}/?connection={number}&ticket={ticket_id}"
@@ -41,7 +41,7 @@ async def join(socket: WebSocket, door: WorkerDoor, ticket_id: str, number: int)
             max_size=None,
             compression=None,
             open_timeout=OPEN_WITHIN_S,
-            ping_interval=None,  # a worker that loads a home may not answer for long; one that ends is noticed anyway
+            ping_interval=None,  # a worker that loads a home may be silent for long; its end is noticed anyway
             proxy=None,
         )
     except (OSError, TimeoutError, InvalidHandshake):
@@ -62,19 +62,19 @@ async def join(socket: WebSocket, door: WorkerDoor, ticket_id: str, number: int)
 
 
 class _ToViser:
-    """From the browser: one camera message is as good as many, the newest waits until the next may pass."""
+    """Passes messages of the browser to viser. Of camera messages only the newest waits until the next one may pass."""
 
     def __init__(self, socket: WebSocket, upstream: ClientConnection) -> None:
-        """Nothing sent yet."""
+        """Takes both websockets; sends nothing yet."""
         self._socket, self._upstream = socket, upstream
         self._cameras, self._all = RateLimit(*CAMERA_RATE), RateLimit(*FLOOD_RATE)
         self._actions: dict[type, RateLimit] = {}
-        """Each type by itself: what the page reports of itself must not cost a key press."""
+        """A limit for each type of message, so that the page's own reports do not use up key presses."""
         self._waiting: bytes | None = None
-        """The newest camera message, when it came too early."""
+        """The newest camera message, if it came too early."""
 
     async def run(self) -> str | None:
-        """Until somebody leaves; the reason when we end it."""
+        """Passes messages until either side leaves; returns the reason if we end the connection."""
         while True:
             try:
                 async with asyncio.timeout(self._patience_s()):
@@ -91,7 +91,7 @@ class _ToViser:
                 return reason
 
     async def _take(self, received: object) -> str | None:
-        """Passes one thing on; the reason to end the connection."""
+        """Passes one message on; returns a reason to end the connection, or None."""
         if received is None:
             await self._send_camera()
             return None
@@ -112,7 +112,7 @@ class _ToViser:
             if self._cameras.has_one(now_s):
                 await self._send_camera()
         elif self._actions.setdefault(type(message), RateLimit(*ACTION_RATE)).allows(now_s):
-            await self._send_camera()  # first: what follows was done from there
+            await self._send_camera()  # first, because the action was made from this camera
             await self._upstream.send(viser_bytes(message))
         return None
 

@@ -1,6 +1,4 @@
-"""What a study needs now and then while it is served: leases, backups, a look at the disk, and what the
-researcher asks of it by a command. In one thread.
-"""
+"""Regular work while a study is served, in one thread: leases, backups, disk space, and the researcher's requests."""
 
 import threading
 import time
@@ -25,60 +23,63 @@ class Backups:
     """Copies the database when something was written since the last copy."""
 
     def __init__(self, store: StudyStore, *, every_s: float = BACKUP_EVERY_S) -> None:
-        """The study as it is now counts as copied.
+        """Starts with the present state counted as copied.
 
         Args:
-            store: Open.
-            every_s: Shortest time between two copies.
+            store: The open store.
+            every_s: Shortest time between two copies, seconds.
         """
         self._store, self._every_s = store, every_s
         self._copied = self._state()
         self._copied_s: float | None = None
 
     def tick(self, now_s: float) -> Path | None:
-        """A copy when one is due by a steady clock; its path.
+        """Makes a copy if one is due; returns its path, or None.
+
+        Args:
+            now_s: Seconds of a steady clock.
 
         Raises:
-            StudyError: It cannot be written.
+            StudyError: The copy cannot be written.
         """
         if self._copied_s is None:
             self._copied_s = now_s
         return self.copy(now_s) if now_s - self._copied_s >= self._every_s else None
 
     def copy(self, now_s: float) -> Path | None:
-        """A copy unless nothing was written since the last one; its path. Raises as `tick`."""
+        """Makes a copy if anything was written since the last one; returns its path, or None. Raises as `tick`."""
         state = self._state()
         if state == self._copied:
             return None
-        self._copied_s = now_s  # one that fails is tried again after the same time
+        self._copied_s = now_s  # a copy that fails is tried again after the same time
         path = self._store.back_up()
         self._copied = state
         return path
 
     def _state(self) -> tuple[tuple[int, int], ...]:
-        """Changes with everything that is written."""
+        """A value that changes with every write."""
         path = self._store.folder / DATABASE_FILE
         files = [path, path.with_name(f"{path.name}-wal")]
         return tuple((stat.st_size, stat.st_mtime_ns) for stat in (file.stat() for file in files if file.exists()))
 
 
 class Upkeep:
-    """One round of everything."""
+    """All regular work of a served study."""
 
     def __init__(self, store: StudyStore, keeper: LeaseKeeper, *, tell: Callable[[str], None]) -> None:
-        """Nothing is done yet.
+        """Does nothing yet.
 
         Args:
-            store: Open.
+            store: The open store.
             keeper: Knows who is connected.
-            tell: One line for the person at the terminal.
+            tell: Writes one line for the person at the terminal.
         """
         self._store, self._keeper, self._tell = store, keeper, tell
         self._backups = Backups(store)
         self._has_warned = False
 
     def tick(self) -> None:
-        """One round; what fails is told, and tried again in a later one."""
+        """Does one round; a part that fails is reported and tried again in a later round."""
         for work in (
             self._do_requests,
             self._keeper.tick,
@@ -94,19 +95,19 @@ class Upkeep:
                 self._tell(f"{self._store.folder}: looking after the study failed ({error!r}); it is tried again.")
 
     def end(self) -> None:
-        """A last copy of what was written since the one before."""
+        """Makes a last copy if anything was written since the one before."""
         try:
             self._backups.copy(time.monotonic())
         except StudyError as error:
             self._tell(str(error))
 
     def _do_requests(self) -> None:
-        """What the researcher asked for with a command: withdrawals and exclusions."""
+        """Does the changes that the researcher requested with a command: withdrawals and exclusions."""
         for line in take_requests(self._store):
             self._tell(line)
 
     def _look_at_disk(self) -> None:
-        """Told once each time that the disk gets nearly full."""
+        """Reports once each time that the disk gets nearly full."""
         found = free_mb(self._store.folder)
         is_low = found < MIN_FREE_MB
         if is_low and not self._has_warned:

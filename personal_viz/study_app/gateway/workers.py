@@ -1,6 +1,6 @@
 """The viser workers: child processes on loopback that are started, watched, started again when they die, and ended.
 
-Each has a local socket to the store. The newest connection of a participant goes to the worker of the older ones.
+Each worker has a local socket to the store. All connections of a participant go to the same worker.
 """
 
 import contextlib
@@ -22,18 +22,18 @@ from .admission import Tickets
 from .heartbeat import Heartbeat, answers
 
 START_S = 600.0
-"""A worker that ends is noticed at once; this is for one that hangs. A scan of a million triangles takes half a minute
-the first time (two cores that do nothing else), then four seconds."""
+"""Longest wait for a worker to start. It is for a worker that hangs; the end of one is noticed at once. A scan of a
+million triangles takes half a minute the first time (on two idle cores), then four seconds."""
 END_S = 6.0
-"""Time that the workers get to end; the connections have had theirs before."""
+"""Time that the workers get to end, after the connections have had theirs."""
 WORKERS_SHARE = 0.6
-"""Share of the time in which a study ends."""
+"""Share of a study's stopping time that the workers get."""
 MOST_FAILURES = 5
-"""A worker that ends this often in a row before it is ready, or right after, is given up."""
+"""A worker that ends this many times in a row before it is ready, or soon after, is given up."""
 PAUSES_S = (0.0, 0.0, 0.5, 2.0, 5.0)
-"""Pauses before it is started again, by the number of failures."""
+"""Pauses before a worker is started again, by the number of failures."""
 HEALTHY_S = 30.0
-"""A worker that served for this long has not failed."""
+"""A worker that served for this many seconds counts as not failed."""
 
 
 def worker_command(
@@ -44,7 +44,7 @@ def worker_command(
     rerun: str | None = None,
     with_pixels: bool = False,
 ) -> Callable[[int], list[str]]:
-    """The program of a worker, for the file descriptor of its socket."""
+    """A function that gives the command line of a worker for the file descriptor of its socket."""
     options = ["--study", str(folder), "--dataset", str(dataset)]
     options += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
     options += ["--rerun", rerun] if rerun else []
@@ -53,22 +53,22 @@ def worker_command(
 
 
 class Worker:
-    """One place for a viser process, whose process may be replaced."""
+    """A place for a viser process; its process may be replaced."""
 
     def __init__(self, number: int) -> None:
-        """Nothing is started."""
+        """Starts no process yet."""
         self.number = number
         self.door: WorkerDoor | None = None
-        """Where it listens; None while it is not ready."""
+        """The door where the process listens; None while it is not ready."""
         self.process: subprocess.Popen[bytes] | None = None
         self.service: StoreService | None = None
         self.ended = threading.Event()
         self.codes: dict[str, int] = {}
-        """Open connections of each participant."""
+        """Number of open connections of each participant."""
         self.hung: str | None = None
-        """Why the process was killed; None when it ended by itself."""
+        """The reason why the process was killed; None when it ended by itself."""
         self.answered_s = 0.0
-        """`time.monotonic()` when it last answered."""
+        """`time.monotonic()` of the last answer."""
 
     def close_socket(self) -> None:
         """Tells the process to end."""
@@ -76,7 +76,7 @@ class Worker:
             self.service.close()
 
     def end_process(self, patience_s: float) -> None:
-        """Waits for a process that was told to end, and kills it when it does not."""
+        """Waits for a process that was told to end, and kills it if it does not end in time."""
         if self.process is None:
             return
         try:
@@ -103,13 +103,13 @@ class WorkerPool:
         """Starts nothing yet.
 
         Args:
-            store: Answers what the workers ask.
-            command: Program of a worker for the file descriptor of its socket.
-            num_workers: At least 1.
-            tickets: Whose connection a worker has got.
-            tell: One line for the person at the terminal.
-            heartbeat: When a worker counts as hung.
-            end_s: Time that the workers get to end.
+            store: Answers the workers' requests.
+            command: Gives the command line of a worker for the file descriptor of its socket.
+            num_workers: Number of workers, at least 1.
+            tickets: Give the participant of each connection.
+            tell: Writes one line for the person at the terminal.
+            heartbeat: Decides when a worker counts as hung.
+            end_s: Time that the workers get to end, seconds.
         """
         self._heartbeat, self._end_s = heartbeat or Heartbeat(), end_s
         self._store, self._command, self._tickets, self._tell = store, command, tickets, tell
@@ -124,7 +124,7 @@ class WorkerPool:
         """Starts all workers together and returns when all are ready.
 
         Raises:
-            StudyError: One cannot start; the message is its own.
+            StudyError: A worker cannot start; the message is the worker's own.
         """
         try:
             for worker in self.workers:
@@ -143,7 +143,7 @@ class WorkerPool:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Ends all workers: they are told first, and killed when they are still there after `end_s`."""
+        """Ends all workers: they are told to end first, and killed if they are still there after `end_s`."""
         self._closing.set()
         deadline_s = time.monotonic() + self._end_s
         for worker in self.workers:
@@ -166,12 +166,12 @@ class WorkerPool:
                 self._leave(worker, code)
 
     def num_people(self) -> int:
-        """Participants connected now."""
+        """Number of participants connected now."""
         with self._lock:
             return len({code for worker in self.workers for code in worker.codes})
 
     def warm(self, code: str, scene: str) -> None:
-        """Has the worker that the participant will probably come to open a home; returns at once."""
+        """Asks the worker that the participant will probably get to open a home; returns at once."""
         with self._lock:
             worker = self._fitting(code)
             service = worker.service if worker is not None else None
@@ -189,7 +189,7 @@ class WorkerPool:
             return chosen
 
     def _fitting(self, code: str) -> Worker | None:
-        """The worker that has the participant already; else the least loaded, and of those the last one."""
+        """The worker that has the participant already; else the least loaded one, if possible the one used last."""
         ready = [worker for worker in self.workers if worker.door is not None]
         if not ready:
             return None
@@ -257,7 +257,7 @@ class WorkerPool:
             if self._closing.wait(timeout=PAUSES_S[failures]):
                 return
             self._spawn(worker)
-            if self._closing.is_set():  # it began while we spawned: nobody else would end this one
+            if self._closing.is_set():  # closing began while we started the process: nobody else would end it
                 worker.ended.set()
                 return
             try:

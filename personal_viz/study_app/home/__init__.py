@@ -1,1 +1,1 @@
-"""A home as participants meet it: scene, pictures, browser copies; opened when a trial needs them."""
+"""A home as participants see it: scene, pictures and browser copies, opened when a trial needs them."""

@@ -1,7 +1,8 @@
-"""The pictures of one home for its PAN participants: rendered once per pose, kept a while, and looked ahead.
+"""The pictures of one home for its PAN participants: rendered once per pose, kept for a while, and rendered ahead.
 
-Wraps the home's renderer. A picture that somebody waits for goes first; while nobody waits, one thread renders what the
-next key could show. Only what is asked for leaves this module, so browsers never get a picture ahead of its key.
+Wraps the home's renderer. A picture that somebody waits for goes first; while nobody waits, one thread renders pictures
+that the next key could show. A picture leaves this module only when it is asked for, so browsers never get one before
+its key.
 """
 
 import os
@@ -11,36 +12,37 @@ import time
 from collections import OrderedDict, deque
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.frames import T_world_camera
-from sim.render.renderer import Frame, Hits, Renderer, jpeg_bytes
+from sim.render.renderer import Hits, Renderer, jpeg_bytes
 from sim.tasks.pan import PanEnv
-from sim.types import Action, Camera, Pose
+from sim.types import Action, Camera, Frame, Pose
 from sim.walk.navigation_map import NavigationMap
 
 KEPT_FRAMES = 128
-"""Pictures that are kept of a home, 0.9 MB each for 640 x 480: what two dozen participants may see next."""
+"""Kept pictures of a home, 0.9 MB each at 640 x 480: enough for the next pictures of two dozen participants."""
 _STARVED = 1.6
-"""Elapsed over CPU time of a picture from which on the machine counts as busy."""
+"""The machine counts as busy when a picture's elapsed time is this many times its CPU time."""
 _REST_S = 0.25
-"""How long nothing is rendered ahead once the machine is busy."""
+"""Seconds for which nothing is rendered ahead after the machine was busy."""
 RENDER_NICE = 10
-"""Priority of the render threads, as of `nice`: a key that waits to be stored goes before every picture."""
+"""Nice value of the render threads: a key that waits to be stored goes before every picture."""
 _Key = tuple[bytes, Camera]
 _Job = Callable[[], None]
 
 
 class RenderThreads:
-    """Threads of a process that render for all of its homes: first what somebody waits for, then ahead."""
+    """Threads of a process that render for all of its homes: first awaited pictures, then pictures ahead."""
 
     def __init__(self, count: int | None = None) -> None:
-        """Starts no thread before there is something to do.
+        """Takes the number of threads; starts none before there is something to do.
 
         Args:
-            count: How many; None = one per core. More would only make everybody's picture late.
+            count: Number of threads; None = one per core. More would only make everybody's picture late.
         """
         self._count = count if count is not None else len(os.sched_getaffinity(0))
         assert self._count > 0, self._count
@@ -53,20 +55,20 @@ class RenderThreads:
         self._is_closed = False
 
     def run(self, job: _Job) -> None:
-        """Does this as soon as a thread is free, in the order of calls; returns at once."""
+        """Does a job as soon as a thread is free, in the order of calls; returns at once."""
         with self._lock:
             self._wanted.append(job)
             self._wake()
 
     def look_ahead(self, who: Hashable, jobs: Sequence[_Job]) -> None:
-        """Does these while nobody waits, the first one first; what was wished for `who` before is forgotten."""
+        """Does jobs while nobody waits, in their order; earlier wishes for `who` are forgotten."""
         with self._lock:
             self._wishes[who] = deque(jobs)
             self._wishes.move_to_end(who, last=False)
             self._wake()
 
     def close(self) -> None:
-        """Ends the threads when they have done what is wanted; wishes are forgotten."""
+        """Ends the threads after the jobs that somebody waits for; wishes are forgotten."""
         with self._lock:
             self._is_closed = True
             self._lock.notify_all()
@@ -74,7 +76,7 @@ class RenderThreads:
             thread.join()
 
     def _wake(self) -> None:
-        """Called with the lock held."""
+        """Wakes or starts a thread; called with the lock held."""
         if len(self._threads) < self._count and not self._is_closed:
             thread = threading.Thread(target=self._work, daemon=True, name="render")
             self._threads.append(thread)
@@ -97,7 +99,7 @@ class RenderThreads:
             job()
 
     def _next_job(self) -> _Job | None:
-        """Called with the lock held; None = wait, or end when closed. One thread at a time looks ahead."""
+        """The next job, or None = wait, or end when closed. One thread at a time looks ahead. Needs the lock."""
         if self._wanted:
             return self._wanted.popleft()
         if self._is_closed or self._is_looking_ahead or time.monotonic() < self._rest_until_s:
@@ -112,7 +114,7 @@ class RenderThreads:
         return None
 
     def _ahead(self, job: _Job) -> None:
-        """Does a wish; when others wanted the core meanwhile, no wish is done for a while."""
+        """Does a wish; if other work wanted the core meanwhile, no wish is done for a while."""
         elapsed, cpu = time.perf_counter(), time.thread_time()
         job()
         elapsed, cpu = time.perf_counter() - elapsed, time.thread_time() - cpu
@@ -123,7 +125,7 @@ class RenderThreads:
 
 
 class Frames:
-    """A `Renderer` that remembers, renders ahead and encodes; every picture has the wrapped renderer's bytes.
+    """A `Renderer` that remembers, renders ahead and encodes; its pictures have the wrapped renderer's bytes.
 
     All methods may be called from several threads at once, but not from a job of its `RenderThreads`.
     """
@@ -134,9 +136,9 @@ class Frames:
         """Renders nothing yet.
 
         Args:
-            renderer: Draws the home; with one thread per picture, several people get most pictures a second.
-            threads: Where it is called.
-            kept: Pictures that are remembered; the ones unused for longest go first.
+            renderer: Draws the home; one thread per picture gives several people most pictures a second.
+            threads: The threads that call it.
+            kept: Number of remembered pictures; the ones unused for longest go first.
             keep_depth: Whether frames have their depth and object ids, for researchers who watch; otherwise these are
                 zero, since participants see neither, and a remembered frame takes a quarter of the memory.
         """
@@ -145,10 +147,10 @@ class Frames:
         self._frames: OrderedDict[_Key, Future[Frame]] = OrderedDict()
         self._jpegs: dict[int, bytes] = {}
         self.num_rendered = 0
-        """Pictures that were rendered, ahead or not."""
+        """Number of rendered pictures, ahead or not."""
 
     def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
-        """What the wrapped renderer gives, perhaps from memory. Raises what it raises."""
+        """The wrapped renderer's frame, perhaps from memory. Raises the wrapped renderer's errors."""
         key = (np.asarray(T_world_camera, np.float64).tobytes(), camera)
         place, is_new = self._place_of(key)
         if is_new:
@@ -156,15 +158,19 @@ class Frames:
         return place.result()
 
     def begin(self, pose: Pose, camera: Camera) -> None:
-        """Has the picture rendered that is about to be asked for; returns at once."""
+        """Begins to render a picture that will be asked for soon; returns at once."""
         key = (T_world_camera(pose, camera).tobytes(), camera)
         place, is_new = self._place_of(key)
         if is_new:
             self._threads.run(lambda: self._fill(key, place))
 
     def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
-        """`render` of each of the poses (B, 4, 4)."""
+        """The frames of poses (B, 4, 4), each from `render`."""
         return [self.render(T, camera) for T in Ts_world_camera]
+
+    def depth(self, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:
+        """The wrapped renderer's depth, never from memory."""
+        return self._renderer.depth(T_world_camera, camera)
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
         """The wrapped renderer's hits."""
@@ -176,18 +182,18 @@ class Frames:
         return known if known is not None else jpeg_bytes(rgb)
 
     def look_ahead(self, who: Hashable, poses: Sequence[Pose], camera: Camera) -> None:
-        """Renders these when nobody waits, the first one first; returns at once.
+        """Renders pictures while nobody waits, in their order; returns at once.
 
         Args:
-            who: The participant; what was wished for before is forgotten.
-            poses: Where the robot may be next (`successors`).
-            camera: Of the robot.
+            who: The participant; earlier wishes for the participant are forgotten.
+            poses: Poses that the robot may have next (`successors`).
+            camera: The robot's camera.
         """
         keys = [(T_world_camera(pose, camera).tobytes(), camera) for pose in poses]
         self._threads.look_ahead(who, [lambda key=key: self._fill_ahead(key) for key in keys])
 
     def _place_of(self, key: _Key) -> tuple[Future[Frame], bool]:
-        """The remembered frame, or a new place that the caller has to fill."""
+        """The place of a frame, and whether it is new, so that the caller has to fill it."""
         with self._lock:
             place = self._frames.get(key)
             if place is not None:
@@ -203,12 +209,12 @@ class Frames:
             self._fill(key, place)
 
     def _fill(self, key: _Key, place: "Future[Frame]") -> None:
-        """Renders and remembers; a failure is told to all who wait for this frame, and forgotten."""
+        """Renders a frame into its place; a failure is raised for all who wait for the frame, and then forgotten."""
         matrix, camera = key
         try:
             frame = self._renderer.render(np.frombuffer(matrix).reshape(4, 4), camera)
             jpeg = jpeg_bytes(frame.rgb)
-        except Exception as error:  # a render thread's door: whoever waits for the frame must hear of it
+        except Exception as error:  # a render thread's door: the waiting thread must hear of it
             with self._lock:
                 self._frames.pop(key, None)
             place.set_exception(error)
@@ -219,7 +225,7 @@ class Frames:
         place.set_result(frame if self._keep_depth else _without_depth(frame))
 
     def _forget_old(self) -> None:
-        """Called with the lock held; frames that are being rendered stay."""
+        """Forgets frames over the limit, called with the lock held; frames that are being rendered stay."""
         num_over = len(self._frames) - self._kept
         done = [key for key, place in self._frames.items() if place.done()] if num_over > 0 else []
         for key in done[:num_over]:
@@ -229,12 +235,12 @@ class Frames:
 def successors(
     pose: Pose, navigation: NavigationMap, actions: Sequence[Action], *, last: Action | None = None
 ) -> list[Pose]:
-    """Where the robot is after each action but STOP, the likeliest first: what was done last is often done again.
+    """The robot's poses after each action but STOP, the likeliest first: the last action is often repeated.
 
     Args:
-        pose: Where it is now.
-        navigation: Where it can walk.
-        actions: What the participant may do.
+        pose: The robot's present pose.
+        navigation: The floor where it can walk.
+        actions: Actions that the participant may use.
         last: The last action, if any.
     """
     moves = [action for action in actions if action is not Action.STOP]
@@ -249,4 +255,5 @@ def successors(
 
 def _without_depth(frame: Frame) -> Frame:
     shape = frame.depth_m.shape
-    return Frame(frame.rgb, np.broadcast_to(np.float32(0), shape), np.broadcast_to(np.int32(0), shape))
+    nothing = np.broadcast_to(np.float32(0), shape), np.broadcast_to(np.int32(0), shape)
+    return replace(frame, depth_m=nothing[0], ids=nothing[1])

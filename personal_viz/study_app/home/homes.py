@@ -1,7 +1,7 @@
-"""The homes that a worker holds in memory: opened when a trial needs them, kept for the next, closed when others come.
+"""The homes that a worker holds in memory: opened when a trial needs them, kept for later trials, closed for others.
 
 Opening a scan takes seconds, so the next trial's home is opened on a thread of its own while the participant still
-reads or walks; nothing of this runs on viser's event loop.
+reads or walks. Nothing here runs on viser's event loop.
 """
 
 import contextlib
@@ -12,15 +12,52 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
+from human_study.design.study import StudyConfig
+from sim.episodes.schema import Episode
+from sim.mesh import Scene
+from sim.render.renderer import Renderer
+from sim.tasks.pan import PanEnv
+from sim.tasks.pog import PogScene
+from sim.types import EpisodeKey
+
+from ..watch import Watches
+from .frames import Frames
+from .scene_view import StoreyCopies
+
 KEPT_HOMES = 3
-"""How many unused homes stay open; a scan with its browser copies is some hundred megabytes."""
+"""Number of unused homes that stay open; a scan with its browser copies takes some hundred megabytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """The parts of an open home that all its participants share."""
+
+    scene: Scene
+    renderer: Frames
+    pog_scene: PogScene
+    copies: StoreyCopies
+    episodes: dict[EpisodeKey, Episode]
+    storeys: list[tuple[float, float]]
+    """(lowest, highest) floor of each storey, from the episodes."""
+    watches: Watches
+    """Observers of the trials, for a researcher who watches."""
+
+    def close(self) -> None:
+        """Ends the observers; called when nobody is in the home any more."""
+        self.watches.close()
+
+
+def pan_env(episode: Episode, scene: Scene, renderer: Renderer, config: StudyConfig) -> PanEnv:
+    """The environment in which a PAN participant walks."""
+    camera, steps = config.robot_camera, config.steps
+    return PanEnv(episode.start, scene.navigation, renderer=renderer, camera=camera, max_steps=steps)
 
 
 class Closeable(Protocol):
-    """What a library holds."""
+    """A thing that a library holds."""
 
     def close(self) -> None:
-        """Called once, when nobody uses it any more."""
+        """Frees the thing; called once, when nobody uses it any more."""
         ...
 
 
@@ -33,7 +70,7 @@ class _Entry(Generic[HomeT]):
 
     home: Future[HomeT] = field(default_factory=Future)
     is_begun: bool = False
-    """Whether a thread opens it, or has."""
+    """Whether a thread opens it or has opened it."""
     num_users: int = 0
 
     @property
@@ -48,8 +85,8 @@ class HomeLibrary(Generic[HomeT]):
         """Opens nothing yet.
 
         Args:
-            open_home: Opens the home of a scene; called from the thread that needs it first, or from the warming one.
-            kept: How many homes that nobody uses stay open; the ones unused for longest are closed first.
+            open_home: Opens the home of a scene; called in the thread that needs the home first, or in the warming one.
+            kept: Number of unused homes that stay open; the ones unused for longest are closed first.
         """
         assert kept >= 0, kept
         self._open_home, self._kept = open_home, kept
@@ -79,7 +116,7 @@ class HomeLibrary(Generic[HomeT]):
             self._close_unused()
 
     def warm(self, scene: str) -> None:
-        """Opens a home in the background; returns at once. A home that cannot be opened says so when it is used."""
+        """Opens a home in the background; returns at once. A failure is raised when the home is used."""
         with self._lock:
             if scene in self._entries or self._is_closed:
                 return
@@ -92,7 +129,7 @@ class HomeLibrary(Generic[HomeT]):
             return tuple(scene for scene, entry in self._entries.items() if entry.is_open)
 
     def close(self) -> None:
-        """Closes every home that nobody uses, and the others when they are left; nothing is warmed any more."""
+        """Closes every unused home at once and every other home when it is left; nothing is warmed any more."""
         with self._lock:
             self._is_closed = True
             self._kept = 0
@@ -105,21 +142,21 @@ class HomeLibrary(Generic[HomeT]):
             self._close_unused(but=scene)
 
     def _open_once(self, scene: str, entry: _Entry[HomeT]) -> None:
-        """Opens the home unless another thread does; a failure is told to all who wait, and forgotten after that."""
+        """Opens the home unless another thread does; a failure is raised for all who wait, and then forgotten."""
         with self._lock:
             if entry.is_begun:
                 return
             entry.is_begun = True
         try:
             entry.home.set_result(self._open_home(scene))
-        except BaseException as error:  # whoever waits must hear of it: it is raised where the home is used
+        except BaseException as error:  # raised where the home is used
             with self._lock:
                 if self._entries.get(scene) is entry:
                     del self._entries[scene]
             entry.home.set_exception(error)
 
     def _close_unused(self, *, but: str | None = None) -> None:
-        """Closes what is over `kept`; `but` has just been opened for somebody who is about to come."""
+        """Closes unused homes over `kept`, except `but`, which was just opened for somebody who is about to come."""
         with self._lock:
             unused = [
                 scene

@@ -1,7 +1,7 @@
 """A storey's picture from above in a participant's 3-D view: it lies on the storey's floor, so a click is a place.
 
-The browser sends the ray of a click; where it meets the floor's plane is the place, exact to the rounding of the
-browser's numbers, whatever the zoom, the pixel density or the angle of the camera.
+The browser sends the ray of a click. The place is the point where the ray meets the floor's plane, exact to the
+rounding of the browser's numbers, at any zoom, pixel density or camera angle.
 """
 
 import math
@@ -17,15 +17,15 @@ from .top_view import TopView
 
 JPEG_QUALITY = 90
 _FIT = 1.04
-"""How much more than the picture is first in view."""
+"""The first view shows this many times the picture's size."""
 _ABOVE = 0.02
-"""How high over the picture the mark lies (metres)."""
+"""Height of the mark over the picture (metres)."""
 _QUAT_WXYZ_LYING = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 """Turns viser's upright pictures (right = x, down = y) onto the floor: right = +x, down = +z."""
 
 
 class MapView:
-    """What one browser shows of the maps; a `Surface` of pog_app.py."""
+    """The maps in one browser; a `Surface` of screens/pog.py."""
 
     advice = "Scroll to zoom, right-drag to move."
     is_map = True
@@ -93,8 +93,8 @@ def map_click(view: TopView, ray: ClickRay) -> Click:
     """The click of a ray on a storey's picture: the hit is the place of its pixel, on the storey's floor.
 
     Args:
-        view: The shown storey's.
-        ray: As the browser told it; its `storey_y` must be the storey's.
+        view: The picture of the shown storey.
+        ray: The ray from the browser; its `storey_y` must be the storey's.
 
     Returns:
         A click that hit nothing where the ray goes past the picture, or to the strip below it.

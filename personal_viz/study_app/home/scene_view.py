@@ -1,4 +1,4 @@
-"""A home in a participant's 3-D view: one cut storey at a time, labels on plain homes, the participant's mark."""
+"""A home in a participant's 3-D view: one cut storey at a time, labels on plain homes, and the participant's mark."""
 
 import functools
 import math
@@ -36,7 +36,7 @@ class StoreyCopies:
 
     @functools.cached_property
     def maps(self) -> tuple[TopView, ...]:
-        """Each storey from above; made or read when first asked for, some seconds the first time on a machine.
+        """Each storey from above, made or read at the first access; the first time on a machine takes some seconds.
 
         Raises:
             SceneError: A storey has no faces.
@@ -52,7 +52,7 @@ class StoreyCopies:
 
 
 class SceneView:
-    """What one browser shows of the scene."""
+    """The scene in one browser."""
 
     advice = "Drag to turn, scroll to zoom, right-drag to move."
     is_map = False
@@ -92,9 +92,9 @@ class SceneView:
         self._nodes, self._mark = [], []
 
     def _label_objects(self, index: int) -> None:
-        """Category names over the objects of a storey: homes made of boxes cannot be read without.
+        """Adds category names over the objects of a storey; homes made of boxes cannot be read without them.
 
-        Nodes are numbered from one end of the home to the other: instance numbers would name the objects.
+        Nodes are numbered from one end of the home to the other, because instance numbers would identify the objects.
         """
         bottom_y, top_y = self._copies.cuts[index]
         items = [item for item in self._copies.scene.objects if bottom_y <= item.centre[1] <= top_y]

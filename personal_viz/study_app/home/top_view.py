@@ -1,12 +1,12 @@
-"""A home's storeys as pictures from straight above, to scale: what people remember in PAN, and click on in POG.
+"""A home's storeys as pictures from straight above, to scale: people remember them in PAN and click on them in POG.
 
-What agents get for POG is a grid of 1 m cells per storey (`grounding.oracle`): 50 x 50 m around the home, in which
-a cell holds the texts of its objects as one vector and most cells hold nothing. People get the same storeys and the
-same ground as a picture in true colours: all walkable places and all objects with a margin, its corner on whole metres
-as the grid's, so that a whole number of pixels is one cell. It is cropped to the home, because the cells around it are
-empty for both. The two are not the same information: people see shapes, colours and walls at 1 to 5 cm, and no caption;
-agents read the objects' captions, and know nothing finer than a metre. In homes that are no scans things are plain, so
-people read their categories on the picture, as in the 3-D home.
+For POG, agents get a grid of 1 m cells per storey (`grounding.oracle`): 50 x 50 m around the home. A cell holds the
+texts of its objects as one vector, and most cells are empty. People get the same storeys and the same ground as a
+picture in true colours: all walkable places and all objects with a margin. Its corner is on whole metres, like the
+grid's, so that a cell is a whole number of pixels. The picture is cropped to the home, because the cells around it are
+empty for both. The two do not hold the same information: people see shapes, colours and walls at 1 to 5 cm but no
+caption; agents read the objects' captions but know nothing finer than a metre. In homes other than scans things look
+plain, so people read their categories on the picture, as in the 3-D home.
 """
 
 import io
@@ -25,31 +25,31 @@ from sim.mesh import Scene
 from sim.types import Camera, GridSpec
 
 PIXELS_PER_METRE = (100, 80, 50, 40, 25, 20)
-"""The first with which a home has at most MAX_SIDE pixels a side."""
+"""Possible scales; a home gets the first with which its picture has at most MAX_SIDE pixels a side."""
 MAX_SIDE = 1600
 MARGIN = 0.6
-"""Metres around walkable places and objects; the picture's edges are on the next whole metres."""
+"""Margin around walkable places and objects, metres; the picture's edges are on the next whole metres."""
 STRIP = 48
 """Height in pixels of the strip below the picture, with the storey's name and the scale."""
 PAPER = (246, 246, 244)
-"""What lies outside the home."""
+"""Colour outside the home."""
 _INK = (34, 34, 38)
 _ABOVE = 400.0
 """Height of the camera over the floor (metres)."""
 _TILE = 64
-"""Side of the small pictures that the whole is made of, in fine pixels. Each has a camera of its own straight above, so
-that a wall of 2 m leans by less than a tenth of a pixel: a parallel projection in all but name."""
+"""Side of the small pictures that make up the whole, in fine pixels. Each has its own camera straight above, so that a
+wall of 2 m leans by less than a tenth of a pixel: a parallel projection in all but name."""
 _FINE = 2
-"""Fine pixels along a pixel's side; their mean is its colour."""
+"""Fine pixels along a pixel's side; a pixel's colour is the mean of its fine pixels."""
 _MADE_BY = 1
-"""Raise it when a change of this file changes a picture."""
+"""Version of the pictures; raise it when a change of this file changes a picture."""
 _RINGS = 6
-"""A name is moved by at most this many of its heights."""
+"""A name is moved by at most this many times its height."""
 _NAME_SIZE, _WORD_SIZE = 22, 14
 _WORD_OPACITY = 205
-"""Of 255: objects show through their names."""
+"""Opacity of names, out of 255: objects show through their names."""
 _Box = tuple[float, float, float, float]
-"""Left, top, right, bottom in pixels."""
+"""(left, top, right, bottom) in pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,20 +57,20 @@ class TopView:
     """One storey from above."""
 
     grid: GridSpec
-    """Its pixels in the world; row 0 is at the smallest z."""
+    """The picture's pixels in the world; row 0 is at the smallest z."""
     floor_y: float
     """Height of the storey's floor, metres."""
     name: str
-    """`Storey 1 of 2`."""
+    """Name of the storey, such as `Storey 1 of 2`."""
     png: bytes
     """The picture, and below it STRIP rows that are not part of the grid."""
 
     def rgb(self) -> NDArray[np.uint8]:
-        """(rows + STRIP, cols, 3) of the picture."""
+        """The picture and its strip as pixels (rows + STRIP, cols, 3)."""
         return np.asarray(Image.open(io.BytesIO(self.png)).convert("RGB"))
 
     def jpeg(self) -> bytes:
-        """The picture, small enough to send to a browser."""
+        """The picture as a JPEG that is small enough for a browser."""
         buffer = io.BytesIO()
         Image.fromarray(self.rgb()).save(buffer, "JPEG", quality=90, subsampling=0)
         return buffer.getvalue()
@@ -128,8 +128,8 @@ def _made(scene: Scene, floor_y: float, grid: GridSpec, name: str) -> bytes:
 
 
 def _seen_from_above(scene: Scene, floor_y: float, grid: GridSpec) -> NDArray[np.uint8]:
-    """(rows, cols, 3) of the storey, cut under its ceiling."""
-    from sim.render.raycast import Raycaster  # where its library is missing, all that needs no picture still works
+    """Pixels (rows, cols, 3) of the storey, cut under its ceiling."""
+    from sim.render.raycast import Raycaster  # where its library is missing, the rest still works
 
     raycaster = Raycaster(storey_mesh(scene, floor_y))
     rows, cols = (_FINE * side for side in grid.shape)
@@ -148,7 +148,7 @@ def _seen_from_above(scene: Scene, floor_y: float, grid: GridSpec) -> NDArray[np
 
 
 def _T_world_down(grid: GridSpec, dx: float, dz: float, eye_y: float) -> NDArray[np.float64]:
-    """(4, 4) of a camera that looks down at a place of the grid: picture right = +x, down = +z."""
+    """Pose (4, 4) of a camera that looks down at a place of the grid: picture right = +x, down = +z."""
     T_world_down = np.eye(4)
     T_world_down[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     T_world_down[:3, 3] = grid.origin_xz[0] + dx, eye_y, grid.origin_xz[1] + dz
@@ -156,9 +156,9 @@ def _T_world_down(grid: GridSpec, dx: float, dz: float, eye_y: float) -> NDArray
 
 
 def _write_categories(picture: Image.Image, scene: Scene, floor_y: float, grid: GridSpec) -> None:
-    """The category of every object of the storey on the object, or as near to it as there is room, with a line to it.
+    """Writes the category of every object of the storey on the object, or as near as there is room, with a line to it.
 
-    No object goes without its name: it may be the one that is looked for.
+    Every object gets its name, because it may be the one to find.
     """
     bottom_y, top_y = storey_cut(scene, floor_y)
     font = ImageFont.load_default(size=_WORD_SIZE)
@@ -174,13 +174,13 @@ def _write_categories(picture: Image.Image, scene: Scene, floor_y: float, grid: 
         if (du, dv) != (0, 0):
             draw.line((u, v, u + du, v + dv), fill=(255, 255, 255, _WORD_OPACITY), width=2)
         names.append((item.category, u + du, v + dv))
-    for box, (name, u, v) in zip(taken, names, strict=True):  # over all lines
+    for box, (name, u, v) in zip(taken, names, strict=True):  # names are drawn over all lines
         draw.rounded_rectangle(box, 3, fill=(255, 255, 255, _WORD_OPACITY))
         draw.text((u, v), name, font=font, anchor="mm", fill=_INK)
 
 
 def _free_place(box: _Box, taken: Sequence[_Box]) -> tuple[_Box, float, float]:
-    """The box moved by (du, dv) to the nearest of some places where it overlaps none; as it is if there is none."""
+    """The box moved by (du, dv) to the nearest tried place where it overlaps no other; not moved if there is none."""
     height = box[3] - box[1] + 1
     for ring in range(_RINGS):
         for du, dv in ((0, -1), (0, 1), (-2, 0), (2, 0), (-2, -1), (2, 1), (-2, 1), (2, -1)) if ring else ((0, 0),):
@@ -192,7 +192,7 @@ def _free_place(box: _Box, taken: Sequence[_Box]) -> tuple[_Box, float, float]:
 
 
 def _write_strip(picture: Image.Image, grid: GridSpec, name: str) -> None:
-    """Below the picture: the storey's name, and a bar of whole metres."""
+    """Writes the strip below the picture: the storey's name, and a scale bar of whole metres."""
     rows, cols = grid.shape
     draw = ImageDraw.Draw(picture)
     font = ImageFont.load_default(size=_NAME_SIZE)

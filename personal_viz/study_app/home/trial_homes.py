@@ -1,4 +1,4 @@
-"""Opens a study's homes for doing trials again: what `study verify` and `study import-check` compare with."""
+"""Opens a study's homes for doing trials again, for `study verify` and `study import-check`."""
 
 import hashlib
 from collections.abc import Callable
@@ -14,14 +14,14 @@ from sim.tasks.run_files import Vector3
 
 
 def require_same_dataset(dataset: PersonalDataset, digest: str) -> None:
-    """Refuses to compare trials with other episodes than theirs.
+    """Refuses a dataset that is not the one of the trials.
 
     Args:
-        dataset: That was given.
-        digest: Of the study's dataset.
+        dataset: The given dataset.
+        digest: Digest of the study's dataset.
 
     Raises:
-        StudyError: They differ.
+        StudyError: The digests differ.
     """
     found = dataset.digest()
     if found != digest:
@@ -35,9 +35,9 @@ def open_trial_home(dataset: PersonalDataset, study_scene: StudyScene, scenes_di
     """A home of the study's own episodes.
 
     Args:
-        dataset: With the home's episodes.
-        study_scene: Which home, with how much clutter.
-        scenes_dir: Of licensed scans; None = plans and schematic homes.
+        dataset: The dataset with the home's episodes.
+        study_scene: The home and its level of clutter.
+        scenes_dir: The folder of licensed scans; None = plans and schematic homes.
 
     Raises:
         DatasetError, SceneError: The home or its episodes cannot be read.
@@ -65,12 +65,12 @@ def open_any_home(
 
 
 def sim_hash(home: TrialHome) -> str:
-    """Stands for the simulator and the home with which trials are done again."""
+    """Hash of the simulator and the home with which trials are done again."""
     return hashlib.sha256(f"{SIMULATOR_VERSION}/{home.scene_digest}".encode()).hexdigest()
 
 
 def _caster(scene: Scene) -> Callable[[float, Vector3, Vector3], Vector3 | None]:
-    """Casts clicks into the storey that was shown; the storeys are cut at the first click."""
+    """A function that casts clicks into the shown storey; the storeys are cut at the first click."""
     from sim.render.raycast import Raycaster
     from sim.tasks.pog import PogScene
 

@@ -1,1 +1,1 @@
-"""What the researcher sees of a study that is served: the dashboard and `study doctor`."""
+"""The researcher's view of a served study: the dashboard and `study doctor`."""

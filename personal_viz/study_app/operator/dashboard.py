@@ -1,4 +1,4 @@
-"""A read-only page for the researcher on a loopback port of its own: who is where, what is done. Never outcomes.
+"""A read-only page for the researcher on its own loopback port: places of people, finished trials, never outcomes.
 
 It has its own server and its own token; the gateway that participants reach knows nothing of it.
 """
@@ -26,14 +26,16 @@ from human_study.store.records import read_study
 from sim.errors import StudyError
 
 from ..gateway.http import Guard, small_body, too_many_tries, uvicorn_server
+from ..gateway.lease_keeper import LeaseKeeper
 from ..gateway.limits import GUESSES, AddressLimit
 from ..gateway.options import ServeOptions
-from .dashboard_view import Serving, shown_study
+from ..gateway.workers import Worker, WorkerPool
+from .progress_view import Serving, ShownWorker, shown_study
 
 PAGE = Path(__file__).parent / "dashboard_page"
 FILES = {"/": "dashboard.html", "/dashboard.js": "dashboard.js", "/dashboard.css": "dashboard.css"}
 LOOK_EVERY_S = 1.0
-"""The database is read at most so often, however many pages are open."""
+"""Shortest time between two reads of the database, for any number of open pages."""
 MAX_TOKEN_BYTES = 256
 START_WITHIN_S = 30.0
 
@@ -45,12 +47,12 @@ class Dashboard:
         """Serves nothing yet.
 
         Args:
-            folder: Of the study.
-            serving: What the process that serves the study knows.
+            folder: The study's folder.
+            serving: Returns the facts that only the serving process knows.
         """
         self._folder, self._serving = folder, serving
         self.token = secrets.token_urlsafe(16)
-        """What the link holds; who shows it gets the session."""
+        """The secret in the link; a browser that shows it gets the session."""
         self._session = secrets.token_urlsafe(16)
         self._guesses = AddressLimit(*GUESSES)
         self._lock = threading.Lock()
@@ -78,7 +80,7 @@ class Dashboard:
         return f"http://127.0.0.1:{port}/#{self.token}"
 
     def close(self) -> None:
-        """Ends the server; twice is once."""
+        """Ends the server; a second call does nothing."""
         stop, self._stop = self._stop, None
         if stop is not None:
             stop()
@@ -93,7 +95,7 @@ class Dashboard:
         return Starlette(routes=routes, middleware=[Middleware(Guard, options=ServeOptions())])
 
     async def enter(self, request: Request) -> Response:
-        """A cookie for the token."""
+        """Gives a browser the cookie in return for the token."""
         if request.headers.get("origin") != self._origin:
             return PlainTextResponse("foreign origin", status_code=403)
         if not hmac.compare_digest(await small_body(request, MAX_TOKEN_BYTES), self.token.encode()):
@@ -105,7 +107,7 @@ class Dashboard:
         return reply
 
     async def progress(self, request: Request) -> Response:
-        """The study's progress, for whoever has the cookie."""
+        """The study's progress, for browsers that have the cookie."""
         cookie = request.cookies.get(self._cookie, "")
         if not hmac.compare_digest(cookie.encode(), self._session.encode()):
             return PlainTextResponse("unknown session", status_code=401)
@@ -129,9 +131,9 @@ def dashboard(folder: Path, port: int = 0, *, serving: Callable[[], Serving] = S
     """The dashboard's link, valid until the end of the block.
 
     Args:
-        folder: Of the study.
-        port: On loopback; 0 takes a free one.
-        serving: What the process that serves the study knows.
+        folder: The study's folder.
+        port: Port on loopback; 0 takes a free one.
+        serving: Returns the facts that only the serving process knows.
 
     Raises:
         StudyError: The port is taken.
@@ -141,6 +143,18 @@ def dashboard(folder: Path, port: int = 0, *, serving: Callable[[], Serving] = S
         yield page.start(port)
     finally:
         page.close()
+
+
+def serving_of(pool: WorkerPool, keeper: LeaseKeeper) -> Serving:
+    """The facts that only the serving process knows, as of now."""
+    return Serving(tuple(_worker(worker) for worker in list(pool.workers)), keeper.people_here())
+
+
+def _worker(worker: Worker) -> ShownWorker:
+    process = worker.process
+    is_alive = process is not None and process.poll() is None
+    state = "ended" if not is_alive else "serving" if worker.door is not None else "starting"
+    return ShownWorker(worker.number, state, len(worker.codes))
 
 
 async def _file(name: str, _: Request) -> Response:

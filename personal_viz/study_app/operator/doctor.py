@@ -1,6 +1,6 @@
-"""`study doctor`: looks at a study's public address from outside, as a browser would, and says what to correct.
+"""`study doctor`: checks a study's public address from outside, as a browser would, and says what to correct.
 
-It needs nothing but the address; with a personal link it also takes part for a moment.
+It needs only the address; with a personal link it also takes part for a moment.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,9 +23,9 @@ from .doctor_checks import (
     check_page,
     check_redirect,
     check_round_trip,
+    check_session,
     check_websocket,
 )
-from .doctor_session import check_session
 from .doctor_site import Check, Site, site_from_url
 
 CHECKS: Sequence[tuple[str, Callable[[Site], Check]]] = (
@@ -43,7 +43,7 @@ CHECKS: Sequence[tuple[str, Callable[[Site], Check]]] = (
     ("bandwidth", check_line),
 )
 _UNREACHABLE = ("certificate", "page")
-"""When one of these fails, the others would only repeat it."""
+"""When one of these checks fails, the others would only repeat the failure."""
 
 
 def examine(
@@ -52,13 +52,13 @@ def examine(
     """All checks in order.
 
     Args:
-        url: What participants open, without a token: `https://study.example.org`.
-        link: A personal link at that address, best of a spare participant: its open page is superseded.
+        url: The address that participants open, without a token: `https://study.example.org`.
+        link: A personal link at that address, best that of a spare participant, because an open page is superseded.
         insecure_ca: A PEM file of certificates to trust besides the system's, for a laboratory.
-        http_port: Where plain HTTP is answered; None = 80 when the address has no port of its own.
+        http_port: Port that answers plain HTTP; None = 80 when the address has no port of its own.
 
     Raises:
-        StudyError: The address, the link or the file is none.
+        StudyError: The address, the link or the file is not valid.
     """
     site = site_from_url(url, insecure_ca=insecure_ca, http_port=http_port)
     if link is not None and not link.startswith(f"{site.origin}/#"):
@@ -83,7 +83,7 @@ def examine(
 
 
 def _checked(name: str, check: Callable[[], Check]) -> Check:
-    """A check that cannot be made has failed."""
+    """The result of a check; a check that cannot be made has failed."""
     try:
         return check()
     except (OSError, HTTPException, WebSocketException, ValueError) as error:

@@ -1,23 +1,33 @@
-"""What `study doctor` looks at, one function per line of its report. A lost connection is the caller's to report."""
+"""The checks of `study doctor`, one function per line of its report. The caller reports a lost connection."""
 
+import asyncio
 import dataclasses
 import email.utils
 import http.client
+import http.cookies
+import importlib.metadata
+import json
 import re
 import socket
 import ssl
 import statistics
 import time
 
+import msgspec
+from websockets.asyncio.client import connect
+from websockets.typing import Subprotocol
+
+from ..gateway.filter import CAMERA
 from .doctor_site import LOOPBACK, TIMEOUT_S, Check, Site, ask
 
 MIN_DAYS = 14
-"""Of validity that a certificate has left: a study should not end in the middle of a week."""
+"""Days for which a certificate must still be valid, so that it does not expire in the middle of a study."""
 MAX_CLOCK_S = 5.0
 MAX_ROUND_TRIP_S = 0.25
 MIN_MBIT_S = 2.0
-"""A participant's pictures need 2 Mbit/s at four keys a second."""
+"""Least speed of the line: a participant's pictures need 2 Mbit/s at four keys a second."""
 NUM_ROUND_TRIPS = 5
+FIRST_MESSAGE_S = 30.0
 EXPECTED_HEADERS = {
     "x-content-type-options": "nosniff",
     "x-frame-options": "DENY",
@@ -25,13 +35,13 @@ EXPECTED_HEADERS = {
     "cache-control": "no-store",
     "content-security-policy": "frame-ancestors 'none'",
 }
-"""What each of our pages carries: name and what the value must contain."""
+"""Headers of each of our pages: name, and a text that the value must contain."""
 OWN_PAGE = b"/static/enter.js"
 _PROXY_ADVICE = "docs/deploy.md shows the settings of nginx and Caddy."
 
 
 def check_certificate(site: Site) -> Check:
-    """TLS with a certificate that browsers accept, for some time to come."""
+    """Whether the certificate is one that browsers accept, and will for some time."""
     if site.context is None:
         if site.name in LOOPBACK:
             return Check("certificate", None, "not checked: loopback without TLS")
@@ -49,7 +59,7 @@ def check_certificate(site: Site) -> Check:
 
 
 def check_page(site: Site) -> Check:
-    """Our entry page answers."""
+    """Whether our entry page answers."""
     reply = site.ask("/")
     advice = "See that study serve is running with --host " + site.netloc + " and that the proxy passes Host on: "
     advice += "proxy_set_header Host $http_host (nginx). " + _PROXY_ADVICE
@@ -58,7 +68,7 @@ def check_page(site: Site) -> Check:
 
 
 def check_redirect(site: Site) -> Check:
-    """Plain HTTP leads to HTTPS, or is not answered at all."""
+    """Whether plain HTTP leads to HTTPS, or is not answered at all."""
     if site.http_port is None:
         return Check("redirect", None, "not checked: no plain HTTP at an address with a port of its own (--http-port)")
     connection = http.client.HTTPConnection(site.name, site.http_port, timeout=TIMEOUT_S)
@@ -75,7 +85,7 @@ def check_redirect(site: Site) -> Check:
 
 
 def check_headers(site: Site) -> Check:
-    """Pages carry the secure headers, as they left the gateway."""
+    """Whether pages arrive with the secure headers that the gateway sends."""
     found = site.ask("/").headers
     expected = dict(EXPECTED_HEADERS)
     if site.context is not None:
@@ -86,7 +96,7 @@ def check_headers(site: Site) -> Check:
 
 
 def check_host(site: Site) -> Check:
-    """Another name at the same address does not lead to the study."""
+    """Whether another name at the same address is refused."""
     reply = site.ask("/", headers={"Host": "doctor.invalid"})
     is_refused = OWN_PAGE not in reply.body
     advice = "Let the proxy pass the browser's Host on and not set one: proxy_set_header Host $http_host (nginx)."
@@ -94,7 +104,7 @@ def check_host(site: Site) -> Check:
 
 
 def check_origin(site: Site) -> Check:
-    """Other sites cannot enter for a visitor, and our own page can."""
+    """Whether our own page can enter, and other sites cannot enter in a visitor's name."""
     guess = b'{"token":"study-doctor"}'
     foreign = site.ask("/enter", headers={"Origin": "https://doctor.invalid"}, body=guess).status
     own = site.ask("/enter", headers={"Origin": site.origin}, body=guess).status
@@ -108,7 +118,7 @@ def check_origin(site: Site) -> Check:
 
 
 def check_websocket(site: Site) -> Check:
-    """The proxy passes the upgrade on, and the gateway refuses one without a ticket."""
+    """Whether the proxy passes on the upgrade to a websocket, and the gateway refuses one without a ticket."""
     upgrade = {
         "Origin": site.origin,
         "Upgrade": "websocket",
@@ -127,7 +137,7 @@ def check_websocket(site: Site) -> Check:
 
 
 def check_cookie(site: Site) -> Check:
-    """The session's cookie keeps its flags on the way."""
+    """Whether the session's cookie keeps its flags on the way."""
     cookie = site.ask("/check/download").headers.get("set-cookie", "")
     flags = ["HttpOnly", "SameSite=strict"] + ["Secure"] * (site.context is not None)
     bad = [flag for flag in flags if not re.search(rf";\s*{flag}\s*(;|$)", cookie, re.IGNORECASE)]
@@ -137,7 +147,7 @@ def check_cookie(site: Site) -> Check:
 
 
 def check_forwarding(site: Site) -> Check:
-    """The gateway knows for whom the proxy asks, so that limits hold for each address alone."""
+    """Whether the gateway knows for whom the proxy asks, so that limits hold for each address alone."""
     state = site.ask("/check/download").headers.get("x-study-proxy")
     details = {
         "none": "no proxy is named; limits hold for the address that connects",
@@ -150,7 +160,7 @@ def check_forwarding(site: Site) -> Check:
 
 
 def check_clock(site: Site) -> Check:
-    """The server's clock agrees with ours; times in the records come from it."""
+    """Whether the server's clock, from which the records' times come, agrees with ours."""
     reply = site.ask("/")
     date = email.utils.parsedate_to_datetime(reply.headers.get("date", ""))
     apart_s = abs(date.timestamp() + 0.5 - reply.at_s)  # the header has whole seconds
@@ -159,7 +169,7 @@ def check_clock(site: Site) -> Check:
 
 
 def check_round_trip(site: Site) -> Check:
-    """A key press is answered soon."""
+    """Whether a key press is answered soon enough."""
     connection = site.connection()
     try:
         headers = {"Host": site.netloc}
@@ -173,7 +183,7 @@ def check_round_trip(site: Site) -> Check:
 
 
 def check_line(site: Site) -> Check:
-    """Pictures and homes arrive in time."""
+    """Whether the line is fast enough for pictures and homes."""
     reply = site.ask("/check/download")
     mbit_s = len(reply.body) * 8 / 1e6 / reply.took_s
     check = Check(
@@ -185,3 +195,54 @@ def check_line(site: Site) -> Check:
     if reply.status == 429:
         return dataclasses.replace(check, detail="refused: measured too often", advice="Wait a minute.")
     return check
+
+
+def check_session(site: Site, token: str) -> Check:
+    """Whether a participant gets in and receives a page.
+
+    Args:
+        site: The study's address.
+        token: The token of a personal link; it appears in none of our messages.
+    """
+    entered = site.ask("/enter", headers={"Origin": site.origin}, body=json.dumps({"token": token}).encode())
+    if entered.status != 200:
+        advice = "Copy a whole personal link of this study; after ten wrong ones wait a minute."
+        return Check("session", False, f"entering was refused (status {entered.status})", advice)
+    view = json.loads(entered.body)["view"]
+    url = view.partition("websocket=")[2]
+    expected = f"{'wss' if site.context is not None else 'ws'}://{site.netloc}/"
+    if not url.startswith(expected):
+        advice = f"Serve with --host {site.netloc} and let the proxy pass Host on with its port."
+        return Check("session", False, f"the page would call {url.partition('/ws/')[0]}; expected {expected}", advice)
+    if b"viser" not in site.ask(view).body.lower():
+        return Check("session", False, "the view is not viser's page", "Let the proxy pass query strings on unchanged.")
+    cookies = http.cookies.SimpleCookie(entered.headers.get("set-cookie", ""))
+    pair = "; ".join(f"{name}={morsel.value}" for name, morsel in cookies.items())
+    first_s, ping_s = asyncio.run(_first_message_and_ping(site, url, pair))
+    return Check("session", True, f"the first message came after {first_s:.1f} s; a ping takes {ping_s * 1000:.0f} ms")
+
+
+async def _first_message_and_ping(site: Site, url: str, cookie: str) -> tuple[float, float]:
+    """Seconds until viser's first message, and seconds of a ping.
+
+    It does not use `websockets.sync`, which reads and writes one TLS connection from two threads. OpenSSL does not
+    allow that; on a busy machine one handshake of a few hundred was lost.
+    """
+    began_s = time.monotonic()
+    async with connect(
+        url,
+        ssl=site.context,
+        subprotocols=[Subprotocol(f"viser-v{importlib.metadata.version('viser')}")],
+        additional_headers={"Cookie": cookie, "Origin": site.origin},
+        open_timeout=TIMEOUT_S,
+        close_timeout=1,
+        max_size=None,
+        proxy=None,
+    ) as connection:
+        await connection.send(msgspec.msgpack.encode(CAMERA))
+        await asyncio.wait_for(connection.recv(), FIRST_MESSAGE_S)
+        first_s = time.monotonic() - began_s
+        pinged_s = time.monotonic()
+        async with asyncio.timeout(TIMEOUT_S):
+            await (await connection.ping())
+        return first_s, time.monotonic() - pinged_s

@@ -1,4 +1,4 @@
-"""The address that `study doctor` looks at: plain requests with headers of our choice, and what came back."""
+"""The address that `study doctor` checks: plain requests with headers of our choice, and their replies."""
 
 import http.client
 import ssl
@@ -21,52 +21,52 @@ class Check:
 
     name: str
     passed: bool | None
-    """None = not checked."""
+    """Whether the check passed; None = not checked."""
     detail: str
-    """What was found."""
+    """The finding, in words."""
     advice: str = ""
-    """What to do about a failure."""
+    """Advice on a failure."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """An answer."""
+    """The reply to a request."""
 
     status: int
     headers: Mapping[str, str]
-    """Lower-case names; of several with one name the last."""
+    """Headers by lower-case name; the last one where a name occurs several times."""
     body: bytes
     took_s: float
     at_s: float
-    """Our wall clock in the middle of the request."""
+    """Time of our wall clock in the middle of the request."""
 
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """Where the study is."""
+    """The address of a study."""
 
     scheme: str
     name: str
     port: int
     netloc: str
-    """As browsers send it in Host."""
+    """Name and port, as browsers send them in Host."""
     context: ssl.SSLContext | None
     http_port: int | None
-    """Where plain HTTP is answered; None = not known."""
+    """Port that answers plain HTTP; None = not known."""
 
     @property
     def origin(self) -> str:
-        """As browsers send it in Origin."""
+        """Scheme, name and port, as browsers send them in Origin."""
         return f"{self.scheme}://{self.netloc}"
 
     def connection(self) -> http.client.HTTPConnection:
-        """A new one, to be closed by the caller."""
+        """A new connection, which the caller closes."""
         if self.context is not None:
             return http.client.HTTPSConnection(self.name, self.port, timeout=TIMEOUT_S, context=self.context)
         return http.client.HTTPConnection(self.name, self.port, timeout=TIMEOUT_S)
 
     def ask(self, path: str, *, headers: Mapping[str, str] | None = None, body: bytes | None = None) -> Reply:
-        """GET, or POST when there is a body, over a connection of its own; `headers` may replace Host."""
+        """The reply to a GET, or to a POST if there is a body, over a new connection; `headers` may replace Host."""
         connection = self.connection()
         try:
             return ask(connection, path, headers={"Host": self.netloc, **(headers or {})}, body=body)
@@ -77,7 +77,7 @@ class Site:
 def ask(
     connection: http.client.HTTPConnection, path: str, *, headers: Mapping[str, str], body: bytes | None = None
 ) -> Reply:
-    """One request over an open connection; `headers` include Host."""
+    """The reply to one request over an open connection; `headers` include Host."""
     began_s, at_s = time.monotonic(), time.time()
     connection.putrequest("GET" if body is None else "POST", path, skip_host=True, skip_accept_encoding=True)
     for name, value in headers.items():
@@ -97,7 +97,7 @@ def site_from_url(url: str, *, insecure_ca: Path | None, http_port: int | None) 
     """The site at an address.
 
     Raises:
-        StudyError: The address is none, or the file of certificates cannot be used.
+        StudyError: The address is not valid, or the file of certificates cannot be used.
     """
     try:
         parts = urlsplit(url)

@@ -1,4 +1,4 @@
-"""A study served by a child process, as from a terminal: for bots, benchmarks, screenshots and tests."""
+"""Serves a study in a child process, as from a terminal: for bots, benchmarks, screenshots and tests."""
 
 import contextlib
 import os
@@ -39,8 +39,8 @@ class ServedStudy:
         """Starts the program and does not wait for it.
 
         Args:
-            command: What follows `personal-viz`, or a whole program whose first part is `sys.executable`.
-            stderr: Gets what it says there; None = our own.
+            command: The arguments after `personal-viz`, or a whole program whose first part is `sys.executable`.
+            stderr: File for the program's standard error; None = our own standard error.
             environment: Variables that differ from ours.
         """
         self._command = command if command[0] == sys.executable else [sys.executable, "-m", "personal_viz", *command]
@@ -54,13 +54,13 @@ class ServedStudy:
             preexec_fn=hear_ctrl_c,
         )
         self.said = ""
-        """What it printed up to and with the links."""
+        """The program's output up to the links and including them."""
         self.people: tuple[Person, ...] = ()
-        """Those whose personal links it printed, in its order."""
+        """The participants whose personal links it printed, in its order."""
 
     @property
     def pid(self) -> int:
-        """Of the serving process."""
+        """Id of the serving process."""
         return self.process.pid
 
     @property
@@ -73,7 +73,7 @@ class ServedStudy:
         return next(person.link for person in self.people if person.task == task)
 
     def await_ready(self) -> None:
-        """Returns when people can come.
+        """Waits until people can come.
 
         Raises:
             StudyError: The program ended instead; its own message is on stderr.
@@ -93,7 +93,7 @@ class ServedStudy:
         self.people = tuple(Person(code, "pan" if task == "PAN" else "pog", link) for task, code, link in found)
 
     def end(self, number: signal.Signals = signal.SIGINT) -> int:
-        """Exit code after one signal, as a host or Ctrl-C sends it; nothing is sent to a program that has ended."""
+        """Sends one signal, as a host or Ctrl-C does, if the program still runs; returns its exit code."""
         if self.process.poll() is None:
             self.process.send_signal(number)
         try:
@@ -103,7 +103,7 @@ class ServedStudy:
         return self.process.returncode
 
     def kill(self) -> None:
-        """kill -9 of the serving process and its group; the workers find out by themselves, as after a crash."""
+        """Kills the serving process and its group (kill -9); the workers notice it by themselves, as after a crash."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
         self.process.communicate()
@@ -112,15 +112,15 @@ class ServedStudy:
 def serve_command(
     folder: Path, dataset: Path, *more: str, port: int = 0, workers: int | None = None, scenes_dir: Path | None = None
 ) -> list[str]:
-    """`study serve` of a planned pilot, for ServedStudy.
+    """The command line of `study serve` for a planned pilot, for `ServedStudy`.
 
     Args:
-        folder: Of the study.
-        dataset: Of its episodes.
+        folder: The study's folder.
+        dataset: The dataset of its episodes.
         more: Further options.
-        port: 0 takes a free one.
-        workers: None = as many as usual.
-        scenes_dir: Of scans.
+        port: Port to listen on; 0 takes a free one.
+        workers: Number of viser workers; None = the usual number.
+        scenes_dir: The folder of scans.
     """
     command = ["study", "serve", str(folder), "--dataset", str(dataset), "--port", str(port), "--pilot", *more]
     command += [] if workers is None else ["--workers", str(workers)]
@@ -131,12 +131,12 @@ def serve_command(
 def served(
     command: list[str], *, stderr: IO[str] | None = None, ended_by: signal.Signals = signal.SIGINT
 ) -> Iterator[ServedStudy]:
-    """The program until the end of the block, where it hears a signal if it still runs; killed if the block fails.
+    """Runs the program for a block; at its end the program gets a signal, or is killed if the block fails.
 
     Args:
-        command: As ServedStudy's.
-        stderr: As ServedStudy's.
-        ended_by: The signal.
+        command: As for `ServedStudy`.
+        stderr: As for `ServedStudy`.
+        ended_by: The signal at the end of the block.
 
     Raises:
         StudyError: The program ended before it served.
@@ -152,7 +152,7 @@ def served(
 
 
 def hear_ctrl_c() -> None:
-    """In a child process: Ctrl-C ends it, also where the shell that started us ignores it."""
+    """Makes Ctrl-C end this child process, even where the shell that started us ignores Ctrl-C."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 

@@ -24,8 +24,7 @@ from personal_viz.study_app.gateway.options import ServeOptions, require_may_ser
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.gateway.upkeep import upkeep
 from personal_viz.study_app.gateway.workers import WORKERS_SHARE, WorkerPool, worker_command
-from personal_viz.study_app.operator.dashboard import dashboard
-from personal_viz.study_app.operator.dashboard_view import serving_of
+from personal_viz.study_app.operator.dashboard import dashboard, serving_of
 from personal_viz.study_app.recruit_codes import CODES_FILE, RecruitCodes, end_code, load_recruit_codes
 from sim.cache import cache_dir
 from sim.errors import StudyError
@@ -47,15 +46,15 @@ def serve_study(
     """Starts the workers, prints the links, serves until Ctrl-C or SIGTERM, ends everything in `options.drain_s`.
 
     Args:
-        store: Open, with all participants registered.
-        folder: Of the study.
-        dataset: Of the counted trials.
-        scenes_dir: Of licensed scans.
+        store: The open store, with all participants registered.
+        folder: The study's folder.
+        dataset: The dataset of the counted trials.
+        scenes_dir: The folder of licensed scans.
         links: (label such as PAN, participant's code, personal token) of everybody.
         platform_key: The study's own key for the ids of recruiting platforms.
         options: Addresses, names, limits; `require_may_serve` has accepted them.
-        rerun: Shows trials to the researcher while they happen: a folder or a viewer's address.
-        with_pixels: Pictures of licensed scans in there too.
+        rerun: A folder or a viewer's address, to which trials are streamed for the researcher while they happen.
+        with_pixels: Whether the stream holds pictures of licensed scans too.
 
     Raises:
         StudyError: The port is taken, a worker cannot start, or all workers ended.
@@ -89,14 +88,14 @@ def serve_study(
         )
         gateway = _gateway(store, admission, pool, keeper, tickets=tickets, pages=pages, codes=codes, options=options)
         _print_links(options.address(listening.getsockname()[1]), links, has_open_link=admission.has_open_link)
-        print(f"  Who is where, for you only: {page}")
+        print(f"  Progress of participants, for you only: {page}")
         print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
         _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
 
 
 @contextlib.contextmanager
 def _looked_after(store: StudyStore, pool: WorkerPool, options: ServeOptions) -> Iterator[tuple[LeaseKeeper, str]]:
-    """Who is here, and the researcher's page; leases, backups and the disk are looked after until the block ends."""
+    """The keeper of leases and the dashboard's link; leases, backups and disk are checked until the block ends."""
     keeper = LeaseKeeper(store, tell=_tell)
     serving = functools.partial(serving_of, pool, keeper)
     with (
@@ -117,7 +116,7 @@ def _gateway(
     codes: RecruitCodes,
     options: ServeOptions,
 ) -> Gateway:
-    """What participants' browsers talk to."""
+    """The web server that participants' browsers talk to."""
     return Gateway(
         admission,
         pool,
@@ -132,7 +131,7 @@ def _gateway(
 
 
 def _admission(store: StudyStore, links: Sequence[tuple[str, str, str]], platform_key: bytes) -> Admission:
-    """Who is let in: the holders of the links, and whom the study file's way of recruiting brings."""
+    """The admission of holders of links, and of people who come by the study file's way of recruiting."""
     return Admission(
         store,
         store.config,
@@ -143,7 +142,7 @@ def _admission(store: StudyStore, links: Sequence[tuple[str, str, str]], platfor
 
 
 def listen(options: ServeOptions) -> socket.socket:
-    """A listening socket; browsers that come before the server runs wait instead of failing.
+    """A listening socket, so that browsers that come before the server runs wait instead of failing.
 
     Raises:
         StudyError: The port is taken, or the address is not this machine's.
@@ -164,10 +163,10 @@ def listen(options: ServeOptions) -> socket.socket:
 
 
 def require_many_recordings(rerun: str | None, plan: StudyPlan) -> None:
-    """Refuses one file for the recordings of a study.
+    """Refuses a single file for the recordings of a study.
 
     Raises:
-        StudyError: `rerun` names one file: a study has several trials.
+        StudyError: `rerun` names one file, but a study has several trials.
     """
     if rerun is not None and rerun.endswith(".rrd"):
         num_trials = sum(len(participant.trials) for participant in plan.participants)
@@ -179,10 +178,10 @@ def require_many_recordings(rerun: str | None, plan: StudyPlan) -> None:
 
 @contextlib.contextmanager
 def shown_live(rerun: str | None, plan: StudyPlan) -> Iterator[str | None]:
-    """Where the workers stream trials to, a folder or a viewer's address; None = nobody watches.
+    """The folder or viewer's address to which the workers stream trials; None = nobody watches.
 
     Raises:
-        StudyError: `rerun` names one file: a study has several trials.
+        StudyError: `rerun` names one file, but a study has several trials.
         RecordingError: Nobody listens at the address, or no viewer can be started.
     """
     require_many_recordings(rerun, plan)
@@ -201,7 +200,7 @@ def shown_live(rerun: str | None, plan: StudyPlan) -> Iterator[str | None]:
 
 @contextlib.contextmanager
 def ended_by_sigterm() -> Iterator[None]:
-    """SIGTERM ends the block as Ctrl-C does, so that workers are ended and the store is closed."""
+    """Lets SIGTERM end the block as Ctrl-C does, so that workers are ended and the store is closed."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
@@ -218,7 +217,7 @@ def ended_by_sigterm() -> Iterator[None]:
 
 
 def _opening(plan: StudyPlan, num_workers: int) -> str:
-    """What a person at the terminal reads until the links come."""
+    """The text for the person at the terminal until the links come."""
     names = plan.scenes[0].name if len(plan.scenes) == 1 else f"{len(plan.scenes)} homes"
     line = f"Opening {names} for {num_workers} viser {'worker' if num_workers == 1 else 'workers'} ..."
     if all(scene.kind != "scan" for scene in plan.scenes):
@@ -227,10 +226,10 @@ def _opening(plan: StudyPlan, num_workers: int) -> str:
 
 
 def _codes(folder: Path, config: StudyConfig) -> RecruitCodes:
-    """Codes for people who come from a platform.
+    """The codes for people who come from a platform.
 
     Raises:
-        StudyError: The study needs them, and there are none.
+        StudyError: The study needs codes, but the file has none.
     """
     codes = load_recruit_codes(folder)
     if config.recruit.kind == "prolific" and codes.prolific is None:

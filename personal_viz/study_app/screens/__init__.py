@@ -1,1 +1,1 @@
-"""What a participant sees and presses, from the first page to the last."""
+"""The screens of participants in viser: trials, the looks before them, and the cards between them."""

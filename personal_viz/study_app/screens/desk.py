@@ -1,4 +1,4 @@
-"""What connects one browser with the thread that serves it: a queue of what the participant does, one screen at a time.
+"""Connects one browser with the thread that serves it: a queue of the participant's inputs, one screen at a time.
 
 viser's callbacks only put items on the queue; the seat's own thread takes them, so simulator, rendering and disk are
 never on viser's event loop.
@@ -19,27 +19,25 @@ from ..page_script import Device, KeyAction, OwnKeys, PageTold, Pressed, RoundTr
 from .panels import Card, Page
 
 MAX_WAITING = 200
-"""Items that may wait; a person never has more than a few."""
+"""Most items that may wait; a person never has more than a few."""
 PAGE_COMMANDS = (PageChanged, Resize, Measure)
-"""What a trial's screen hears of the page around it."""
+"""Messages of the page itself that a trial's screen receives."""
 PRESS_WITHIN_S = 0.5
-"""A key's own message comes just before its command; an older one belongs to a key that led to nothing."""
+"""Longest time from a key's own message to its command; an older message belongs to a key without command."""
 WITHDRAW = "withdraw"
-"""Name of the button by which the page's script tells that somebody leaves the study for good."""
+"""Name of the button by which somebody leaves the study for good, in messages of the page's script."""
 Send = Callable[[Any], Awaitable[None]]
 
 
 class Signal(enum.Enum):
-    """What a seat is told besides the participant's commands."""
+    """Signals to a seat besides the participant's commands."""
 
-    NEXT = enum.auto()
-    """The participant pressed the button of a notice."""
     GONE = enum.auto()
     """The browser closed the connection."""
     SUPERSEDED = enum.auto()
     """The participant opened the study in another tab."""
     WITHDRAWN = enum.auto()
-    """The participant leaves the study for good, and has said so twice."""
+    """The participant leaves the study for good, and has confirmed it."""
 
 
 class GoneError(Exception):
@@ -47,7 +45,7 @@ class GoneError(Exception):
 
 
 class WithdrawnError(GoneError):
-    """The participant leaves the study for good: a trial under way goes on as little as when the browser is gone."""
+    """The participant leaves the study for good; a running trial stops, as when the browser is gone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +60,9 @@ class Item:
     """One thing on the queue."""
 
     content: Any
-    """A command of `human_study.trial.commands`, a ClickRay, a Signal, or what a page of the flow defines."""
+    """A command of `human_study.trial.commands`, a ClickRay, a Signal, or an item of a screen's own."""
     screen: int | None = None
-    """The screen whose button, key or canvas it came from; None for signals and for what the page itself tells."""
+    """The screen whose button, key or canvas it came from; None for signals and for messages of the page itself."""
     is_busy: bool = False
     """Whether the frame of an earlier command was under way."""
 
@@ -76,16 +74,16 @@ class Desk:
         """Nothing is shown yet.
 
         Args:
-            page: Of the participant's browser.
+            page: The page in the participant's browser.
             code: The participant.
         """
         self.page, self.code = page, code
         self.has_lost_picture = False
-        """Whether the browser cannot draw in 3-D any more until the page is loaded again."""
+        """Whether the browser can no longer draw in 3-D until the page is loaded again."""
         self.own_keys: Mapping[KeyAction, str] = {}
         """Keys that the participant chose (`KeyboardEvent.code`); other actions have the usual ones."""
         self.on_keys: Callable[[Mapping[KeyAction, str]], None] = lambda _: None
-        """Called on the thread that waits when the participant chose other keys."""
+        """Called on the waiting thread when the participant chose other keys."""
         self._queue: queue.Queue[Item] = queue.Queue()
         self._screen = 0
         self._hears: tuple[type, ...] = ()
@@ -93,22 +91,22 @@ class Desk:
         self._pressed: tuple[Pressed, float] | None = None
 
     def put(self, item: Item) -> None:
-        """Queues an item; a browser that floods its seat loses what is over MAX_WAITING, but no signal is lost."""
+        """Queues an item. Items over MAX_WAITING, from a browser that floods its seat, are dropped; signals are not."""
         if isinstance(item.content, Signal) or self._queue.qsize() < MAX_WAITING:
             self._queue.put(item)
 
     def require_here(self) -> None:
-        """After work that took long: raises as `wait` where the browser has gone, or a newer tab has come."""
+        """Raises as `wait` if the browser has gone or a newer tab has come; for use after long work."""
         with self._queue.mutex:
             waiting = [item.content for item in self._queue.queue]
         for content in waiting:
             self._end_on(content)
 
     def new_screen(self, *, hears: tuple[type, ...] = PAGE_COMMANDS) -> Send:
-        """Begins a screen; returns where its callbacks send, and what older screens still send is dropped.
+        """Begins a screen, so that items of older screens are dropped; returns the function by which it sends.
 
         Args:
-            hears: Which of the things that the page itself tells `wait` returns: page commands in a trial.
+            hears: Types of the page's own messages that `wait` returns: page commands in a trial.
         """
         self._screen += 1
         self._hears = hears
@@ -124,8 +122,8 @@ class Desk:
         return send
 
     def done_with(self, item: Item) -> None:
-        """The answer to an item is about to be shown: what comes from now on is not busy any more."""
-        if item.screen is not None:  # what the page itself tells is nobody's press
+        """Tells that the answer to an item is about to be shown: later items are not busy any more."""
+        if item.screen is not None:  # messages of the page itself are not presses
             self._is_busy = self._is_busy and item.is_busy
 
     async def heard(self, said: Said) -> None:
@@ -146,7 +144,7 @@ class Desk:
                 self.put(Item(Signal.WITHDRAWN))
 
     def wait(self, *, timeout_s: float | None = None) -> Item:
-        """The next thing that the present screen sends, or that it hears of the page.
+        """The next item of the present screen, or the next message of the page that it receives.
 
         Raises:
             queue.Empty: Nothing came within `timeout_s`.
@@ -165,7 +163,7 @@ class Desk:
                 return item
 
     def show(self, card: Card) -> None:
-        """Shows a card; its buttons and their keys come out of `wait` as `Chosen`."""
+        """Shows a card; `wait` returns presses of its buttons and their keys as `Chosen`."""
         send = self.new_screen(hears=())
 
         async def chosen(name: str) -> None:
@@ -180,30 +178,20 @@ class Desk:
         assert isinstance(chosen, Chosen), chosen
         return chosen.name
 
-    def ask(self, title: str, text: str, button: str) -> None:
-        """Shows a notice until its button is pressed. Raises as `wait`."""
-        send = self.new_screen(hears=())
-
-        async def press() -> None:
-            await send(Signal.NEXT)
-
-        self.page.notice(title, text, button=(button, press))
-        self.wait()
-
     def reload(self) -> None:
-        """Has the browser load the page again."""
+        """Makes the browser load the page again."""
         self.page.client.gui.add_html(when_shown("reload"))
         self.page.client.flush()
 
     def go_on(self) -> None:
-        """Has the browser open the page that the gateway has for the participant now."""
+        """Makes the browser open the page that the gateway has for the participant now."""
         self.new_screen(hears=())
         self.page.clear()
         self.page.client.gui.add_html(when_shown("goOn"))
         self.page.client.flush()
 
     def _end_on(self, content: Any) -> None:
-        """Raises on the signals that end what a seat does."""
+        """Raises on the signals that end a seat's work."""
         if content is Signal.GONE:
             raise GoneError
         if content is Signal.SUPERSEDED:
@@ -212,7 +200,7 @@ class Desk:
             raise WithdrawnError
 
     def _with_press(self, content: Any) -> Any:
-        """The command of a key with what the browser told of that key: its place on the keyboard, and when."""
+        """The command of a key, with the key's place on the keyboard and the time of its press from the browser."""
         pressed, self._pressed = self._pressed, None
         if pressed is None or not isinstance(content, Move | PressStop) or content.code.startswith("button"):
             return content

@@ -5,15 +5,14 @@ import functools
 import html
 from collections.abc import Awaitable, Callable
 
-from human_study.trial.commands import CloseMap, Command, LookFrom, ShowStorey
+from human_study.trial.commands import CloseMap, Command, ShowStorey
 from human_study.trial.events import MapKind
 from human_study.trial.views import LookView
 
-from ..camera_samples import CameraSamples
 from ..home.scene_view import SceneView, StoreyCopies
 from ..home.top_view import TopView
-from .camera_buttons import add_camera_buttons
-from .panels import Page, overlay_html, roomy_html
+from .camera import CameraSamples, add_camera_buttons
+from .panels import Page, overlay_html, roomy_html, sender
 
 Send = Callable[[Command], Awaitable[None]]
 _TITLES: dict[MapKind, str] = {
@@ -29,7 +28,7 @@ _ADVICE: dict[MapKind, str] = {
 _BEGIN: dict[MapKind, str] = {"topdown": "Start walking", "glb": "Start walking", "home": "Show what to find"}
 
 _LONGEST = "88:88 minutes left. You can go on in 88:88 minutes."
-"""The clock at its longest: what stands below it has its place from the beginning."""
+"""The longest text of the clock; it reserves room, so that nothing below the clock moves."""
 
 
 class LookApp:
@@ -40,10 +39,10 @@ class LookApp:
 
         Args:
             page: The participant's page.
-            view: What to show first.
-            send: Where commands go.
+            view: The first view.
+            send: Receives the commands.
             copies: The home's browser copies and pictures.
-            progress: "Trial 1 of 6".
+            progress: The trial's name, such as "Search 1 of 6".
         """
         self._page, self._copies, self._shown = page, copies, view
         page.clear()
@@ -55,7 +54,7 @@ class LookApp:
             self._picture = page.overlay("")
         else:
             self._scene_view = SceneView(page.client, copies)
-            page.listen_to_camera(CameraSamples(send_camera(send)).moved)
+            page.listen_to_camera(CameraSamples(send).moved)
         if len(view.storeys) > 1:
             for index in range(len(view.storeys)):
                 page.button(f"Show storey {index + 1} of {len(view.storeys)}", sender(send, ShowStorey(index)))
@@ -67,7 +66,7 @@ class LookApp:
         self._draw_status()
 
     def show(self, view: LookView) -> None:
-        """Draws what has changed."""
+        """Draws the changes of the view."""
         before, self._shown = self._shown, view
         if view.storey != before.storey:
             self._show_storey(view.storey)
@@ -103,24 +102,6 @@ class LookApp:
         self._page.client.flush()
 
 
-def sender(send: Send, command: Command) -> Callable[[], Awaitable[None]]:
-    """What a button does: send one command."""
-
-    async def press() -> None:
-        await send(command)
-
-    return press
-
-
-def send_camera(send: Send) -> Callable[[LookFrom], Awaitable[None]]:
-    """Camera poses as commands."""
-
-    async def sample(look: LookFrom) -> None:
-        await send(look)
-
-    return sample
-
-
 @functools.lru_cache(maxsize=16)
 def picture_html(view: TopView) -> str:
     """A storey's picture as large as the screen allows."""
@@ -132,7 +113,7 @@ def picture_html(view: TopView) -> str:
 
 
 def _seconds(count: int) -> str:
-    """`1 second`, `45 seconds`, `2:05 minutes`."""
+    """A number of seconds in words: `1 second`, `45 seconds`, `2:05 minutes`."""
     if count >= 60:
         return f"{count // 60}:{count % 60:02d} minutes"
     return f"{count} second{'' if count == 1 else 's'}"

@@ -1,7 +1,7 @@
 """The PAN screen: the robot's present view, texts, step counter, buttons, keys. No mesh and no goal in the browser.
 
-What a press of STOP or of giving up asks for stands on the button itself and over the picture: nothing moves under the
-pointer between the first press and the second.
+STOP and giving up need a second press. The request for it is written on the button itself and over the picture, so
+that nothing moves under the pointer between the two presses.
 """
 
 import base64
@@ -18,7 +18,7 @@ from sim.render.renderer import jpeg_bytes
 from sim.types import Action
 
 from ..page_script import KeyAction
-from .panels import AGAIN, GIVE_UP, GIVING_UP, Page, overlay_html, relabel, show_giving_up
+from .panels import AGAIN, GIVE_UP, GIVING_UP, Page, overlay_html, relabel, sender, show_giving_up
 
 BUTTON_LABELS = {
     Action.FORWARD: ("Forward", "W or Up"),
@@ -28,7 +28,7 @@ BUTTON_LABELS = {
     Action.LOOK_DOWN: ("Look down", "F"),
     Action.STOP: ("STOP here", "Enter"),
 }
-"""What a button says and which keys do the same."""
+"""Labels of buttons, with the keys that do the same."""
 HOTKEYS = {
     "W": ("KeyW", Action.FORWARD),
     "arrowup": ("ArrowUp", Action.FORWARD),
@@ -39,7 +39,7 @@ HOTKEYS = {
     "R": ("KeyR", Action.LOOK_UP),
     "F": ("KeyF", Action.LOOK_DOWN),
 }
-"""viser's key names to (code that is logged, action); DESIGN.md, keys."""
+"""(logged code, action) by viser's names of keys; DESIGN.md, keys."""
 BLOCKED = "Blocked: something is in the way"
 STOP_ARMED = "Press Enter or STOP again to finish"
 Send = Callable[[PanCommand], Awaitable[None]]
@@ -65,13 +65,13 @@ class PanApp:
 
         Args:
             page: The participant's page.
-            view: What to show first.
-            send: Where commands go.
-            scene_label: What kind of home it is (schematic and invented homes say so), without its name.
-            progress: "Trial 1 of 6".
+            view: The first view.
+            send: Receives the commands.
+            scene_label: Label of the kind of home (for schematic and invented homes), without the home's name.
+            progress: The trial's name, such as "Search 1 of 6".
             display_scale: The picture fills the window up to this many times its size.
-            encode: A picture as JPEG; `Frames.jpeg` remembers.
-            own_keys: Action to `KeyboardEvent.code` where the participant chose other keys; may change meanwhile.
+            encode: Encodes a picture as JPEG; `Frames.jpeg` remembers the results.
+            own_keys: Returns `KeyboardEvent.code` by action where the participant chose other keys; they may change.
         """
         self._page, self._encode, self._display_scale = page, encode, display_scale
         self._own_keys = own_keys
@@ -89,9 +89,9 @@ class PanApp:
         page.client.flush()
 
     def show(self, view: PanView) -> None:
-        """Draws what has changed, picture or texts; on its way to the browser when this returns.
+        """Draws the changes of the view, picture or texts; they are on their way to the browser when this returns.
 
-        A view without a picture leaves the last one there.
+        A view without a picture leaves the last picture in place.
         """
         status = _status_html(self._caption, view)
         if status != self._status_html:
@@ -106,29 +106,29 @@ class PanApp:
         self._page.client.flush()
 
     def _show_sign(self, view: PanView) -> None:
-        """What another press would end, or that the step before was blocked: again after each such step."""
+        """Shows the request for a second press, or that the last step was blocked, anew after each blocked step."""
         if view.is_armed or view.is_giving_up:
             self._page.sign(STOP_ARMED if view.is_armed else GIVING_UP)
         else:
             self._page.sign(BLOCKED if view.is_blocked else "", view.step if view.is_blocked else 0)
 
     def _add_controls(self, view: PanView, send: Send) -> None:
-        """A button for every key, and the keys."""
+        """Adds the keys, and a button for each of them."""
         page = self._page
         for action in view.task.actions:
             if action is not Action.STOP:
-                press = _sender(send, Move(action, code=f"button-{action.value}"))
+                press = sender(send, Move(action, code=f"button-{action.value}"))
                 self._buttons[action] = page.button(button_label(action, self._own_keys()), press)
-        stop = _sender(send, PressStop(code="button-stop"))
+        stop = sender(send, PressStop(code="button-stop"))
         self._buttons[Action.STOP] = page.button(button_label(Action.STOP, self._own_keys()), stop, color="red")
-        self._give_up = page.button(GIVE_UP, _sender(send, GiveUp()), color="gray")
+        self._give_up = page.button(GIVE_UP, sender(send, GiveUp()), color="gray")
         for key, (code, action) in HOTKEYS.items():
             if action in view.task.actions:
-                page.hotkey(key, f"{action.value} ({code})", _sender(send, Move(action, code=code)))
-        page.hotkey("enter", "stop (Enter)", _sender(send, PressStop(code="Enter")))
+                page.hotkey(key, f"{action.value} ({code})", sender(send, Move(action, code=code)))
+        page.hotkey("enter", "stop (Enter)", sender(send, PressStop(code="Enter")))
 
     def _image_html(self, view: PanView) -> str:
-        """The robot's view as an inline JPEG; empty while there is none."""
+        """The robot's view as an inline JPEG; empty while there is no picture."""
         if view.rgb is None:
             return ""
         data = base64.b64encode(self._encode(view.rgb)).decode()
@@ -143,11 +143,11 @@ class PanApp:
 
 
 def button_label(action: Action, own_keys: Mapping[KeyAction, str], *, is_armed: bool = False) -> str:
-    """What a button says, with the keys that do the same: the participant's own where there are some.
+    """The label of a button, with the keys that do the same: the participant's own keys where there are some.
 
     Args:
-        action: The button's.
-        own_keys: Action to `KeyboardEvent.code`.
+        action: The button's action.
+        own_keys: `KeyboardEvent.code` by action.
         is_armed: Whether STOP was pressed once.
     """
     text, keys = BUTTON_LABELS[action]
@@ -159,15 +159,8 @@ def button_label(action: Action, own_keys: Mapping[KeyAction, str], *, is_armed:
     return f"{text}{AGAIN} ({keys})" if is_armed else f"{text} ({keys} twice)"
 
 
-def _sender(send: Send, command: PanCommand) -> Callable[[], Awaitable[None]]:
-    async def press() -> None:
-        await send(command)
-
-    return press
-
-
 def _status_html(caption: str, view: PanView) -> str:
-    """Trial, steps and time left: two lines, whatever they say; read aloud when they change."""
+    """Trial, steps and time left as HTML, always two lines; they are read aloud when they change."""
     left = "" if view.left_s is None else f" &middot; {_duration(view.left_s)} left"
     return (
         f'<div class="personal-caption">{caption}</div>'

@@ -1,9 +1,9 @@
-"""Pieces of a participant's page: the side panel of a trial, cards for everything that is read, and the tools below."""
+"""Pieces of a participant's page: the side panel of a trial, cards with texts to read, and the tools below."""
 
 import html
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import viser
 
@@ -12,14 +12,15 @@ from sim.types import Task
 from ..page_script import page_html, sign_html, when_shown
 
 PANEL_WIDTH = 400
-"""Pixels of the side panel with texts and buttons."""
+"""Width of the side panel with texts and buttons, pixels."""
 GIVE_UP = "Give up this search"
 GIVING_UP = "Press Give up again to end this search"
 AGAIN = ": press again"
-"""What the button of STOP, or of giving up, says more after its first press."""
+"""Added to the label of STOP or giving up after the first press."""
 _LAST = 1e6
-"""Order of what stands below everything else."""
+"""Order of the elements below everything else."""
 Press = Callable[[], Awaitable[None]]
+SentT = TypeVar("SentT")
 CameraListener = Callable[[viser.CameraHandle], Awaitable[None]]
 
 
@@ -28,33 +29,33 @@ class Choice:
     """A button of a card."""
 
     name: str
-    """What the program calls it."""
+    """Name of the choice in the program."""
     label: str
     color: str | None = None
-    """viser's colour name; None = the usual blue. Colours never stand alone: the label says what happens."""
+    """viser's colour name; None = the usual blue. No meaning depends on colour alone: the label says what happens."""
     hotkey: str | None = None
     """viser's name of a key that does the same."""
 
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """A page that is read: a heading, its text, and buttons."""
+    """A page to read: a heading, a text, and buttons."""
 
     title: str
     body: str
     """HTML, already escaped."""
     choices: tuple[Choice, ...] = ()
     parts: tuple[str, ...] = ()
-    """Names of the parts of the way that the page belongs to; () shows none."""
+    """Names of the study's parts above the card; () shows none."""
     part: int = 0
-    """Which of them it is."""
+    """Index of the card's own part."""
 
 
 class Page:
     """One participant's page; `clear` empties it for the next screen."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
-        """Sets the page up once per connection."""
+        """Sets up the page, once per connection."""
         self.client = client
         client.gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False)
         client.gui.set_panel_label("PersONAL study")
@@ -68,7 +69,7 @@ class Page:
         self._sign, self._signed = client.gui.add_html(""), ("", 0)
 
     def clear(self) -> None:
-        """Removes everything of the present screen."""
+        """Removes all elements of the present screen."""
         self.sign("")
         for handle in self._handles:
             handle.remove()
@@ -82,7 +83,7 @@ class Page:
     def button(
         self, label: str, press: Press, *, color: str | None = None, hint: str | None = None
     ) -> viser.GuiButtonHandle:
-        """A button of the panel; returns it so that its label can change."""
+        """Adds a button to the panel; returns it so that its label can change."""
         button = self.client.gui.add_button(label, color=color, hint=hint)  # type: ignore[arg-type]
 
         @button.on_click
@@ -93,7 +94,7 @@ class Page:
         return button
 
     def hotkey(self, key: str, label: str, press: Press) -> None:
-        """A key that works wherever the focus is; a key press is one call, auto-repeat is filtered in the browser."""
+        """Adds a key that works wherever the focus is; one press is one call, the browser filters auto-repeat."""
         command = self.client.gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
 
         @command.on_trigger
@@ -107,7 +108,7 @@ class Page:
         self._on_camera = listener
 
     def task_texts(self, task: Task) -> None:
-        """The query, then the paragraph; nothing else of the episode exists here."""
+        """Adds the query, then the paragraph; nothing else of the episode exists here."""
         query = html.escape(task.queries[0])
         description = html.escape(task.description)
         self.add(
@@ -119,45 +120,46 @@ class Page:
         )
 
     def overlay(self, content: str) -> viser.GuiHtmlHandle:
-        """A sheet over the 3-D canvas, which takes no mouse then; returns it so that its content can change."""
+        """Adds a sheet over the 3-D canvas, which then gets no mouse; returns it so that its content can change."""
         handle = self.client.gui.add_html(overlay_html(content))
         self.add(handle)
         return handle
 
     def sign(self, text: str, number: int = 0) -> None:
-        """Shows a line over the picture or the home, which is read aloud; nothing on the page moves for it.
+        """Shows a line over the picture or the home and has it read aloud; nothing on the page moves.
 
         Args:
-            text: What it says; empty takes it away.
-            number: Another one shows the same text once more.
+            text: The line; an empty text removes it.
+            number: A different number shows the same text once more.
         """
         if (text, number) != self._signed:
             self._signed = text, number
             self._sign.content = sign_html(text, number)
 
-    def card(self, card: Card, chosen: Callable[[str], Awaitable[None]]) -> None:
+    def card(self, card: Card, chosen: Callable[[str], Awaitable[None]] | None = None) -> None:
         """Shows a card over the whole page.
 
         Args:
-            card: What to show.
-            chosen: Told the name of the button that is pressed, or the key.
+            card: The card.
+            chosen: Called with the name of the button that is pressed, by mouse or key; None = the card has no buttons.
         """
         self.clear()
         with self.client.atomic():
             self.add(self.client.gui.add_html(card_html(card) + when_shown("shown")))
             for choice in card.choices:
-                press = _choosing(chosen, choice.name)
+                assert chosen is not None, card.title
+                press = sender(chosen, choice.name)
                 self.button(choice.label, press, color=choice.color)
                 if choice.hotkey is not None:
                     self.hotkey(choice.hotkey, choice.label, press)
         self.client.flush()
 
     def tools(self, *, has_keys: bool, on_leave: str) -> None:
-        """The buttons that are always there, below everything else: keys, larger text, leaving the study.
+        """Adds the buttons that are always there, below everything else: keys, larger text, leaving the study.
 
         Args:
             has_keys: Whether the participant uses keys that can be chosen.
-            on_leave: What happens to the answers of somebody who leaves.
+            on_leave: Text on what happens to the answers of somebody who leaves.
         """
         keys = '<button type="button" data-tool="keys">Keys</button>' if has_keys else ""
         leave = f'<button type="button" data-tool="leave" data-text="{html.escape(on_leave)}">Leave the study</button>'
@@ -170,23 +172,26 @@ class Page:
             order=_LAST,
         )
 
-    def notice(self, title: str, text: str, *, button: tuple[str, Press] | None = None) -> None:
-        """A card with one message and at most one button."""
-        choices = () if button is None else (Choice("", button[0]),)
-
-        async def press(_: str) -> None:
-            assert button is not None
-            await button[1]()
-
-        self.card(Card(title, paragraphs(text), choices), press)
+    def notice(self, title: str, text: str) -> None:
+        """Shows a card with one message, the last of this page."""
+        self.card(Card(title, paragraphs(text)))
 
     async def _camera_moved(self, camera: viser.CameraHandle) -> None:
         if self._on_camera is not None:
             await self._on_camera(camera)
 
 
+def sender(send: Callable[[SentT], Awaitable[None]], content: SentT) -> Press:
+    """A callback for a button or key that sends one thing."""
+
+    async def press() -> None:
+        await send(content)
+
+    return press
+
+
 def relabel(button: viser.GuiButtonHandle, label: str, color: str | None = None) -> None:
-    """Changes what a button says, and its colour, where it stands."""
+    """Changes the label and colour of a button, if they differ, without moving it."""
     if button.label != label:
         button.label = label
     if color is not None and button.color != color:
@@ -194,39 +199,39 @@ def relabel(button: viser.GuiButtonHandle, label: str, color: str | None = None)
 
 
 def show_giving_up(button: viser.GuiButtonHandle, *, is_giving_up: bool) -> None:
-    """The button of giving up, before and after its first press."""
+    """Labels the button of giving up, before and after its first press."""
     relabel(button, GIVE_UP + AGAIN if is_giving_up else GIVE_UP, "red" if is_giving_up else "gray")
 
 
 def roomy_html(shown: str, *others: str) -> str:
-    """A text that takes as much room as each of the others would, so that nothing below moves when it changes.
+    """HTML of a text with room for each of the other texts, so that nothing below moves when it changes.
 
     Args:
-        shown: HTML.
-        others: Plain texts, at most two: those that stand there at other times.
+        shown: HTML of the present text.
+        others: At most two plain texts that are shown in this place at other times.
     """
     before, after = (html.escape(text) for text in (*others, "", "")[:2])
     return f'<div class="personal-room" data-before="{before}" data-after="{after}"><div>{shown}</div></div>'
 
 
 def overlay_html(content: str) -> str:
-    """HTML that covers all but the side panel."""
+    """HTML that covers the page except the side panel."""
     return f'<div class="personal-overlay">{content}</div>'
 
 
 def card_html(card: Card) -> str:
-    """The card without its buttons."""
+    """HTML of the card without its buttons."""
     title = html.escape(card.title)
     return f'<div class="personal-page">{_parts_html(card.parts, card.part)}<h1>{title}</h1>{card.body}</div>'
 
 
 def paragraphs(text: str) -> str:
-    """Plain text as HTML: a paragraph for each line."""
+    """Plain text as HTML, a paragraph for each line."""
     return "".join(f"<p>{html.escape(line)}</p>" for line in text.split("\n") if line.strip())
 
 
 def progress_html(num_done: int, num_all: int, *, unit: str = "trials") -> str:
-    """A bar with the numbers beside it in words."""
+    """HTML of a progress bar, with the numbers in words beside it."""
     share = 100 * num_done / max(1, num_all)
     return (
         f'<div class="personal-progress" role="progressbar" aria-valuemin="0" aria-valuemax="{num_all}" '
@@ -243,10 +248,3 @@ def _parts_html(parts: Sequence[str], present: int) -> str:
         mark = "&#10003; " if number < present else ""
         items.append(f'<li class="{kind}"{current}>{mark}{html.escape(part)}</li>')
     return f'<ol class="steps" aria-label="Where you are">{"".join(items)}</ol>' if items else ""
-
-
-def _choosing(chosen: Callable[[str], Awaitable[None]], name: str) -> Press:
-    async def press() -> None:
-        await chosen(name)
-
-    return press

@@ -1,7 +1,7 @@
-"""One trial on one page, from its opening to its stored outcome: commands in, stored events, then the view.
+"""Plays one trial on one page, from its opening to its stored outcome: takes commands, stores events, shows views.
 
-The session decides what is to be shown (a look, the task, a question) and when time alone changes something; this
-module waits as long as the session says, stores what it answers, and shows its view on the screen that fits.
+The session decides what to show (a look, the task, a question) and when time alone changes something. This module
+waits as long as the session says, stores its events, and shows its view on the right screen.
 """
 
 import contextlib
@@ -18,24 +18,23 @@ from human_study.store.writer import StoreFullError
 from human_study.trial.commands import Command, Resume, Start, Tick
 from human_study.trial.events import Error, Event
 from human_study.trial.outcome import has_begun, pan_outcome, pog_outcome, technical_outcome
-from human_study.trial.session import PanSession, PogSession, pan_session_from_events, pog_session_from_events, terms_of
+from human_study.trial.session import PanSession, PogSession, terms_of
 from human_study.trial.views import LookView, PanView, PogView, RateView, SessionUpdate
 from sim.episodes.schema import Episode
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay, EpisodeRun
 
 from ..home.frames import successors
-from ..home.home import Home, pan_env
+from ..home.homes import Home, pan_env
 from ..home.map_view import MapView
 from ..home.scene_view import SceneView
 from ..store_link import StoreLink
 from ..watch import TrialWatch
+from .cards import RateApp
 from .desk import Desk, GoneError, WithdrawnError
 from .look import LookApp
 from .pan import PanApp
-from .play_clicks import click_of
-from .pog import Nudge, PogApp
-from .rate import RateApp
+from .pog import Nudge, PogApp, click_of
 
 Session = PanSession | PogSession
 View = LookView | PanView | PogView | RateView
@@ -43,10 +42,10 @@ View = LookView | PanView | PogView | RateView
 
 @dataclass(frozen=True, slots=True)
 class _Screen:
-    """What is on the page now."""
+    """The screen on the page now."""
 
     kind: type
-    """Of the views that it shows."""
+    """Type of the screen's views."""
     show: Callable[[Any], None]
     close: Callable[[], None]
 
@@ -59,29 +58,29 @@ class TrialPlay:
 
         Args:
             desk: The participant's page and queue.
-            link: To the store.
-            home: In which the trial takes place.
+            link: The link to the store.
+            home: The home of the trials.
             config: The study.
         """
         self._desk, self._link, self._home, self._config = desk, link, home, config
         self._watch = TrialWatch()
         self._owed: tuple[Event, ...] = ()
-        """Events that are stored with the next ones: a commit of their own would only keep the next key waiting."""
+        """Events that are stored together with the next ones: a commit of their own would only delay the next key."""
 
     def play(
         self, trial: Trial, *, progress: str, away_s: float, took_over: bool = False
     ) -> EpisodeRun | Answer | None:
-        """One opened trial to its stored outcome, which is the result; None when a failure of ours ended it.
+        """Plays an opened trial to its stored outcome and returns it; None when a failure of ours ended the trial.
 
         Args:
-            trial: As the store opened it.
-            progress: "Trial 3 of 30".
-            away_s: How long the participant was away; 0 where that was our fault.
-            took_over: Whether another tab of the participant still showed it.
+            trial: The trial, as the store opened it.
+            progress: The trial's name, such as "Search 3 of 30".
+            away_s: Seconds for which the participant was away; 0 where that was our fault.
+            took_over: Whether another tab of the participant still showed the trial.
 
         Raises:
             StoreFullError: The store cannot write now; open the trial again to go on.
-            SupersededError, TrialEndedError, GoneError, WithdrawnError: Somebody else goes on with it, or nobody.
+            SupersededError, TrialEndedError, GoneError, WithdrawnError: This page no longer plays the trial.
         """
         session: Session | None = None
         try:
@@ -92,7 +91,7 @@ class TrialPlay:
         except GoneError:
             if session is None or not session.is_over:
                 raise
-            self._finish(trial)  # only the question how sure the answer is was left open: the answer counts
+            self._finish(trial)  # only the question how sure the participant is was not answered: the answer counts
             raise
         except (StoreFullError, SupersededError, TrialEndedError, WithdrawnError):
             raise
@@ -102,12 +101,12 @@ class TrialPlay:
         return self._finish(trial)
 
     def leave(self) -> None:
-        """The participant is gone: a researcher who watches sees that, and nothing is rendered ahead."""
+        """Ends the trial on this page when the participant is gone: tells observers, and renders nothing ahead."""
         self._watch.leave()
         self._home.renderer.look_ahead(self._desk.code, (), self._config.robot_camera)
 
     def _lead(self, session: Session, trial: Trial, stored: list[Event], first: Start | Resume, progress: str) -> None:
-        """Shows what the session says until nothing is left to do."""
+        """Shows the session's views until the trial has ended."""
         update = session.handle(first, time.monotonic())
         self._store(trial, update.events)
         sensed = session.observation if isinstance(session, PanSession) else None
@@ -128,7 +127,7 @@ class TrialPlay:
                 self._store(trial, ())
 
     def _next_update(self, session: Session, screen: _Screen, trial: Trial) -> SessionUpdate:
-        """What comes next from the browser, or from time alone, is done and stored; its view is to be shown."""
+        """Does and stores the next change, by the browser or by time alone; returns it with the view to show."""
         try:
             item = self._desk.wait(timeout_s=session.wait_s(time.monotonic()))
         except queue.Empty:
@@ -151,12 +150,12 @@ class TrialPlay:
             self._watch.tell(update.events, session.observation)
             return update
         if isinstance(update.view, screen.kind):
-            screen.show(update.view)  # the counter goes ahead of the picture: the step is on disk
+            screen.show(update.view)  # the counter is shown before the picture, because the step is on disk
         looked = session.look(time.monotonic())
-        self._desk.done_with(item)  # not before: who presses without having seen this picture is dropped as busy
+        self._desk.done_with(item)  # not before: a press before this picture is dropped as busy
         if isinstance(looked.view, screen.kind):
             screen.show(looked.view)
-        self._owed = looked.events  # that the picture was handed out; the step itself was stored before
+        self._owed = looked.events  # they say that the picture was sent; the step itself was stored before
         self._watch.tell((*update.events, *looked.events), session.observation)
         return looked
 
@@ -166,7 +165,7 @@ class TrialPlay:
             self._link.append_many(trial.trial_id, trial.epoch, (*owed, *events))
 
     def _session(self, trial: Trial, episode: Episode, stored: list[Event]) -> Session:
-        """A new session, or the stored one in the same phase, at the same step and pose, storey and mark."""
+        """A new session, or the stored one in its old phase, at the same step, pose, storey and mark."""
         config, scene = self._config, self._home.scene
         names = {
             "key": trial.key,
@@ -178,14 +177,14 @@ class TrialPlay:
         if trial.condition in ("topdown", "map_2d"):
             _ = self._home.copies.maps  # before the clock starts: the first time takes some seconds
         if trial.task == "pog":
-            return pog_session_from_events(stored, **names) if stored else PogSession(**names)
-        env = pan_env(episode, scene, self._home.renderer, config)
-        if stored:
-            return pan_session_from_events(stored, env, **names, looks_later=True)
-        return PanSession(env, **names, looks_later=True)
+            session = PogSession(**names)
+        else:
+            env = pan_env(episode, scene, self._home.renderer, config)
+            session = PanSession(env, **names, looks_later=True)
+        return session.after(stored) if stored else session
 
     def _look_ahead(self, session: Session) -> None:
-        """Has the pictures rendered that the next key could show, as long as nobody waits for another."""
+        """Begins to render pictures that the next key could show, while nobody waits for another picture."""
         if not isinstance(session, PanSession) or session.phase != "task":
             return
         config, frames = self._config, self._home.renderer
@@ -193,7 +192,7 @@ class TrialPlay:
         frames.look_ahead(self._desk.code, poses, config.robot_camera)
 
     def _shown(self, screen: _Screen | None, view: View, trial: Trial, progress: str) -> _Screen:
-        """Shows the view on the present screen, or on a new one where it needs another."""
+        """Shows the view on the present screen, or on a new one of the right kind; returns the screen."""
         if screen is not None and isinstance(view, screen.kind):
             screen.show(view)
             return screen
@@ -228,7 +227,7 @@ class TrialPlay:
         return _Screen(type(view), app.show, app.close)
 
     def _command(self, content: Any, trial: Trial, session: Session) -> Command:
-        """What the participant did as a command of the session: rays and moves of the mark become clicks."""
+        """The participant's input as a command of the session; rays and moves of the mark become clicks."""
         if isinstance(content, ClickRay | Nudge):
             view = session.view(time.monotonic())
             if not isinstance(view, PogView):
@@ -257,7 +256,7 @@ class TrialPlay:
         return result
 
     def _note_failure(self, trial: Trial, error: Exception) -> None:
-        """Stores that a failure of ours ended the trial: without this event the record would not say so."""
+        """Stores an event that says that a failure of ours ended the trial."""
         self._link.append_many(trial.trial_id, trial.epoch, (Error(message=repr(error)[:500], is_fatal=True),))
 
     def _result(self, events: list[Event], trial: Trial, episode: Episode) -> EpisodeRun | Answer:
@@ -268,4 +267,4 @@ class TrialPlay:
 
 
 def _nothing_to_close() -> None:
-    """`Page.clear` ends the PAN screen."""
+    """Does nothing, because `Page.clear` ends the PAN screen."""

@@ -1,6 +1,10 @@
-"""The POG screen: texts beside the home or its map, storey buttons, a mark that can be moved, confirm. No feedback."""
+"""The POG screen: texts beside the home or its map, storey buttons, a movable mark, a button to confirm. No feedback.
+
+`click_of` turns a browser's rays and moves of the mark, on the home and on its map, into the session's clicks.
+"""
 
 import html
+import math
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,39 +13,45 @@ import numpy as np
 import viser
 import viser.transforms
 
-from human_study.trial.commands import Command, Confirm, GiveUp, ShowStorey
+from human_study.trial.commands import Click, Command, Confirm, GiveUp, ShowStorey
 from human_study.trial.views import PogView
 from sim.tasks.run_files import ClickRay, Vector3
 
-from ..camera_samples import CameraSamples, four, three
-from .camera_buttons import add_camera_buttons
-from .look import send_camera, sender
-from .panels import GIVE_UP, GIVING_UP, Page, roomy_html, show_giving_up
+from ..home.homes import Home
+from ..home.map_view import map_click
+from .camera import CameraSamples, add_camera_buttons, four, three
+from .panels import GIVE_UP, GIVING_UP, Page, roomy_html, sender, show_giving_up
 
 NUDGE_M = 0.1
-"""How far one press moves the mark (metres): a tenth of the success radius."""
+"""Distance by which one press moves the mark (metres): a tenth of the success radius."""
+_ABOVE_MAP = 10.0
+"""Height over the floor from which the ray of a moved mark starts on a map (metres)."""
+_UNDER_CUT = 0.01
+"""Distance under the cut from which the ray of a moved mark starts in the home (metres)."""
+_WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+"""A camera (OpenCV axes) that looks straight down: right = +x, down = +z."""
 _MARKED = "Click again to move your mark, or confirm it."
 _SIDES = {"Left": (-1, 0), "Up": (0, 1), "Down": (0, -1), "Right": (1, 0)}
-"""Names of buttons to (right, up) on the screen."""
+"""(right, up) on the screen by name of a button."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nudge:
-    """The mark is to be moved over the ground; from the middle of the storey when there is none."""
+    """A move of the mark over the ground; it starts in the middle of the storey when there is no mark."""
 
     x_m: float
     z_m: float
-    """World metres."""
+    """Moves along x and z, world metres."""
 
 
 Send = Callable[[Command | ClickRay | Nudge], Awaitable[None]]
 
 
 class Surface(Protocol):
-    """What is pointed at: a `SceneView` or a `MapView`."""
+    """The thing that participants point at: a `SceneView` or a `MapView`."""
 
     advice: str
-    """How to look around."""
+    """Advice for participants on looking around."""
     is_map: bool
     """Whether it is a picture from above."""
 
@@ -68,11 +78,11 @@ class PogApp:
 
         Args:
             page: The participant's page.
-            view: What to show first.
-            send: Where commands go, the rays of clicks, and what moves the mark.
+            view: The first view.
+            send: Receives commands, rays of clicks, and moves of the mark.
             surface: The home, or its map.
-            scene_label: What kind of home it is (schematic and invented homes say so), without its name.
-            progress: "Trial 1 of 6".
+            scene_label: Label of the kind of home (for schematic and invented homes), without the home's name.
+            progress: The trial's name, such as "Search 1 of 6".
         """
         self._page, self._send, self._surface = page, send, surface
         self._shown = view
@@ -89,14 +99,14 @@ class PogApp:
         page.button("Confirm the mark", sender(send, Confirm()), color="green")
         self._give_up = page.button(GIVE_UP, sender(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
-        page.listen_to_camera(CameraSamples(send_camera(send)).moved)
+        page.listen_to_camera(CameraSamples(send).moved)
         surface.show_storey(view.storey)
         if view.marker is not None:
             surface.show_mark(view.marker)
         self._draw_status()
 
     def show(self, view: PogView) -> None:
-        """Draws what has changed."""
+        """Draws the changes of the view."""
         before, self._shown = self._shown, view
         if view.storey != before.storey:
             self._surface.show_storey(view.storey)
@@ -128,8 +138,8 @@ class PogApp:
         return press
 
     async def _nudge(self, name: str) -> None:
-        """Moves the mark as it looks on the screen, whichever way the camera looks."""
-        if name not in _SIDES:  # a browser may name any button of a group
+        """Moves the mark in the direction that the screen shows, for any direction of the camera."""
+        if name not in _SIDES:  # a browser may send any name
             return
         right, up = _SIDES[name]
         R_world_camera = viser.transforms.SO3(np.asarray(self._page.client.camera.wxyz, float)).as_matrix()
@@ -164,9 +174,43 @@ class PogApp:
 
 
 def left_text(seconds: int) -> str:
-    """`3 minutes`, `40 seconds`: the coarse time that views have."""
+    """The remaining time of a view in words, such as `3 minutes` or `40 seconds`."""
     return f"{seconds} seconds" if seconds <= 60 else f"{seconds // 60} minutes"
 
 
 def _status_of(view: PogView) -> tuple[bool, bool, int | None]:
     return view.marker is None, view.is_giving_up, view.left_s
+
+
+def click_of(pointed: ClickRay | Nudge, view: PogView, home: Home, *, is_map: bool) -> Click:
+    """The click on the shown storey.
+
+    Args:
+        pointed: A ray, which was sent with the storey that the browser showed then, or a move of the mark.
+        view: The present view.
+        home: The trial's home.
+        is_map: Whether the participant points at the home's map, not at the home.
+    """
+    ray = pointed if isinstance(pointed, ClickRay) else _straight_down(pointed, view, home, is_map=is_map)
+    storey = view.storeys.index(ray.storey_y)
+    if is_map:
+        return map_click(home.copies.maps[storey], ray)
+    return Click(ray, home.pog_scene.hit(storey, ray.origin, ray.direction))
+
+
+def _straight_down(nudge: Nudge, view: PogView, home: Home, *, is_map: bool) -> ClickRay:
+    """The ray from above through the moved mark, or through the middle of a storey that has no mark."""
+    floor_y = view.storeys[view.storey]
+    cut = home.copies.cuts[view.storey]
+    x, z = home.copies.middle(view.storey)
+    is_on_storey = view.marker is not None and cut.bottom_y <= view.marker[1] <= cut.top_y
+    if view.marker is not None and is_on_storey:
+        x, z = view.marker[0] + nudge.x_m, view.marker[2] + nudge.z_m
+    origin: Vector3 = (x, floor_y + _ABOVE_MAP if is_map else cut.top_y - _UNDER_CUT, z)
+    return ClickRay(
+        origin=origin,
+        direction=(0.0, -1.0, 0.0),
+        camera_position=origin,
+        camera_wxyz=_WXYZ_DOWN,
+        storey_y=floor_y,
+    )

@@ -1,6 +1,6 @@
-"""One participant at one browser connection: trials, and what is said between them. The session's own thread.
+"""One participant at one browser connection: trials and the cards between them, on a thread of its own.
 
-Nothing but the connection lives here: pages and trials are rebuilt from what is stored whenever a browser comes.
+Only the connection lives here: pages and trials are rebuilt from the stored records whenever a browser comes.
 """
 
 import contextlib
@@ -16,19 +16,17 @@ import viser
 from human_study.design.plan import StudyPlan
 from human_study.design.study import StudyConfig
 from human_study.journey import AssignedTrial, Person, trial_name
-from human_study.store.stages import has_reached, last_detail
+from human_study.store.record_types import has_reached, last_detail
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
-from human_study.texts.participants import practice_text
+from human_study.texts.participants import leave_text, practice_text
 
 from ..gateway.device import IN_3D
-from ..home.home import Home
-from ..home.homes import HomeLibrary
+from ..home.homes import Home, HomeLibrary
 from ..page_script import KeyAction, PageMessages
 from ..store_link import StoreLink
-from .cards import lost_picture_card
+from .cards import TrialCards, lost_picture_card, paused_card
 from .desk import Desk, GoneError, Item, Signal, WithdrawnError
-from .pages import TrialPages
 from .panels import Page
 from .play import TrialPlay
 
@@ -36,17 +34,12 @@ _KEYS: dict[str, tuple[KeyAction, ...]] = {
     "paper4": ("forward", "left", "right", "stop"),
     "paper6": ("forward", "left", "right", "look_up", "look_down", "stop"),
 }
-"""What PAN participants have keys for."""
-_ON_LEAVE = {
-    "delete": "What you did in your searches will be deleted and cannot be brought back.",
-    "keep": "What you did so far will be kept without your name. Nothing more will be asked of you.",
-}
-"""What happens to the data of somebody who withdraws (`privacy.on_withdraw`)."""
+"""Actions for which PAN participants have keys, by the study's set of actions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """What all seats of a worker share."""
+    """The study, its plan and its homes, shared by all seats of a worker."""
 
     config: StudyConfig
     plan: StudyPlan
@@ -73,10 +66,10 @@ class Seat:
         Args:
             client: The connection.
             code: The participant.
-            link: To the store.
-            study: What all seats share.
-            connection: The gateway's number of it: of a participant's connections the one with the highest is the
-                newest, whichever comes first to what it waits for.
+            link: The link to the store.
+            study: The study that all seats share.
+            connection: The gateway's number of the connection. A participant's connection with the highest number is
+                the newest, even if an older one gets ahead of it.
             took_over: Whether another tab of the participant was still open.
         """
         self.code, self.connection = code, connection
@@ -85,15 +78,15 @@ class Seat:
         self._desk = Desk(Page(client), code)
         self._desk.on_keys = self._keep_keys
         self._was_paused = False
-        self._pages = TrialPages(self._desk, link, study.config)
+        self._pages = TrialCards(self._desk, link, study.config)
         threading.Thread(target=self._run, daemon=True, name=f"seat-{code}").start()
 
     def leave(self) -> None:
-        """The browser is gone: the thread ends after what it is doing."""
+        """Tells the seat that the browser is gone; the thread ends after its present work."""
         self._desk.put(Item(Signal.GONE))
 
     def supersede(self) -> None:
-        """A newer tab drives: this page says so and ends."""
+        """Tells the seat that a newer tab took over; this page says so and ends."""
         self._desk.put(Item(Signal.SUPERSEDED))
 
     def _run(self) -> None:
@@ -118,10 +111,10 @@ class Seat:
         messages = PageMessages(self._client, self._desk.heard, actions=actions)
         self._desk.own_keys = last_detail(person.stages, "keys_changed")
         messages.begin(self._desk.own_keys)
-        self._desk.page.tools(has_keys=bool(actions), on_leave=_ON_LEAVE[self._study.config.privacy.on_withdraw])
+        self._desk.page.tools(has_keys=bool(actions), on_leave=leave_text(self._study.config))
 
     def _until_stored(self, work: Callable[[], None]) -> None:
-        """Does the work; when the store cannot write, the page waits, and all is rebuilt from what is stored."""
+        """Does the work. While the store cannot write, the page waits; then all is rebuilt from the stored records."""
         while True:
             try:
                 work()
@@ -129,11 +122,10 @@ class Seat:
             except StoreFullError as error:
                 print(f"personal-viz: {error}", file=sys.stderr)
                 self._was_paused = True
-                text = "Nothing that you did is lost. Please try again in a minute."
-                self._desk.ask("The study is paused", text, "Try again")
+                self._desk.choose(paused_card())
 
     def _lead(self) -> None:
-        """Trials until another page comes: the gateway has that one."""
+        """Leads through trials until another page comes next, which the gateway has."""
         self._pages.welcome_back()
         while True:
             person = self._person()
@@ -152,13 +144,13 @@ class Seat:
                 self._play(due)
 
     def _load_again(self) -> None:
-        """Only a page that is loaded again draws in 3-D again; the connection ends with the old one."""
+        """Asks the participant to load the page again, without which it cannot draw in 3-D; ends this connection."""
         self._desk.choose(lost_picture_card())
         self._desk.reload()
         self._until_gone()
 
     def _go_on(self) -> None:
-        """What comes next is no part of viser's: the browser opens the page that the gateway has."""
+        """Makes the browser open the gateway's next page, which is not part of viser."""
         self._desk.go_on()
         self._until_gone()
 
@@ -171,9 +163,9 @@ class Seat:
         self._desk.go_on()
 
     def _play(self, place: AssignedTrial) -> None:
-        """One trial to its stored outcome, then a word on it."""
+        """Plays one trial to its stored outcome, then shows the card after it."""
         with self._study.homes.use(place.key.scene) as home:
-            self._desk.require_here()  # nobody's trial begins: the page may have been left while the home was opened
+            self._desk.require_here()  # no trial begins if the page was left while the home was opened
             trial = self._link.open_trial(self.code, place.order_no, connection=self.connection)
             progress = trial_name(self._person(), place)
             # time in which the study was not served, or could not store, is not the participant's absence
@@ -185,7 +177,7 @@ class Seat:
             finally:
                 self._took_over = False
                 play.leave()
-        self._link.next_trial(self.code)  # gives out what comes next, if anything: the pages before it know of it then
+        self._link.next_trial(self.code)  # assigns the next trial, if any, so that the pages before it know of it
         self._warm_next(self._person())
         if not self._desk.has_lost_picture:
             is_practice = place.phase == "practice"

@@ -28,7 +28,7 @@
   const explain = (status, otherwise) => {
     message.textContent =
       { 429: "Too many tries from here. Please wait a minute, then open your link again.",
-        503: "The study cannot take you just now. Nothing is lost: please open your link again in some minutes." }[status]
+        503: "The study cannot be opened just now. Nothing is lost: please open your link again in a few minutes." }[status]
       || otherwise;
   };
 
@@ -69,7 +69,7 @@
       window.location.replace((await reply.json()).page);
       return true;
     }
-    explain(reply.status, "This link is not known. Please check that you opened all of it.");
+    explain(reply.status, "This link is not known. Please check that you copied all of it.");
     return reply.status !== 401;
   };
 

@@ -272,7 +272,7 @@
     if (code === 'Escape') { drawDialog(''); return; }
     const taken = actionOf(code);
     if (!/^(Key[A-Z]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)$/.test(code))  // digits answer questions
-      drawDialog('This key cannot be used. Take a letter, an arrow, Space or Enter.');
+      drawDialog('This key cannot be used. Choose a letter, an arrow, Space or Enter.');
     else if (taken && taken !== action) drawDialog('This key is already used for: ' + NAMES[taken] + '.');
     else { state.own = { ...state.own, [action]: code }; drawDialog('Saved.'); tellKeys(); }
     const back = dialog.querySelector('[data-key="' + action + '"]');

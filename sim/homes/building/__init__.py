@@ -1,1 +1,1 @@
-"""Plan to triangles: walls, floors, stairs, windows, textures and soft light."""
+"""Turns plans into triangles: walls, floors, stairs, windows, textures and soft light."""

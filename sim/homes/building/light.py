@@ -1,37 +1,101 @@
-"""Soft light on a home: sky and sun by direction, darker where something is near, warmer near lamps; baked once.
+"""Bakes soft light on a home: sky and sun by direction, darker where something is near, warmer near lamps.
 
-No shadows with edges: what hides the sky counts less the farther it is, up to a reach. Kept in the cache folder.
+No shadow has an edge: the farther a thing is, the less of the sky it hides, up to a reach. Light is kept in the cache
+folder. Embree's packets are traced in a compiled loop that adds up their hits. Where packets cannot be used, the
+Raycaster is, which is several times slower.
 """
 
 import hashlib
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.cache import cached_bytes
-from sim.render.raycast import Raycaster
+from sim.compiled import njit
+from sim.render.embree import EmbreeScene, new_packet, trace
+from sim.render.raycast import Raycaster, chosen_backend, own_cores
 
 from ..plan import HOMES_VERSION
-from .patches import Patches
-from .sky_rays import Surroundings
+from .patches import Patches, bare_mesh
 
 DARKEST = 0.35
-"""No surface is darker than this share of its colour."""
+"""Least light on a surface, as a share of its colour."""
 _LIFT = 0.012
 """Rays start this far in front of the surface (metres)."""
 _ASIDE = (0.07, 0.15)
-"""Distances at which light is looked for instead (metres)."""
+"""A place inside something takes the light of places this far beside it (metres)."""
 _SUN = np.array([0.55, 0.65, 0.30]) / np.linalg.norm([0.55, 0.65, 0.30])
 _SKY, _SUNLIGHT, _BOUNCE = 0.86, 0.15, 0.10
 _HIDDEN = 0.85
-"""What is hidden from all sides has lost this share of its light."""
+"""Share of its light that a place loses when it is hidden from all sides."""
 _LAMP, _LAMP_RGB = 0.34, np.array([1.0, 0.92, 0.76])
 _LAMP_HALF = 0.9
 """Distance at which a lamp is half as bright (metres)."""
 _LAMP_REACH = 4.0
 _LAMP_SIZE = 0.3
-"""What is this near to the bulb is its own shade and casts no shadow (metres)."""
+"""Things this near to the bulb are its own shade and cast no shadow (metres)."""
+_REACH = 1.5
+"""Things farther away hide no light (metres)."""
+_NEAR, _CONTACT = 0.3, 0.3
+"""Things nearer than _NEAR (metres) hide more, by the share _CONTACT, so that furniture stands on its floor."""
+_NUM_RAYS = 32
+_INSIDE = 0.5
+"""A place is inside something if more than this share of its rays meet back sides."""
+_CHUNK = 1 << 12
+
+_Sky = tuple[NDArray[np.float64], NDArray[np.bool_]]
+"""Share of the sky that is hidden, 0 to 1, and whether the place is inside something; (N,) each."""
+
+
+class _Surroundings:
+    """All quads (Q, 4, 3) of a home, as things that hide light."""
+
+    def __init__(self, corners: NDArray[np.float64]) -> None:
+        self._mesh = bare_mesh(corners)
+        self._normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        backend = chosen_backend()
+        self._width = backend.packet_width
+        self._scene = EmbreeScene(self._mesh.vertices, self._mesh.faces) if backend.name == "embree" else None
+
+    @cached_property
+    def caster(self) -> Raycaster:
+        """A raycaster for single rays."""
+        return Raycaster(self._mesh)
+
+    def sky(self, points: NDArray[np.float64], frames: NDArray[np.float64]) -> _Sky:
+        """The share of the sky that is hidden from each place; things far away hide less.
+
+        Args:
+            points: (N, 3) places just in front of surfaces.
+            frames: (N, 3, 3) matrices whose rows are two tangents and the normal.
+        """
+        hidden, is_inside = np.zeros(len(points)), np.zeros(len(points), bool)
+
+        def fill(begin: int) -> None:
+            here = slice(begin, begin + _CHUNK)
+            hidden[here], is_inside[here] = self._sky(points[here], frames[here])
+
+        with ThreadPoolExecutor(own_cores()) as pool:
+            list(pool.map(fill, range(0, len(points), _CHUNK)))
+        return hidden, is_inside
+
+    def _sky(self, points: NDArray[np.float64], frames: NDArray[np.float64]) -> _Sky:
+        directions = _hemisphere(_NUM_RAYS)
+        if self._scene is not None:
+            hidden, is_inside = np.zeros(len(points)), np.zeros(len(points), bool)
+            origins, axes, local = (np.ascontiguousarray(array, np.float32) for array in (points, frames, directions))
+            _trace_sky(self._scene.incoherent, new_packet(self._width), origins, axes, local, hidden, is_inside)
+            return hidden, is_inside
+        rays = (directions @ frames).reshape(-1, 3)
+        hits = self.caster.cast(np.repeat(points, _NUM_RAYS, axis=0), rays)
+        far, near = (np.minimum(hits.range_m, reach) / reach for reach in (_REACH, _NEAR))
+        weight = (1 - _CONTACT) * (1 - far**2) + _CONTACT * (1 - near**2)
+        is_back = (np.einsum("ij,ij->i", self._normals[hits.face_ids // 2], rays) > 0) & (hits.range_m < _REACH)
+        share = is_back.reshape(-1, _NUM_RAYS).mean(axis=1)
+        return weight.reshape(-1, _NUM_RAYS).mean(axis=1), share > _INSIDE
 
 
 def baked_light(
@@ -40,8 +104,8 @@ def baked_light(
     """Light (S, 3) at the samples of patches: shares of each colour, DARKEST to 1, in steps of 1/255.
 
     Args:
-        corners: (Q, 4, 3) of all quads, which hide light from each other.
-        patches: Where it is wanted.
+        corners: (Q, 4, 3) corners of all quads, which hide light from each other.
+        patches: The patches that need light.
         lamps: Places of bulbs, metres.
     """
     bulbs = np.array(lamps, float).reshape(-1, 3)
@@ -55,8 +119,8 @@ def baked_light(
 
 
 def _light(corners: NDArray[np.float64], patches: Patches, bulbs: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """(S, 3) in steps of 1/255."""
-    around = Surroundings(corners)
+    """Light (S, 3) in steps of 1/255."""
+    around = _Surroundings(corners)
     points, normals = patches.points, patches.normals
     hidden = _hidden(around, patches)
     towards_sun = normals @ _SUN
@@ -67,8 +131,8 @@ def _light(corners: NDArray[np.float64], patches: Patches, bulbs: NDArray[np.flo
     return (np.clip(light, DARKEST, 1) * 255).round().astype(np.uint8)
 
 
-def _hidden(around: Surroundings, patches: Patches) -> NDArray[np.float64]:
-    """(S,) how much of the sky is hidden, 0 to 1; samples inside of something take it from places beside them."""
+def _hidden(around: _Surroundings, patches: Patches) -> NDArray[np.float64]:
+    """Share (S,) of the sky that is hidden, 0 to 1; samples inside something take the share of places beside them."""
     hidden = np.full(len(patches.points), np.nan)
     right, up = _tangents(patches.normals)
     frames, lifted = np.stack([right, up, patches.normals], axis=1), patches.points + _LIFT * patches.normals
@@ -77,7 +141,7 @@ def _hidden(around: Surroundings, patches: Patches) -> NDArray[np.float64]:
         moves = ((0, 0),) if aside == 0 else ((1, 0), (-1, 0), (0, 1), (0, -1))
         total, count = np.zeros(len(left)), np.zeros(len(left))
         for a, b in moves:
-            found, is_inside = around.sky((lifted[left] + aside * (a * right[left] + b * up[left]), frames[left]))
+            found, is_inside = around.sky(lifted[left] + aside * (a * right[left] + b * up[left]), frames[left])
             total += np.where(is_inside, 0, found)
             count += ~is_inside
         done = count > 0
@@ -87,7 +151,7 @@ def _hidden(around: Surroundings, patches: Patches) -> NDArray[np.float64]:
 
 
 def _filled(values: NDArray[np.float64], sample: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The values (S,) with every nan replaced by the mean of those that share a patch with it, or else by 0.5."""
+    """The values (S,), with every nan replaced by the mean of the samples in the same patches, or else by 0.5."""
     for _ in range(2):
         around = values[sample]  # (P, 4)
         known = ~np.isnan(around)
@@ -100,7 +164,7 @@ def _filled(values: NDArray[np.float64], sample: NDArray[np.int64]) -> NDArray[n
 
 
 def _tangents(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two unit vectors (N, 3) each that stand on the normals and on each other."""
+    """Two sets of unit vectors (N, 3), at right angles to the normals and to each other."""
     helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
     right = np.asarray(np.cross(helper, normals), np.float64)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
@@ -110,7 +174,7 @@ def _tangents(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 def _lamp_light(
     caster: Raycaster, points: NDArray[np.float64], normals: NDArray[np.float64], bulb: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(S,) light of one bulb; less with distance, none behind things."""
+    """Light (S,) of one bulb: less with distance, none behind things."""
     away = bulb - points
     distance = np.linalg.norm(away, axis=1)
     facing = np.einsum("ij,ij->i", away, normals) / np.maximum(distance, 1e-6)
@@ -127,3 +191,38 @@ def _lamp_light(
     fade = (1 - distance[near] / _LAMP_REACH) / (1 + (distance[near] / _LAMP_HALF) ** 2)
     light[near] = _LAMP * fade * (0.25 + 0.75 * facing[near]) * reached / 4
     return light
+
+
+def _hemisphere(count: int) -> NDArray[np.float64]:
+    """Directions (count, 3) about +z, evenly spread so that each stands for the same share of diffuse light."""
+    index = np.arange(count) + 0.5
+    radius, angle = np.sqrt(index / count), index * np.pi * (3 - np.sqrt(5))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)], axis=1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _trace_sky(tracer, packets, points, frames, directions, hidden, is_inside):
+    """Fills `hidden` and `is_inside` (N,) for points (N, 3) with frames (N, 3, 3); the rays must fill whole packets."""
+    packet = packets[0]
+    width = len(packet.tfar)
+    for n in range(len(points)):
+        total, num_back = 0.0, 0
+        for first in range(0, len(directions), width):
+            for i in range(width):
+                a, b, c = directions[first + i, 0], directions[first + i, 1], directions[first + i, 2]
+                packet.org_x[i], packet.org_y[i], packet.org_z[i] = points[n, 0], points[n, 1], points[n, 2]
+                packet.dir_x[i] = a * frames[n, 0, 0] + b * frames[n, 1, 0] + c * frames[n, 2, 0]
+                packet.dir_y[i] = a * frames[n, 0, 1] + b * frames[n, 1, 1] + c * frames[n, 2, 1]
+                packet.dir_z[i] = a * frames[n, 0, 2] + b * frames[n, 1, 2] + c * frames[n, 2, 2]
+                packet.tfar[i] = _REACH
+                packet.geom[i] = 0xFFFFFFFF
+            trace(tracer[0], tracer[1], tracer[2], packets.ctypes.data, width)
+            for i in range(width):
+                if packet.geom[i] != 0:
+                    continue
+                far, close = packet.tfar[i] / _REACH, packet.tfar[i] / _NEAR
+                total += (1 - _CONTACT) * (1 - far * far) + _CONTACT * max(0.0, 1 - close * close)
+                along = packet.ng_x[i] * packet.dir_x[i] + packet.ng_y[i] * packet.dir_y[i]
+                num_back += along + packet.ng_z[i] * packet.dir_z[i] > 0
+        hidden[n] = total / len(directions)
+        is_inside[n] = num_back > _INSIDE * len(directions)

@@ -1,8 +1,8 @@
-"""Quads become patches small enough for light that is known at their corners only; between quads.py and light.py.
+"""Cuts quads into patches, small enough for light that is known only at their corners; between quads.py and light.py.
 
-Parts of the house are cut along lines of a lattice that is the same for all quads in a plane. Light is sampled at the
-lattice and blended between, so neighbours agree along their whole edge however their corners lie: no seams.
-Objects are cut evenly, each quad by itself, and sampled at their corners.
+Parts of the house are cut along the lines of a lattice that is the same for all quads in a plane. Light is sampled at
+the lattice and blended between its points, so that neighbours agree along their whole edge and no seam shows. Objects
+are cut evenly, each quad by itself, and sampled at the patches' corners.
 """
 
 from typing import NamedTuple, TypeVar
@@ -10,6 +10,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...mesh import FLAT, TriangleMesh
 from ...scans.equal_rows import numbered
 
 FLOOR_STEP = 0.125
@@ -19,11 +20,11 @@ WALL_STEP = 0.25
 _OBJECT_STEP = 0.4
 """Quads of objects are cut into parts of at most this length (metres)."""
 _INSET = 0.02
-"""Light is sampled this far from a quad's edge, so that what it touches does not hide it (metres)."""
+"""Distance from a quad's edge at which light is sampled, so that things that touch the quad do not hide it (metres)."""
 _THIN = 0.12
-"""Quads of objects that are narrower have the same light across (metres)."""
+"""Quads of objects narrower than this have the same light across their width (metres)."""
 _ALIGNED = 1e-5
-"""Edges along an axis up to this are parallel to it (metres)."""
+"""Edges that deviate from an axis by at most this are parallel to it (metres)."""
 _SAME_PLANE = 1e-3
 _ONE = np.int64(1) << 20
 _Number = TypeVar("_Number", bound=np.generic)
@@ -41,10 +42,10 @@ class Quads(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Parts of quads, and where light must be known for them."""
+    """Parts of quads, and the places where their light is sampled."""
 
     quad: NDArray[np.int64]
-    """(P,) the quad that a patch is part of."""
+    """(P,) index of the quad of each patch."""
     shares: NDArray[np.float64]
     """(P, 4, 2) place of the patch's corners along the first and the second edge of its quad, 0 to 1."""
     corners: NDArray[np.float64]
@@ -54,9 +55,9 @@ class Patches(NamedTuple):
     weights: NDArray[np.float64]
     """(P, 4, 4) share of each sample (last axis) in each corner."""
     points: NDArray[np.float64]
-    """(S, 3) where samples are."""
+    """(S, 3) places of the samples."""
     normals: NDArray[np.float64]
-    """(S, 3) where they look."""
+    """(S, 3) directions in which the samples look."""
 
     def interpolated(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Values (S, K) of samples at the corners of patches, (P, 4, K)."""
@@ -68,19 +69,19 @@ class Patches(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Patches of some of the quads, with a sample for each place."""
+    """Patches of some of the quads, before equal samples are joined."""
 
     quad: NDArray[np.int64]
     shares: NDArray[np.float64]
     corners: NDArray[np.float64]
     weights: NDArray[np.float64]
     points: NDArray[np.float64]
-    """(P, 4, 3), one per sample of a patch."""
+    """(P, 4, 3) places, one per sample of a patch."""
     normals: NDArray[np.float64]
 
 
 def patches_of(quads: Quads) -> Patches:
-    """Cuts quads; the same quads give the same patches, those of the house first."""
+    """The patches of quads, those of the house first; the same quads give the same patches."""
     in_lattice = (quads.instance == 0) & _is_aligned(quads.corners)
     parts = [_lattice_part(quads, np.flatnonzero(in_lattice)), _object_part(quads, np.flatnonzero(~in_lattice))]
     quad, shares, corners, weights, points, normals = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
@@ -91,8 +92,22 @@ def patches_of(quads: Quads) -> Patches:
     )  # fmt: skip
 
 
+def bare_mesh(corners: NDArray[np.float64], instance: NDArray[np.int32] | None = None) -> TriangleMesh:
+    """A mesh of two triangles per quad (Q, 4, 3), in order, without looks; `instance` (Q,) holds object ids."""
+    num = len(corners)
+    faces = (np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(num)[:, None, None]).reshape(-1, 3).astype(np.int32)
+    return TriangleMesh(
+        corners.reshape(-1, 3).astype(np.float32),
+        faces,
+        np.zeros((2 * num, 3), np.uint8),
+        np.zeros(2 * num, np.int32) if instance is None else np.repeat(instance, 2),
+        np.full(2 * num, FLAT, np.int16),
+        np.zeros((2 * num, 3, 2), np.float32),
+    )
+
+
 def _is_aligned(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(Q,) whether a quad is a rectangle whose edges are parallel to two axes."""
+    """Whether each quad is a rectangle whose edges are parallel to two axes, (Q,)."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]
     closes = np.abs(corners[:, 0] + second - corners[:, 3]).max(axis=1) < _ALIGNED
     along = [(np.abs(edge) > _ALIGNED).sum(axis=1) == 1 for edge in (first, second)]
@@ -100,7 +115,7 @@ def _is_aligned(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _counted(rows: NDArray[np.int64], cols: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
-    """(quad, row, col) of each cell of grids of `rows` x `cols` (Q,) cells."""
+    """The quad, row and column of each cell, for one grid of `rows` x `cols` (Q,) cells per quad."""
     number = rows * cols
     quad = np.repeat(np.arange(len(rows)), number)
     at = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number)
@@ -108,19 +123,19 @@ def _counted(rows: NDArray[np.int64], cols: NDArray[np.int64]) -> tuple[NDArray[
 
 
 def _at_corners(first: NDArray[_Number], second: NDArray[_Number]) -> NDArray[_Number]:
-    """(P, 4, 2) at a patch's corners, of ranges (P, 2) along the two edges of its quad."""
+    """Coordinates (P, 4, 2) of patches' corners, from ranges (P, 2) along the two edges of their quads."""
     return np.stack([first[:, [0, 1, 1, 0]], second[:, [0, 0, 1, 1]]], axis=2)
 
 
 def _bilinear(values: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values (P, 4, K) of quads' corners at places (P, C, 2), (P, C, K)."""
+    """Values (P, C, K) at places (P, C, 2), blended from values (P, 4, K) at quads' corners."""
     s, t = shares[..., 0], shares[..., 1]
     weights = np.stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t], axis=2)
     return np.einsum("pcq,pqk->pck", weights, values)
 
 
 def _object_part(quads: Quads, chosen: NDArray[np.int64]) -> _Part:
-    """Quads cut evenly; quads that share a corner and the normal there share its sample."""
+    """Quads cut evenly; quads that share a corner and its normal share its sample."""
     corners = quads.corners[chosen]
     lengths = []
     for a, b, c, d in ((0, 1, 3, 2), (1, 2, 0, 3)):
@@ -144,7 +159,7 @@ def _object_part(quads: Quads, chosen: NDArray[np.int64]) -> _Part:
 
 
 def _distinct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Numbers the different places with normals (P, 4, 3): the first of each, and the number of each, both flat."""
+    """Numbers equal places with equal normals (P, 4, 3): index of the first of each, and each place's number, flat."""
     return numbered(np.concatenate([points * 1e4, normals * 100], axis=2).round().astype(np.int32).reshape(-1, 6))
 
 
@@ -198,10 +213,10 @@ def _lattice_points(
     cell: NDArray[np.int64],
     lines: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Where light is sampled for the four lattice points round each patch, (P, 4, 2) along its quad's two edges.
+    """Places (P, 4, 2), along the quad's two edges, of the samples for the four lattice points round each patch.
 
-    A lattice point outside of the surface is moved to the nearest place inside one of the quads that use it, the same
-    place for all of them.
+    A lattice point outside the surface moves to the nearest place inside one of the quads that use it; all of them use
+    the same place.
     """
     index = _at_corners(cell[:, :1] + np.array([0, 1]), cell[:, 1:] + np.array([0, 1]))  # (P, 4, 2)
     wanted = _at_corners(lines[:, 0], lines[:, 1])

@@ -1,4 +1,4 @@
-"""Collects quads of a finish and makes a TriangleMesh of them: textured, with soft light baked into its vertices."""
+"""Collects quads of shapes and pieces of furniture, and makes a textured TriangleMesh of them with soft baked light."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,36 +7,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...mesh import VERTEX_COLOURS, TriangleMesh
-from ..plan import Finish
+from ..furniture.parts import parts_of
+from ..furniture.shapes import Shape, merged
+from ..plan import Finish, Furniture
 from .light import baked_light
-from .patches import Patches, Quads, patches_of
+from .patches import Patches, Quads, bare_mesh, patches_of
 from .textures import Texture, texture_of
 
-_UNIT_BOX = np.array(
-    [
-        [[-1, 1, -1], [-1, 1, 1], [1, 1, 1], [1, 1, -1]],  # top
-        [[-1, -1, -1], [1, -1, -1], [1, -1, 1], [-1, -1, 1]],  # bottom
-        [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],  # +z
-        [[1, -1, -1], [-1, -1, -1], [-1, 1, -1], [1, 1, -1]],  # -z
-        [[1, -1, 1], [1, -1, -1], [1, 1, -1], [1, 1, 1]],  # +x
-        [[-1, -1, -1], [-1, -1, 1], [-1, 1, 1], [-1, 1, -1]],  # -x
-    ],
-    float,
-)  # (6, 4, 3), counter-clockwise from outside
-_DRUM_SIDES = 10
 _UP = np.array([0.0, 1.0, 0.0])
 _IS_FLOOR = 0.9
-"""A quad of no object that looks up so far is a floor (y of its normal)."""
+"""A quad of the house is a floor if the y of its normal is at least this."""
 
 
 class _Batch(NamedTuple):
-    """What one call added."""
+    """The quads of one call."""
 
     corners: NDArray[np.float64]
     normals: NDArray[np.float64] | None
-    """(N, 4, 3), not unit; None = flat."""
+    """(N, 4, 3), of any length; None = the quads are flat."""
     uv: NDArray[np.float64] | None
-    """(N, 4, 2) metres; None = laid on from the side."""
+    """(N, 4, 2) metres; None = the finish is laid on from the side that each quad faces."""
     finish: Finish
     instance: int
 
@@ -60,12 +50,12 @@ class QuadBuilder:
 
         Args:
             corners: (N, 4, 3) world metres, counter-clockwise from their front. Two equal corners make a triangle.
-            finish: Of all of them.
-            uv: (N, 4, 2) places on the finish in metres, u to the right and v down, wood's grain along u; None = laid
-                on from the side that the quad faces, by world coordinates, so that neighbours in one plane fit
-                together. A picture is fitted to each quad and `uv` only says how it is turned.
-            normals: (N, 3), or (N, 4, 3) per corner, outward vectors that light the quads of objects instead of their
-                own normals, for rounded solids.
+            finish: The finish of all these quads.
+            uv: (N, 4, 2) places on the finish in metres, u to the right and v down, wood's grain along u; None = the
+                finish is laid on from the side that the quad faces, by world coordinates, so that neighbours in one
+                plane fit together. A picture is fitted to each quad, and `uv` only says how it is turned.
+            normals: Outward vectors (N, 3), or (N, 4, 3) per corner, that light the quads of objects instead of the
+                quads' own normals, for rounded solids.
             instance: Object id, 0 = none: floors, walls and other parts of the house.
         """
         quads = np.asarray(corners, np.float64).reshape(-1, 4, 3)
@@ -78,28 +68,11 @@ class QuadBuilder:
             smooth = np.broadcast_to(given.reshape(len(given), -1, 3), quads.shape)
         self._batches.append(_Batch(quads, smooth, places, finish, instance))
 
-    def add_box(
-        self,
-        centre: ArrayLike,
-        size: ArrayLike,
-        *,
-        finish: Finish,
-        yaw: float = 0.0,
-        is_round: bool = False,
-        instance: int = 0,
-    ) -> None:
-        """A box (or an upright drum) with its centre and its extents (3,) along its own axes, turned by `yaw`."""
-        corners = _drum() if is_round else _UNIT_BOX
-        local = corners * np.asarray(size, float) / 2
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        turned = local @ np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]).T
-        self.add_quads(turned + np.asarray(centre, float), finish, uv=_planar_uv(local), instance=instance)
-
     def mesh(self, *, lamps: Sequence[tuple[float, float, float]] = ()) -> TriangleMesh:
         """Everything added so far as triangles with one texture per finish, and light.
 
         Args:
-            lamps: World places of light bulbs; what is near them and faces them is lighter and warmer.
+            lamps: World places of light bulbs; surfaces near them that face them are lighter and warmer.
 
         Returns:
             Large quads are split where light changes. `vertex_rgb` is the light on textured faces and the lit colour
@@ -119,13 +92,19 @@ class QuadBuilder:
         is_floor = (quads.instance == 0) & (quads.normals[:, 0, 1] > _IS_FLOOR)
         looks = list(dict.fromkeys(batch.finish for batch in batches))
         number = {finish: index for index, finish in enumerate(looks)}
-        look = _look(looks, np.repeat([number[batch.finish] for batch in batches], counts), uv, is_floor)
+        look = _surfaces(looks, np.repeat([number[batch.finish] for batch in batches], counts), uv, is_floor)
         patches = patches_of(quads)
         light = patches.interpolated(baked_light(quads.corners, patches, lamps=lamps))
         return _triangles(quads, look, patches, light)
 
+    def bare_mesh(self) -> TriangleMesh:
+        """Everything added so far as triangles with object ids, without looks and light."""
+        counts = [len(batch.corners) for batch in self._batches]
+        instance = np.repeat(np.array([batch.instance for batch in self._batches], np.int32), counts)
+        return bare_mesh(np.concatenate([batch.corners for batch in self._batches]), instance)
+
     def _normals(self) -> NDArray[np.float64]:
-        """(Q, 4, 3) unit vectors: those given, or else the quads' own."""
+        """Unit vectors (Q, 4, 3): the given normals, or else the quads' own."""
         corners = np.concatenate([batch.corners for batch in self._batches])
         normals = np.repeat(_crossed(corners)[:, None], 4, axis=1)
         first = 0
@@ -137,8 +116,55 @@ class QuadBuilder:
         return np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), _UP)
 
 
-class _Look(NamedTuple):
-    """What each quad looks like before it is lit."""
+class Spot(NamedTuple):
+    """The place of a thing, a right-handed frame: on a wall, x runs along the wall, y up, and z out of the wall."""
+
+    origin: NDArray[np.float64]
+    """(3,) world metres."""
+    yaw: float
+    """Turn in radians about +y; at 0 the axes are the world's."""
+
+    def world(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World place (3,) of a point (3,) in the spot's frame."""
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        x, y, z = point
+        return self.origin + np.array([cos * x + sin * z, y, -sin * x + cos * z])
+
+
+def spot_on_wall(start: NDArray[np.float64], out: NDArray[np.float64], y: float) -> Spot:
+    """A spot at height `y` over (x, z) `start`, whose z looks along the level direction `out`; both (2,)."""
+    return Spot(np.array([start[0], y, start[1]]), float(np.arctan2(out[0], out[1])))
+
+
+def add_shapes(builder: QuadBuilder, spot: Spot, finish: Finish, *shapes: Shape, instance: int = 0) -> None:
+    """Adds shapes of the spot's own frame, all of one finish."""
+    placed = merged(shapes).turned("y", spot.yaw)
+    builder.add_quads(placed.corners + spot.origin, finish, uv=placed.uv, normals=placed.normals, instance=instance)
+
+
+def add_piece(builder: QuadBuilder, piece: Furniture, *, instance: int) -> None:
+    """Adds a piece at its place: its middle at `piece.centre`, its front turned from +z by `piece.yaw` about +y.
+
+    Args:
+        builder: Gets one batch of quads for each of the piece's finishes.
+        piece: The piece, with its place, size and look.
+        instance: Object id of all its quads.
+    """
+    by_finish: dict[Finish, list[Shape]] = {}
+    for part in parts_of(piece):
+        by_finish.setdefault(part.finish, []).append(part.shape)
+    spot = Spot(np.array(piece.centre) - [0.0, piece.size[1] / 2, 0.0], piece.yaw)
+    for finish, shapes in by_finish.items():
+        add_shapes(builder, spot, finish, *shapes, instance=instance)
+
+
+def floor_uv(quads: NDArray[np.floating], *, is_deep: bool) -> NDArray[np.floating]:
+    """Places (N, 4, 2) on a floor in world metres; its planks run along z where the room is deep, else along x."""
+    return quads[..., [2, 0]] if is_deep else quads[..., [0, 2]]
+
+
+class _Surfaces(NamedTuple):
+    """The look of each quad, before it is lit."""
 
     texture: NDArray[np.int16]
     """(Q,) index into `images`, or VERTEX_COLOURS."""
@@ -149,16 +175,16 @@ class _Look(NamedTuple):
     images: tuple[NDArray[np.uint8], ...]
 
 
-def _look(
+def _surfaces(
     finishes: list[Finish], which: NDArray[np.int64], uv: NDArray[np.float64], is_floor: NDArray[np.bool_]
-) -> _Look:
-    """One image for each of the finishes that shows one, and one more where it is walked on.
+) -> _Surfaces:
+    """The look of each quad, with one image for each finish that has one, and another where people walk on it.
 
     Args:
-        finishes: All that occur.
-        which: (Q,) index of each quad's.
-        uv: (Q, 4, 2) metres; changed into shares.
-        is_floor: (Q,).
+        finishes: All finishes.
+        which: (Q,) index of each quad's finish.
+        uv: (Q, 4, 2) metres; changed into shares of the image.
+        is_floor: (Q,) whether people walk on the quad.
     """
     images: list[NDArray[np.uint8]] = []
     numbers: dict[int, int] = {}
@@ -175,7 +201,7 @@ def _look(
         if number == len(images):
             images.append(found.image)
         texture[group], uv[group] = number, _shares(uv[group], found)
-    return _Look(texture, uv, rgb, tuple(images))
+    return _Surfaces(texture, uv, rgb, tuple(images))
 
 
 def _shares(uv: NDArray[np.float64], texture: Texture) -> NDArray[np.float64]:
@@ -186,7 +212,7 @@ def _shares(uv: NDArray[np.float64], texture: Texture) -> NDArray[np.float64]:
     return (uv - low) / np.maximum(high - low, 1e-9)
 
 
-def _triangles(quads: Quads, look: _Look, patches: Patches, light: NDArray[np.float64]) -> TriangleMesh:
+def _triangles(quads: Quads, look: _Surfaces, patches: Patches, light: NDArray[np.float64]) -> TriangleMesh:
     """Two triangles per patch, cut along the diagonal on which light changes less; light is (P, 4, 3)."""
     num, of = len(patches.quad), patches.quad
     rgb = np.where((look.texture[of] == VERTEX_COLOURS)[:, None, None], look.rgb[of][:, None], 255.0) * light
@@ -218,12 +244,12 @@ def _bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def _crossed(quads: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) normals of quads, as long as twice their area."""
+    """Normals (N, 3) of quads, as long as twice the quads' area."""
     return np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
 
 
 def _planar_uv(quads: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 4, 2) metres to the right and down on each quad, seen from the axis that it faces most."""
+    """Places (N, 4, 2) in metres to the right and down on each quad, seen along the axis that it faces most."""
     normal = _crossed(quads)
     axis = np.abs(np.round(normal, 12)).argmax(axis=1)
     sign = np.where(normal[np.arange(len(quads)), axis] < 0, -1.0, 1.0)[:, None]
@@ -231,13 +257,3 @@ def _planar_uv(quads: NDArray[np.float64]) -> NDArray[np.float64]:
     right = np.select([(axis == 0)[:, None], (axis == 1)[:, None]], [-sign * z, x], sign * x)
     down = np.where((axis == 1)[:, None], sign * z, -y)
     return np.stack([right, down], axis=2)
-
-
-def _drum() -> NDArray[np.float64]:
-    """Sides and lids of an upright drum in the box [-1, 1]^3; (S + 2 * (S / 2 - 1), 4, 3)."""
-    angle = -np.arange(_DRUM_SIDES + 1) * 2 * np.pi / _DRUM_SIDES
-    ring = np.stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)], axis=1)
-    top, bottom = ring + _UP, ring - _UP
-    sides = np.stack([bottom[:-1], bottom[1:], top[1:], top[:-1]], axis=1)
-    fan = [[0, k, k + 1, k + 2] for k in range(1, _DRUM_SIDES - 2, 2)]
-    return np.concatenate([sides, top[fan], bottom[fan][:, ::-1]])

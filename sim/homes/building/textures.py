@@ -1,6 +1,6 @@
-"""Images of what surfaces are made of: `Finish` -> a small texture that repeats without a seam; read by quads.py.
+"""Images of surfaces: `Finish` -> a small texture that repeats without a seam; read by quads.py.
 
-A texture is the pattern's colours (texture_patterns.py) times the material's detail (texture_materials.py), shifted so
+A texture is the pattern's colours (patterns.py) times the material's detail (materials.py), shifted so
 that its mean is the finish's colour. Everything follows from the finish alone.
 """
 
@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 
 from ...words.finishes import Material, Pattern, Rgb
 from ..plan import Finish
-from .texture_materials import Metres, Shape, detail_of
-from .texture_patterns import painted, pattern_weights
+from .materials import Metres, Shape, detail_of
+from .patterns import painted, pattern_weights
 
 _SHEEN = np.float32(36)
-"""Detail shows on black as on this grey (levels), or it would vanish."""
+"""Strength of detail on black (levels), where it would otherwise vanish."""
 _WITH_DETAIL = np.float32(10), np.float32(245)
-"""Colours nearer to black or white than this (levels) would leave no room for detail."""
+"""Darkest and lightest colours (levels) that leave room for detail."""
 _STEEL_FROM = 90
 """Grey metal at least this light (levels) is brushed steel; darker or coloured metal is painted and smooth."""
 _THROUGH_PAINT = np.float32(0.4)
 """Share of the grain that shows on painted wood."""
 _PAINT = 24
-"""Channels of coloured metal differ by more than this (levels)."""
+"""Metal counts as coloured if its channels differ by more than this (levels)."""
 _SIDES: dict[Material, tuple[int, int, float, float]] = {
     # width and height in pixels, width and height in metres, of plain material
     "wood": (128, 128, 0.9, 0.45),
@@ -52,24 +52,24 @@ _USUAL_PATTERN_METRES = 0.48
 
 @dataclass(frozen=True, slots=True)
 class Texture:
-    """An image and how much of a surface it covers."""
+    """An image, and the size of the surface that it covers."""
 
     image: NDArray[np.uint8]
     """(h, w, 3) sRGB, C-contiguous, read-only; repeats without a seam unless it is whole."""
     metres: tuple[float, float]
     """Width and height of the surface that the image covers."""
     rgb: tuple[float, float, float]
-    """Its mean."""
+    """Mean colour of the image."""
     is_whole: bool = False
-    """Whether the image lies once over each face, as a painting does, whatever the face's size."""
+    """Whether the image lies once over each face of any size, as a painting does."""
 
 
 def texture_of(finish: Finish, *, is_floor: bool = False) -> Texture | None:
-    """What a surface looks like from near; None = smooth and of one colour.
+    """The image of a surface seen from near; None = the surface is smooth and of one colour.
 
     Args:
-        finish: What it is made of.
-        is_floor: Whether one walks on it: wood is laid in planks and stone in slabs.
+        finish: Material, pattern and colours.
+        is_floor: Whether people walk on it, so that wood is laid in planks and stone in slabs.
 
     Returns:
         An image of 64 to 256 pixels a side. Its mean is the finish's colour; with a pattern it is between the finish's
@@ -99,7 +99,7 @@ def _made(material: Material, pattern: Pattern, rgb: Rgb, rgb2: Rgb, is_laid: bo
 
 
 def second_colour(finish: Finish) -> Rgb:
-    """The other colour of a pattern: the finish's own, or else a clearly darker or lighter shade."""
+    """The second colour of a pattern: the finish's own, or else a clearly darker or lighter shade."""
     if finish.rgb2 is not None:
         return finish.rgb2
     rgb = np.array(finish.rgb, float)
@@ -131,7 +131,7 @@ def _is_painted(rgb: Rgb) -> bool:
 
 
 def _with_mean(image: NDArray[np.floating], mean: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """The image as bytes whose mean is `mean` (3,), also where bright texels are clipped."""
+    """The image as bytes with the mean `mean` (3,), even where bright texels are clipped."""
     shift = mean - image.mean(axis=(0, 1))
     for _ in range(8):
         error = mean - np.clip(image + shift, 0, 255).mean(axis=(0, 1))

@@ -1,1 +1,1 @@
-"""Clutter: things without a caption, of which real homes are full."""
+"""Clutter: the many things without a caption that fill real homes."""

@@ -1,4 +1,4 @@
-"""Usual things of homes besides captioned ones: by kind of room, with sizes and colours; used for clutter."""
+"""Usual things in homes besides captioned ones, by kind of room, with sizes and colours; used for clutter."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..furniture.appearance import finish_from_text
-from ..furniture.families import Family, look_of, mounting_of
+from ..furniture.families import Family, look_of
 from ..plan import Finish
 
 
@@ -121,13 +121,13 @@ ONCE = (
     "toaster",
     "tv",
 )
-"""Categories of which a room has at most one thing."""
+"""Categories with at most one thing in a room."""
 UNMOVED: tuple[Family, ...] = (
     "stair", "railing", "window", "door", "column", "fireplace", "mantle", "shower", "shower fitting", "glass pane",
     "shutter", "radiator", "tub", "toilet", "sink", "bunk bed", "fan", "ceiling lamp", "electric box", "dial",
     "boiler", "extractor", "counter", "curtain",
 )  # fmt: skip
-"""Families that are part of the house or of its pipes: no further piece is added."""
+"""Families that are part of the house or its pipes, of which clutter adds no piece."""
 
 _WOODS = ("oak", "walnut", "white", "black", "wooden", "grey", "brown")
 _CLOTHS = ("red", "blue", "green", "yellow", "grey", "beige", "purple", "teal", "orange", "pink", "white", "brown")
@@ -154,7 +154,7 @@ _SIZES: Mapping[str, tuple[float, float, float]] = {
 
 
 def household_of(room_name: str) -> Household:
-    """Usual things in a room of this name; of several kinds in its words, the first in order of kinds counts."""
+    """Usual things in a room of this name; if its words name several kinds, the first kind in the table counts."""
     words = room_name.lower().replace("-", " ").split()
     for kind, beginnings in _KIND_WORDS:
         if any(word.startswith(beginning) for word in words for beginning in beginnings):
@@ -164,9 +164,9 @@ def household_of(room_name: str) -> Household:
 
 def drawn_size(category: str, rng: np.random.Generator) -> tuple[float, float, float]:
     """Width, height, depth of a thing of the category in metres, a little larger or smaller than usual."""
-    usual = _SIZES.get(category) or look_of(category)[1]
+    usual = _SIZES.get(category) or look_of(category).size
     scale = rng.uniform(0.82, 1.12, 3)
-    if mounting_of(category) == "floor" and category not in _SIZES:
+    if look_of(category).mounting == "floor" and category not in _SIZES:
         scale = np.full(3, rng.uniform(0.85, 1.05))
     w, h, d = (round(max(0.02, float(value)), 3) for value in np.array(usual) * scale)
     return (w, h, d)
@@ -174,6 +174,6 @@ def drawn_size(category: str, rng: np.random.Generator) -> tuple[float, float, f
 
 def drawn_finish(category: str, rng: np.random.Generator) -> Finish:
     """A usual finish of the category in a random colour."""
-    family = look_of(category)[0]
+    family = look_of(category).family
     words = _CLOTHS if family in _SOFT_FAMILIES else _HARD if family in _MACHINES else _WOODS
     return finish_from_text(f"{words[int(rng.integers(len(words)))]} {category}", category)

@@ -1,4 +1,4 @@
-"""What a caption says about colour, pattern and material, as a `Finish`, and what is usual where it says nothing."""
+"""The `Finish` that a caption describes by colour, pattern and material; the family's usual finish fills the gaps."""
 
 import zlib
 
@@ -6,9 +6,7 @@ from sim.homes.plan import Finish
 from sim.words.finishes import Material, Pattern, Rgb
 
 from ...words.captions import OwnWords, own_words
-from ...words.colours import COLOURS as COLOURS
-from ...words.colours import OF_MATERIAL, WOODS, colours_in
-from ...words.colours import tinted as tinted
+from ...words.colours import COLOURS, OF_MATERIAL, WOODS, colours_in
 from .families import Family, look_of
 
 _WOOD = ("oak", "walnut", "wood", "pine", "cherry", "white", "maple", "teak")
@@ -61,7 +59,7 @@ _USUAL: tuple[tuple[str, Material, tuple[str, ...]], ...] = (
 _BY_FAMILY: dict[str, tuple[Material, tuple[str, ...]]] = {
     name: (material, colours) for names, material, colours in _USUAL for name in names.split("/")
 }
-"""Finishes that are usual for a family; what a caption leaves out comes from here."""
+"""Usual finishes of each family, for colours and materials that a caption does not give."""
 _MATERIAL_WORDS: tuple[tuple[Material, str], ...] = (
     ("wood", " ".join(sorted(WOODS))),
     ("fabric", "fabric cloth velvet wool woolen cotton linen fur"),
@@ -93,27 +91,27 @@ _ONE_MATERIAL: dict[Family, Material] = {
     "clothes": "fabric", "blanket": "fabric", "pillow": "fabric", "bed": "fabric", "fire extinguisher": "plastic",
     "toy": "fabric",
 }  # fmt: skip
-"""Families that are of one material whatever words their captions hold; a bed of wood has its own branch."""
+"""Families that have one material, whatever their captions say; wooden beds have their own branch."""
 _CAN_BE_PATTERNED = (*_SOFT, "tile", "paper", "ceramic", "wicker")
 
 
 def finish_from_text(text: str, category: str, *, seed: str = "") -> Finish:
-    """The finish that a caption describes; what it leaves out is as usual for the category.
+    """The finish that a caption describes; gaps are filled as usual for the category.
 
-    The thing's own attributes count, not those of what else is mentioned: "white sofa with red pillows" and "the white
-    sofa next to a red chair" are white.
+    The thing's own attributes count, not those of other things in the text: "white sofa with red pillows" and "the
+    white sofa next to a red chair" are white.
 
     Args:
-        text: A caption, or anything in English; may be empty.
-        category: The object's category; its own words count where the text names no material or colour.
-        seed: What makes two objects differ of which nothing is known, such as their names.
+        text: A caption, or any English text; may be empty.
+        category: The object's category; its words count where the text names no material or colour.
+        seed: Lets two objects differ if their captions say nothing; for example their names.
     """
-    family, _ = look_of(category)
+    family = look_of(category).family
     digest = zlib.crc32(f"{category}|{text}|{seed}".encode())
     usual = usual_finish(family, digest // 7)
     said = own_words(text, category)
     if family in ("picture", "calendar"):
-        said = said._replace(parts=[])  # frames are no part of the painting
+        said = said._replace(parts=[])  # a frame is not part of the painting
     colours, is_of_part = _colours(said)
     material = _material(family, said, usual)
     pattern = _pattern(family, said, len(colours), material)
@@ -134,7 +132,7 @@ def names_colour(text: str, category: str) -> bool:
 
 
 def _colours(said: OwnWords) -> tuple[list[Rgb], bool]:
-    """Colours in the order in which they count, at most two, and whether the first is that of a part."""
+    """At most two colours, the more important first, and whether the first one is the colour of a part."""
     for with_woods in (False, True):
         for words in (said.noun, said.rest):
             found = colours_in(words, with_woods=with_woods)
@@ -147,7 +145,7 @@ def _colours(said: OwnWords) -> tuple[list[Rgb], bool]:
 
 
 def _material(family: Family, said: OwnWords, usual: Finish) -> Material:
-    """The first material that the caption names for the thing, if such things can be of it."""
+    """The first material that the caption names for the thing, if such things can be made of it."""
     named: list[Material] = [_MATERIALS[word] for word in (*said.noun, *said.rest) if word in _MATERIALS]
     if family == "bed" and "wood" in named and not colours_in(said.noun, with_woods=False):
         return "wood"

@@ -4,7 +4,6 @@ import math
 
 from sim.homes.plan import Finish
 
-from .draft import Builder, Draft
 from .joinery import bar_handle, spread
 from .lofts import SQUARE, ball, cylinder, lathe, ring, stack, tube
 from .palette import (
@@ -20,14 +19,14 @@ from .palette import (
     plain,
     plastic,
 )
-from .shapes import Shape, both, box, four, merged, rounded_box, slab
+from .shapes import Builder, Draft, Shape, both, box, four, merged, rounded_box, slab
 
 _HANDLE = Finish(material="metal", rgb=(150, 154, 160))
 _COPPER = Finish(material="metal", rgb=(184, 108, 66))
 
 
 def refrigerator(piece: Draft) -> None:
-    """Two doors over each other with long handles, or beside each other with a water dispenser; a low freezer's lid."""
+    """Two doors with long handles, stacked, or side by side with a water dispenser; low freezers have a lid."""
     w, h, d = piece.size
     finish, bar = piece.finish, STEEL if is_dark(piece.finish) else _HANDLE
     z, front = d / 2 - 0.045, d / 2 - 0.004
@@ -78,7 +77,7 @@ def oven(piece: Draft) -> None:
 
 
 def stove(piece: Draft) -> None:
-    """An oven under four burners with knobs at the front; low ones are a hob alone."""
+    """An oven under four burners with knobs at the front; low pieces are only a hob."""
     w, h, d = piece.size
     finish, z = piece.finish, d / 2 - 0.045
     top = h - min(0.03, h * 0.2)
@@ -125,7 +124,7 @@ def washing_machine(piece: Draft) -> None:
 
 
 def dishwasher(piece: Draft) -> None:
-    """Its door is down by half, so that racks with plates and cups show."""
+    """A dishwasher with its door half open, so that racks with plates and cups show."""
     w, h, d = piece.size
     finish, side, low = piece.finish, 0.03, h * 0.42
     inner, room = w - 2 * side, h - 0.1 - low

@@ -4,17 +4,16 @@ import math
 
 from sim.homes.plan import Finish
 
-from .draft import Builder, Draft
 from .joinery import tap
 from .lofts import ball, circle, cylinder, lathe, plate, stack, tube
 from .palette import BLACK, CERAMIC, PANE, PANE_SHEEN, STEEL, WHITE, plain, plastic
-from .shapes import Shape, both, box, flat, merged, rounded_box
+from .shapes import Builder, Draft, Shape, both, box, flat, merged, rounded_box
 
 _TILES = Finish(material="tile", rgb=(206, 220, 226))
 
 
 def toilet(piece: Draft) -> None:
-    """A bowl with its seat, the lid up against the tank."""
+    """A bowl with a seat, and the lid up against the tank."""
     w, h, d = piece.size
     white, seat, tank_d = piece.finish, min(0.43, h * 0.56), d * 0.26
     reach, tank_z = d - tank_d * 0.55, -d / 2 + tank_d / 2
@@ -38,7 +37,7 @@ def toilet(piece: Draft) -> None:
 
 
 def tub(piece: Draft) -> None:
-    """A long basin, hollow, with a tap and water in it; on a step where it is a shower's tray."""
+    """A long hollow basin with a tap and water in it; on a step if it is the tray of a shower."""
     w, h, d = piece.size
     rim = min(0.07, w / 8, d / 8)
     a, b = (w - 2 * rim) / w, (d - 2 * rim) / d
@@ -56,7 +55,7 @@ def tub(piece: Draft) -> None:
 
 
 def sink(piece: Draft) -> None:
-    """A wash basin on the wall with a tap and a siphon; high ones stand on a pedestal; steel in kitchens."""
+    """A wash basin on the wall with a tap and a siphon; on a pedestal if it is high, of steel in kitchens."""
     w, h, d = piece.size
     finish, bowl, tap_h = piece.finish, min(0.17, h * 0.55), min(0.16, h * 0.4)
     top, z = h - tap_h, d * 0.06
@@ -95,7 +94,7 @@ def _shower_head(low: float, high: float) -> Shape:
 
 
 def shower(piece: Draft) -> None:
-    """A tray, tiled walls at the back and the left, a pane at the right, a half-open door, a shower head within."""
+    """A tray, tiled walls at the back and the left, a pane at the right, a half-open door, and a shower head inside."""
     w, h, d = piece.size
     tiles = piece.finish if piece.finish.material in ("tile", "stone", "ceramic") else _TILES
     bar, fixed, pane_h = 0.03, w * 0.3, h - 0.16
@@ -117,7 +116,7 @@ def shower(piece: Draft) -> None:
 
 
 def streak(left: float, heights: tuple[float, float], extent: tuple[float, float], z: float) -> Shape:
-    """A slanting band of light on glass, as cartoons draw it, from x = `left`; `extent` is its width and its lean."""
+    """A slanting band of light on glass, as in cartoons, from x = `left`; `extent` is its width and its slant."""
     (low, high), (wide, lean) = heights, extent
     points = [(left, low), (left + wide, low), (left + wide + lean, high), (left + lean, high)]
     return flat(points, z)
@@ -167,7 +166,7 @@ def _soap_shelf(piece: Draft) -> None:
 
 
 def dial(piece: Draft) -> None:
-    """A mixer on the wall: a plate, a round knob with a lever, marks for hot and cold."""
+    """A mixer on the wall: a plate, a round knob with a lever, and marks for hot and cold."""
     w, h, d = piece.size
     piece.add(WHITE, cylinder((0, h / 2, -d / 2), w * 0.48, d * 0.2, sides=18, axis="z"))
     piece.add(STEEL, cylinder((0, h / 2, -d * 0.3), w * 0.24, d * 0.5, top=w * 0.2, sides=12, axis="z"))

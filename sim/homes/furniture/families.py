@@ -1,11 +1,10 @@
-"""Which family draws a category of objects, how large such a thing usually is and where it stands or hangs.
+"""The family, usual size and mounting of each category of objects.
 
-Used by recover, invent and clutter to place pieces, and by parts.py to build them. README.md lists the result and must
-equal `catalogue()`.
+Recovered, invented and cluttered homes place pieces by these; parts.py builds the pieces. README.md lists the table.
 """
 
 from functools import lru_cache
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 Vec = tuple[float, float, float]
 Mounting = Literal["floor", "wall", "ceiling", "on"]
@@ -28,7 +27,7 @@ Family = Literal[
 
 
 class Look(NamedTuple):
-    """How a category usually looks."""
+    """The usual look of a category."""
 
     family: Family
     size: Vec
@@ -163,99 +162,26 @@ _LOOKS: tuple[tuple[str, Look], ...] = (
     ("container/organizer/crate", Look("box", (0.4, 0.32, 0.32))),
     ("box/chest", Look("box", (0.45, 0.35, 0.35))),
 )  # fmt: skip
-_DEFAULT = Look("box", (0.4, 0.4, 0.4))
-_BY_NAME = tuple((name, look) for names, look in _LOOKS for name in names.split("/"))
-
-
-def look_of(category: str) -> tuple[Family, Vec]:
-    """Family and typical (width, height, depth) of a category; unknown ones are a 0.4 m box."""
-    look = _look(category)
-    return look.family, look.size
-
-
-def mounting_of(category: str) -> Mounting:
-    """Where things of a category usually are: on the floor, on a wall, under the ceiling, or on other things."""
-    return _look(category).mounting
-
-
-def is_known(category: str) -> bool:
-    """Whether some family was made for the category; others are drawn as boxes."""
-    return _look(category) is not _DEFAULT
-
-
-def known_words() -> tuple[str, ...]:
-    """All words that some family answers to, in the table's order."""
-    return tuple(name for name, _ in _BY_NAME)
+UNKNOWN = Look("box", (0.4, 0.4, 0.4))
+"""Look of categories without a family of their own."""
+BY_WORDS = tuple((name, look) for names, look in _LOOKS for name in names.split("/"))
+"""Known words of categories with their look, in the order of the table."""
 
 
 @lru_cache(maxsize=4096)
-def _look(category: str) -> Look:
-    """The look whose words are the longest in the category; of equally long ones those that come last in it.
+def look_of(category: str) -> Look:
+    """The usual look of things of a category; things of unknown categories are boxes.
 
-    So a "sink cabinet" is a cabinet, and a "garden chair", which has no line of its own, is a chair.
+    The longest known words in the category count; of equally long words, the last ones. So a "sink cabinet" is a
+    cabinet, and a "garden chair", which has no line of its own, is a chair.
     """
     padded = f" {category.lower().replace('-', ' ').replace('_', ' ')} "
-    whole = [(len(name), at, look) for name, look in _BY_NAME for at in (_place_of_words(padded, name),) if at >= 0]
+    whole = [(len(name), at, look) for name, look in BY_WORDS for at in (_place_of_words(padded, name),) if at >= 0]
     if not whole:  # compounds: "flowerpots", "bathtubs"
-        whole = [(len(name), padded.rfind(name), look) for name, look in _BY_NAME if len(name) > 3 and name in padded]
-    return max(whole, key=lambda found: found[:2])[2] if whole else _DEFAULT
+        whole = [(len(name), padded.rfind(name), look) for name, look in BY_WORDS if len(name) > 3 and name in padded]
+    return max(whole, key=lambda found: found[:2])[2] if whole else UNKNOWN
 
 
 def _place_of_words(padded: str, name: str) -> int:
-    """Where whole words stand last in a text with spaces at both ends; -1 = nowhere. Plurals count."""
+    """Place of the last occurrence of whole words in a text with spaces at both ends; -1 = none. Plurals count."""
     return max(padded.rfind(f" {name} "), padded.rfind(f" {name}s "), padded.rfind(f" {name}es "))
-
-
-RELEASE_CATEGORIES = (
-    "armchair", "backpack", "bag", "balustrade", "bar chair", "basket", "bath cabinet", "bath sink", "bath towel",
-    "bathrobe", "bathroom cabinet", "bathroom counter", "bathroom towel", "bathtub", "bed", "bed sheet", "bed table",
-    "bench", "bicycle", "blanket", "board", "book", "bookshelf", "box", "cabinet table", "calendar", "carpet",
-    "chair", "chest drawer", "chest of drawers", "closet shelf", "cloth", "clothes", "clothes dryer",
-    "clothes hanger rod", "clothes rack", "coffee machine", "coffee table", "computer", "computer chair",
-    "computer desk", "container", "cooker", "couch", "countertop", "crib", "cushion", "decorative plant", "desk",
-    "desk chair", "dining chair", "dining table", "dishwasher", "display cabinet", "drawer", "dresser",
-    "electric box", "exercise bike", "fire extinguisher", "fireplace", "flower vase", "flowerpot", "folding chair",
-    "footrest", "freezer", "furnace", "glass", "handbag", "handrail", "hanger", "hanging clothes", "heater",
-    "iron board", "ironing board", "island", "kitchen appliance", "kitchen cabinet", "kitchen counter",
-    "kitchen island", "kitchen lower cabinet", "kitchen shelf", "lamp", "lamp table", "mantle", "microwave",
-    "mirror", "monitor", "nightstand", "office chair", "ottoman", "oven", "oven and stove", "parapet", "photo",
-    "photo mount", "piano", "picture", "pillow", "plant", "plush toy", "rack", "radiator", "railing", "refrigerator",
-    "refrigerator cabinet", "rug", "shelf", "shower", "shower cabin", "shower dial", "shower glass", "shower rail",
-    "shower soap shelf", "shower tub", "sideboard", "sink", "sink cabinet", "sofa chair", "sofa seat", "sofa set",
-    "spa bench", "speaker", "stair", "stairs railing", "statue", "stool", "stove", "table", "table lamp",
-    "throw blanket", "toilet", "towel", "toy", "tv", "tv stand", "vase", "wardrobe", "washbasin", "washer-dryer",
-    "washing machine", "window glass", "window shutter", "worktop",
-)  # fmt: skip
-"""All categories of goals in the released episodes."""
-_HEADER = """# Furniture
-
-Every object of a schematic or invented home is built from its category, size, finish and caption: `add_piece`
-puts the parts that `parts.parts_of` gives into the world. A family is one way of building; this list says which family
-draws which category. "Also" are further words that the family answers to, in clutter and in invented homes. Sizes are
-typical widths, heights and depths in metres, those of the first category where there are several. What no family
-answers to is drawn as a cardboard box.
-
-The list is made by `sim/homes/furniture/families.py`; a test compares the two. To write it again:
-
-    cd sim/homes/furniture
-    python -c "from sim.homes.furniture.families import catalogue; print(catalogue(), end='')" > README.md
-
-| Family | Categories of the released episodes | Also | Usual size | Where |
-|---|---|---|---|---|
-"""
-_PLACES = {"floor": "floor", "wall": "wall", "ceiling": "ceiling", "on": "on things"}
-
-
-def catalogue() -> str:
-    """The text of README.md: one row per family, in the families' order."""
-    return _HEADER + "".join(_row(family) for family in get_args(Family))
-
-
-def _row(family: Family) -> str:
-    released = [category for category in RELEASE_CATEGORIES if look_of(category)[0] == family]
-    words = [word for word in known_words() if look_of(word)[0] == family]
-    also = [word for word in words if word not in released]
-    first = (released or words)[0]
-    size = " x ".join(f"{value:g}" for value in look_of(first)[1])
-    places = sorted({_PLACES[mounting_of(word)] for word in (released or words)})
-    return f"| {family} | {', '.join(released) or '-'} | {', '.join(also) or '-'} | {size} | {', '.join(places)} |\n"

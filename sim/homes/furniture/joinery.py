@@ -1,14 +1,13 @@
-"""What many pieces share: legs, fronts of doors and drawers with their handles, knobs, taps, rows of books."""
+"""Parts that many pieces share: legs, fronts of doors and drawers with handles, knobs, taps, rows of books."""
 
 import numpy as np
 
 from sim.homes.plan import Finish
 
-from .draft import Draft
 from .families import Vec
 from .lofts import ball, cylinder, tube
 from .palette import BLACK_METAL, SPINES, STEEL, is_dark, plain, plastic
-from .shapes import Shape, box, facets, four, merged, slab
+from .shapes import Draft, Shape, box, facets, four, merged, slab
 
 GAP = 0.008
 """Dark gap around doors and drawers, metres."""
@@ -21,7 +20,7 @@ def legs(size: Vec, height: float, *, side: float, splay: float = 0.0, inset: fl
 
 
 def tapered_leg(top: Vec, foot: Vec, side: float) -> Shape:
-    """A square leg from its top to its foot, which is 0.65 as thick; without ends."""
+    """A square leg from its top to its foot, where it is 0.65 times as thick; its ends are open."""
     rings = [
         [(x + sx * half, y, z + sz * half) for sx, sz in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
         for (x, y, z), half in ((foot, side * 0.325), (top, side * 0.5))
@@ -37,7 +36,7 @@ def feet(size: Vec, height: float, *, inset: float = 0.04) -> Shape:
 
 
 def wooden(finish: Finish, otherwise: Finish) -> Finish:
-    """The finish if it is of wood, metal or plastic, else another one: for legs of upholstered things."""
+    """The finish if it is wood, metal or plastic, else `otherwise`; for legs of upholstered things."""
     return finish if finish.material in ("wood", "metal", "plastic", "wicker") else otherwise
 
 
@@ -47,7 +46,7 @@ def handle_finish(finish: Finish) -> Finish:
 
 
 def bar_handle(centre: Vec, length: float, *, upright: bool) -> Shape:
-    """A square bar that stands off a front, which is 2.5 cm behind its centre."""
+    """A square bar on a front that is 2.5 cm behind the bar's centre."""
     x, y, z = centre
     bar = (0.016, length, 0.012) if upright else (length, 0.016, 0.012)
     away = length / 2 - 0.012
@@ -56,12 +55,12 @@ def bar_handle(centre: Vec, length: float, *, upright: bool) -> Shape:
 
 
 def knob(centre: Vec, radius: float = 0.016) -> Shape:
-    """A round knob; its centre is its radius before the front."""
+    """A round knob; its centre is one radius in front of the front."""
     return ball(centre, (2 * radius, 2 * radius, 2 * radius), sides=6, rings=4)
 
 
 def front(centre: Vec, size: Vec, *, is_framed: bool = False) -> Shape:
-    """The face of a door or drawer, its back open; framed ones have a field that stands back."""
+    """The face of a door or drawer, open at its back; a framed one has a recessed panel."""
     if not is_framed:
         return slab(centre, size, faces="+x-x+y-y+z")
     (x, y, z), (w, h, d) = centre, size
@@ -75,7 +74,7 @@ def front(centre: Vec, size: Vec, *, is_framed: bool = False) -> Shape:
 
 
 def carcass(piece: Draft, low: float, high: float, *, narrower: float = 0.0) -> None:
-    """The corpus behind fronts from `low` to `high` (metres), darker at its front so that gaps show."""
+    """Adds the body behind fronts from `low` to `high` (metres), darker at its front so that gaps show."""
     w, _, d = piece.size
     shape = box((0.0, (low + high) / 2, -0.022), (w - narrower, high - low, d - 0.044))
     piece.add(plain(piece.finish, 0.8), shape)
@@ -84,7 +83,7 @@ def carcass(piece: Draft, low: float, high: float, *, narrower: float = 0.0) -> 
 def drawers(
     piece: Draft, low: float, high: float, *, rows: int = 1, cols: int = 1, is_framed: bool = False, has_knobs: bool
 ) -> None:
-    """Fronts of drawers from `low` to `high` on a corpus whose front is 2 cm behind the box."""
+    """Adds fronts of drawers from `low` to `high`, on a body whose front is 2 cm behind that of the box."""
     w, _, d = piece.size
     step_y, step_x = (high - low) / rows, (w - 2 * GAP) / cols
     aside = step_x * 0.25 if step_x > 0.4 else 0.0
@@ -102,7 +101,7 @@ def drawers(
 def doors(
     piece: Draft, low: float, high: float, *, cols: int = 1, is_framed: bool = True, handle_at: float = 0.5
 ) -> None:
-    """Doors side by side from `low` to `high`, handles beside each other; `handle_at` is their share of the height."""
+    """Adds doors side by side from `low` to `high`, with adjacent handles at the share `handle_at` of their height."""
     w, _, d = piece.size
     step, height = (w - 2 * GAP) / cols, high - low
     for col in range(cols):
@@ -114,7 +113,7 @@ def doors(
 
 
 def tap(piece: Draft, foot: Vec, height: float, reach: float) -> None:
-    """A tap that stands at `foot` and reaches towards +z."""
+    """Adds a tap that stands at `foot` and reaches towards +z."""
     radius = max(0.009, height * 0.06)
     bend = [(0.0, 0.0, 0.0), (0.0, height, 0.0), (0.0, height * 0.97, reach * 0.7), (0.0, height * 0.7, reach)]
     lever = tube([(radius, height * 0.35, 0.0), (radius + 0.05, height * 0.5, 0.0)], radius * 0.7, sides=4)
@@ -122,7 +121,7 @@ def tap(piece: Draft, foot: Vec, height: float, reach: float) -> None:
 
 
 def books(piece: Draft, left: Vec, width: float, height: float, depth: float) -> None:
-    """Upright books from the corner `left` (left, bottom, front) along +x; without backs."""
+    """Adds upright books from the corner `left` (left, bottom, front) along +x, open at their backs."""
     at, rng = 0.0, piece.rng
     while at < width - 0.015:
         thick = min(float(rng.uniform(0.025, 0.055)), width - at)
@@ -134,5 +133,5 @@ def books(piece: Draft, left: Vec, width: float, height: float, depth: float) ->
 
 
 def spread(num: int, width: float) -> list[float]:
-    """Places along x of `num` things that share a width evenly, about its middle."""
+    """Places along x, from the middle, of `num` things that share a width evenly."""
     return [(k + 0.5 - num / 2) * width / num for k in range(num)]

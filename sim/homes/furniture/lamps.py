@@ -4,15 +4,15 @@ import math
 
 from sim.homes.plan import Finish
 
-from .draft import Builder, Draft
 from .lofts import ball, cylinder, lathe, tube
 from .palette import BLACK_METAL, BRASS, DARK_METAL, GLOW, plastic
+from .shapes import Builder, Draft
 
 _SHADE = plastic(246, 232, 200)
 
 
 def _stand_and_shade(piece: Draft) -> tuple[Finish, Finish]:
-    """Metal (or what the caption says) for the stand, and the shade's finish."""
+    """The finish of the stand (metal, unless the caption says otherwise) and of the shade."""
     if piece.finish.material in ("metal", "wood", "ceramic", "stone"):
         return piece.finish, _SHADE
     return (BRASS if piece.rng.random() < 0.4 else DARK_METAL), piece.finish
@@ -21,7 +21,7 @@ def _stand_and_shade(piece: Draft) -> tuple[Finish, Finish]:
 def _shade(
     piece: Draft, finish: Finish, low: float, high: float, radii: tuple[float, float], *, z: float = 0.0
 ) -> None:
-    """A lampshade that is open below and above, and the bulb in it."""
+    """Adds a lampshade that is open below and above, with a bulb in it."""
     r, top = radii
     profile = [(r * 0.97, low + 0.004), (r, low), (top, high), (top * 0.96, high - 0.004), (r * 0.96, low + 0.006)]
     piece.add(finish, lathe(profile, at=(0, 0, z), sides=16))
@@ -29,7 +29,7 @@ def _shade(
 
 
 def floor_lamp(piece: Draft) -> None:
-    """A disc, a pole and a shade, or three feet; low ones are table lamps."""
+    """A pole on a disc or three feet, with a shade; low lamps are table lamps."""
     w, h, d = piece.size
     if h < 0.8:
         table_lamp(piece)
@@ -59,7 +59,7 @@ def table_lamp(piece: Draft) -> None:
 
 
 def ceiling_lamp(piece: Draft) -> None:
-    """A cord and a wide shade, or arms with candles where it is a chandelier."""
+    """A cord and a wide shade, or arms with candles if it is a chandelier."""
     w, h, d = piece.size
     r = min(w, d) / 2
     is_chandelier = piece.says("chandelier")

@@ -21,7 +21,8 @@ SQUARE = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)])
 def loft(rings: ArrayLike, *, caps: Caps = "none") -> Shape:
     """A skin over rings (M, P, 3); curved where neighbours meet at less than 60 degrees, else with an edge.
 
-    The outside is where the rings run counter-clockwise as seen from the last one. `caps` fill the first or last ring.
+    The skin faces outwards if the rings run counter-clockwise as seen from the last one. `caps` fill the first or last
+    ring.
     """
     rings = np.asarray(rings, float)
     shapes = [Shape(*loft_quads(np.ascontiguousarray(rings), _SMOOTH))]
@@ -33,7 +34,7 @@ def loft(rings: ArrayLike, *, caps: Caps = "none") -> Shape:
 
 
 def circle(sides: int, *, power: float = 2.0) -> NDArray[np.float64]:
-    """(P, 2) points (x, z) of the unit circle, counter-clockwise from above; a power above 2 makes it squarer."""
+    """Points (x, z) of the unit circle, (P, 2), counter-clockwise from above; a power above 2 makes it squarer."""
     angle = np.arange(sides) * 2 * np.pi / sides
     cos, sin = np.cos(angle), np.sin(angle)
     return np.stack([np.sign(cos) * np.abs(cos) ** (2 / power), -np.sign(sin) * np.abs(sin) ** (2 / power)], axis=1)
@@ -52,11 +53,11 @@ def lathe(
     """An upright turned shape.
 
     Args:
-        profile: (radius, height) from the bottom's outside on; may turn back inside, as in a bowl.
-        scale: Metres for a radius and a height of 1.
-        at: Foot of its axis.
-        sides: Corners of each ring.
-        depth: Extent along z as a share of that along x.
+        profile: (radius, height) from the outside of the bottom onwards; may turn back inside, as in a bowl.
+        scale: Metres for a radius of 1 and for a height of 1.
+        at: Foot of the axis.
+        sides: Number of corners of each ring.
+        depth: Extent along z as a share of the extent along x.
         power: 2 = round, 4 and more = a rounded square.
         caps: Which ends are filled.
     """
@@ -71,7 +72,7 @@ def stack(outline: NDArray[np.float64], size: Point, levels: Sequence[Level], *,
     Args:
         outline: (x, z) from -1 to 1.
         size: Width and depth in metres at a share of 1.
-        levels: Height, shares of the width and of the depth, and z of the middle.
+        levels: Height, share of the width, share of the depth, and z of the middle of each copy.
         caps: Which ends are filled.
     """
     return loft([_level(outline, size, level) for level in levels], caps=caps)
@@ -91,7 +92,7 @@ def _level(outline: NDArray[np.float64], size: Point, level: Level) -> NDArray[n
 def cylinder(
     foot: Vec, radius: float, height: float, *, top: float | None = None, sides: int = 10, axis: str = "y"
 ) -> Shape:
-    """A cylinder from its foot along an axis, or a cone's stump with another radius at its far end."""
+    """A cylinder from its foot along an axis, or a truncated cone with the radius `top` at its far end."""
     skin = lathe([(radius, 0.0), (radius if top is None else top, height)], sides=sides, caps="both")
     turn = {"x": ("z", -np.pi / 2), "y": ("y", 0.0), "z": ("x", np.pi / 2)}[axis]
     return skin.turned(*turn).moved(*foot)
@@ -106,7 +107,7 @@ def ball(centre: Vec, size: Vec, *, sides: int = 8, rings: int = 5, low: float =
 
 
 def tube(points: Sequence[Vec], radius: float | Sequence[float], *, sides: int = 6, is_closed: bool = False) -> Shape:
-    """A round bar along points; with one radius or one per point."""
+    """A round bar along points, with one radius for all points or one per point."""
     path = np.asarray(points, float)
     if is_closed:
         path = np.concatenate([path, path[:1]])
@@ -136,7 +137,7 @@ def ring(centre: Vec, radius: float, thickness: float, *, axis: str = "z", sides
 
 
 def sheet(points: ArrayLike) -> Shape:
-    """A curved sheet through a grid of points (R, C, 3), lit on the side where row x column points; seen from both."""
+    """A curved sheet through points (R, C, 3), seen from both sides, lit on the side of its axes' cross product."""
     grid = np.asarray(points, float)
     normals = _unit(_cross(np.gradient(grid, axis=0), np.gradient(grid, axis=1)))
     along = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).max(axis=1 - axis) for axis in (0, 1)]
@@ -151,7 +152,7 @@ def sheet(points: ArrayLike) -> Shape:
 
 
 def cushion(centre: Vec, size: Vec, *, cells: int = 5, fullness: float = 0.55) -> Shape:
-    """A pillow: thick in the middle, thin at its four sides; lies flat, `size` along x, y, z."""
+    """A pillow that lies flat, thick in the middle and thin at its four sides; `size` is along x, y, z."""
     t = np.sin(np.linspace(-1, 1, cells + 1) * np.pi / 2)
     x, z = np.meshgrid(t, t)
     drawn_in = 1 - 0.07 * (1 - np.stack([z, x], axis=2) ** 2)  # sides between the corners are drawn in
@@ -163,7 +164,7 @@ def cushion(centre: Vec, size: Vec, *, cells: int = 5, fullness: float = 0.55) -
 
 
 def curtain(centre: Vec, size: Vec, *, folds: int = 5, gather: float = 0.0, per_fold: int = 4) -> Shape:
-    """Hanging cloth in folds, `size` along x, y, z; `gather` (0-1) draws its middle height together."""
+    """Hanging cloth in folds, `size` along x, y, z; `gather` (0-1) draws it together at half its height."""
     w, h, d = size
     s = np.linspace(-1, 1, folds * per_fold + 1)
     rows = (1.0, 0.62, 0.4, 0.2, 0.0) if gather else (1.0, 0.0)
@@ -191,11 +192,11 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What np.cross gives for vectors of three, in a fifth of its time."""
+    """The cross product of vectors of three, in a fifth of the time of np.cross."""
     (ax, ay, az), (bx, by, bz) = ((v[..., 0], v[..., 1], v[..., 2]) for v in (a, b))
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def _least_along(towards: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The axis that is farthest from all of the directions (M, 3)."""
+    """The axis that is farthest from parallel to all of the directions (M, 3)."""
     return np.eye(3)[int(np.abs(towards).max(axis=0).argmin())]

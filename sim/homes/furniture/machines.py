@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-from .draft import Builder, Draft
 from .lofts import ball, cylinder, lathe, loft, ring, tube
 from .palette import BLACK, BRASS, DARK_METAL, DARK_WOOD, LIT_SCREEN, PAPER, RED, STEEL, WHITE, is_dark, plastic
-from .shapes import both, box, rounded_box, slab
+from .shapes import Builder, Draft, both, box, rounded_box, slab
 
 
 def piano(piece: Draft) -> None:
@@ -67,7 +66,7 @@ def bicycle(piece: Draft) -> None:
 
 
 def exercise_bike(piece: Draft) -> None:
-    """A flywheel in a case, a saddle, handles with a display, pedals, on two cross bars; it looks along +z."""
+    """A flywheel in a case, a saddle, handles with a display, and pedals, on two cross bars; it faces +z."""
     w, h, d = piece.size
     accent = plastic(190, 60, 50) if is_dark(piece.finish) else piece.finish
     end, back, wheel_y, wheel_z, r = d * 0.42, -d * 0.3, h * 0.3, d * 0.2, min(h * 0.22, d * 0.28)
@@ -94,7 +93,7 @@ def exercise_bike(piece: Draft) -> None:
 
 
 def treadmill(piece: Draft) -> None:
-    """A belt between side rails, two posts with a display; one stands on its rear end (-z side is the display)."""
+    """A belt between side rails, and two posts with a display at its -z end; the user steps on at the other end."""
     w, h, d = piece.size
     x = w * 0.45
     piece.add(DARK_METAL, rounded_box((0, 0.09, 0), (w * 0.9, 0.12, d), 0.03))

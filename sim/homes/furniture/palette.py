@@ -1,4 +1,4 @@
-"""Finishes of what is usually the same on all furniture: steel, ceramic, screens, leaves; and shades of a finish."""
+"""Finishes that are usually the same on all furniture (steel, ceramic, screens, leaves), and shades of a finish."""
 
 import numpy as np
 
@@ -44,7 +44,7 @@ FIRE = plastic(240, 140, 40)
 SOOT = plastic(30, 27, 26)
 RED = plastic(200, 40, 36)
 SPINES: tuple[Rgb, ...] = ((158, 58, 48), (54, 88, 136), (196, 160, 84), (74, 118, 78), (112, 78, 122), (60, 62, 70))
-"""Covers of books."""
+"""Colours of book covers."""
 
 
 def shade(finish: Finish, factor: float) -> Finish:
@@ -55,16 +55,16 @@ def shade(finish: Finish, factor: float) -> Finish:
 
 
 def plain(finish: Finish, factor: float = 1.0) -> Finish:
-    """A smooth shade of the finish's first colour: no texture of its own, which would cost an image per shade."""
+    """A smooth shade of the finish's first colour, without a texture, which would cost an image per shade."""
     return Finish(material="plastic", rgb=tinted(finish.rgb, factor))
 
 
 def bedding(rng: np.random.Generator) -> Finish:
-    """What a bed is made with whose own colour is that of its frame."""
+    """A finish of bed linen, for beds whose given colour is the frame's."""
     tones = ((224, 220, 210), (120, 142, 170), (176, 150, 130), (150, 168, 150), (96, 104, 120))
     return fabric(*tones[int(rng.integers(len(tones)))])
 
 
 def is_dark(finish: Finish) -> bool:
-    """Whether light metal shows better on it than dark metal."""
+    """Whether light metal shows better on the finish than dark metal."""
     return sum(finish.rgb) < 330

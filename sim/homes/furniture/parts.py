@@ -22,25 +22,24 @@ from . import (
     things,
     wall_things,
 )
-from .draft import Builder, Draft, Part
 from .families import Vec, look_of
-from .shapes import Shape
+from .shapes import Builder, Draft, Part, Shape
 
 LEAST_SHARE = 0.6
-"""What is smaller than this share of its usual size along an axis is built at its usual size and squeezed."""
+"""A piece smaller than this share of its usual size along an axis is built at the usual size and squeezed."""
 _MODULES = (
     seating, tables, storage, bathroom, appliances, lamps, plants, textiles, wall_things, structure, machines, things,
 )  # fmt: skip
 BUILDERS: dict[str, Builder] = {family: build for module in _MODULES for family, build in module.BUILDERS.items()}
-"""What builds each family."""
+"""The function that builds each family."""
 
 
 def parts_of(piece: Furniture) -> list[Part]:
     """The shapes of one piece, each with its finish; all lie inside its box of width, height and depth (metres).
 
-    Equal pieces give equal parts: what neither category nor caption says follows from the piece's name.
+    Equal pieces give equal parts: details that neither category nor caption gives follow from the piece's name.
     """
-    family, usual = look_of(piece.category)
+    family, usual, _ = look_of(piece.category)
     built_at = _vec(np.where(np.array(piece.size) < LEAST_SHARE * np.array(usual), usual, piece.size))
     words = own_words(piece.caption, piece.category).all | frozenset(re.findall(r"[a-z]+", piece.category.lower()))
     rng = np.random.default_rng(zlib.crc32(piece.name.encode()))
@@ -51,7 +50,7 @@ def parts_of(piece: Furniture) -> list[Part]:
 
 
 def _fitted(shape: Shape, ratio: np.ndarray, size: Vec) -> Shape:
-    """The shape at its own size; what stands out of the box by rounding or by a leaning part is pushed in."""
+    """The shape at the piece's own size; corners that rounding or leaning moves out of the box are pushed in."""
     if (ratio < 1).any():
         shape = shape.scaled(_vec(ratio))
     w, h, d = size

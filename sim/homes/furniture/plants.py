@@ -2,10 +2,9 @@
 
 import math
 
-from .draft import Builder, Draft
 from .lofts import ball, lathe, leaf, tube
 from .palette import DARK_WOOD, LEAF, LIGHT_LEAF, SOIL, plain, plastic
-from .shapes import Shape, both
+from .shapes import Builder, Draft, Shape, both
 
 _BLOSSOMS = (
     plastic(222, 70, 80), plastic(240, 200, 70), plastic(230, 130, 180), plastic(246, 244, 238), plastic(150, 100, 190),
@@ -26,7 +25,7 @@ _VASES = (
     ],
 )  # fmt: skip
 _TURN = 2.39996
-"""The golden angle, by which leaves follow each other (radians)."""
+"""The golden angle between one leaf and the next (radians)."""
 
 
 def plant(piece: Draft) -> None:
@@ -58,7 +57,7 @@ def _christmas_tree(piece: Draft, foot: float) -> None:
 
 
 def _crown(piece: Draft) -> None:
-    """Rounded tufts of leaves around the top of a trunk, with single leaves between them."""
+    """Adds rounded tufts of leaves around the top of a trunk, with single leaves between them."""
     w, h, d = piece.size
     for k in range(6):
         angle, out, size = k * _TURN, 0.0 if k == 5 else 0.24, 0.5 - 0.03 * (k % 3)
@@ -70,7 +69,7 @@ def _crown(piece: Draft) -> None:
 
 
 def _leaves(piece: Draft, foot: float) -> None:
-    """Leaves from one point outwards, evenly turned, some steep and some hanging."""
+    """Adds leaves that grow outwards from one point at even angles, some steep and some hanging."""
     w, h, d = piece.size
     room = h - foot
     for k in range(18):
@@ -102,7 +101,7 @@ def flowers(piece: Draft) -> None:
 
 
 def _vase_skin(piece: Draft, width: float, height: float) -> Shape:
-    """One of three outlines."""
+    """The skin of a vase with one of three outlines."""
     w, _, d = piece.size
     return lathe(_VASES[int(piece.rng.integers(3))], scale=(width / 2, height), sides=12, depth=d / w)
 

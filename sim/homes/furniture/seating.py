@@ -1,14 +1,13 @@
-"""What one sits and lies on: chairs, stools, benches, armchairs, sofas, beds and cribs."""
+"""Seats and beds: chairs, stools, benches, armchairs, sofas, beds and cribs."""
 
 import math
 
 from sim.homes.plan import Finish
 
-from .draft import Builder, Draft
 from .joinery import feet, legs, tapered_leg, wooden
 from .lofts import ball, cushion, cylinder, lathe, ring, tube
 from .palette import BLACK, DARK_METAL, DARK_WOOD, LIGHT_WOOD, LINEN, STEEL, bedding, fabric, plain
-from .shapes import both, box, four, rounded_box, slab
+from .shapes import Builder, Draft, both, box, four, rounded_box, slab
 
 
 def chair(piece: Draft) -> None:
@@ -59,7 +58,7 @@ def office_chair(piece: Draft) -> None:
 
 
 def _upholstered(piece: Draft, *, seats: int) -> None:
-    """Base, arms, back and cushions of an armchair or a sofa."""
+    """Adds the base, arms, back and cushions of an armchair or a sofa."""
     w, h, d = piece.size
     finish = piece.finish
     arm, foot = min(0.2, w * 0.17), 0.08
@@ -94,7 +93,7 @@ def armchair(piece: Draft) -> None:
 
 
 def sofa(piece: Draft) -> None:
-    """Two or three seats, two throw cushions; L-shaped where the caption says so."""
+    """Two or three seats and two throw cushions; L-shaped if the caption says so."""
     w, h, d = piece.size
     _upholstered(piece, seats=2 if w < 1.75 or piece.says("loveseat") else 3)
     seat, side = min(0.42, h * 0.52), min(0.36, h * 0.42)
@@ -135,7 +134,7 @@ def bar_chair(piece: Draft) -> None:
 
 
 def bench(piece: Draft) -> None:
-    """A long seat on board legs; a pad on it where it is upholstered; a solid block in a bath."""
+    """A long seat on legs of boards, with a pad if it is upholstered; a solid block in a bathroom."""
     w, h, d = piece.size
     if piece.says("spa"):
         piece.add(piece.finish, box((0, h / 2 - 0.02, -0.01), (w - 0.02, h - 0.04, d - 0.02)))
@@ -178,7 +177,7 @@ def ottoman(piece: Draft) -> None:
 
 
 def bed(piece: Draft) -> None:
-    """A frame with a headboard, a mattress, a duvet turned back, pillows; two storeys where it is a bunk bed."""
+    """A frame with a headboard, a mattress, a duvet turned back, and pillows; two levels if it is a bunk bed."""
     w, h, d = piece.size
     if piece.says("bunk") and h > 1.25:  # a low box cannot hold two beds
         bunk_bed(piece)
@@ -208,7 +207,7 @@ def bed(piece: Draft) -> None:
 
 
 def bunk_bed(piece: Draft) -> None:
-    """Two beds over each other with posts, rails and a ladder."""
+    """Two beds, one above the other, with posts, rails and a ladder."""
     w, h, d = piece.size
     frame = wooden(piece.finish, LIGHT_WOOD)
     cover = piece.finish if piece.finish.material == "fabric" else bedding(piece.rng)

@@ -1,12 +1,17 @@
-"""Flat-sided shapes of quads with a normal per corner and texture places in metres; round ones: lofts.py."""
+"""Flat-sided shapes of quads with a normal per corner and texture places in metres, and drafts of pieces made of them.
 
-from collections.abc import Iterable, Sequence
+Round shapes are in lofts.py.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.compiled import njit
+from sim.homes.plan import Finish
 
 from .families import Vec
 
@@ -15,7 +20,7 @@ _LEAST = 1e-12
 
 @njit(cache=True, nogil=True)
 def quad_normals(quads: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) unit normals of quads (N, 4, 3), from their diagonals."""
+    """Unit normals (N, 3) of quads (N, 4, 3), from their diagonals."""
     found = np.empty((len(quads), 3))
     for k in range(len(quads)):
         a0, a1, a2 = quads[k, 2, 0] - quads[k, 0, 0], quads[k, 2, 1] - quads[k, 0, 1], quads[k, 2, 2] - quads[k, 0, 2]
@@ -28,7 +33,7 @@ def quad_normals(quads: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True)
 def planar_uv(quads: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 4, 2): the two axes that a quad lies along, the one along which the whole is longer first; v runs down."""
+    """Texture places (N, 4, 2) along the two axes of each quad, the longer side of the whole first; v runs down."""
     extent = np.zeros(3)
     for i in range(3):
         extent[i] = quads[:, :, i].max() - quads[:, :, i].min()
@@ -49,7 +54,7 @@ def planar_uv(quads: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArr
 def loft_quads(
     rings: NDArray[np.float64], smooth: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Corners, normals (N, 4, 3) and places (N, 4, 2) of the skin over rings (M, P, 3).
+    """Corners (N, 4, 3), normals (N, 4, 3) and texture places (N, 4, 2) of the skin over rings (M, P, 3).
 
     Args:
         rings: Closed rings.
@@ -87,7 +92,7 @@ def loft_quads(
 
 @njit(cache=True, nogil=True)
 def _blend(own: NDArray[np.float64], other: NDArray[np.float64], smooth: float, out: NDArray[np.float64]) -> None:
-    """Mean of two unit normals where they are alike, else the own one; into `out` (3,)."""
+    """Writes the mean of two unit normals into `out` (3,) if they are alike, else the first one."""
     if own[0] * other[0] + own[1] * other[1] + own[2] * other[2] > smooth:
         x, y, z = own[0] + other[0], own[1] + other[1], own[2] + other[2]
         length = max(np.sqrt(x * x + y * y + z * z), _LEAST)
@@ -98,7 +103,7 @@ def _blend(own: NDArray[np.float64], other: NDArray[np.float64], smooth: float, 
 
 @njit(cache=True, nogil=True)
 def _arc_lengths(rings: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Metres around (P + 1,) along the longest ring and upwards (M,) along the longest side."""
+    """Distances in metres around the longest ring (P + 1,), and upwards along the longest side (M,)."""
     num, sides = rings.shape[0], rings.shape[1]
     u, v = np.zeros(sides + 1), np.zeros(num)
     for p in range(sides):
@@ -134,7 +139,7 @@ _FACES = np.array(
 
 
 class Shape(NamedTuple):
-    """Quads in the frame of a piece: x to its right, y up from its bottom, its front looks along +z."""
+    """Quads in the frame of a piece: x points to its right, y up from its bottom, and its front faces +z."""
 
     corners: NDArray[np.float64]
     """(N, 4, 3) metres, counter-clockwise from outside; a triangle repeats a corner."""
@@ -144,7 +149,7 @@ class Shape(NamedTuple):
     """(N, 4, 2) metres on the finish."""
 
     def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Shape":
-        """The shape by (x, y, z) metres further on."""
+        """The shape moved by (x, y, z) metres."""
         return self._replace(corners=self.corners + np.array([x, y, z]))
 
     def turned(self, axis: str, angle: float) -> "Shape":
@@ -153,7 +158,7 @@ class Shape(NamedTuple):
         return self._replace(corners=self.corners @ R.T, normals=self.normals @ R.T)
 
     def chosen(self, keep: NDArray[np.bool_]) -> "Shape":
-        """Its quads where `keep` (N,) holds."""
+        """The shape's quads where `keep` (N,) is true."""
         return Shape(self.corners[keep], self.normals[keep], self.uv[keep])
 
     def scaled(self, factors: Vec) -> "Shape":
@@ -164,7 +169,7 @@ class Shape(NamedTuple):
 
 
 def rotation(axis: str, angle: float) -> NDArray[np.float64]:
-    """(3, 3) matrix that turns column vectors about an axis of the piece."""
+    """The matrix (3, 3) that turns column vectors about an axis of the piece."""
     cos, sin = np.cos(angle), np.sin(angle)
     i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     R = np.eye(3)
@@ -174,13 +179,13 @@ def rotation(axis: str, angle: float) -> NDArray[np.float64]:
 
 
 def merged(shapes: Iterable[Shape]) -> Shape:
-    """One shape of several."""
+    """One shape with the quads of several."""
     corners, normals, uv = zip(*shapes, strict=True)
     return Shape(np.concatenate(corners), np.concatenate(normals), np.concatenate(uv))
 
 
 def both(*shapes: Shape, axis: str = "x") -> Shape:
-    """The shapes and their mirror image across the piece's middle."""
+    """The shapes and their mirror images across the piece's middle."""
     one = merged(shapes)
     flip = np.where(np.arange(3) == "xyz".index(axis), -1.0, 1.0)
     return merged([one, Shape((one.corners * flip)[:, ::-1], (one.normals * flip)[:, ::-1], one.uv[:, ::-1])])
@@ -204,7 +209,7 @@ def box(centre: Vec, size: Vec) -> Shape:
 
 
 def picture_quad(centre: Vec, size: tuple[float, float]) -> Shape:
-    """One upright rectangle that looks along +z, `size` along x and y; the texture stands upright on it."""
+    """One upright rectangle that faces +z, `size` along x and y, with the texture upright on it."""
     x, y, z = centre
     w, h = size[0] / 2, size[1] / 2
     signs = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
@@ -213,12 +218,12 @@ def picture_quad(centre: Vec, size: tuple[float, float]) -> Shape:
 
 
 def flat(points: Sequence[tuple[float, float]], z: float) -> Shape:
-    """One upright quad of four points (x, y), which looks along +z."""
+    """One upright quad of four points (x, y) that faces +z."""
     return facets([[(x, y, z) for x, y in points]])
 
 
 def slab(centre: Vec, size: Vec, *, faces: str) -> Shape:
-    """Some faces of a box, named by "+x", "-x", "+y", ... one after the other; for what touches other things."""
+    """Some faces of a box, listed as "+x", "-x", "+y" and so on in one text; for boxes that touch other things."""
     names = ("+x", "-x", "+y", "-y", "+z", "-z")
     chosen = [names.index(faces[k : k + 2]) for k in range(0, len(faces), 2)]
     return facets(_FACES[chosen] * (np.array(size) / 2) + np.array(centre))
@@ -238,8 +243,8 @@ def prism(outline: Sequence[tuple[float, float]], *, low: float, high: float, ax
 
     Args:
         outline: Points counter-clockwise as seen from the axis' positive end: (x, y) for z, (z, x) for y, (y, z) for x.
-        low: Where it begins on the axis, metres.
-        high: Where it ends.
+        low: Begin of the prism on the axis, metres.
+        high: End of the prism on the axis, metres.
         axis: "x", "y" or "z".
     """
     flat = np.asarray(outline, float)
@@ -255,14 +260,14 @@ def prism(outline: Sequence[tuple[float, float]], *, low: float, high: float, ax
 
 
 def fan(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quads (N, 4, 3) that fill a convex ring (P, 3), in its order."""
+    """Quads (N, 4, 3) that fill a convex ring (P, 3), in the ring's order."""
     num = len(ring)
     index = [[0, k, k + 1, min(k + 2, num - 1)] for k in range(1, num - 1, 2)]
     return ring[index]
 
 
 def _rounded() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Of a bevelled box's 6 faces, 12 edges, 8 corners: sides (26, 4, 3) of -1 and 1, and normals (26, 4, 3)."""
+    """The 6 faces, 12 edges and 8 corners of a bevelled box: sides (26, 4, 3) of -1 and 1, and normals (26, 4, 3)."""
     signs, normals = [], []
     for axis in range(3):
         i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -294,3 +299,44 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 _ROUNDED = _rounded()
 _ROUNDED_FACING = _ROUNDED[1].mean(axis=1)
+
+
+class Part(NamedTuple):
+    """A shape of one finish in the frame of its piece (see `Shape`)."""
+
+    shape: Shape
+    finish: Finish
+
+
+@dataclass
+class Draft:
+    """A piece of furniture that its family's builder fills with parts."""
+
+    size: Vec
+    """Width, height, depth in metres, large enough for the family's builder; parts.py shrinks the result."""
+    finish: Finish
+    """Finish of its main surface."""
+    words: frozenset[str]
+    """Lower-case words of the category, and of the caption about the thing itself."""
+    rng: np.random.Generator
+    """Seeded by the piece's name; draws details that neither category nor caption gives."""
+    parts: list[Part] = field(default_factory=list)
+
+    def says(self, *words: str) -> bool:
+        """Whether any of the words is in the category or the caption."""
+        return not self.words.isdisjoint(words)
+
+    def add(self, finish: Finish, *shapes: Shape) -> None:
+        """Adds one more part, made of several shapes."""
+        self.parts.append(Part(merged(shapes), finish))
+
+    def section(self, size: Vec, finish: Finish | None = None) -> "Draft":
+        """An empty draft for a section of the piece, built about its own middle; `put` sets it in its place."""
+        return Draft(size, finish or self.finish, self.words, self.rng)
+
+    def put(self, section: "Draft", *, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> None:
+        """Adds the parts of a section, moved by (x, y, z) metres."""
+        self.parts += [Part(part.shape.moved(x, y, z), part.finish) for part in section.parts]
+
+
+Builder = Callable[[Draft], None]

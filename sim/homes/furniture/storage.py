@@ -1,10 +1,9 @@
-"""Cabinets, chests of drawers and wardrobes: corpuses with fronts; bookcases, shelves on walls, racks: open boards."""
+"""Storage: cabinets, chests of drawers and wardrobes with fronts; bookcases, wall shelves and racks of open boards."""
 
 import numpy as np
 
 from sim.homes.plan import Finish
 
-from .draft import Builder, Draft
 from .families import Vec
 from .joinery import books, carcass, doors, drawers, handle_finish, knob, legs, spread, tap
 from .lofts import ball, cylinder, lathe, tube
@@ -22,13 +21,14 @@ from .palette import (
     plain,
     plastic,
 )
-from .shapes import both, box, four, rounded_box, slab
+from .shapes import Builder, Draft, both, box, four, rounded_box, slab
 from .tables import basin
 from .textiles import garment
 
 
 def cabinet(piece: Draft) -> None:
-    """A cupboard with doors; with a basin for washing; low and wide ones carry a television, tall ones have drawers."""
+    """A cupboard with doors, with a basin if it is for washing; low and wide ones are for a television, tall ones have
+    drawers."""
     w, h, d = piece.size
     if piece.says("sink", "bathroom", "bath", "vanity") and piece.says("cabinet", "vanity"):
         _wash_cabinet(piece)
@@ -48,7 +48,7 @@ def cabinet(piece: Draft) -> None:
 
 
 def _wash_cabinet(piece: Draft) -> None:
-    """Doors under a top with a basin and a tap."""
+    """Adds doors under a top with a basin and a tap."""
     w, h, d = piece.size
     level = h - 0.13
     carcass(piece, 0.1, level - 0.03)
@@ -63,7 +63,7 @@ def _wash_cabinet(piece: Draft) -> None:
 
 
 def _low_cabinet(piece: Draft) -> None:
-    """Doors at both ends, open shelves with a player between them, on short legs."""
+    """Adds doors at both ends and open shelves with a player between them, on short legs."""
     w, h, d = piece.size
     foot, end, board = min(0.14, h * 0.25), w * 0.3, 0.028
     inner, middle = w - 2 * end, (foot + h) / 2
@@ -105,7 +105,7 @@ def chest_of_drawers(piece: Draft) -> None:
 
 
 def wardrobe(piece: Draft) -> None:
-    """Tall doors, one with a mirror where the caption says so, under a cornice; a built-in refrigerator is split."""
+    """Tall doors under a cornice, one with a mirror if the caption says so; split for a built-in refrigerator."""
     w, h, d = piece.size
     cols, foot, top = max(1, min(4, round(w / 0.5))), 0.08, h - 0.06
     carcass(piece, foot, top)
@@ -127,7 +127,7 @@ def wardrobe(piece: Draft) -> None:
 
 
 def wall_cabinet(piece: Draft) -> None:
-    """Doors with handles at their lower edge under a cornice; two rows where it is high."""
+    """Doors with handles at their lower edge, under a cornice; two rows of doors if the cabinet is high."""
     w, h, d = piece.size
     rows = 2 if h > 1.3 else 1
     step = h / rows
@@ -139,7 +139,7 @@ def wall_cabinet(piece: Draft) -> None:
 
 
 def glass_cabinet(piece: Draft) -> None:
-    """A cabinet whose doors are thin frames before shelves with vases, bowls and plates."""
+    """A cabinet whose doors are thin frames, in front of shelves with vases, bowls and plates."""
     w, h, d = piece.size
     finish, foot, side, low = piece.finish, 0.08, 0.03, h * 0.28
     step, mid, tall, z = (w - 0.016) / 2, (low + h) / 2, h - low - 0.05, d / 2 - 0.014
@@ -182,7 +182,7 @@ def shelf(piece: Draft) -> None:
 
 
 def _ornament(piece: Draft, foot: Vec, tall: float, kind: int) -> None:
-    """A small vase or box on a shelf."""
+    """Adds a small vase or box on a shelf."""
     if kind % 2:
         shape = box((0.0, tall * 0.4, 0.0), (tall, tall * 0.8, tall)).moved(*foot)
         piece.add(Finish(material="wicker", rgb=(196, 160, 110)), shape)

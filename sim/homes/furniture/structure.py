@@ -2,18 +2,17 @@
 
 import math
 
-from .draft import Builder, Draft
 from .joinery import spread
 from .lofts import ball, cylinder, lathe, tube
 from .palette import BLACK_METAL, BRASS, DARK_METAL, DARK_WOOD, FIRE, SOOT, STEEL, WHITE, is_dark, plain, plastic
-from .shapes import both, box, flat, picture_quad, prism, rounded_box, slab
+from .shapes import Builder, Draft, both, box, flat, picture_quad, prism, rounded_box, slab
 from .wall_things import frame_bars
 
 _BALUSTER = [(0.8, 0.0), (0.5, 0.12), (1.0, 0.34), (0.45, 0.66), (0.8, 1.0)]
 
 
 def railing(piece: Draft) -> None:
-    """Posts, a hand rail and balusters: bars of iron, turned wood or stone; sloping in a stairwell."""
+    """Posts, a handrail and balusters of iron, turned wood or stone; sloping in a stairwell."""
     w, h, d = piece.size
     finish, thick = piece.finish, min(d, 0.07)
     is_sloping = (
@@ -83,7 +82,7 @@ def window(piece: Draft) -> None:
 
 
 def door(piece: Draft) -> None:
-    """A leaf with four fields in a frame, a handle."""
+    """A leaf with four panels in a frame, and a handle."""
     w, h, d = piece.size
     rim = min(0.08, w * 0.1)
     leaf_w, leaf_h, y = w - 2 * rim, h - rim, (h - rim) * 0.47
@@ -171,7 +170,7 @@ def mantle(piece: Draft) -> None:
 
 
 def radiator(piece: Draft) -> None:
-    """Ribs side by side between two pipes, a valve and feet."""
+    """Ribs side by side between two pipes, with a valve and feet."""
     w, h, d = piece.size
     finish, foot, num = piece.finish, min(0.08, h * 0.15), max(4, min(16, round(w / 0.08)))
     step = (w - 0.08) / num

@@ -2,12 +2,11 @@
 
 from sim.homes.plan import Finish
 
-from .draft import Builder, Draft
 from .families import Vec
 from .joinery import bar_handle, carcass, doors, drawers, handle_finish, legs, tap
 from .lofts import cylinder, lathe, tube
 from .palette import BLACK_METAL, CERAMIC, LIGHT_WOOD, STEEL, is_dark, plain, plastic
-from .shapes import both, box, prism, rounded_box, slab
+from .shapes import Builder, Draft, both, box, prism, rounded_box, slab
 
 _GLASS = plastic(178, 208, 206)
 _STONE = Finish(material="stone", rgb=(92, 92, 96))
@@ -16,7 +15,7 @@ _TILES = Finish(material="tile", rgb=(226, 230, 232))
 
 
 def table(piece: Draft) -> None:
-    """A top on four legs, or on a column where it is round; low ones have a shelf beneath."""
+    """A top on four legs, or on a column if it is round; low tables have a shelf beneath."""
     w, h, d = piece.size
     finish = piece.finish
     of_glass = finish.material == "glass" or piece.says("glass")
@@ -63,7 +62,7 @@ def desk(piece: Draft) -> None:
 
 
 def counter(piece: Draft) -> None:
-    """Lower cabinets under a thick stone top; a basin in it in bathrooms; a tiled wall behind where it is high."""
+    """Lower cabinets under a thick stone top, with a basin in bathrooms, and a tiled wall behind if it is high."""
     w, h, d = piece.size
     finish, is_high = piece.finish, h > 1.15
     has_basin = piece.says("bathroom", "sink", "sinks", "bath", "basin")
@@ -87,7 +86,7 @@ def counter(piece: Draft) -> None:
 
 
 def basin(piece: Draft, centre: Vec, size: Vec) -> None:
-    """A bowl that stands on something, `centre` in the middle of its rim's height less half its own."""
+    """Adds a bowl whose rim is 0.15 of its height above `centre`, with a drain."""
     (x, y, z), (w, h, d) = centre, size
     half, rim = w / 2, min(0.025, w * 0.06)
     profile = [
@@ -99,7 +98,7 @@ def basin(piece: Draft, centre: Vec, size: Vec) -> None:
 
 
 def ironing_board(piece: Draft) -> None:
-    """A padded board with a pointed end on crossed legs, an iron on it."""
+    """A padded board with a pointed end, on crossed legs, and an iron on it."""
     w, h, d = piece.size
     half, board, x = d / 2, h - 0.13, -w * 0.26
     outline = [

@@ -6,16 +6,15 @@ import numpy as np
 
 from sim.homes.plan import Finish
 
-from .draft import Builder, Draft
 from .families import Vec
 from .joinery import spread
 from .lofts import circle, curtain, cushion, cylinder, lathe, sheet, stack, tube
 from .palette import DARK_METAL, DARK_WOOD, LIGHT_WOOD, STEEL, fabric, is_dark, plain
-from .shapes import both, box, facets, merged, rounded_box, slab
+from .shapes import Builder, Draft, both, box, facets, merged, rounded_box, slab
 
 
 def rug(piece: Draft) -> None:
-    """A flat carpet: border, field, fringe at both ends; round or oval where the caption says so."""
+    """A flat carpet with a border, a field, and a fringe at both ends; round or oval if the caption says so."""
     w, h, d = piece.size
     finish = piece.finish
     other = Finish(material=finish.material, rgb=finish.rgb2) if finish.rgb2 else plain(finish, 0.7)
@@ -47,7 +46,7 @@ def rug(piece: Draft) -> None:
 
 
 def curtains(piece: Draft) -> None:
-    """A rod with finials and two gathered halves; one in a shower."""
+    """A rod with finials and two gathered halves; a shower's curtain is one piece."""
     w, h, d = piece.size
     tall, half = h - 0.05, w * 0.42
     piece.add(DARK_METAL, tube([(-w / 2 + 0.03, h - 0.03, 0.0), (w / 2 - 0.03, h - 0.03, 0.0)], 0.014))
@@ -62,7 +61,7 @@ def curtains(piece: Draft) -> None:
 
 
 def towel(piece: Draft) -> None:
-    """A towel over a rail on the wall, with a border; front half longer than the back half."""
+    """A towel with a border over a rail on the wall; its front half is longer than its back half."""
     w, h, d = piece.size
     bar, z, width = h - 0.03, max(0.0, d / 2 - 0.05), w * 0.78
     piece.add(STEEL, tube([(-w / 2 + 0.02, bar, z), (w / 2 - 0.02, bar, z)], 0.011))
@@ -81,7 +80,7 @@ def towel(piece: Draft) -> None:
 
 
 def garment(piece: Draft, hook: Vec, size: Vec, finish: Finish, *, is_across: bool = False) -> None:
-    """A shirt on a hanger below `hook`; `size` is width, height, thickness; across = turned by a right angle."""
+    """Adds a shirt on a hanger below `hook`, turned by 90 degrees if `is_across`; `size`: width, height, thickness."""
     w, h, t = size
     drop, tall = 0.07, h - 0.07
     outline = [
@@ -142,7 +141,7 @@ def hanger(piece: Draft) -> None:
 
 
 def pillow(piece: Draft) -> None:
-    """A pillow that lies, or stands and leans back a little where it is high."""
+    """A pillow that lies flat, or stands and leans back a little if the piece is high."""
     w, h, d = piece.size
     if h > 0.26:
         shape = cushion((0.0, 0.0, 0.0), (w, min(d * 0.8, 0.2), h * 0.98), cells=6).turned("x", math.pi / 2 - 0.18)
@@ -152,7 +151,7 @@ def pillow(piece: Draft) -> None:
 
 
 def blanket(piece: Draft) -> None:
-    """A folded stack of cloth with a fringe, or cloth hanging in folds where the place is high."""
+    """A folded stack of cloth with a fringe, or cloth hanging in folds if the piece is high."""
     w, h, d = piece.size
     finish = piece.finish
     if h > 0.55 and d < 0.35:

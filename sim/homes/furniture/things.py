@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from .draft import Builder, Draft
 from .lofts import SQUARE, ball, circle, cylinder, lathe, plate, ring, stack, tube
 from .palette import (
     BLACK,
@@ -22,11 +21,11 @@ from .palette import (
     plain,
     plastic,
 )
-from .shapes import both, box, facets, four, merged, prism, rounded_box, slab
+from .shapes import Builder, Draft, both, box, facets, four, merged, prism, rounded_box, slab
 
 
 def book(piece: Draft) -> None:
-    """A pile of books, each turned a little; one is the caption's colour."""
+    """A pile of books, each turned a little; one has the colour of the caption."""
     w, h, d = piece.size
     num = max(1, min(4, round(h / 0.04)))
     step, first = h / num, int(piece.rng.integers(len(SPINES)))
@@ -53,7 +52,7 @@ def bottle(piece: Draft) -> None:
 
 
 def cup(piece: Draft) -> None:
-    """A mug with a handle; a drinking glass on a stem where it is of glass."""
+    """A mug with a handle, or a drinking glass on a stem if it is made of glass."""
     w, h, d = piece.size
     if piece.says("glass") or piece.finish.material == "glass":
         profile = [
@@ -141,7 +140,7 @@ def candle(piece: Draft) -> None:
 
 
 def printer(piece: Draft) -> None:
-    """A low case with paper behind and a printed sheet in front."""
+    """A low case with paper at the back and a printed sheet in front."""
     w, h, d = piece.size
     piece.add(plain(piece.finish), rounded_box((0, h * 0.36, -0.02), (w, h * 0.7, d * 0.72), 0.025))
     piece.add(BLACK, slab((0, h * 0.22, d * 0.3), (w * 0.7, h * 0.14, 0.03), faces="+z"))
@@ -183,7 +182,7 @@ def shoes(piece: Draft) -> None:
 
 
 def cardboard_box(piece: Draft) -> None:
-    """A box with tape, its flaps out; wooden ones are crates, those of plastic have a lid."""
+    """A box with tape and open flaps; wooden boxes are crates, plastic boxes have a lid."""
     w, h, d = piece.size
     finish, top = piece.finish, h * 0.86
     if finish.material == "wood" or piece.says("organizer", "crate", "drawers"):
@@ -245,7 +244,7 @@ def bin_(piece: Draft) -> None:
 
 
 def bag(piece: Draft) -> None:
-    """A handbag: a body narrower at its top, two arched handles, a clasp."""
+    """A handbag that is narrower at its top, with two arched handles and a clasp."""
     w, h, d = piece.size
     top, z = h * 0.62, d * 0.13
     levels = [(0.0, 0.92, 0.9, 0.0), (0.03, 1.0, 1.0, 0.0), (top * 0.5, 0.98, 0.8, 0.0), (top, 0.84, 0.3, 0.0)]
@@ -273,7 +272,7 @@ def backpack(piece: Draft) -> None:
 
 
 def suitcase(piece: Draft) -> None:
-    """A trolley case with ribs, wheels and its handle out."""
+    """A trolley case with ribs, wheels and an extended handle."""
     w, h, d = piece.size
     top, x, z = h * 0.8, w * 0.22, -d * 0.3
     y = (0.04 + top) / 2

@@ -1,11 +1,10 @@
-"""What hangs on walls and shows something: pictures, mirrors, screens, calendars, clocks, boards."""
+"""Things on walls that show something: pictures, mirrors, screens, calendars, clocks, boards."""
 
 import math
 
 from sim.homes.plan import Finish
 
 from .bathroom import streak
-from .draft import Builder, Draft
 from .lofts import SQUARE, ball, cylinder, lathe, ring, stack, tube
 from .palette import (
     BLACK,
@@ -25,13 +24,13 @@ from .palette import (
     plain,
     plastic,
 )  # fmt: skip
-from .shapes import Shape, both, box, facets, flat, picture_quad, prism, rounded_box, slab
+from .shapes import Builder, Draft, Shape, both, box, facets, flat, picture_quad, prism, rounded_box, slab
 
 _GLARE = plastic(236, 246, 250)
 
 
 def frame_bars(w: float, h: float, rim: float, d: float) -> Shape:
-    """Four mitred bars around (w, h), lower at their outer edge, depth `d`, centred at half the height."""
+    """Four mitred bars of depth `d` around (w, h), lower at their outer edge, centred at half the height."""
     z0, z1 = -d / 2, d / 2
     steps = ((0.0, z0), (0.0, z1 - d * 0.3), (rim * 0.35, z1), (rim, z1 - d * 0.25), (rim, z0))
     levels = [(z, w - 2 * inset, h - 2 * inset, 0.0) for inset, z in steps]
@@ -65,7 +64,7 @@ def _canvas(piece: Draft) -> Finish:
 
 
 def mirror(piece: Draft) -> None:
-    """A pane with the reflection of a room, and streaks of light, in a frame; round where the caption says so."""
+    """A pane with the reflection of a room and streaks of light, in a frame; round if the caption says so."""
     w, h, d = piece.size
     frame = piece.finish if piece.finish.material in ("wood", "metal", "plastic") else STEEL
     rim, z = min(0.045, w * 0.07), d * 0.12
@@ -87,7 +86,7 @@ def mirror(piece: Draft) -> None:
 
 
 def tv(piece: Draft) -> None:
-    """A wide dark screen with a thin rim, a glare, a light and two feet."""
+    """A wide dark screen with a thin rim, a reflection, a light and two feet."""
     w, h, d = piece.size
     foot, rim, z = h * 0.05, min(0.02, w * 0.03), d * 0.3 + 0.002
     low, high, half = foot + 2 * rim, h - rim, w / 2 - rim
@@ -102,7 +101,7 @@ def tv(piece: Draft) -> None:
 
 
 def monitor(piece: Draft) -> None:
-    """A lit screen on a foot with windows on it, and a keyboard and a mouse before it."""
+    """A lit screen with windows on it, on a foot, with a keyboard and a mouse in front of it."""
     w, h, d = piece.size
     foot, tall, z, keys_z = h * 0.24, h * 0.76, -d * 0.2, d / 2 - 0.055
     piece.add(BLACK, rounded_box((0, foot + tall / 2, z), (w, tall, 0.035), 0.01))
@@ -121,7 +120,7 @@ def monitor(piece: Draft) -> None:
 
 
 def laptop(piece: Draft) -> None:
-    """A keyboard half and a screen half, open."""
+    """An open laptop: a half with the keyboard and a half with the screen."""
     w, h, d = piece.size
     tall = h - 0.015
     piece.add(STEEL, rounded_box((0, 0.01, d * 0.08), (w, 0.02, d * 0.84), 0.006))
@@ -137,7 +136,7 @@ def laptop(piece: Draft) -> None:
 
 
 def calendar(piece: Draft) -> None:
-    """A picture over a sheet of days in a grid, a spiral at the top, on a nail."""
+    """A picture over a sheet with a grid of days, with a spiral at the top, on a nail."""
     w, h, d = piece.size
     top, z, day = h - 0.03, d * 0.12, (w * 0.1, (h - 0.03) * 0.058)
     piece.add(PAPER, box((0, top / 2, -d * 0.1), (w, top, d * 0.4)))
@@ -187,7 +186,7 @@ def board(piece: Draft) -> None:
 
 
 def electric_box(piece: Draft) -> None:
-    """A grey case with a door, breakers behind a window, a lightning bolt on a yellow triangle, a pipe."""
+    """A grey case with a door, breakers behind a window, a lightning bolt on a yellow triangle, and a pipe."""
     w, h, d = piece.size
     z, side, low = d * 0.32 + 0.012, min(w, h) * 0.44, h * 0.2
     piece.add(piece.finish, rounded_box((0, h / 2, -d * 0.1), (w, h, d * 0.8), 0.01))

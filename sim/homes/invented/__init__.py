@@ -1,1 +1,1 @@
-"""Homes from a seed: layouts, rooms and furniture."""
+"""Invents homes from a seed: layouts, rooms and furniture."""

@@ -13,7 +13,7 @@ from .looks import Look, described, looks_of
 from .recipes import BY_WINDOWS, DISTANCES, FLAT, GROUPS, INSTEAD, RECIPES, SEATS, SIZED, SIZES, SMALL, Member, Small
 
 _TRIES, _NEEDED_TRIES = 120, 500
-"""Number of places tried for a group, and for a group that every room of the kind has."""
+"""Number of places tried for a group, and for a group that every room of the kind needs."""
 _SMALL_TRIES = 20
 _AT_WALL = (0.005, 0.005)
 _SIDE_GAP = 0.02
@@ -21,11 +21,11 @@ _SIDE_GAP = 0.02
 _HANG_GAP = 0.04
 """Gap between a hanging piece and the pieces of its group below it (metres)."""
 _YAWS = (0.0, math.pi, math.pi / 2, -math.pi / 2)
-"""Front of a piece whose back is at the wall at -z, +z, -x, +x."""
+"""Yaw of a piece with its back at the wall at -z, +z, -x, +x."""
 
 
 class UsedLooks:
-    """The looks that a home has used: no two pieces of a category look alike."""
+    """The used looks of a home; no two pieces of a category look alike."""
 
     def __init__(self) -> None:
         """Starts without used looks."""
@@ -33,7 +33,7 @@ class UsedLooks:
         self._colours: set[tuple[str, str]] = set()
 
     def draw(self, category: str, rng: np.random.Generator) -> Look | None:
-        """A look that no piece of the category has, in a new colour where there is one; None when all are used."""
+        """A look that no piece of the category has, if possible in a new colour; None when all looks are used."""
         free = [look for look in looks_of(category) if (category, look.words) not in self._words]
         fresh = [look for look in free if (category, look.colour) not in self._colours] or free
         if not fresh:
@@ -52,7 +52,7 @@ class _Piece(NamedTuple):
     x: float
     y: float
     z: float
-    """Like x and y, a coordinate of the centre; y counts from the room's floor."""
+    """Coordinates of the centre (x, y, z), metres; y counts from the room's floor."""
     yaw: float
 
     @property
@@ -80,7 +80,7 @@ def furnish_room(
         room: A room with a rectangle.
         floor_y: Height of its floor, metres.
         space: The empty room; it is filled here.
-        used: Used looks of the home so far; new ones are added.
+        used: The home's used looks so far; new ones are added.
         rng: Draws kinds, finishes and places.
     """
     found: list[Furniture] = []
@@ -110,7 +110,7 @@ def _finished(
     used: UsedLooks,
     rng: np.random.Generator,
 ) -> list[Furniture]:
-    """The pieces with looks of their own; pieces whose looks are all used are left out."""
+    """The pieces, each with a look of its own; pieces whose looks are all used are left out."""
     found: list[Furniture] = []
     for piece, word in zip(pieces, words, strict=True):
         look = used.draw(piece.category, rng)
@@ -131,8 +131,8 @@ def _finished(
 
 
 def _drawn_size(category: str, scale: tuple[float, float, float], rng: np.random.Generator) -> _Sized:
-    """Usual size times the group's scale; categories in SIZED are sometimes small or large."""
-    usual = SIZES.get(category) or look_of(category)[1]
+    """The usual size times the group's scale; categories in SIZED are sometimes small or large."""
+    usual = SIZES.get(category) or look_of(category).size
     word, factor = "", float(rng.uniform(0.94, 1.0))
     if category in SIZED:
         word, factor = (("small", 0.72), ("", 1.0), ("", 1.0), ("large", 1.32))[int(rng.integers(4))]
@@ -177,7 +177,7 @@ def _at_a_wall(
     out: tuple[float, float],
     rng: np.random.Generator,
 ) -> list[_Piece]:
-    """The group with its back at a random place of a random wall, or at its distance before the wall."""
+    """The group with its back at a random place of a random wall, or at its distance from the wall."""
     side = int(rng.integers(4))
     x = inner.x0 + float(rng.uniform(0, 1)) * (inner.x1 - inner.x0)
     z = inner.z0 + float(rng.uniform(0, 1)) * (inner.z1 - inner.z0)
@@ -224,7 +224,7 @@ def _in_frame(
 
 
 def _take(group: str, members: Sequence[Member], pieces: Sequence[_Piece], space: FreeSpace) -> bool:
-    """Whether the group has free space in the room; if so the space is taken."""
+    """Takes the group's space in the room if it is free; returns whether it is."""
     if members[0].hangs_at is not None:
         return space.take_wall(pieces[0].body)
     solid = [piece.body for piece in pieces if piece.category not in FLAT]
@@ -233,26 +233,15 @@ def _take(group: str, members: Sequence[Member], pieces: Sequence[_Piece], space
     if not all(space.inner.holds_rect(piece.body.rect) for piece in pieces):
         return False
     whole = bounds([body.rect for body in solid])
-    front = whole.grown(FRONT) if group in DISTANCES else _front(pieces[0].yaw, whole)
+    # the robot reaches the group over this floor
+    front = whole.grown(FRONT) if group in DISTANCES else whole.beside(pieces[0].yaw, FRONT)
     return space.take_floor(solid, front)
-
-
-def _front(yaw: float, whole: Rect) -> Rect:
-    """The strip in front of a group that stays free, so that the robot can reach it."""
-    dx, dz = round(math.sin(yaw)), round(math.cos(yaw))
-    x0, x1 = (
-        (whole.x0, whole.x1) if dx == 0 else (whole.x1, whole.x1 + FRONT) if dx > 0 else (whole.x0 - FRONT, whole.x0)
-    )
-    z0, z1 = (
-        (whole.z0, whole.z1) if dz == 0 else (whole.z1, whole.z1 + FRONT) if dz > 0 else (whole.z0 - FRONT, whole.z0)
-    )
-    return Rect(x0, z0, x1, z1)
 
 
 def _beside_a_window(
     member: Member, size: tuple[float, float, float], space: FreeSpace, rng: np.random.Generator
 ) -> list[_Piece] | None:
-    """A curtain at the left or right of some window of the room."""
+    """A curtain at the left or right of a window of the room; None where none fits."""
     choices = [(pane, side) for pane in space.windows for side in (-1, 1)]
     for k in rng.permutation(len(choices)):
         pane, side = choices[int(k)]
@@ -292,14 +281,14 @@ def _placed_small(
 
 
 def _on_top(category: str, size: tuple[float, float, float], below: _Piece, rng: np.random.Generator) -> _Piece | None:
-    """The thing at a random place of the piece below, turned as it is; None when it is too large."""
+    """The thing at a random place on the piece below, with its yaw; None when the thing is too large."""
     upholstery = below.category in SEATS and SEATS[below.category] < 1
     side = 0.18 if upholstery and below.category != "bed" else 0.03
     room_x, room_z = below.size[0] / 2 - side - size[0] / 2, below.size[2] / 2 - 0.03 - size[2] / 2
     if room_x < 0 or room_z < 0:
         return None
     local_x, local_z = float(rng.uniform(-room_x, room_x)), float(rng.uniform(-room_z, room_z))
-    if category == "cushion":  # leans where the back or the pillows are
+    if category == "cushion":  # leans at the back of the piece or at the pillows
         local_z = -0.12 * below.size[2] if below.category == "bed" else -0.02
     if category == "throw blanket":
         local_z = room_z if below.category == "bed" else max(-room_z, 0.05)

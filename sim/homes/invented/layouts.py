@@ -1,9 +1,10 @@
 """Floor plans of invented homes before they have walls: rectangles that tile a storey, and their connections.
 
-Drawn with the hall along x and the stair at its north side; `turned` then mirrors and turns the whole home.
+Layouts are drawn with the hall along x and the stair at its north side; `turned` then mirrors and turns the whole home.
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -12,9 +13,9 @@ import numpy as np
 from ..plan import Rect, Stair
 
 NUM_STEPS = 16
-"""Rise 0.175 m per step at storeys 2.8 m apart, under the robot's 0.2 m."""
+"""Steps of a flight; with storeys 2.8 m apart each step rises 0.175 m, less than the robot's limit of 0.2 m."""
 LANDING = 1.0
-"""Free floor at both ends of a flight (metres)."""
+"""Depth of free floor at both ends of a flight (metres)."""
 _TREAD = 0.28
 _STAIR_WIDTH = 1.0
 _HALF_WALL = 0.06
@@ -32,11 +33,11 @@ class Layout(NamedTuple):
     hubs: tuple[int, ...]
     """Rooms from which adjoining rooms are entered; the first ones are joined to each other."""
     names: tuple[str, ...]
-    """Names from the kind of layout; "" = a room that is named later."""
+    """Names of rooms from the kind of layout; "" = the room is named later."""
     open_pairs: tuple[tuple[int, int], ...] = ()
-    """Rooms without a wall between them."""
+    """Pairs of rooms without a wall between them."""
     is_winding: bool = False
-    """Rooms are entered through other rooms as often as from the hubs."""
+    """Whether rooms are entered through other rooms as often as from the hubs."""
 
 
 class Home(NamedTuple):
@@ -77,18 +78,7 @@ def turned(home: Home, *, mirror_x: bool, mirror_z: bool, swap: bool) -> Home:
 
 def landings(stair: Stair) -> tuple[Rect, Rect]:
     """The free floor before the first step and after the last step."""
-    rect = stair.rect
-    if stair.towards[1] == "x":
-        low, high = (
-            Rect(rect.x0 - LANDING, rect.z0, rect.x0, rect.z1),
-            Rect(rect.x1, rect.z0, rect.x1 + LANDING, rect.z1),
-        )
-    else:
-        low, high = (
-            Rect(rect.x0, rect.z0 - LANDING, rect.x1, rect.z0),
-            Rect(rect.x0, rect.z1, rect.x1, rect.z1 + LANDING),
-        )
-    return (low, high) if stair.towards[0] == "+" else (high, low)
+    return stair.rect.beside(stair.yaw + math.pi, LANDING), stair.rect.beside(stair.yaw, LANDING)
 
 
 def _turned(rect: Rect, mirror_x: bool, mirror_z: bool, swap: bool) -> Rect:
@@ -114,7 +104,7 @@ def _one_storey(rng: np.random.Generator) -> Home:
 
 
 def _two_storeys(rng: np.random.Generator) -> Home:
-    """A hall between two rows of rooms with the stair in it, or a stair at the far wall of the living room."""
+    """A home with the stair in a hall between two rows of rooms, or at the far wall of the living room."""
     width = _between(rng, 9.4, 10.6)
     if rng.random() < 0.65:
         edges = _z_edges(rng, 2.7, 3.0)
@@ -148,7 +138,7 @@ def _stair(z: float, width: float, rng: np.random.Generator) -> Stair:
 
 
 def _z_edges(rng: np.random.Generator, narrowest: float, widest: float) -> tuple[float, float, float, float]:
-    """North wall, both walls of the hall, south wall."""
+    """z of the north wall, of both walls of the hall, and of the south wall."""
     north, hall, south = _between(rng, 3.2, 3.9), _between(rng, narrowest, widest), _between(rng, 3.3, 4.2)
     return (0.0, north, round(north + hall, 3), round(north + hall + south, 3))
 
@@ -198,7 +188,7 @@ def _open_plan(rng: np.random.Generator) -> Layout:
 
 
 def _rooms_off_rooms(width: float, rng: np.random.Generator) -> Layout:
-    """Two rows of rooms without any corridor; each room is entered through another one."""
+    """Two rows of rooms without a corridor; each room is entered through another room."""
     depths = _between(rng, 3.4, 4.0), _between(rng, 3.6, 4.4)
     middle, z1 = depths[0], round(sum(depths), 3)
     north = [Rect(a, 0.0, b, middle) for a, b in _split(0.0, width, 3, rng)]

@@ -1,11 +1,12 @@
-"""Looks of pieces in invented homes: words for a caption with the finish that shows them."""
+"""Looks of pieces in invented homes: words for a caption, with the finish that shows them."""
 
 from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
+from ...words.colours import COLOURS
+from ...words.english import with_article
 from ...words.finishes import Material, Pattern
-from ..furniture.appearance import COLOURS
 from ..plan import Finish
 
 
@@ -17,11 +18,6 @@ class Look(NamedTuple):
     colour: str
     """The main colour, a key of COLOURS."""
     finish: Finish
-
-
-def with_article(phrase: str) -> str:
-    """ "a green armchair", "an oak desk"."""
-    return f"{'an' if phrase[0] in 'aeiou' else 'a'} {phrase}"
 
 
 def described(category: str, words: str, size: str = "") -> str:

@@ -15,7 +15,7 @@ _RAILING = 0.95
 _MARGIN = 0.25
 """Least distance of a door from the ends of the wall that two rooms share (metres)."""
 _STUB, _SHORT_STUB = 0.3, 0.1
-"""Length of the remaining wall at both ends where two rooms are one space, and where a corridor turns (metres)."""
+"""Length of the wall that remains at both ends where two rooms are one space, and where a corridor turns (metres)."""
 _NEAR_STAIR = 1.0
 _WINDOW, _NARROW_WINDOW = 1.3, 0.7
 
@@ -25,7 +25,7 @@ class Border(NamedTuple):
 
     is_along_x: bool
     at: float
-    """z of a line along x, x of a line along z."""
+    """z of a line along x, or x of a line along z."""
     span: tuple[float, float]
     rooms: tuple[int, ...]
     """Indices of the one or two rooms that meet here."""
@@ -43,7 +43,7 @@ def borders_of(rects: Sequence[Rect]) -> list[Border]:
     """All wall lines between rooms and around them, sorted, and cut where another room begins."""
     found: list[Border] = []
     for is_along_x in (True, False):
-        # (at low side, at high side, from, to) of each room across the lines' direction
+        # of each room: coordinates of its two sides along the lines, then its range along their direction
         sides = [(r.z0, r.z1, r.x0, r.x1) if is_along_x else (r.x0, r.x1, r.z0, r.z1) for r in rects]
         for at in sorted({edge for low, high, _, _ in sides for edge in (low, high)}):
             touching = [k for k, side in enumerate(sides) if at in side[:2]]
@@ -70,7 +70,7 @@ def door_spans(border: Border, stair: Stair | None) -> list[tuple[float, float]]
 
 
 def draw_doors(layout: Layout, stair: Stair | None, rng: np.random.Generator) -> list[tuple[int, int]] | None:
-    """Pairs of rooms with a door between them, so that every room can be reached; None when some room cannot be."""
+    """Pairs of rooms with a door between them, so that every room can be reached; None where this is impossible."""
     borders = [border for border in borders_of(layout.rects) if len(border.rooms) == 2 and door_spans(border, stair)]
     pairs = {border.rooms for border in borders}
     joined = {layout.hubs[0]}
@@ -100,7 +100,7 @@ def _spread(joined: set[int], open_pairs: Sequence[tuple[int, int]]) -> None:
 def _loop(
     doors: list[tuple[int, int]], pairs: set[tuple[int, ...]], layout: Layout, rng: np.random.Generator
 ) -> list[tuple[int, int]]:
-    """One more door, between rooms that have several already; a bathroom keeps its only one."""
+    """One more door, between rooms that already have several; a bathroom keeps its only door."""
     degree = [sum(k in door for door in doors) for k in range(len(layout.rects))]
     known = {frozenset(pair) for pair in (*doors, *layout.open_pairs)}
     choices = sorted((a, b) for a, b in pairs if frozenset((a, b)) not in known and degree[a] > 1 and degree[b] > 1)
@@ -168,8 +168,7 @@ def railings(stair: Stair, walls: Sequence[Wall]) -> list[Wall]:
 
 def _lies_along(start: tuple[float, float], end: tuple[float, float], wall: Wall) -> bool:
     """Whether a wall of full height is within a few centimetres of the whole line."""
-    rect = Rect(min(wall.start[0], wall.end[0]), min(wall.start[1], wall.end[1]),
-                max(wall.start[0], wall.end[0]), max(wall.start[1], wall.end[1])).grown(0.1)  # fmt: skip
+    rect = wall.line.grown(0.1)
     return rect.holds(*start) and rect.holds(*end)
 
 
@@ -202,7 +201,7 @@ def _windows(border: Border, name: str, stair: Stair | None) -> list[Opening]:
 
 
 def _joined_walls(solids: Sequence[tuple[bool, float, float, float, list[Opening]]], storey: int) -> list[Wall]:
-    """Pieces that continue each other become one wall."""
+    """The walls, with pieces that continue each other joined into one."""
     found: list[Wall] = []
     runs: list[list[tuple[bool, float, float, float, list[Opening]]]] = []
     for solid in solids:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Member(NamedTuple):
-    """One piece of a group; places follow from the pieces' sizes.
+    """One piece of a group; its place follows from the sizes of the pieces.
 
     Pieces at the wall stand side by side in the order of the group.
     """
@@ -29,11 +29,11 @@ class Member(NamedTuple):
 
 
 class Small(NamedTuple):
-    """A thing that lies on a piece of the room."""
+    """A small thing that lies on a piece of the room."""
 
     category: str
     supports: tuple[str, ...]
-    """Categories of pieces on which it may lie, if the room has one."""
+    """Categories of pieces on which the thing may lie, if the room has one."""
     chance: float
 
 
@@ -98,14 +98,14 @@ GROUPS: dict[str, tuple[Member, ...]] = {
     "curtain": (Member("curtain", hangs_at=1.35),),
 }  # fmt: skip
 DISTANCES: dict[str, tuple[float, float]] = {"dining set": (1.1, 2.0), "rug": (0.4, 1.6)}
-"""Groups that stand free in the room: least and largest distance from a wall (metres)."""
+"""Least and largest distance from a wall of groups that stand free in the room (metres)."""
 BY_WINDOWS = {"curtain"}
 """Groups that hang beside a window."""
 INSTEAD: dict[str, str] = {
     "sofa set": "small couch", "bed set": "guest bed", "guest bed": "single bed", "kitchen row": "short kitchen row",
     "dining set": "small dining set", "wash place": "wash stand",
 }  # fmt: skip
-"""The group that replaces one without a place."""
+"""The group that replaces a group for which there is no place."""
 NEEDED: dict[str, tuple[str, ...]] = {
     "living room": ("couch",), "kitchen": ("stove", "refrigerator"), "dining room": ("dining table",),
     "main bedroom": ("bed",), "guest bedroom": ("bed",), "bathroom": ("toilet", "bathroom cabinet"), "study": ("desk",),
@@ -234,7 +234,7 @@ SIZES: dict[str, tuple[float, float, float]] = {
     "basket": (0.42, 0.42, 0.42), "curtain": (0.5, 1.7, 0.12), "clothes rack": (0.95, 1.5, 0.45),
     "towel": (0.45, 0.7, 0.08), "sink": (0.5, 0.16, 0.38),
 }  # fmt: skip
-"""Width, height, depth of small and hanging things; others have their usual sizes (`look_of`)."""
+"""Width, height, depth of small and hanging things; other things have their usual sizes (`look_of`)."""
 SEATS: dict[str, float] = {"couch": 0.52, "armchair": 0.52, "bed": 0.66, "bench": 1.0, "ottoman": 1.0}
 """Height at which things lie on upholstery, as a share of its height; on all other pieces they lie on top."""
 FLAT = {"rug"}

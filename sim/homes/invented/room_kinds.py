@@ -17,7 +17,7 @@ _NEEDED = {
     (2, 0): ("living room", "kitchen"),
     (2, 1): ("main bedroom", "bathroom"),
 }
-"""Rooms that every home has, by number of storeys and storey."""
+"""Rooms that every home has, by (number of storeys, storey)."""
 _FURTHER = {
     (1, 0): ("guest bedroom", "study", "dining room", "laundry room", "office", "playroom"),
     (2, 0): ("dining room", "study", "library", "laundry room"),
@@ -25,9 +25,9 @@ _FURTHER = {
 }
 _HALLS = {(1, 0): "entrance hall", (2, 0): "entrance hall", (2, 1): "upper hall"}
 _LEAVES = ("bathroom", "laundry room", "dressing room")
-"""Rooms that lead to no other room."""
+"""Kinds of rooms that lead to no other room."""
 _LARGEST_LEAF = 18.0
-"""Largest area of such a room, square metres."""
+"""Largest area of a room that leads to no other room, square metres."""
 
 _PALE: tuple[Rgb, ...] = (
     (226, 214, 188), (190, 208, 222), (200, 218, 186), (230, 198, 190), (212, 200, 226), (226, 224, 216),
@@ -43,7 +43,7 @@ def draw_names(
     given: Sequence[str], rects: Sequence[Rect], degrees: Sequence[int], *, storey: tuple[int, int],
     rng: np.random.Generator,
 ) -> list[str] | None:  # fmt: skip
-    """A name for every room of a storey, different ones; None where no bathroom is possible.
+    """Different names for all rooms of a storey; None where no bathroom is possible.
 
     Args:
         given: Names from the layout: "hall" becomes the storey's hall, "" is a room without name.
@@ -77,7 +77,7 @@ def draw_names(
 
 
 def draw_finishes(names: Sequence[str], rng: np.random.Generator) -> list[tuple[Finish, Finish]]:
-    """(floor, wall) of each room: wood, carpet or tile by its kind, and walls of different colours."""
+    """Finishes (floor, wall) of each room: wood, carpet or tile by its kind, and walls of different colours."""
     tints = rng.permutation(len(_PALE))
     return [(_floor(name, rng), _wall(name, _PALE[tints[k % len(_PALE)]], rng)) for k, name in enumerate(names)]
 

@@ -1,1 +1,1 @@
-"""Schematic homes from episode files alone: floor at recorded standing places, objects at their recorded places."""
+"""Recovers schematic homes from episode files alone: floor at recorded standing places, objects at recorded places."""

@@ -1,8 +1,8 @@
 """Guessed corridors of a schematic home, chosen so that its paths are as long as the recorded ones.
 
-A recorded length is a bound on both sides. Where our path is too long, a corridor is missing: the cheapest way over
-unknown floor with a fitting length is opened. Where it is too short, a corridor that was opened for other records is a
-way through a wall: it is closed, and those records get another one. Known floor is never closed.
+A recorded length is an upper and a lower bound. Where our path is too long, a corridor is missing: the cheapest way
+over unknown floor with a fitting length is opened. Where our path is too short, a corridor that was opened for other
+records leads through a wall: it is closed, and those records get another corridor. Known floor is never closed.
 """
 
 import math
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from sim.types import GridSpec
 from sim.walk.floor_grid import SNAP_CLIMB, SNAP_HEIGHT, SNAP_REACH, FloorGrid
-from sim.walk.grid_kernels import snap_all
+from sim.walk.grid_kernels import connected_parts, snap_all
+from sim.walk.grid_routes import End, PricedFloor, is_touched, mark_near, polyline_length, route, work_for
 
 from ..cells import Cells
 from .recorded import PathLength
-from .route_kernels import End, Ground, free_parts, is_touched, mark_near, polyline_length, route, work_for
 
 PLAN_CLIMB = 0.3
 """Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
@@ -25,7 +25,7 @@ CORRIDOR_RADIUS = 0.1
 """Half the width of a corridor for the robot's centre (metres)."""
 _RELUCTANCES = (50.0, 12.0, 4.0, 1.5, 0.6, 0.25, 0.1)
 _TOO_SHORT, _TOO_LONG = 0.975, 1.025
-_WRONG = 0.955  # for a path this short, a corridor to close is searched
+_WRONG = 0.955  # for a path shorter than this share of the record, we look for a corridor to close
 _CUT = 1.25  # paths longer than this many times the record are not measured
 _ROUNDS = 2
 _CHOICES = 3
@@ -42,7 +42,7 @@ Nodes = NDArray[np.int64]
 
 
 class _Opening(NamedTuple):
-    """Unknown floor that would become a corridor, and its effect."""
+    """Unknown floor that would become a corridor, and the effect of opening it."""
 
     nodes: Nodes
     gain: float
@@ -56,7 +56,7 @@ def with_corridors(known: Cells, unknown: Cells, lengths: tuple[PathLength, ...]
     Args:
         known: Certain floor, never closed; contains the ends of all lengths.
         unknown: Cells that may be floor.
-        lengths: Records; impossible ones, those shorter than two cells and those that end off the floor are left out.
+        lengths: Records; those that are impossible, shorter than two cells, or end off the floor are left out.
         grid: Place of the cells.
     """
     rc, y = np.concatenate([known.rc, unknown.rc]), np.concatenate([known.y, unknown.y])
@@ -73,7 +73,7 @@ class _Search:
     """Greedy search with undo; lengths in cells."""
 
     def __init__(self, floor: FloorGrid, is_known: NDArray[np.bool_], records: tuple[PathLength, ...]) -> None:
-        self.ground = Ground(floor.cells, is_known.copy(), np.ones(len(is_known)))
+        self.ground = PricedFloor(floor.cells, is_known.copy(), np.ones(len(is_known)))
         self._is_known = is_known
         self._work = work_for(len(is_known))
         self._cell = floor.grid.cell
@@ -86,12 +86,12 @@ class _Search:
             )
         )
         straight = [math.dist(record.start, record.end) / self._cell for record in records]
-        # nearly straight paths leave the least choice, so they come first
+        # nearly straight paths leave the fewest choices, so they come first
         tightness = np.array(self._lengths) / np.maximum(straight, 1e-6)
         self._order: list[int] = np.argsort(tightness, kind="stable").tolist()
         self._ratios = np.full(len(records), math.inf)
         self._paths: list[Polyline] = [np.empty((0, 3))] * len(records)
-        self._parts = free_parts(self.ground)
+        self._number_parts()
         for i in range(len(records)):
             self._measure_anew(i)
 
@@ -102,8 +102,12 @@ class _Search:
             self._close()
         self._open(self._order)
 
+    def _number_parts(self) -> None:
+        """Numbers the connected parts of the free floor again."""
+        self._parts = connected_parts(self.ground.cells.links, self.ground.is_free)
+
     def _measure(self, i: int) -> tuple[float, Polyline]:
-        """(our length / recorded length, path) of a record; inf and an empty path where it is much too long."""
+        """The ratio of our length to a record's, and our path; inf and an empty path where it is much too long."""
         limit = min(self._ratios[i] + 0.01, _CUT) * self._lengths[i] + 2
         path = route(self.ground, self._work, *self._ends[i], math.inf, limit)
         return (polyline_length(path) / self._lengths[i], path) if len(path) else (math.inf, path)
@@ -125,12 +129,12 @@ class _Search:
                 best = self._tried(nodes, best.gain if best else 0.0) or best
             if best is not None:
                 self.ground.is_free[best.nodes] = True
-                self._parts = free_parts(self.ground)
+                self._number_parts()
                 for j, (ratio, path) in best.measured.items():
                     self._ratios[j], self._paths[j] = ratio, path
 
     def _candidates(self, i: int) -> list[Nodes]:
-        """The ways of a record over unknown floor whose lengths fit best."""
+        """The ways over unknown floor whose lengths fit a record best."""
         found: dict[float, Nodes] = {}
         path = np.empty((0, 3))
         for reluctance in _RELUCTANCES:
@@ -142,7 +146,7 @@ class _Search:
         return [found[error] for error in sorted(found)[:_CHOICES]]
 
     def _add_way(self, i: int, path: Polyline, found: dict[float, Nodes]) -> float:
-        """Adds the unknown floor of a path to `found`, by the error of its length; returns its length's ratio."""
+        """Adds the unknown floor of a path to `found`, by the error of its length; returns the ratio of the length."""
         ratio = polyline_length(path) / self._lengths[i]
         error = round(abs(ratio - 1), 3)
         if ratio <= _LONGEST_WAY and error not in found:
@@ -221,11 +225,11 @@ class _Search:
             self._open([j for j in self._order if self._ratios[j] > before[1][j] or not math.isfinite(self._ratios[j])])
             if sum(map(_misfit, self._ratios.tolist())) >= sum(map(_misfit, before[1].tolist())) - 1e-6:
                 self.ground.is_free[:], self._ratios, self._paths = before
-                self._parts = free_parts(self.ground)
+                self._number_parts()
 
     def _measure_again(self, closed: Nodes) -> None:
         """Measures the records whose paths use closed nodes."""
-        self._parts = free_parts(self.ground)
+        self._number_parts()
         mark = np.zeros(len(self._is_known), bool)
         mark[closed] = True
         for j, path in enumerate(self._paths):
@@ -247,7 +251,7 @@ def _misfit(ratio: float) -> float:
 
 
 def _ends(floor: FloorGrid, points: list[tuple[float, float, float]]) -> list[End]:
-    """Points on the floor's nodes."""
+    """The points as ends on the floor's nodes."""
     world = np.array(points, float).reshape(-1, 3)
     (x0, z0), cell = floor.grid.origin_xz, floor.grid.cell
     at = (world[:, 0] - x0) / cell, world[:, 1] / cell, (world[:, 2] - z0) / cell

@@ -1,10 +1,10 @@
-"""Open space of a schematic home that is not walkable: low steps along every line of sight and below every object.
+"""Makes the open space of a schematic home that is not walkable: low steps along lines of sight and below objects.
 
 Recorded view points and recovered objects -> `CellGrid.plinth`, for `recover`. All other space is wall.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,24 +13,25 @@ from scipy import ndimage
 
 from sim.types import CAMERA_HEIGHT
 
-from ..building.cell_spaces import floor_layers, grown
+from ..building.cells.spaces import floor_layers
 from ..cells import CELL, CellGrid, Cells
-from ..plan import Furniture, Rect, Storey
+from ..furniture.families import Mounting
+from ..images import grown, parts_of
+from ..plan import Furniture, Storey
 from .recorded import Recorded, original_places
-from .recovered_objects import RecoveredObject
 
 STEP = 0.08
 """Height of a step above the floor beside it (metres): easy to see, and lower than everything on the floor."""
 LOW_STEP = 0.02
 """Height of a step below objects, and where a line of sight comes down to them (metres)."""
 _OVER_STEP = 0.15
-"""A line of sight passes at least this far above a step (metres)."""
+"""Least height of a line of sight above a step (metres)."""
 _BEHIND = 0.2
 """Depth of the wall behind a hanging object (metres)."""
 _BUILT_IN = 0.2
-"""An object with less depth is the front of a thing in a wall, as wardrobes and dishwashers of the release (metres)."""
+"""An object with less depth is the front of a thing inside a wall, such as a wardrobe or a dishwasher (metres)."""
 _SMALL_HOLE = 0.3
-"""Isolated walls in open space with less area (square metres) are only places without lines of sight: open."""
+"""Isolated walls with less area than this (square metres) are only gaps between lines of sight; they are opened."""
 _OWN_FLOOR = 0.6
 
 Masks = NDArray[np.bool_]
@@ -50,18 +51,24 @@ class _Open(NamedTuple):
 
 
 def step_cells(
-    recorded: Recorded, objects: Sequence[RecoveredObject], storeys: Sequence[Storey], *, grid: CellGrid
+    recorded: Recorded,
+    pieces: Sequence[Furniture],
+    mountings: Mapping[str, Mounting],
+    storeys: Sequence[Storey],
+    *,
+    grid: CellGrid,
 ) -> Cells:
     """Cells that are open but not floor, with the heights of their steps.
 
     Args:
         recorded: Gives the view points of the objects.
-        objects: The recovered objects; one that hangs on a wall keeps a wall behind it where no line of sight passes.
+        pieces: The recovered objects; one that hangs on a wall keeps a wall behind it where no line of sight passes.
+        mountings: The mounting of each of them, by name.
         storeys: Levels of the plan.
         grid: The grid with its walkable cells.
     """
     floor_y = np.array([storey.floor_y for storey in storeys])
-    marks = _marks(recorded, objects, floor_y, grid)
+    marks = _marks(recorded, pieces, mountings, floor_y, grid)
     floors = floor_layers(grid, tuple(storeys))[::2]
     parts = []
     for k in range(len(storeys)):
@@ -79,19 +86,24 @@ def step_cells(
 
 
 def _marks(
-    recorded: Recorded, objects: Sequence[RecoveredObject], floor_y: NDArray[np.float64], grid: CellGrid
+    recorded: Recorded,
+    pieces: Sequence[Furniture],
+    mountings: Mapping[str, Mounting],
+    floor_y: NDArray[np.float64],
+    grid: CellGrid,
 ) -> _Open:
     marks = _Open(*(np.zeros((len(floor_y), *grid.shape), bool) for _ in range(4)))
-    for item in objects:
-        goal = recorded.goals.get(item.piece.name)
-        own_y = item.piece.centre[1] - item.piece.size[1] / 2 if goal is None else goal.floor_y
+    for piece in pieces:
+        goal = recorded.goals.get(piece.name)
+        own_y = piece.centre[1] - piece.size[1] / 2 if goal is None else goal.floor_y
         k = int(np.abs(floor_y - own_y).argmin())
         if goal is not None:
             _mark_sights(marks, k, original_places(goal), np.array(goal.position), floor_y[k], grid)
-        marks.below[k][_cells_of(item.piece.rect, grid)] = True
-        if item.stand == "wall" or (item.stand == "floor" and item.piece.size[2] < _BUILT_IN):
-            marks.wall[k][_cells_of(_behind(item.piece), grid)] = True
-            marks.wall[k][_cells_of(item.piece.rect, grid)] = False
+        marks.below[k][piece.rect.cells(grid.grid)] = True
+        mounting = mountings[piece.name]
+        if mounting == "wall" or (mounting == "floor" and piece.size[2] < _BUILT_IN):
+            marks.wall[k][piece.rect.beside(piece.yaw + math.pi, _BEHIND).cells(grid.grid)] = True
+            marks.wall[k][piece.rect.cells(grid.grid)] = False
     return marks
 
 
@@ -111,40 +123,16 @@ def _mark_sights(
     marks.low[k, rc[low][:, 0], rc[low][:, 1]] = True
 
 
-def _behind(piece: Furniture) -> Rect:
-    """The wall that carries a piece, as wide as the piece."""
-    rect = piece.rect
-    sin, cos = math.sin(piece.yaw), math.cos(piece.yaw)
-    if abs(sin) > abs(cos):
-        return (
-            Rect(rect.x0 - _BEHIND, rect.z0, rect.x0, rect.z1)
-            if sin > 0
-            else Rect(rect.x1, rect.z0, rect.x1 + _BEHIND, rect.z1)
-        )
-    return (
-        Rect(rect.x0, rect.z0 - _BEHIND, rect.x1, rect.z0)
-        if cos > 0
-        else Rect(rect.x0, rect.z1, rect.x1, rect.z1 + _BEHIND)
-    )
-
-
 def _dilated(mask: Masks) -> Masks:
-    """The mask and its four neighbours."""
+    """The mask grown by the four neighbours of each cell."""
     return np.asarray(ndimage.binary_dilation(mask), bool)
 
 
 def _small_holes(opened: Masks, wall: Masks) -> Masks:
     """Closed cells in small parts that touch neither the border nor a wall with a hanging object."""
-    parts = np.asarray(ndimage.label(~opened)[0], np.int64)  # type: ignore[index]
+    parts, _ = parts_of(~opened)
     keep = np.bincount(parts.ravel()) * CELL**2 >= _SMALL_HOLE
     for edge in (parts[0], parts[-1], parts[:, 0], parts[:, -1], parts[wall]):
         keep[edge] = True
     keep[0] = True
     return ~keep[parts]
-
-
-def _cells_of(rect: Rect, grid: CellGrid) -> tuple[slice, slice]:
-    """Rows and columns that a rectangle touches."""
-    corners = np.array([[rect.x0, rect.z0], [rect.x1, rect.z1]])
-    (row0, col0), (row1, col1) = np.clip(grid.grid.rc_from_xz(corners), 0, np.array(grid.shape) - 1)
-    return slice(int(row0), int(row1) + 1), slice(int(col0), int(col1) + 1)

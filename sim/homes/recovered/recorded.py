@@ -1,4 +1,4 @@
-"""Facts about one scene in the episode files: standing places of the robot, objects, captions, true path lengths.
+"""Collects the facts about one scene in the episode files: the robot's places, objects, captions, true path lengths.
 
 Episode files -> `Recorded`, from which `recover` makes a schematic home.
 """
@@ -32,7 +32,7 @@ class PathLength(NamedTuple):
 
     @property
     def is_possible(self) -> bool:
-        """False where it is shorter than the straight line: then it leads to another view point (12 of 2,000)."""
+        """Whether it is no shorter than the straight line; the others lead to another view point (12 of 2,000)."""
         return self.length >= math.dist(self.start, self.end) - _SAME_LENGTH
 
 
@@ -40,7 +40,7 @@ class Recorded(NamedTuple):
     """The facts about one scene in the episode files."""
 
     standing: NDArray[np.float64]
-    """(N, 3) original view points and starts: places where the robot stood, sorted, each once."""
+    """(N, 3) places where the robot stood: original view points and starts, sorted, each once."""
     extras: NDArray[np.float64]
     """(M, 3) the view points that the generator added: random places of Habitat's navmesh near view_points[0], also
     on the storeys above and below; sorted, each once."""
@@ -52,7 +52,7 @@ class Recorded(NamedTuple):
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """(N + M, 3) every known place of the robot's centre: `standing`, then `extras`."""
+        """Every known place of the robot's centre, (N + M, 3): `standing`, then `extras`."""
         return np.concatenate([self.standing, self.extras])
 
 
@@ -105,5 +105,5 @@ def _points(places: set[Point]) -> NDArray[np.float64]:
 
 
 def original_places(goal: Goal) -> NDArray[np.float64]:
-    """(V, 3) feet of the robot at the goal's original view points."""
+    """Feet positions (V, 3) of the robot at the goal's original view points."""
     return np.array([p.agent_state.position for p in goal.original_view_points], float).reshape(-1, 3)

@@ -1,27 +1,24 @@
-"""Recovered objects changed so that none hides another from the places that see it; after recovered_objects.py.
+"""Changes recovered pieces so that none hides another from the places that see it.
 
-Only sizes change, and unrecorded supports may be removed. Walls do not matter: they are in no line of sight.
+Only sizes change, and unrecorded supports may be removed. Walls do not matter, because they are in no line of sight.
 """
 
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from sim.episodes.schema import Goal
 from sim.render.raycast import Raycaster
 from sim.types import Camera
 from sim.walk.object_surface import object_surface
 
-from ...mesh import FLAT, TriangleMesh
-from ..building.furniture_mesh import add_piece
-from ..building.quads import QuadBuilder
-from ..plan import Finish, Furniture
+from ...mesh import TriangleMesh
+from ..building.quads import QuadBuilder, add_piece
+from ..plan import Furniture
 from .recorded import original_places
-from .recovered_objects import RecoveredObject
 
 _ROUNDS = 6
 _ENOUGH = 0.97
@@ -29,9 +26,9 @@ _ENOUGH = 0.97
 _SAMPLES = 32
 _SHRUNK = 0.8
 _SMALLEST, _LEAST_SHARE = 0.08, 0.55
-"""Least width and depth of a shrunk blocker (metres), and their least share of the original ones."""
+"""Least width and depth of a shrunk blocker (metres), and their least share of the original sizes."""
 _LIP = 0.01
-"""Distance by which a thing inside another one reaches out of it (metres)."""
+"""Distance by which a thing inside another piece reaches out of it (metres)."""
 _FARTHEST_OUT = 0.4
 
 
@@ -43,32 +40,27 @@ class _Hidden(NamedTuple):
     """Number of lines of sight that each other piece cuts, by index."""
 
 
-def unhidden(found: Sequence[RecoveredObject], goals: Mapping[str, Goal]) -> tuple[RecoveredObject, ...]:
-    """The objects with sizes at which (nearly) all original view points of each see a part of it past the others.
+def unhidden(found: Sequence[Furniture], goals: Mapping[str, Goal]) -> tuple[Furniture, ...]:
+    """The pieces, with sizes at which (nearly) all original view points of each piece see a part of it past the others.
 
     Names, centres and yaws stay; supports (role `clutter`) are left out where they hide an object.
     """
-    objects = list(found)
+    pieces = list(found)
     for _ in range(_ROUNDS):
-        hidden = _hidden([item.piece for item in objects], goals)
+        hidden = _hidden(pieces, goals)
         if not hidden:
             break
-        pieces = [item.piece for item in objects]
         dropped: set[int] = set()
         for case in hidden:
             for index, _ in sorted(case.by.items(), key=lambda item: (-item[1], item[0]))[:2]:
                 if pieces[index].role == "clutter":
                     dropped.add(index)
                 else:
-                    width, _, depth = found[index].piece.size
+                    width, _, depth = found[index].size
                     least = (max(_SMALLEST, _LEAST_SHARE * width), max(_SMALLEST, _LEAST_SHARE * depth))
                     pieces[case.index], pieces[index] = made_way(pieces[case.index], pieces[index], least=least)
-        objects = [
-            item._replace(piece=piece)
-            for index, (item, piece) in enumerate(zip(objects, pieces, strict=True))
-            if index not in dropped
-        ]
-    return tuple(objects)
+        pieces = [piece for index, piece in enumerate(pieces) if index not in dropped]
+    return tuple(pieces)
 
 
 def made_way(
@@ -76,8 +68,8 @@ def made_way(
 ) -> tuple[Furniture, Furniture]:
     """The hidden piece and the blocker, one of them with a new size.
 
-    A piece whose centre lies inside the other reaches a little out of its front or top, as an oven in a cabinet or a
-    blanket on a bed; else the blocker shrinks, at most to `least` metres of width and depth.
+    A piece whose centre lies inside the blocker reaches a little out of its front or top, like an oven in a cabinet or
+    a blanket on a bed. Otherwise the blocker shrinks, at most to `least` metres of width and depth.
     """
     x, y, z = piece.centre
     half_h = blocker.size[1] / 2
@@ -95,7 +87,7 @@ def made_way(
 
 
 def _gaps(piece: Furniture, blocker: Furniture) -> tuple[float, float]:
-    """Metres from the piece's centre to the ends of the blocker's bounds, in its front direction and backwards."""
+    """Distances from the piece's centre to the blocker's bounds, towards the piece's front and its back, metres."""
     (x, _, z), rect = piece.centre, blocker.rect
     sin, cos = math.sin(piece.yaw), math.cos(piece.yaw)
     ends = (rect.x1 - x, x - rect.x0) if abs(sin) > abs(cos) else (rect.z1 - z, z - rect.z0)
@@ -123,34 +115,9 @@ def _hidden(pieces: Sequence[Furniture], goals: Mapping[str, Goal]) -> list[_Hid
     return found
 
 
-class _Shapes(QuadBuilder):
-    """Collects corners and ids only: no texture, no light."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.quads: list[NDArray[np.float64]] = []
-        self.ids: list[NDArray[np.int32]] = []
-
-    def add_quads(self, corners: ArrayLike, finish: Finish, *, instance: int = 0, **more: Any) -> None:
-        quads = np.asarray(corners, np.float64).reshape(-1, 4, 3)
-        self.quads.append(quads)
-        self.ids.append(np.full(len(quads), instance, np.int32))
-
-
 def _shapes(pieces: Sequence[Furniture]) -> TriangleMesh:
-    """The pieces alone; ids are 1, 2, ... in their order."""
-    builder = _Shapes()
+    """A mesh of the pieces alone, with ids 1, 2, ... in their order."""
+    builder = QuadBuilder()
     for instance, piece in enumerate(pieces, start=1):
         add_piece(builder, piece, instance=instance)
-    corners = np.concatenate(builder.quads).reshape(-1, 3).astype(np.float32)
-    first = np.arange(len(corners) // 4, dtype=np.int32)[:, None, None] * 4
-    faces = (first + np.array([[0, 1, 2], [0, 2, 3]], np.int32)).reshape(-1, 3)
-    num = len(faces)
-    return TriangleMesh(
-        corners,
-        faces,
-        np.zeros((num, 3), np.uint8),
-        np.repeat(np.concatenate(builder.ids), 2),
-        np.full(num, FLAT, np.int16),
-        np.zeros((num, 3, 2), np.float32),
-    )
+    return builder.bare_mesh()

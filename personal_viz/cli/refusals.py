@@ -1,0 +1,129 @@
+"""Checks options that several verbs share before any work is done; says in one line which place cannot be written."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.errors import PersonalVizError, line_from_validation_error
+from sim.types import SceneKind
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
+
+_LEAST = {"limit": 1, "jobs": 1, "batch": 1, "failures": 0, "seed": 0, "sample_seed": 0}
+"""Smallest allowed value of an option, by field of a verb."""
+
+
+def check_options(verb: object) -> None:
+    """Refuses invalid values of `--run-id` and of the numbers that several verbs have.
+
+    Raises:
+        PersonalVizError: A value is invalid; the message names the option, the value and the expected values.
+    """
+    from sim.tasks.run_files import RUN_ID
+
+    for name, least in _LEAST.items():
+        value = getattr(verb, name, None)
+        if value is not None and value < least:
+            raise PersonalVizError(
+                f"--{name.replace('_', '-')} is {value}; expected a whole number from {least}. "
+                "Leave it out for the default."
+            )
+    run_id = getattr(verb, "run_id", None)
+    if run_id is not None and not re.fullmatch(RUN_ID, run_id):
+        raise PersonalVizError(
+            f"--run-id is {run_id!r}; expected 1 to 80 letters, digits, '.', '_' or '-', not starting with '.'. "
+            "Give another, or leave it out; --out says in which folder."
+        )
+
+
+def require_suffix(option: str, path: Path, suffix: str) -> None:
+    """Refuses a file name with the wrong ending.
+
+    Args:
+        option: The option as typed, such as `--out`.
+        path: The option's value.
+        suffix: The required ending, such as `.rrd`, in upper or lower case.
+
+    Raises:
+        PersonalVizError: The ending is wrong; the message names the option.
+    """
+    if path.suffix.lower() != suffix:
+        raise PersonalVizError(f"{option} is {str(path)!r}; expected a file that ends in {suffix}. Give another name.")
+
+
+@contextmanager
+def writing(place: Path, options: str = "--out") -> Iterator[None]:
+    """Turns an OSError in a block that writes into a one-line error.
+
+    Args:
+        place: The file or folder that the options name.
+        options: The options that can name another place.
+
+    Raises:
+        PersonalVizError: A file or folder cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise PersonalVizError(
+            f"{place}: cannot be written ({error.strerror}); expected a folder in which you can write. "
+            f"Give another {options}."
+        ) from None
+
+
+def require_folder(folder: Path, options: str = "--out") -> None:
+    """Makes the folder and checks that it can be written.
+
+    Raises:
+        PersonalVizError: The folder cannot be made or written.
+    """
+    with writing(folder, options):
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+
+
+def line_from_refused_options(verb: str, options: Mapping[str, object], error: ValidationError) -> str:
+    """One line about a value that no file or run may hold, with the option that it came from.
+
+    Args:
+        verb: The verb as typed, for values that were made from several options.
+        options: Values by field name of the verb.
+        error: The error that pydantic raised.
+    """
+    first = error.errors()[0]
+    same_name = [name for name in options if name == (first["loc"] or ("",))[-1]]
+    same_value = [name for name, value in options.items() if value is not None and str(value) == str(first["input"])]
+    both = [name for name in same_name if name in same_value]
+    for name in (
+        *both,
+        *same_value,
+        *same_name,
+    ):  # a field may share its name with another option: the study's name, its folder
+        option = f"--{name.replace('_', '-')}"
+        return line_from_validation_error(option, error, advice=f"Give another {option}.")
+    advice = "Change the options; where they are as they should be, please report this line with your command."
+    return line_from_validation_error(f"{verb}, {error.title}", error, advice=advice)
+
+
+def require_no_scan(kind: SceneKind, *, clutter: int) -> None:
+    """Refuses clutter in scans, which have their own.
+
+    Args:
+        kind: Kind of the homes that are opened.
+        clutter: The option `--clutter`.
+
+    Raises:
+        PersonalVizError: Both scans and clutter are asked for.
+    """
+    if clutter and kind == "scan":
+        raise PersonalVizError(
+            f"--clutter is {clutter} beside --scenes-dir; expected 0 in scans. Leave one of the two out."
+        )

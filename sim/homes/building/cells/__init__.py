@@ -1,0 +1,1 @@
+"""Builds homes whose plans give cells: rooms, straight walls, openings and flights."""

@@ -1,0 +1,200 @@
+"""Flights in homes given as cells: their steps, their sides, and railings along every drop."""
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sim.types import GridSpec
+
+from ...images import cells_of, nearest, neighbours, parts_of
+from ..fittings import add_railing
+from ..quads import QuadBuilder
+from ..stairs import RISER_FINISH, STRING_FINISH, TREAD_FINISH
+from ..walls import WallPiece, add_wall_piece
+from .outlines import Straight, WallLines, outline, straight_lines
+from .storeys import StoreyCells, between
+from .surfaces import edges_where, level_quads, side_quads
+
+RISE = 0.17
+"""Height of a step (metres)."""
+_FLAT = 0.17
+"""Recorded heights this near a storey's floor are that floor (metres)."""
+_RISER = 0.6
+"""Largest height difference of neighbouring cells with a riser between them (metres)."""
+_EDGE = 0.05
+"""Smallest height difference of neighbouring cells with a riser between them (metres)."""
+_SMOOTH = 2.0
+"""Recorded heights of flights are averaged over about this many cells."""
+_STRING = 0.06
+"""Thickness of a flight's side (metres)."""
+_CURB = 0.04
+"""Height of a flight's side above the steps (metres)."""
+_SLAB = 0.25
+"""Thickness of a flight with recorded floor below it (metres)."""
+_PASSAGE = 0.35
+"""Height difference between a step and floor beside it up to which people step on or off, so that the flight has no
+side there (metres)."""
+_DROP = 0.4
+"""Railings stand along drops larger than this (metres)."""
+_MIN_RAIL = 6
+"""Least length of a railing (cells)."""
+
+Heights = NDArray[np.float64]
+
+
+def stepped(heights: Heights, floor_y: float) -> Heights:
+    """Heights of one layer as level steps; heights near the floor become the floor's height."""
+    above = heights - floor_y
+    return np.where(np.abs(above) < _FLAT, floor_y, floor_y + np.round(above / RISE) * RISE)
+
+
+def with_whole_flights(floors: Heights, floors_y: list[float]) -> Heights:
+    """Layers in which flights also hold their first and last steps, which lie near a storey's floor.
+
+    Args:
+        floors: (2 * S - 1, rows, cols) heights: even layers are storeys, odd ones the flights from there up.
+        floors_y: Heights of the storeys' floors.
+    """
+    found = floors.copy()
+    for layer in range(1, len(floors), 2):
+        flight = ~np.isnan(floors[layer])
+        low = floors[layer - 1] > floors_y[layer // 2] + _FLAT
+        high = floors[layer + 1] < floors_y[layer // 2 + 1] - _FLAT
+        parts, count = parts_of(flight | low | high, diagonal=True)
+        if not count:
+            continue
+        touched = np.bincount(parts.ravel(), flight.ravel()) > 0
+        touched[0] = False
+        whole = touched[parts]
+        steps = np.where(flight, floors[layer], np.where(high, floors[layer + 1], floors[layer - 1]))
+        found[layer] = np.where(whole, _smoothed(np.where(whole, steps, np.nan)), np.nan)
+        found[layer - 1][whole & low] = np.nan
+        found[layer + 1][whole & high] = np.nan
+    return found
+
+
+def _smoothed(heights: Heights) -> Heights:
+    """Recorded heights without their noise, so that steps have straight edges; cells without height do not count."""
+    known = ~np.isnan(heights)
+    weight = ndimage.gaussian_filter(known.astype(float), _SMOOTH)
+    total = ndimage.gaussian_filter(np.where(known, heights, 0.0), _SMOOTH)
+    return np.where(known, total / np.maximum(weight, 1e-9), np.nan)
+
+
+def add_steps(builder: QuadBuilder, grid: GridSpec, surfaces: Heights) -> None:
+    """Treads of all flights, and risers wherever one surface is a step above another.
+
+    Args:
+        builder: Takes the quads.
+        grid: Place of the images.
+        surfaces: (2 * S - 1, rows, cols) heights of drawn floors and steps: even layers are storeys, odd ones flights.
+    """
+    for layer, surface in enumerate(surfaces):
+        if layer % 2:
+            quads, _ = level_quads(grid, surface, np.zeros(surface.shape, np.int64))
+            builder.add_quads(quads, TREAD_FINISH)
+        for step, beside in neighbours(surfaces):
+            lower = np.where(beside < surface - 0.001, beside, -np.inf).max(axis=0)
+            same = (np.abs(beside - surface) <= 0.001).any(axis=0)
+            rise = surface - lower
+            own = surface - beside[layer]  # within one layer, such as at a platform or bed, every step is closed
+            cells = cells_of(np.isfinite(lower) & ~same & (rise > _EDGE) & ((rise <= _RISER) | (own == rise)))
+            if len(cells[0]):
+                quads, _ = side_quads(grid, cells, (lower[cells], surface[cells]), step)
+                builder.add_quads(quads, RISER_FINISH)
+
+
+def flight_surface(flight: Heights, floor_y: float) -> Heights:
+    """Heights of a flight's steps, (rows, cols), out to its straightened sides."""
+    mask = ~np.isnan(flight)
+    if not mask.any():
+        return flight
+    steps = stepped(flight, floor_y)[nearest(mask)]
+    return np.where(between(mask, straight_lines(outline(mask))), steps, np.nan)
+
+
+def add_strings(
+    builder: QuadBuilder, storey: StoreyCells, surfaces: Heights, layer: int, *, walked: NDArray[np.bool_]
+) -> None:
+    """Adds the sides of the flights that rise from a storey; they reach its floor unless there is recorded floor below.
+
+    Args:
+        builder: Takes the quads.
+        storey: The storey from which the flights of `layer` rise.
+        surfaces: (2 * S - 1, rows, cols) heights of drawn floors and steps.
+        layer: Index of the flights' layer, odd.
+        walked: (rows, cols) recorded floor of the storey.
+    """
+    flight = surfaces[layer]
+    by = _STRING / storey.grid.cell
+    for line in straight_lines(outline(~np.isnan(flight))):
+        is_left = not np.isnan(flight[tuple(line.left[0])])
+        own, other = (line.left, line.right) if is_left else (line.right, line.left)
+        steps = flight[tuple(own.T)]
+        beside = surfaces[:, other[:, 0], other[:, 1]]
+        is_way = (np.abs(beside - steps) < _PASSAGE).any(axis=0)
+        steps = np.where(is_way, np.nan, steps)
+        bottoms = np.where(walked[tuple(own.T)], steps - _SLAB, storey.floor_y)
+        is_new = (np.diff(steps) != 0) | (np.diff(bottoms) != 0)
+        changes = np.flatnonzero(is_new & ~(np.isnan(steps[1:]) & np.isnan(steps[:-1]))) + 1
+        for low, high in itertools.pairwise([0, *changes.tolist(), len(steps)]):
+            if np.isnan(steps[low]):
+                continue
+            ends = [line.at(place / len(steps)) for place in (low, high)]
+            miters = [line.miter_at(place / len(steps)) for place in (low, high)]
+            outer = [p + m * (-by if is_left else by) for p, m in zip(ends, miters, strict=True)]
+            corners = [storey.xz(p) for p in ((*ends, *outer) if is_left else (*outer, *ends))]
+            add_wall_piece(
+                builder,
+                WallPiece(
+                    *corners,
+                    bottom=max(storey.floor_y, float(bottoms[low])),
+                    top=float(steps[low]) + _CURB,
+                    left=STRING_FINISH,
+                    right=STRING_FINISH,
+                    skirting=False,
+                    ends=(True, True),
+                    has_top=True,
+                ),
+            )
+
+
+def add_railings(builder: QuadBuilder, storeys: list[StoreyCells], surfaces: Heights) -> None:
+    """Adds railings along flights and around wells, at every drop without a wall."""
+    for k, storey in enumerate(storeys):
+        for layer in (2 * k - 1, 2 * k + 1):
+            if 0 <= layer < len(surfaces):
+                level, flight = surfaces[2 * k], surfaces[layer]
+                # a railing stands on the higher side: on the floor around a well, on the steps of a flight up
+                base = level if layer < 2 * k else flight
+                for line in straight_lines(_drops(storey, level, flight)):
+                    _add_rail_line(builder, storey, line, base)
+
+
+def _drops(storey: StoreyCells, level: Heights, flight: Heights) -> WallLines:
+    """Edges without a wall between the storey's floor and steps that lie far above or below it."""
+    inside = storey.space.inside
+    walls = (storey.space.walls.across[1:-1], storey.space.walls.along[:, 1:-1])
+
+    def drops(a: tuple[slice, slice], b: tuple[slice, slice], axis: int) -> NDArray[np.bool_]:
+        found = np.zeros(walls[axis].shape, bool)
+        for one, other in ((a, b), (b, a)):
+            on_level = ~np.isnan(level[other]) & np.isnan(flight[other])
+            found |= on_level & (np.abs(level[other] - flight[one]) > _DROP)
+        return found & ~walls[axis] & inside[a] & inside[b]
+
+    return edges_where(drops)
+
+
+def _add_rail_line(builder: QuadBuilder, storey: StoreyCells, line: Straight, base: Heights) -> None:
+    """Adds a railing along a line, on the surface `base` beside it."""
+    heights = np.fmax(base[tuple(line.left.T)], base[tuple(line.right.T)])
+    known = np.flatnonzero(~np.isnan(heights))
+    if line.length < _MIN_RAIL or len(known) < 2:
+        return
+    share = (known + 0.5) / len(heights)
+    share[0], share[-1] = known[0] / len(heights), (known[-1] + 1) / len(heights)
+    xz = storey.xz(np.array([line.at(place) for place in share]))
+    add_railing(builder, np.stack([xz[:, 0], heights[known], xz[:, 1]], axis=1))

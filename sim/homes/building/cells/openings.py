@@ -1,0 +1,141 @@
+"""Windows, door frames and ceiling lamps of a home given as cells: decoration that blocks no way and no view."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...images import distance_to, widened
+from ...plan import Rect
+from ..fittings import add_door_frame, add_strip, add_window
+from ..quads import QuadBuilder, spot_on_wall
+from ..walls import WallPiece, add_wall_piece
+from .flights import stepped
+from .storeys import StoreyCells, StoreyLine
+
+_WINDOW = (1.2, 1.15)
+_SILL = 0.92
+_WINDOW_EVERY = 2.8
+_MIN_WALL = 1.7
+_OUTSIDE = (0.3, 0.6, 0.9, 1.2)
+"""A wall is an outer wall if no place at these distances behind it is inside the storey (metres)."""
+_DOOR = (0.6, 1.5)
+"""Narrowest and widest gap between rooms that gets a door frame (metres)."""
+_DOOR_TOP = 2.05
+_FRAME_DEPTH = 0.1
+_STRIP_CLIMB = 0.05
+_LAMP_EVERY = 2.6
+_MAX_LAMPS = 4
+_MIN_LAMP_ROOM = 0.45
+"""Least distance of a lamp from every wall (metres)."""
+
+Points = NDArray[np.float64]
+
+
+def add_windows(builder: QuadBuilder, storey: StoreyCells) -> None:
+    """Adds windows to long outer walls where no furniture stands in front of them."""
+    for line in storey.lines:
+        wall = storey.placed(line)
+        if (wall.has_left and wall.has_right) or wall.length < _MIN_WALL:
+            continue
+        out = wall.left * (1 if wall.has_left else -1)
+        count = max(1, int(wall.length / _WINDOW_EVERY))
+        for k in range(count):
+            middle = wall.start + (wall.end - wall.start) * (k + 0.5) / count
+            sill = _floor_at(storey, middle + out * 0.15) + _SILL
+            fits = sill + _WINDOW[1] + 0.1 < storey.ceiling_y
+            if fits and _is_outer(storey, middle, wall.along, out) and not _is_taken(storey, middle, wall.along, out):
+                add_window(builder, spot_on_wall(middle, out, sill), _WINDOW)
+
+
+def _floor_at(storey: StoreyCells, xz: Points) -> float:
+    row, col = storey.grid.rc_from_xz(xz)
+    height = float(storey.space.floor[row, col])
+    return storey.floor_y if np.isnan(height) else height
+
+
+def _is_outer(storey: StoreyCells, middle: Points, along: Points, out: Points) -> bool:
+    """Whether nothing of the storey lies behind the wall over the window's width."""
+    points = np.array([middle + along * a - out * d for a in (-0.6, 0.0, 0.6) for d in _OUTSIDE])
+    rc = storey.grid.rc_from_xz(points)
+    known = storey.grid.contains(rc)
+    before = storey.grid.rc_from_xz(np.array([middle + along * a + out * 0.12 for a in (-0.6, 0.0, 0.6)]))
+    return not storey.space.inside[tuple(rc[known].T)].any() and bool(storey.space.inside[tuple(before.T)].all())
+
+
+def _is_taken(storey: StoreyCells, middle: Points, along: Points, out: Points) -> bool:
+    """Whether something stands or hangs where the window would be."""
+    reach = np.abs(along) * (_WINDOW[0] / 2 + 0.15) + np.abs(out) * 0.3
+    zone = Rect(*(middle - reach).tolist(), *(middle + reach).tolist())
+    low, high = storey.floor_y + _SILL - 0.05, storey.floor_y + _SILL + _WINDOW[1]
+    return any(
+        piece.rect.overlaps(zone)
+        and piece.centre[1] + piece.size[1] / 2 > low
+        and piece.centre[1] - piece.size[1] / 2 < high
+        for piece in storey.plan.furniture
+    )
+
+
+def add_door_frames(builder: QuadBuilder, storey: StoreyCells) -> None:
+    """Adds a frame with the wall over it where two rooms meet in a gap between walls; else a strip on the floor."""
+    at_wall = widened(storey.space.walls.corners(), 2)
+    for line in storey.borders:
+        width = line.length * storey.grid.cell
+        start, end = (tuple(np.rint(point).astype(int)) for point in (line.start, line.end))
+        is_gap = all(line.is_free) and bool(at_wall[start] and at_wall[end])
+        if is_gap and _DOOR[0] <= width <= _DOOR[1]:
+            _add_door_frame(builder, storey, storey.placed(line))
+        _add_strip(builder, storey, storey.placed(line))
+
+
+def _add_door_frame(builder: QuadBuilder, storey: StoreyCells, line: StoreyLine) -> None:
+    """Adds a frame across a gap between rooms, and the wall over it."""
+    middle = (line.start + line.end) / 2
+    floor_y = _floor_at(storey, middle)
+    top = floor_y + _DOOR_TOP
+    if top + 0.15 > storey.ceiling_y:
+        return
+    spot = spot_on_wall(middle, line.left, floor_y)
+    add_door_frame(builder, spot, (line.length, _DOOR_TOP), thickness=_FRAME_DEPTH)
+    ends = [line.start - line.along * 0.1, line.end + line.along * 0.1]
+    beside = [storey.rooms[tuple(storey.grid.rc_from_xz(middle + line.left * by))] for by in (0.2, -0.2)]
+    finishes = [storey.room(int(number)).wall for number in beside]
+    corners = [p + line.left * by for by in (_FRAME_DEPTH / 2, -_FRAME_DEPTH / 2) for p in ends]
+    add_wall_piece(
+        builder,
+        WallPiece(
+            *corners, bottom=top, top=storey.ceiling_y, left=finishes[0], right=finishes[1], skirting=False,
+            has_underside=True,
+        ),
+    )  # fmt: skip
+
+
+def _add_strip(builder: QuadBuilder, storey: StoreyCells, line: StoreyLine) -> None:
+    """Adds a flat strip over the border of two floors, where it is level."""
+    rc = storey.grid.rc_from_xz(np.linspace(line.start, line.end, max(2, int(line.length / storey.grid.cell))))
+    heights = stepped(storey.space.floor[tuple(rc.T)], storey.floor_y)
+    numbers = np.unique(storey.rooms[tuple(rc.T)]).tolist()
+    is_one_floor = all(storey.room(number).floor == storey.room(numbers[0]).floor for number in numbers)
+    if np.isnan(heights).any() or np.ptp(heights) > _STRIP_CLIMB or is_one_floor:
+        return
+    spot = spot_on_wall((line.start + line.end) / 2, line.left, float(np.median(heights)))
+    add_strip(builder, spot, line.length)
+
+
+def lamp_cells(storey: StoreyCells, ceiling: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """World (x, z) of lamps below a ceiling (rows, cols): one in the middle of every room, more in large rooms."""
+    found = []
+    space = storey.space
+    corners = space.walls.corners()
+    near_wall = corners[:-1, :-1] | corners[1:, :-1] | corners[:-1, 1:] | corners[1:, 1:]
+    free = space.inside & ~space.well & ceiling & ~near_wall
+    for number in sorted(set(np.unique(storey.rooms[space.inside]).tolist())):
+        mine = free & (storey.rooms == number)
+        away = distance_to(~mine) * storey.grid.cell
+        reach = int(_LAMP_EVERY / storey.grid.cell)
+        for _ in range(_MAX_LAMPS):
+            row, col = divmod(int(away.argmax()), away.shape[1])
+            if away[row, col] < _MIN_LAMP_ROOM:
+                break
+            x, z = storey.grid.xz_from_rc(np.array([row, col])).tolist()
+            found.append((x, z))
+            away[max(0, row - reach) : row + reach + 1, max(0, col - reach) : col + reach + 1] = 0
+    return found

@@ -1,0 +1,64 @@
+"""Images of floor cells: nearest cells, distances, connected parts, neighbours.
+
+These functions are not in cells.py, because plans need that module and it loads without scipy.ndimage.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Image = NDArray[np.bool_]
+_BOX = np.ones((3, 3), bool)
+
+
+def nearest(mask: Image) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of the nearest True cell of each cell, (rows, cols) each; the mask has at least one True cell."""
+    found = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    assert isinstance(found, np.ndarray)
+    rows, cols = found
+    return rows, cols
+
+
+def distance_to(mask: Image) -> NDArray[np.float64]:
+    """Distance (rows, cols) of each cell to the nearest True cell, in cells; inf where there is none."""
+    if not mask.any():
+        return np.full(mask.shape, np.inf)
+    found = ndimage.distance_transform_edt(~mask)
+    assert isinstance(found, np.ndarray)
+    return found
+
+
+def parts_of(mask: Image, *, diagonal: bool = False) -> tuple[NDArray[np.int64], int]:
+    """Number of the connected part of each True cell, 0 elsewhere, and the number of parts."""
+    found = ndimage.label(mask, _BOX if diagonal else None)
+    assert isinstance(found, tuple)
+    parts, count = found
+    return np.asarray(parts, np.int64), int(count)
+
+
+def widened(mask: Image, cells: int) -> Image:
+    """The mask grown by a square of `cells` on each side."""
+    return np.asarray(ndimage.binary_dilation(mask, _BOX, iterations=cells), bool)
+
+
+def grown(heights: NDArray[np.float64], radius_cells: float) -> NDArray[np.float64]:
+    """One layer (rows, cols) with every gap within `radius_cells` filled from the nearest cell."""
+    known = ~np.isnan(heights)
+    if not known.any():
+        return heights
+    return np.where(distance_to(known) <= radius_cells, heights[nearest(known)], np.nan)
+
+
+def cells_of(mask: Image) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the True cells."""
+    rows, cols = np.nonzero(mask)
+    return rows, cols
+
+
+def neighbours(image: NDArray) -> list[tuple[tuple[int, int], NDArray]]:
+    """(row step, col step) and the image shifted from that direction, for the four sides of its last two axes."""
+    rows, cols = image.shape[-2:]
+    around = [(0, 0)] * (image.ndim - 2) + [(1, 1), (1, 1)]
+    wide = np.pad(image, around, constant_values=np.nan if image.dtype.kind == "f" else 0)
+    steps = ((1, 0), (-1, 0), (0, 1), (0, -1))
+    return [((dr, dc), wide[..., 1 + dr : 1 + dr + rows, 1 + dc : 1 + dc + cols]) for dr, dc in steps]

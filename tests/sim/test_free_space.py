@@ -1,0 +1,92 @@
+"""Whether a planned home is open: ways between rooms, and pieces that can be seen, judged by boxes."""
+
+import numpy as np
+import pytest
+
+from sim.homes.cells import CELL
+from sim.homes.invented.free_space import unseen_pieces, walkable_floor
+from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
+
+GREY = Finish(rgb=(128, 128, 128))
+
+
+def box(
+    category: str, x: float, z: float, size: tuple[float, float, float], *, y: float = 0.0, room: str = "west"
+) -> Furniture:
+    return Furniture(
+        name=f"{category}_1", category=category, centre=(x, y + size[1] / 2, z), size=size, finish=GREY, room=room
+    )
+
+
+def two_rooms(*pieces: Furniture, door: float | None = 2.0) -> HomePlan:
+    """Rooms of 4 x 4 m side by side, the wall between them at x = 4 with a door at z = `door`."""
+    openings = () if door is None else (Opening(kind="door", offset=door, width=0.9),)
+    outer = [((0.0, 0.0), (8.0, 0.0)), ((0.0, 4.0), (8.0, 4.0)), ((0.0, 0.0), (0.0, 4.0)), ((8.0, 0.0), (8.0, 4.0))]
+    return HomePlan(
+        name="Two",
+        kind="invented",
+        storeys=(Storey(label="ground floor", floor_y=0.0),),
+        rooms=(
+            Room(name="west", storey=0, rect=Rect(0, 0, 4, 4), floor=GREY, wall=GREY),
+            Room(name="east", storey=0, rect=Rect(4, 0, 8, 4), floor=GREY, wall=GREY),
+        ),
+        walls=(
+            *(Wall(storey=0, start=start, end=end, height=2.5) for start, end in outer),
+            Wall(storey=0, start=(4.0, 0.0), end=(4.0, 4.0), height=2.5, openings=openings),
+        ),
+        furniture=pieces,
+    )
+
+
+def test_free_floor_keeps_the_robots_radius_from_walls() -> None:
+    ground = walkable_floor(two_rooms())
+    assert ground is not None
+    places = ground[0].places()
+    assert places[:, 0].min() == pytest.approx(0.06 + 0.22, abs=2 * CELL)
+    assert places[:, 0].max() == pytest.approx(8 - 0.06 - 0.22, abs=2 * CELL)
+    assert (np.hypot(*(places - [4.0, 2.0]).T) < CELL).any()  # through the door
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        two_rooms(door=None),
+        two_rooms(box("wardrobe", 3.6, 2.0, (0.6, 2.0, 1.4))),  # before the door
+    ],
+)
+def test_a_room_that_is_shut_off_is_noticed(plan: HomePlan) -> None:
+    assert walkable_floor(plan) is None
+
+
+def test_what_lies_flat_or_hangs_high_blocks_nothing() -> None:
+    rug, lamp = box("rug", 3.6, 2.0, (0.6, 0.02, 1.4)), box("lamp", 3.6, 2.0, (0.6, 0.3, 1.4), y=1.8)
+    assert walkable_floor(two_rooms(rug, lamp)) is not None
+
+
+def seen(*pieces: Furniture) -> set[str]:
+    plan = two_rooms(*pieces)
+    ground = walkable_floor(plan)
+    assert ground is not None
+    hidden = unseen_pieces(plan, ground)
+    return {piece.category for k, piece in enumerate(plan.furniture) if k not in hidden}
+
+
+def test_a_thing_behind_tall_furniture_is_not_seen() -> None:
+    vase = box("vase", 0.3, 0.3, (0.2, 0.3, 0.2))
+    assert seen(vase) == {"vase"}
+    # a wardrobe and a shelf shut the corner off
+    walls = (box("wardrobe", 0.8, 0.45, (0.4, 2.0, 0.78)), box("shelf", 0.53, 0.95, (0.94, 2.0, 0.2)))
+    assert seen(vase, *walls) == {"wardrobe", "shelf"}
+    assert seen(vase, walls[0]) == {"vase", "wardrobe"}
+
+
+def test_a_thing_on_top_is_seen_and_one_too_far_from_the_floor_is_not() -> None:
+    table = box("table", 2.0, 0.5, (1.0, 0.7, 0.8))
+    assert "bowl" in seen(table, box("bowl", 2.0, 0.5, (0.2, 0.1, 0.2), y=0.7))
+    stage = box("stage", 1.3, 1.3, (2.4, 0.5, 2.4))
+    assert seen(stage, box("bowl", 0.3, 0.3, (0.2, 0.1, 0.2), y=0.5)) == {"stage"}  # 2.5 m from the nearest floor
+
+
+def test_a_cushion_inside_the_box_of_its_couch_is_seen() -> None:
+    couch = box("couch", 2.0, 0.5, (1.8, 0.8, 0.8))
+    assert "cushion" in seen(couch, box("cushion", 2.0, 0.55, (0.4, 0.2, 0.3), y=0.4))

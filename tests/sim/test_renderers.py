@@ -1,0 +1,64 @@
+"""Words on objects in pictures of schematic homes, and clicks into cut storeys."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.episodes.dataset import PersonalDataset
+from sim.frames import T_world_camera
+from sim.homes.open_home import open_scene
+from sim.homes.renderers import LabelledRenderer, renderer_of
+from sim.mesh import Scene
+from sim.render.raycast import Raycaster
+from sim.tasks.pog import PogScene
+from sim.types import CUT_HEIGHT, Camera, Pose
+
+
+@pytest.fixture(scope="module")
+def scene(demo_root: Path) -> Scene:
+    """An invented home."""
+    return open_scene(PersonalDataset(demo_root), "Demo")
+
+
+def test_words_change_the_picture_only_on_the_objects_in_view(scene: Scene) -> None:
+    plain = Raycaster(scene.mesh)
+    named = LabelledRenderer(plain, scene)
+    camera = Camera(width=320, height=240)
+    views = [
+        T_world_camera(Pose(tuple(scene.navigation.random_point(np.random.default_rng(seed))), 0.5 * seed), camera)
+        for seed in range(6)
+    ]
+    changed = 0
+    for view in views:
+        before, after = plain.render(view, camera), named.render(view, camera)
+        assert np.array_equal(before.depth_m, after.depth_m)
+        assert np.array_equal(before.instance_ids, after.instance_ids)
+        counts = np.bincount(before.instance_ids.ravel(), minlength=2)[1:]
+        differs = not np.array_equal(before.rgb, after.rgb)
+        assert differs == bool((counts >= 5e-4 * 320 * 240).any())
+        changed += differs
+        assert np.array_equal(after.rgb, named.render(view, camera).rgb)
+    assert changed
+
+
+def test_only_schematic_homes_are_named(scene: Scene) -> None:
+    assert isinstance(renderer_of(scene), Raycaster)
+    assert isinstance(renderer_of(replace(scene, kind="schematic")), LabelledRenderer)
+
+
+def test_a_click_from_above_meets_the_floor_below_the_cut_not_the_ceiling(scene: Scene) -> None:
+    pog_scene = PogScene(scene, make_renderer=Raycaster)
+    assert len(pog_scene.storeys) == 2
+    for index, floor_y in enumerate(pog_scene.storeys):
+        x, y, z = scene.navigation.random_point(np.random.default_rng(3), storey_y=floor_y)
+        hit = pog_scene.hit(index, (x, floor_y + 30.0, z), (0.0, -2.0, 0.0))
+        assert hit is not None
+        assert (hit[0], hit[2]) == pytest.approx((x, z), abs=1e-4)
+        assert y - 0.05 <= hit[1] <= floor_y + CUT_HEIGHT + 0.05
+
+
+def test_a_click_into_the_sky_meets_nothing(scene: Scene) -> None:
+    pog_scene = PogScene(scene, make_renderer=Raycaster)
+    assert pog_scene.hit(0, (0.0, 30.0, 0.0), (0.0, 1.0, 0.0)) is None
