@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PORT ?= 8080
 # More than the cores of a small machine: tests with a browser or a served study wait as long as they compute.
-WORKERS ?= 3
+WORKERS ?= 4
 # Where pip looks for torch; name PyTorch's index of CPU builds here to save space on Linux without a GPU.
 TORCH_INDEX ?=
 export PORT TORCH_INDEX
@@ -20,7 +20,7 @@ demo: $(VENV)/.demo
 
 test: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests
-	$(PYTEST) -m "not release and not bench and not gpu"
+	$(PYTEST)
 
 # Minutes of simulations and golden sets; pytest's exit code 5 says that no test has the mark.
 release: $(VENV)/.test
@@ -59,7 +59,7 @@ docs: $(VENV)/.test
 locked: $(VENV)/.locked
 
 $(VENV)/.locked: pyproject.toml constraints.txt requirements.lock requirements-torch.lock requirements-cuda.lock
-	@$(PYTHON) .ci/check_machine.py
+	@$(PYTHON) .ci/check_machine.py --tests
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/python .ci/install.py --locked
 	@touch $(VENV)/.demo $(VENV)/.test $@
@@ -70,7 +70,9 @@ $(VENV)/.demo: pyproject.toml constraints.txt
 	@$(BIN)/python .ci/install.py
 	@touch $@
 
+# What installs the tests also collects them, and a few load Open3D.
 $(VENV)/.test: $(VENV)/.demo
+	@$(PYTHON) .ci/check_machine.py --tests
 	@$(BIN)/python .ci/install.py test
 	@touch $@
 
