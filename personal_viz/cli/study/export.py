@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
 from sim.words.english import how_many
-
-if TYPE_CHECKING:
-    pass
 
 EXPORT_FOLDER = "exports"
 
@@ -36,7 +33,7 @@ class StudyExport:
         manifest = read_manifest(out)
         for folder in folders:
             print(f"Run of a participant: {folder}")
-        num_trials = manifest.files["trials.jsonl"].num_rows
+        num_trials = manifest.files["trials.jsonl"].num_rows or 0
         deleted = f", {how_many(manifest.num_deleted, 'person', 'people')} deleted" if manifest.num_deleted else ""
         print(
             f"Written to {out}: {how_many(len(folders), 'run folder')}, {how_many(num_trials, 'trial')} in trials.csv, "
