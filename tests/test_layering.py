@@ -1,6 +1,7 @@
 """Which package may import which (DESIGN.md), and which modules must start without the heavy libraries."""
 
 import ast
+import graphlib
 import subprocess
 import sys
 from functools import cache
@@ -43,6 +44,19 @@ ROOMS = {
 """Rooms of each package from the ground up, some with a part that stands lower or higher than the rest.
 
 A module belongs to the longest name that fits, and imports nothing that stands after it."""
+ENTRANCES = {
+    "personal_viz.__main__",
+    "personal_viz.bench.page",
+    "personal_viz.screenshots.make",
+    "personal_viz.study_app.server",
+    "grounding.agents.random_frontier",
+    "recordings.habitat_golden",
+    "recordings.habitat_writer",
+    "sim.checks",
+}
+"""Modules that nothing imports by a statement: commands, plug-ins named in text, files to copy, checks for users.
+
+The examples are entrances too."""
 HEAVY = ("viser", "rerun", "torch", "open3d", "trimesh")
 LIGHT_MODULES = (
     "sim.tasks.metrics",
@@ -126,6 +140,28 @@ def test_a_room_says_its_purpose_and_has_at_most_20_modules(package: str) -> Non
         assert ast.get_docstring(ast.parse(init.read_text())), init
         num_modules = len(list(init.parent.glob("*.py"))) - 1
         assert num_modules <= 20, init.parent
+
+
+@cache
+def imports_among_us() -> dict[str, set[str]]:
+    """Which of our modules each of our modules imports, also inside functions."""
+    files = {module_of(path): path for package in ALLOWED for path in (ROOT / package).rglob("*.py")}
+    return {module: modules_imported(path, set(files)) - {module} for module, path in files.items()}
+
+
+def test_no_imports_go_in_a_circle() -> None:
+    list(graphlib.TopologicalSorter(imports_among_us()).static_order())  # raises on a circle and names it
+
+
+def test_no_module_is_only_for_tests() -> None:
+    imported = set().union(*imports_among_us().values())
+    alone = {
+        module_of(path)
+        for package in ALLOWED
+        for path in (ROOT / package).rglob("*.py")
+        if path.name != "__init__.py" and "examples" not in path.parts
+    } - imported
+    assert alone == ENTRANCES
 
 
 @pytest.mark.parametrize("library", ["rerun"])
