@@ -109,17 +109,8 @@ TOP_FAMILIES: tuple[Family, ...] = (
     "table", "desk", "counter", "cabinet", "drawers", "wardrobe", "washing machine", "piano", "fireplace", "mantle",
 )  # fmt: skip
 """Families whose pieces have a level top at their full height."""
-ONCE = (
-    "clock",
-    "calendar",
-    "board",
-    "electric box",
-    "printer",
-    "telephone",
-    "kettle",
-    "coffee machine",
-    "toaster",
-    "tv",
+ONCE = frozenset(
+    ["clock", "calendar", "board", "electric box", "printer", "telephone", "kettle", "coffee machine", "toaster", "tv"]
 )
 """Categories with at most one thing in a room."""
 UNMOVED: tuple[Family, ...] = (

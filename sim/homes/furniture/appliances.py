@@ -19,15 +19,14 @@ from .palette import (
     plain,
     plastic,
 )
-from .shapes import Builder, Draft, Shape, both, box, four, merged, rounded_box, slab
+from .shapes import Draft, Shape, both, box, four, merged, rounded_box, slab
 
 _HANDLE = Finish(material="metal", rgb=(150, 154, 160))
 _COPPER = Finish(material="metal", rgb=(184, 108, 66))
 
 
-def refrigerator(piece: Draft) -> None:
+def refrigerator(piece: Draft, w: float, h: float, d: float) -> None:
     """Two doors with long handles, stacked, or side by side with a water dispenser; low freezers have a lid."""
-    w, h, d = piece.size
     finish, bar = piece.finish, STEEL if is_dark(piece.finish) else _HANDLE
     z, front = d / 2 - 0.045, d / 2 - 0.004
     piece.add(plain(finish, 0.72), box((0, h / 2, -0.03), (w - 0.01, h - 0.01, d - 0.06)))
@@ -62,9 +61,8 @@ def _knobs(num: int, width: float, y: float, z: float) -> Shape:
     return merged(knobs)
 
 
-def oven(piece: Draft) -> None:
+def oven(piece: Draft, w: float, h: float, d: float) -> None:
     """A built-in oven: a strip with knobs and a clock over a dark window with a handle."""
-    w, h, d = piece.size
     finish, strip, z = piece.finish, h - min(0.13, h * 0.2), d / 2 - 0.045
     knob_y = (strip + h) / 2
     piece.add(plain(finish, 0.8), box((0, h / 2, -0.03), (w - 0.01, h, d - 0.06)))
@@ -76,9 +74,8 @@ def oven(piece: Draft) -> None:
     _oven_door(piece, 0.02, strip - 0.02)
 
 
-def stove(piece: Draft) -> None:
+def stove(piece: Draft, w: float, h: float, d: float) -> None:
     """An oven under four burners with knobs at the front; low pieces are only a hob."""
-    w, h, d = piece.size
     finish, z = piece.finish, d / 2 - 0.045
     top = h - min(0.03, h * 0.2)
     for at in (d * 0.22 - 0.01, -d * 0.22 - 0.01):
@@ -98,12 +95,11 @@ def stove(piece: Draft) -> None:
     piece.add(BLACK, box((0, 0.025, -0.04), (w - 0.08, 0.05, d - 0.14)))
 
 
-def washing_machine(piece: Draft) -> None:
+def washing_machine(piece: Draft, w: float, h: float, d: float) -> None:
     """A round window in a bright ring, a drawer, a dial and a display above; two machines where the box is tall."""
-    w, h, d = piece.size
     if h > 1.45:
         half = piece.section((w, h / 2 - 0.005, d))
-        washing_machine(half)
+        washing_machine(half, *half.size)
         piece.put(half)
         piece.put(half, y=h / 2 + 0.005)
         return
@@ -123,9 +119,8 @@ def washing_machine(piece: Draft) -> None:
     piece.add(BLACK, box((w * 0.3, panel_y, front + 0.004), (w * 0.24, (h - strip) * 0.4, 0.006)))
 
 
-def dishwasher(piece: Draft) -> None:
+def dishwasher(piece: Draft, w: float, h: float, d: float) -> None:
     """A dishwasher with its door half open, so that racks with plates and cups show."""
-    w, h, d = piece.size
     finish, side, low = piece.finish, 0.03, h * 0.42
     inner, room = w - 2 * side, h - 0.1 - low
     tall = room * 0.46
@@ -149,9 +144,8 @@ def dishwasher(piece: Draft) -> None:
     piece.add(plastic(92, 140, 190), both(*cups))
 
 
-def microwave(piece: Draft) -> None:
+def microwave(piece: Draft, w: float, h: float, d: float) -> None:
     """A wide box: dark window with a handle, keys and a clock at the right."""
-    w, h, d = piece.size
     finish, front, is_black = piece.finish, d / 2 - 0.03, is_dark(piece.finish)
     piece.add(finish, rounded_box((0, h / 2 + 0.005, -0.015), (w, h - 0.01, d - 0.03), 0.012))
     piece.add(DARK_GLASS, box((-w * 0.13, h / 2, front + 0.004), (w * 0.6, h * 0.68, 0.008)))
@@ -166,9 +160,8 @@ def microwave(piece: Draft) -> None:
     piece.add(STEEL if is_black else BLACK, *keys, feet)
 
 
-def coffee_machine(piece: Draft) -> None:
+def coffee_machine(piece: Draft, w: float, h: float, d: float) -> None:
     """A tower and a head with a spout over a glass jug of coffee."""
-    w, h, d = piece.size
     r, tall, z = min(w * 0.36, d * 0.28), h * 0.5, d * 0.16
     piece.add(piece.finish, rounded_box((0, 0.02, 0), (w, 0.04, d), 0.015))
     piece.add(piece.finish, rounded_box((0, h * 0.5, -d * 0.3), (w * 0.9, h - 0.02, d * 0.38), 0.02))
@@ -183,9 +176,8 @@ def coffee_machine(piece: Draft) -> None:
     piece.add(plastic(220, 60, 40), box((-w * 0.22, h * 0.88, d * 0.475), (0.03, 0.03, 0.006)))
 
 
-def boiler(piece: Draft) -> None:
+def boiler(piece: Draft, w: float, h: float, d: float) -> None:
     """An upright tank with pipes, a gauge and a valve."""
-    w, h, d = piece.size
     r, foot, top = min(w, d) * 0.44, 0.1, h - 0.16
     profile = [(r * 0.7, foot), (r, foot + 0.05), (r, top - 0.06), (r * 0.75, top), (r * 0.2, top + 0.02)]
     piece.add(piece.finish, lathe(profile, sides=18))
@@ -199,16 +191,8 @@ def boiler(piece: Draft) -> None:
     piece.add(plastic(230, 90, 40), box((0, h * 0.38, r + 0.017), (0.05, 0.05, 0.006)))
 
 
-def extractor(piece: Draft) -> None:
+def extractor(piece: Draft, w: float, h: float, d: float) -> None:
     """A hood over a stove: a flat pyramid under a chimney, with buttons and a light."""
-    w, h, d = piece.size
     levels = [(0.0, 1, 1, 0), (0.06, 1, 1, 0), (h * 0.4, 0.42, 0.5, -d * 0.25), (h, 0.42, 0.5, -d * 0.25)]
     piece.add(piece.finish, stack(SQUARE, (w, d), levels, caps="both"))
     piece.add(BLACK, both(*(box((x, 0.03, d / 2 - 0.001), (0.02, 0.02, 0.004)) for x in (0.02, 0.06))))
-
-
-BUILDERS: dict[str, Builder] = {
-    "refrigerator": refrigerator, "oven": oven, "stove": stove, "washing machine": washing_machine,
-    "dishwasher": dishwasher, "microwave": microwave, "coffee machine": coffee_machine, "boiler": boiler,
-    "extractor": extractor,
-}  # fmt: skip

@@ -7,14 +7,13 @@ from sim.homes.plan import Finish
 from .joinery import tap
 from .lofts import ball, circle, cylinder, lathe, plate, stack, tube
 from .palette import BLACK, CERAMIC, PANE, PANE_SHEEN, STEEL, WHITE, plain, plastic
-from .shapes import Builder, Draft, Shape, both, box, flat, merged, rounded_box
+from .shapes import Draft, Shape, both, box, flat, merged, rounded_box
 
 _TILES = Finish(material="tile", rgb=(206, 220, 226))
 
 
-def toilet(piece: Draft) -> None:
+def toilet(piece: Draft, w: float, h: float, d: float) -> None:
     """A bowl with a seat, and the lid up against the tank."""
-    w, h, d = piece.size
     white, seat, tank_d = piece.finish, min(0.43, h * 0.56), d * 0.26
     reach, tank_z = d - tank_d * 0.55, -d / 2 + tank_d / 2
     oval, z = circle(16, power=2.3), d / 2 - reach / 2
@@ -36,9 +35,8 @@ def toilet(piece: Draft) -> None:
     piece.add(STEEL, cylinder((0.0, h - 0.008, tank_z), 0.028, 0.008, sides=8))
 
 
-def tub(piece: Draft) -> None:
+def tub(piece: Draft, w: float, h: float, d: float) -> None:
     """A long hollow basin with a tap and water in it; on a step if it is the tray of a shower."""
-    w, h, d = piece.size
     rim = min(0.07, w / 8, d / 8)
     a, b = (w - 2 * rim) / w, (d - 2 * rim) / d
     outline, top = circle(20, power=5.0), h - 0.1 if h > 0.3 else h
@@ -54,9 +52,8 @@ def tub(piece: Draft) -> None:
     piece.add(STEEL, both(ball((0.11, top + 0.03, z), (0.045, 0.05, 0.045), sides=6, rings=4)))
 
 
-def sink(piece: Draft) -> None:
+def sink(piece: Draft, w: float, h: float, d: float) -> None:
     """A wash basin on the wall with a tap and a siphon; on a pedestal if it is high, of steel in kitchens."""
-    w, h, d = piece.size
     finish, bowl, tap_h = piece.finish, min(0.17, h * 0.55), min(0.16, h * 0.4)
     top, z = h - tap_h, d * 0.06
     below = top - bowl
@@ -70,14 +67,8 @@ def sink(piece: Draft) -> None:
     piece.add(BLACK if finish.material == "metal" else STEEL, drain)
     tap(piece, (0.0, top, -d * 0.4), tap_h, d * 0.3)
     if h > 0.6:
-        profile = [
-            (0.15, 0.0),
-            (0.15, 0.02),
-            (0.1, 0.08),
-            (0.075, below * 0.5),
-            (0.1, below * 0.95),
-            (0.13, below + 0.04),
-        ]
+        pedestal = [(0.15, 0.0), (0.15, 0.02), (0.1, 0.08), (0.075, below * 0.5), (0.1, below * 0.95)]
+        profile = [*pedestal, (0.13, below + 0.04)]
         piece.add(finish, lathe(profile, at=(0.0, 0.0, -d * 0.1), sides=12))
     elif below > 0.04:
         path = [(below + 0.02, 0.0), (0.03, 0.0), (0.03, -0.08), (below * 0.6, -0.09), (below * 0.6, -d / 2)]
@@ -93,9 +84,8 @@ def _shower_head(low: float, high: float) -> Shape:
     return merged([tube(riser, 0.013), head, tube(hose, 0.008, sides=4), mixer])
 
 
-def shower(piece: Draft) -> None:
+def shower(piece: Draft, w: float, h: float, d: float) -> None:
     """A tray, tiled walls at the back and the left, a pane at the right, a half-open door, and a shower head inside."""
-    w, h, d = piece.size
     tiles = piece.finish if piece.finish.material in ("tile", "stone", "ceramic") else _TILES
     bar, fixed, pane_h = 0.03, w * 0.3, h - 0.16
     x, z, pane_y = (w - bar) / 2, (d - bar) / 2, 0.1 + pane_h / 2
@@ -122,9 +112,8 @@ def streak(left: float, heights: tuple[float, float], extent: tuple[float, float
     return flat(points, z)
 
 
-def glass_pane(piece: Draft) -> None:
+def glass_pane(piece: Draft, w: float, h: float, d: float) -> None:
     """A shower's pane in a metal frame, with streaks of light and a handle."""
-    w, h, d = piece.size
     bar, z = 0.03, d * 0.3
     piece.add(STEEL, both(box(((w - bar) / 2, h / 2, 0.0), (bar, h, d))))
     piece.add(STEEL, *(box((0.0, y, 0.0), (w, bar, d)) for y in (bar / 2, h - bar / 2)))
@@ -136,11 +125,10 @@ def glass_pane(piece: Draft) -> None:
     piece.add(STEEL, tube([(w * 0.36, h * 0.42, d / 2 - 0.012), (w * 0.36, h * 0.56, d / 2 - 0.012)], 0.012))
 
 
-def shower_fitting(piece: Draft) -> None:
+def shower_fitting(piece: Draft, w: float, h: float, d: float) -> None:
     """A riser with a hand shower, or a wire shelf with bottles and soap."""
-    w, h, d = piece.size
     if piece.says("soap", "shelf", "tray"):
-        _soap_shelf(piece)
+        _soap_shelf(piece, w, h, d)
         return
     z, face = -d / 2 + 0.04, min(0.11, w * 0.42)
     piece.add(STEEL, tube([(0.0, 0.05, z), (0.0, h - 0.03, z)], 0.013))
@@ -152,8 +140,7 @@ def shower_fitting(piece: Draft) -> None:
     piece.add(STEEL, tube(hose, 0.009, sides=5))
 
 
-def _soap_shelf(piece: Draft) -> None:
-    w, h, d = piece.size
+def _soap_shelf(piece: Draft, w: float, h: float, d: float) -> None:
     x, tall, r = w / 2 - 0.01, h - 0.04, min(d * 0.28, w * 0.13)
     for y, z in ((0.02, d * 0.4), (0.08, d * 0.4), (0.02, -d * 0.4), (0.02, 0.0)):
         piece.add(STEEL, tube([(-x, y, z), (x, y, z)], 0.006, sides=4))
@@ -165,17 +152,10 @@ def _soap_shelf(piece: Draft) -> None:
     piece.add(plastic(246, 226, 190), rounded_box((w * 0.3, 0.05, 0.0), (w * 0.24, 0.04, d * 0.55), 0.016))
 
 
-def dial(piece: Draft) -> None:
+def dial(piece: Draft, w: float, h: float, d: float) -> None:
     """A mixer on the wall: a plate, a round knob with a lever, and marks for hot and cold."""
-    w, h, d = piece.size
     piece.add(WHITE, cylinder((0, h / 2, -d / 2), w * 0.48, d * 0.2, sides=18, axis="z"))
     piece.add(STEEL, cylinder((0, h / 2, -d * 0.3), w * 0.24, d * 0.5, top=w * 0.2, sides=12, axis="z"))
     piece.add(STEEL, tube([(0, h / 2, d * 0.25), (0, h * 0.12, d * 0.42)], 0.014))
     for x, tone in ((-w * 0.36, plastic(210, 50, 40)), (w * 0.36, plastic(50, 90, 200))):
         piece.add(tone, box((x, h / 2, -d * 0.29), (0.024, 0.024, 0.004)))
-
-
-BUILDERS: dict[str, Builder] = {
-    "toilet": toilet, "tub": tub, "sink": sink, "shower": shower, "glass pane": glass_pane,
-    "shower fitting": shower_fitting, "dial": dial,
-}  # fmt: skip

@@ -6,7 +6,7 @@ from sim.homes.plan import Finish
 
 from .lofts import ball, cylinder, lathe, tube
 from .palette import BLACK_METAL, BRASS, DARK_METAL, GLOW, plastic
-from .shapes import Builder, Draft
+from .shapes import Draft
 
 _SHADE = plastic(246, 232, 200)
 
@@ -28,11 +28,10 @@ def _shade(
     piece.add(GLOW, ball((0, low + (high - low) * 0.32, z), (0.07, 0.1, 0.07), sides=6, rings=4))
 
 
-def floor_lamp(piece: Draft) -> None:
+def floor_lamp(piece: Draft, w: float, h: float, d: float) -> None:
     """A pole on a disc or three feet, with a shade; low lamps are table lamps."""
-    w, h, d = piece.size
     if h < 0.8:
-        table_lamp(piece)
+        table_lamp(piece, w, h, d)
         return
     stand, cover = _stand_and_shade(piece)
     r, shade_h = min(w, d) / 2, min(0.34, h * 0.24)
@@ -48,9 +47,8 @@ def floor_lamp(piece: Draft) -> None:
     _shade(piece, cover, h - shade_h, h, (r, r * 0.66))
 
 
-def table_lamp(piece: Draft) -> None:
+def table_lamp(piece: Draft, w: float, h: float, d: float) -> None:
     """A bellied foot under a shade."""
-    w, h, d = piece.size
     stand, cover = _stand_and_shade(piece)
     r, low = min(w, d) / 2, h * 0.52
     belly = [(0.5, 0.0), (0.5, 0.06), (0.3, 0.12), (0.52, 0.45), (0.42, 0.75), (0.14, 0.92), (0.1, 0.76 / 0.52)]
@@ -58,9 +56,8 @@ def table_lamp(piece: Draft) -> None:
     _shade(piece, cover, low, h, (r, r * 0.6))
 
 
-def ceiling_lamp(piece: Draft) -> None:
+def ceiling_lamp(piece: Draft, w: float, h: float, d: float) -> None:
     """A cord and a wide shade, or arms with candles if it is a chandelier."""
-    w, h, d = piece.size
     r = min(w, d) / 2
     is_chandelier = piece.says("chandelier")
     piece.add(BRASS if is_chandelier else BLACK_METAL, cylinder((0, h - 0.03, 0), 0.06, 0.03, sides=10))
@@ -80,17 +77,11 @@ def ceiling_lamp(piece: Draft) -> None:
     piece.add(GLOW, ball((0, shade_h * 0.2, 0), (0.12, 0.13, 0.12), sides=8))
 
 
-def wall_lamp(piece: Draft) -> None:
+def wall_lamp(piece: Draft, w: float, h: float, d: float) -> None:
     """A plate, a bent arm and a shade."""
-    w, h, d = piece.size
     r = min(w, d) * 0.42
     stand, cover = _stand_and_shade(piece)
     z = d / 2 - r
     piece.add(stand, cylinder((0, h * 0.4, -d / 2), 0.05, 0.016, sides=12, axis="z"))
     piece.add(stand, tube([(0, h * 0.4, -d / 2), (0, h * 0.24, -d * 0.1), (0, h * 0.3, z), (0, h * 0.5, z)], 0.011))
     _shade(piece, cover, h * 0.44, h, (r, r * 0.62), z=z)
-
-
-BUILDERS: dict[str, Builder] = {
-    "lamp": floor_lamp, "table lamp": table_lamp, "ceiling lamp": ceiling_lamp, "wall lamp": wall_lamp,
-}  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .families import Vec
-from .shapes import Shape, facets, fan, loft_quads, merged
+from .shapes import Shape, facets, fan, loft_quads, merged, unit
 
 _SMOOTH = 0.5
 """Cosine of the angle up to which two neighbouring quads are lit as one curved surface."""
@@ -111,12 +111,10 @@ def tube(points: Sequence[Vec], radius: float | Sequence[float], *, sides: int =
     path = np.asarray(points, float)
     if is_closed:
         path = np.concatenate([path, path[:1]])
-    steps = np.diff(path, axis=0)
-    steps = _unit(steps)
+    steps = unit(np.diff(path, axis=0))
     ends = (steps[-1] + steps[0], steps[-1] + steps[0]) if is_closed else (steps[0], steps[-1])
-    towards = _unit(np.concatenate([ends[0][None], steps[:-1] + steps[1:], ends[1][None]]))
-    side = _cross(towards, _least_along(towards))
-    side = _unit(side)
+    towards = unit(np.concatenate([ends[0][None], steps[:-1] + steps[1:], ends[1][None]]))
+    side = unit(_cross(towards, _least_along(towards)))
     other = _cross(towards, side)
     angle = np.arange(sides) * 2 * np.pi / sides
     radii = np.broadcast_to(np.asarray(radius, float), (len(path),))[:, None, None]
@@ -139,7 +137,7 @@ def ring(centre: Vec, radius: float, thickness: float, *, axis: str = "z", sides
 def sheet(points: ArrayLike) -> Shape:
     """A curved sheet through points (R, C, 3), seen from both sides, lit on the side of its axes' cross product."""
     grid = np.asarray(points, float)
-    normals = _unit(_cross(np.gradient(grid, axis=0), np.gradient(grid, axis=1)))
+    normals = unit(_cross(np.gradient(grid, axis=0), np.gradient(grid, axis=1)))
     along = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).max(axis=1 - axis) for axis in (0, 1)]
     v, u = (np.concatenate([[0.0], np.cumsum(steps)]) for steps in along)
     grid_u, grid_v = np.meshgrid(u, v)
@@ -182,13 +180,9 @@ def leaf(foot: Vec, tip: Vec, *, width: float, sag: float = 0.0, steps: int = 3)
     a, b = np.array(foot), np.array(tip)
     line = a + (b - a) * t + np.array([0, 1, 0]) * (sag * 4 * t * (1 - t))
     flat = np.cross(b - a, [0.0, 1.0, 0.0])
-    side = _unit(flat if np.linalg.norm(flat) > 1e-9 else np.array([1.0, 0, 0]))
+    side = unit(flat if np.linalg.norm(flat) > 1e-9 else np.array([1.0, 0, 0]))
     broad = width / 2 * np.sin(np.pi * (0.12 + 0.88 * t) ** 0.8)
     return sheet(np.stack([line - side * broad, line + side * broad], axis=1))
-
-
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

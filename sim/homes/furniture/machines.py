@@ -6,12 +6,11 @@ import numpy as np
 
 from .lofts import ball, cylinder, lathe, loft, ring, tube
 from .palette import BLACK, BRASS, DARK_METAL, DARK_WOOD, LIT_SCREEN, PAPER, RED, STEEL, WHITE, is_dark, plastic
-from .shapes import Builder, Draft, both, box, rounded_box, slab
+from .shapes import Draft, both, box, rounded_box, slab
 
 
-def piano(piece: Draft) -> None:
+def piano(piece: Draft, w: float, h: float, d: float) -> None:
     """An upright piano: case, keys in white and black, a stand with notes, legs and pedals."""
-    w, h, d = piece.size
     finish, keys_y, keys_d = piece.finish, min(0.72, h * 0.66), d * 0.42
     back_d = d - keys_d
     front, zk, back = -d / 2 + back_d, d / 2 - keys_d / 2, -d / 2 + back_d / 2
@@ -34,9 +33,8 @@ def piano(piece: Draft) -> None:
     piece.add(BRASS, *(box((x, 0.075, front + 0.04), (0.03, 0.014, 0.1)) for x in (-0.07, 0.0, 0.07)))
 
 
-def bicycle(piece: Draft) -> None:
+def bicycle(piece: Draft, w: float, h: float, d: float) -> None:
     """Two wheels, a diamond frame, saddle, handlebar, chain wheel and pedals; its length is along x."""
-    w, h, d = piece.size
     r = min(h * 0.34, w * 0.2)
     left, right, axle = -w / 2 + r + 0.025, w / 2 - r - 0.025, r + 0.022
     for x in (left, right):
@@ -65,9 +63,8 @@ def bicycle(piece: Draft) -> None:
         piece.add(BLACK, box((cx + s * 0.15, cy - s * 0.04, s * 0.09), (0.09, 0.02, 0.07)))
 
 
-def exercise_bike(piece: Draft) -> None:
+def exercise_bike(piece: Draft, w: float, h: float, d: float) -> None:
     """A flywheel in a case, a saddle, handles with a display, and pedals, on two cross bars; it faces +z."""
-    w, h, d = piece.size
     accent = plastic(190, 60, 50) if is_dark(piece.finish) else piece.finish
     end, back, wheel_y, wheel_z, r = d * 0.42, -d * 0.3, h * 0.3, d * 0.2, min(h * 0.22, d * 0.28)
     crank_y, crank_z, far = h * 0.26, -d * 0.04, w / 2 - 0.03
@@ -92,9 +89,8 @@ def exercise_bike(piece: Draft) -> None:
         piece.add(BLACK, box((s * 0.15, y, z), (0.1, 0.025, 0.1)))
 
 
-def treadmill(piece: Draft) -> None:
+def treadmill(piece: Draft, w: float, h: float, d: float) -> None:
     """A belt between side rails, and two posts with a display at its -z end; the user steps on at the other end."""
-    w, h, d = piece.size
     x = w * 0.45
     piece.add(DARK_METAL, rounded_box((0, 0.09, 0), (w * 0.9, 0.12, d), 0.03))
     piece.add(BLACK, slab((0, 0.153, d * 0.05), (w * 0.6, 0.008, d * 0.84), faces="+y"))
@@ -106,9 +102,8 @@ def treadmill(piece: Draft) -> None:
         piece.add(tone, shape.turned("x", -0.5).moved(0, h * 0.88, -d * 0.42))
 
 
-def guitar(piece: Draft) -> None:
+def guitar(piece: Draft, w: float, h: float, d: float) -> None:
     """A waisted body with a hole, a neck with strings, a head; it leans upright."""
-    w, h, d = piece.size
     body, front = h * 0.46, d * 0.375
     half = [
         (0.0, 0.0), (0.62, 0.03), (0.94, 0.16), (1.0, 0.28), (0.84, 0.44), (0.62, 0.54), (0.64, 0.68), (0.76, 0.8),
@@ -129,9 +124,8 @@ def guitar(piece: Draft) -> None:
     piece.add(STEEL, both(*pegs))
 
 
-def fire_extinguisher(piece: Draft) -> None:
+def fire_extinguisher(piece: Draft, w: float, h: float, d: float) -> None:
     """A red bottle with a lever, a gauge and a hose."""
-    w, h, d = piece.size
     red = piece.finish if piece.finish.rgb[0] > 120 and piece.finish.rgb[1] < 110 else RED
     r, top = min(w, d) * 0.4, h * 0.76
     bottle = [(0.9, 0.0), (1.0, 0.03 / top), (1.0, 0.84), (0.7, 0.95), (0.3, 1.0), (0.3, 1.0 + 0.03 / top)]
@@ -144,9 +138,3 @@ def fire_extinguisher(piece: Draft) -> None:
     piece.add(BLACK, tube(hose, 0.013))
     piece.add(BLACK, tube([(-w * 0.42, top * 0.3, z), (-w * 0.4, top * 0.1, z)], [0.014, 0.028]))
     piece.add(WHITE, cylinder((0, top + 0.045, 0.02), 0.022, 0.016, sides=8, axis="z"))
-
-
-BUILDERS: dict[str, Builder] = {
-    "piano": piano, "bicycle": bicycle, "exercise bike": exercise_bike, "treadmill": treadmill, "guitar": guitar,
-    "fire extinguisher": fire_extinguisher,
-}  # fmt: skip

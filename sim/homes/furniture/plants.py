@@ -4,7 +4,7 @@ import math
 
 from .lofts import ball, lathe, leaf, tube
 from .palette import DARK_WOOD, LEAF, LIGHT_LEAF, SOIL, plain, plastic
-from .shapes import Builder, Draft, Shape, both
+from .shapes import Draft, Shape, both
 
 _BLOSSOMS = (
     plastic(222, 70, 80), plastic(240, 200, 70), plastic(230, 130, 180), plastic(246, 244, 238), plastic(150, 100, 190),
@@ -28,25 +28,23 @@ _TURN = 2.39996
 """The golden angle between one leaf and the next (radians)."""
 
 
-def plant(piece: Draft) -> None:
+def plant(piece: Draft, w: float, h: float, d: float) -> None:
     """Long leaves out of a pot, a small tree with a round crown, or a christmas tree."""
-    w, h, d = piece.size
     pot_h, share = min(0.34, h * 0.36), 0.6 if h > 0.7 else 0.66
     pot_r = w * share / 2
     piece.add(piece.finish, lathe(_POT, scale=(pot_r, pot_h), sides=14, depth=d / w, caps="start"))
     piece.add(SOIL, lathe([(0.88, 0.9), (0.0, 0.92)], scale=(pot_r, pot_h), sides=8, depth=d / w))
     if piece.says("christmas"):
-        _christmas_tree(piece, pot_h)
+        _christmas_tree(piece, w, h, d, pot_h)
     elif piece.says("tree") or (h > 0.9 and piece.rng.random() < 0.45):
         trunk = [(0, pot_h * 0.9, 0), (0.02, h * 0.5, 0.01), (-0.01, h * 0.72, 0)]
         piece.add(DARK_WOOD, tube(trunk, [0.03, 0.022, 0.016]))
-        _crown(piece)
+        _crown(piece, w, h, d)
     else:
-        _leaves(piece, pot_h * 0.88)
+        _leaves(piece, w, h, d, pot_h * 0.88)
 
 
-def _christmas_tree(piece: Draft, foot: float) -> None:
-    w, h, d = piece.size
+def _christmas_tree(piece: Draft, w: float, h: float, d: float, foot: float) -> None:
     tall = h - foot
     for r, low, top in ((1.0, 0.08, 0.5), (0.8, 0.32, 0.74), (0.55, 0.58, 1.0)):
         piece.add(LEAF, lathe([(r * w / 2, foot + low * tall), (0.02, foot + top * tall)], sides=10, depth=d / w))
@@ -56,9 +54,8 @@ def _christmas_tree(piece: Draft, foot: float) -> None:
         piece.add(plastic(206, 44, 44), ball(at, (0.07, 0.07, 0.07), sides=5, rings=3))
 
 
-def _crown(piece: Draft) -> None:
+def _crown(piece: Draft, w: float, h: float, d: float) -> None:
     """Adds rounded tufts of leaves around the top of a trunk, with single leaves between them."""
-    w, h, d = piece.size
     for k in range(6):
         angle, out, size = k * _TURN, 0.0 if k == 5 else 0.24, 0.5 - 0.03 * (k % 3)
         y = h * (0.6 + 0.075 * (k % 3) + 0.12 * (k == 5))
@@ -68,9 +65,8 @@ def _crown(piece: Draft) -> None:
         piece.add(LEAF, leaf((0.0, h * 0.66, 0.0), tip, width=w * 0.14, sag=0.04, steps=2))
 
 
-def _leaves(piece: Draft, foot: float) -> None:
+def _leaves(piece: Draft, w: float, h: float, d: float, foot: float) -> None:
     """Adds leaves that grow outwards from one point at even angles, some steep and some hanging."""
-    w, h, d = piece.size
     room = h - foot
     for k in range(18):
         angle, rise = k * _TURN + float(piece.rng.uniform(-0.2, 0.2)), 0.12 + 0.88 * ((k * 0.618) % 1.0)
@@ -80,9 +76,8 @@ def _leaves(piece: Draft, foot: float) -> None:
         piece.add(LEAF if k % 3 else LIGHT_LEAF, blade)
 
 
-def flowers(piece: Draft) -> None:
+def flowers(piece: Draft, w: float, h: float, d: float) -> None:
     """A vase with stems, leaves and blossoms."""
-    w, h, d = piece.size
     tall, size = h * 0.46, max(0.05, w * 0.24)
     piece.add(piece.finish, _vase_skin(piece, w * 0.5, tall))
     tone = int(piece.rng.integers(len(_BLOSSOMS)))
@@ -106,9 +101,8 @@ def _vase_skin(piece: Draft, width: float, height: float) -> Shape:
     return lathe(_VASES[int(piece.rng.integers(3))], scale=(width / 2, height), sides=12, depth=d / w)
 
 
-def vase(piece: Draft) -> None:
+def vase(piece: Draft, w: float, h: float, d: float) -> None:
     """A turned vase with two painted bands."""
-    w, h, _ = piece.size
     finish, skin = piece.finish, _vase_skin(piece, w, h)
     middle = skin.corners[..., 1].mean(axis=1)
     is_painted = (middle > 0.36 * h) & (middle < 0.62 * h)
@@ -120,6 +114,3 @@ def vase(piece: Draft) -> None:
     if piece.says("handle", "handles", "jar", "urn"):
         grip = [(w * 0.2, h * 0.86, 0), (w * 0.42, h * 0.8, 0), (w * 0.42, h * 0.62, 0)]
         piece.add(finish, both(tube(grip, 0.01, sides=5)))
-
-
-BUILDERS: dict[str, Builder] = {"plant": plant, "flowers": flowers, "vase": vase}

@@ -7,12 +7,11 @@ from sim.homes.plan import Finish
 from .joinery import feet, legs, tapered_leg, wooden
 from .lofts import ball, cushion, cylinder, lathe, ring, tube
 from .palette import BLACK, DARK_METAL, DARK_WOOD, LIGHT_WOOD, LINEN, STEEL, bedding, fabric, plain
-from .shapes import Builder, Draft, both, box, four, rounded_box, slab
+from .shapes import Draft, both, box, four, rounded_box, slab
 
 
-def chair(piece: Draft) -> None:
+def chair(piece: Draft, w: float, h: float, d: float) -> None:
     """Four legs, a seat and a back of slats, rungs or a pad."""
-    w, h, d = piece.size
     finish, seat = piece.finish, min(0.47, h * 0.5)
     is_soft = finish.material in ("fabric", "leather")
     side, lean = min(0.042, w * 0.1), d * 0.1
@@ -39,9 +38,8 @@ def chair(piece: Draft) -> None:
         piece.add(finish, both(slat))
 
 
-def office_chair(piece: Draft) -> None:
+def office_chair(piece: Draft, w: float, h: float, d: float) -> None:
     """A seat on a gas spring over a star of five castors."""
-    w, h, d = piece.size
     seat, reach = min(0.5, h * 0.5), min(w, d) / 2 - 0.035
     for k in range(5):
         angle = math.pi / 2 + 2 * math.pi * k / 5
@@ -57,9 +55,8 @@ def office_chair(piece: Draft) -> None:
     piece.add(piece.finish, back.moved(0.0, (seat + h) / 2 + 0.05, -d * 0.34))
 
 
-def _upholstered(piece: Draft, *, seats: int) -> None:
+def _upholstered(piece: Draft, w: float, h: float, d: float, *, seats: int) -> None:
     """Adds the base, arms, back and cushions of an armchair or a sofa."""
-    w, h, d = piece.size
     finish = piece.finish
     arm, foot = min(0.2, w * 0.17), 0.08
     seat, back = min(0.42, h * 0.52), min(0.24, d * 0.27)
@@ -87,15 +84,14 @@ def _upholstered(piece: Draft, *, seats: int) -> None:
             piece.add(finish, rounded_box(at, (width, base_h, d - base_d + 0.19), 0.02))
 
 
-def armchair(piece: Draft) -> None:
+def armchair(piece: Draft, w: float, h: float, d: float) -> None:
     """One upholstered seat between arms."""
-    _upholstered(piece, seats=1)
+    _upholstered(piece, w, h, d, seats=1)
 
 
-def sofa(piece: Draft) -> None:
+def sofa(piece: Draft, w: float, h: float, d: float) -> None:
     """Two or three seats and two throw cushions; L-shaped if the caption says so."""
-    w, h, d = piece.size
-    _upholstered(piece, seats=2 if w < 1.75 or piece.says("loveseat") else 3)
+    _upholstered(piece, w, h, d, seats=2 if w < 1.75 or piece.says("loveseat") else 3)
     seat, side = min(0.42, h * 0.52), min(0.36, h * 0.42)
     contrast = plain(piece.finish, 0.62 if sum(piece.finish.rgb) > 300 else 1.7)
     thrown = cushion((0.0, 0.0, 0.0), (side, 0.15, side), cells=4).turned("x", math.pi / 2 - 0.35)
@@ -105,9 +101,8 @@ def sofa(piece: Draft) -> None:
     piece.add(contrast, thrown if is_corner else both(thrown))
 
 
-def stool(piece: Draft) -> None:
+def stool(piece: Draft, w: float, h: float, d: float) -> None:
     """A round or square seat on four legs with rungs."""
-    w, h, d = piece.size
     is_square = piece.says("square", "rectangular") or (not piece.says("round") and piece.rng.random() < 0.3)
     thick = 0.07 if piece.finish.material in ("fabric", "leather") else 0.035
     frame, y, x, z = wooden(piece.finish, DARK_WOOD), h * 0.3, w * 0.38, d * 0.38
@@ -122,9 +117,8 @@ def stool(piece: Draft) -> None:
     piece.add(piece.finish, lathe(profile, sides=14, depth=d / w, caps="both"))
 
 
-def bar_chair(piece: Draft) -> None:
+def bar_chair(piece: Draft, w: float, h: float, d: float) -> None:
     """A high seat with a low back and a ring for the feet."""
-    w, h, d = piece.size
     seat, frame = h * 0.7, wooden(piece.finish, STEEL)
     piece.add(frame, four(tube([(w * 0.3, seat, d * 0.3), (w * 0.46, 0.0, d * 0.46)], [0.018, 0.014])))
     piece.add(frame, ring((0.0, seat * 0.38, 0.0), min(w, d) * 0.4, 0.012, axis="y"))
@@ -133,9 +127,8 @@ def bar_chair(piece: Draft) -> None:
     piece.add(piece.finish, rounded_box((0.0, h - 0.09, -d / 2 + 0.04), (w * 0.86, 0.18, 0.05), 0.022))
 
 
-def bench(piece: Draft) -> None:
+def bench(piece: Draft, w: float, h: float, d: float) -> None:
     """A long seat on legs of boards, with a pad if it is upholstered; a solid block in a bathroom."""
-    w, h, d = piece.size
     if piece.says("spa"):
         piece.add(piece.finish, box((0, h / 2 - 0.02, -0.01), (w - 0.02, h - 0.04, d - 0.02)))
         piece.add(plain(piece.finish, 1.12), rounded_box((0, h - 0.025, 0), (w, 0.05, d), 0.015))
@@ -159,9 +152,8 @@ def bench(piece: Draft) -> None:
     piece.add(piece.finish, *boards)
 
 
-def ottoman(piece: Draft) -> None:
+def ottoman(piece: Draft, w: float, h: float, d: float) -> None:
     """A padded block or drum on short feet, with a seam and a button."""
-    w, h, d = piece.size
     finish, foot = piece.finish, min(0.06, h * 0.2)
     is_even = min(w, d) > 0.9 * max(w, d) and not piece.says("square", "rectangular")
     if piece.says("round", "circular") or (is_even and piece.rng.random() < 0.5):
@@ -176,11 +168,10 @@ def ottoman(piece: Draft) -> None:
     piece.add(plain(finish, 0.7), ball((0.0, h - 0.004, 0.0), (0.05, 0.016, 0.05)))
 
 
-def bed(piece: Draft) -> None:
+def bed(piece: Draft, w: float, h: float, d: float) -> None:
     """A frame with a headboard, a mattress, a duvet turned back, and pillows; two levels if it is a bunk bed."""
-    w, h, d = piece.size
     if piece.says("bunk") and h > 1.25:  # a low box cannot hold two beds
-        bunk_bed(piece)
+        bunk_bed(piece, w, h, d)
         return
     finish = piece.finish
     is_cloth = finish.material in ("fabric", "carpet", "leather")
@@ -206,9 +197,8 @@ def bed(piece: Draft) -> None:
     piece.add(LINEN, lying if num == 1 else both(lying))
 
 
-def bunk_bed(piece: Draft) -> None:
+def bunk_bed(piece: Draft, w: float, h: float, d: float) -> None:
     """Two beds, one above the other, with posts, rails and a ladder."""
-    w, h, d = piece.size
     frame = wooden(piece.finish, LIGHT_WOOD)
     cover = piece.finish if piece.finish.material == "fabric" else bedding(piece.rng)
     side, end = w / 2 - 0.02, d / 2 - 0.02
@@ -225,9 +215,8 @@ def bunk_bed(piece: Draft) -> None:
     piece.add(frame, *(box((w / 2 - 0.012, h * t, 0.29 * d), (0.024, 0.03, 0.16 * d)) for t in steps))
 
 
-def crib(piece: Draft) -> None:
+def crib(piece: Draft, w: float, h: float, d: float) -> None:
     """A child's bed with bars on all sides."""
-    w, h, d = piece.size
     frame = piece.finish if piece.finish.material in ("wood", "plastic", "metal") else LIGHT_WOOD
     low, high, x, z = h * 0.3, h * 0.9, w / 2 - 0.025, d / 2 - 0.025
     middle, bar = (low + high) / 2, high - low
@@ -244,9 +233,3 @@ def crib(piece: Draft) -> None:
     piece.add(LINEN, cushion((0, low + 0.16, -d * 0.33), (w * 0.6, 0.1, 0.24), cells=3))
     cover: Finish = piece.finish if piece.finish.material == "fabric" else fabric(150, 190, 214)
     piece.add(cover, rounded_box((0, low + 0.12, d * 0.16), (w - 0.1, 0.06, d * 0.55), 0.025))
-
-
-BUILDERS: dict[str, Builder] = {
-    "chair": chair, "office chair": office_chair, "armchair": armchair, "sofa": sofa, "stool": stool,
-    "bar chair": bar_chair, "bench": bench, "ottoman": ottoman, "bed": bed, "bunk bed": bunk_bed, "crib": crib,
-}  # fmt: skip

@@ -163,9 +163,7 @@ class Shape(NamedTuple):
 
     def scaled(self, factors: Vec) -> "Shape":
         """The shape stretched along the piece's axes by positive factors, about the origin."""
-        normals = self.normals / np.array(factors)
-        corners = self.corners * np.array(factors)
-        return self._replace(corners=corners, normals=_unit(normals))
+        return self._replace(corners=self.corners * factors, normals=unit(self.normals / factors))
 
 
 def rotation(axis: str, angle: float) -> NDArray[np.float64]:
@@ -293,8 +291,9 @@ def _at(of_axis: dict[int, float]) -> NDArray[np.float64]:
     return np.array([of_axis[0], of_axis[1], of_axis[2]], float)
 
 
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (..., 3) at length 1; zeros stay zeros."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), _LEAST)
 
 
 _ROUNDED = _rounded()
@@ -339,4 +338,5 @@ class Draft:
         self.parts += [Part(part.shape.moved(x, y, z), part.finish) for part in section.parts]
 
 
-Builder = Callable[[Draft], None]
+Builder = Callable[[Draft, float, float, float], None]
+"""Adds the parts of a family to a draft of this width, height and depth (metres)."""

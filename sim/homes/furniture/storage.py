@@ -21,20 +21,19 @@ from .palette import (
     plain,
     plastic,
 )
-from .shapes import Builder, Draft, both, box, four, rounded_box, slab
+from .shapes import Draft, both, box, four, rounded_box, slab
 from .tables import basin
 from .textiles import garment
 
 
-def cabinet(piece: Draft) -> None:
+def cabinet(piece: Draft, w: float, h: float, d: float) -> None:
     """A cupboard with doors, with a basin if it is for washing; low and wide ones are for a television, tall ones have
     drawers."""
-    w, h, d = piece.size
     if piece.says("sink", "bathroom", "bath", "vanity") and piece.says("cabinet", "vanity"):
-        _wash_cabinet(piece)
+        _wash_cabinet(piece, w, h, d)
         return
     if piece.says("tv", "sideboard", "table", "credenza"):
-        _low_cabinet(piece)
+        _low_cabinet(piece, w, h, d)
         return
     cols, foot, top = max(1, round(w / 0.5)), 0.07, h - 0.03
     split = h * 0.72 if h < 1.1 else h
@@ -47,9 +46,8 @@ def cabinet(piece: Draft) -> None:
     piece.add(plain(piece.finish, 0.5), box((0.0, foot / 2, -0.03), (w - 0.06, foot, d - 0.1)))
 
 
-def _wash_cabinet(piece: Draft) -> None:
+def _wash_cabinet(piece: Draft, w: float, h: float, d: float) -> None:
     """Adds doors under a top with a basin and a tap."""
-    w, h, d = piece.size
     level = h - 0.13
     carcass(piece, 0.1, level - 0.03)
     doors(piece, 0.11, level - 0.04, cols=max(1, round(w / 0.42)), handle_at=0.8)
@@ -62,9 +60,8 @@ def _wash_cabinet(piece: Draft) -> None:
     piece.add(plain(piece.finish, 0.7), legs((w - 0.04, 0.1, d - 0.06), 0.1, side=0.05))
 
 
-def _low_cabinet(piece: Draft) -> None:
+def _low_cabinet(piece: Draft, w: float, h: float, d: float) -> None:
     """Adds doors at both ends and open shelves with a player between them, on short legs."""
-    w, h, d = piece.size
     foot, end, board = min(0.14, h * 0.25), w * 0.3, 0.028
     inner, middle = w - 2 * end, (foot + h) / 2
     piece.add(piece.finish, *(box((0.0, y, 0.0), (w, board, d)) for y in (foot + board / 2, h - board / 2)))
@@ -80,9 +77,8 @@ def _low_cabinet(piece: Draft) -> None:
     piece.add(BLACK, box((0.0, foot + board + 0.035, 0.02), (inner * 0.6, 0.06, d * 0.6)))
 
 
-def chest_of_drawers(piece: Draft) -> None:
+def chest_of_drawers(piece: Draft, w: float, h: float, d: float) -> None:
     """A chest of drawers; small ones have a drawer over an open shelf or two drawers."""
-    w, h, d = piece.size
     foot, top = min(0.1, h * 0.14), h - 0.034
     is_small = w < 0.62 and h < 0.72
     rows = 2 if is_small else max(2, min(6, round((h - foot) / 0.21)))
@@ -104,9 +100,8 @@ def chest_of_drawers(piece: Draft) -> None:
     piece.add(plastic(158, 58, 48), box((-0.02, foot + 0.09, 0.02), (w * 0.42, 0.03, d * 0.5)))
 
 
-def wardrobe(piece: Draft) -> None:
+def wardrobe(piece: Draft, w: float, h: float, d: float) -> None:
     """Tall doors under a cornice, one with a mirror if the caption says so; split for a built-in refrigerator."""
-    w, h, d = piece.size
     cols, foot, top = max(1, min(4, round(w / 0.5))), 0.08, h - 0.06
     carcass(piece, foot, top)
     piece.add(piece.finish, rounded_box((0.0, h - 0.03, 0.0), (w, 0.06, d), 0.015))
@@ -126,9 +121,8 @@ def wardrobe(piece: Draft) -> None:
         piece.add(MIRROR, *(box((x, (low + top) / 2, d / 2 - 0.022), pane) for x in spread(cols, w - 0.016)))
 
 
-def wall_cabinet(piece: Draft) -> None:
+def wall_cabinet(piece: Draft, w: float, h: float, d: float) -> None:
     """Doors with handles at their lower edge, under a cornice; two rows of doors if the cabinet is high."""
-    w, h, d = piece.size
     rows = 2 if h > 1.3 else 1
     step = h / rows
     carcass(piece, 0.0, h)
@@ -138,9 +132,8 @@ def wall_cabinet(piece: Draft) -> None:
     piece.add(piece.finish, box((0.0, h - 0.012, 0.0), (w, 0.024, d - 0.008)))
 
 
-def glass_cabinet(piece: Draft) -> None:
+def glass_cabinet(piece: Draft, w: float, h: float, d: float) -> None:
     """A cabinet whose doors are thin frames, in front of shelves with vases, bowls and plates."""
-    w, h, d = piece.size
     finish, foot, side, low = piece.finish, 0.08, 0.03, h * 0.28
     step, mid, tall, z = (w - 0.016) / 2, (low + h) / 2, h - low - 0.05, d / 2 - 0.014
     levels = np.linspace(low, h - 0.04, 4).tolist()
@@ -164,9 +157,8 @@ def glass_cabinet(piece: Draft) -> None:
         piece.add(Finish(material="ceramic", rgb=tones[(level + 2 * k) % 3]), shown)
 
 
-def shelf(piece: Draft) -> None:
+def shelf(piece: Draft, w: float, h: float, d: float) -> None:
     """A bookcase: sides, back and boards, most of them full of books."""
-    w, h, d = piece.size
     thick, num = 0.026, max(2, round(h / 0.36) + 1)
     gap, inner = (h - thick) / (num - 1), w - 2 * thick - 0.01
     piece.add(piece.finish, both(box(((w - thick) / 2, h / 2, 0.0), (thick, h, d))))
@@ -191,9 +183,8 @@ def _ornament(piece: Draft, foot: Vec, tall: float, kind: int) -> None:
     piece.add(CERAMIC, lathe(profile, scale=(tall, tall), at=foot, sides=8))
 
 
-def wall_shelf(piece: Draft) -> None:
+def wall_shelf(piece: Draft, w: float, h: float, d: float) -> None:
     """Boards on brackets with books, a vase or a basket."""
-    w, h, d = piece.size
     thick = 0.03
     num = 1 if h < 0.35 else 2 if h < 0.8 else 3 if h < 1.5 else max(3, round(h / 0.45))
     gap = h / num
@@ -208,9 +199,8 @@ def wall_shelf(piece: Draft) -> None:
             _ornament(piece, (w * 0.32, y, 0.0), min(room * 0.8, w * 0.2), k)
 
 
-def rack(piece: Draft) -> None:
+def rack(piece: Draft, w: float, h: float, d: float) -> None:
     """An open frame with slatted levels and pairs of shoes."""
-    w, h, d = piece.size
     num = max(2, round(h / 0.32))
     gap = (h - 0.06) / num
     tones = ((150, 60, 50), (60, 70, 90), (210, 200, 180), (90, 120, 90))
@@ -228,9 +218,8 @@ def rack(piece: Draft) -> None:
             piece.add(finish, both(shoe).moved(-w / 2 + 0.16 + j * 0.28))
 
 
-def clothes_rail(piece: Draft) -> None:
+def clothes_rail(piece: Draft, w: float, h: float, d: float) -> None:
     """Two posts on feet, a bar, and garments on hangers."""
-    w, h, d = piece.size
     metal = piece.finish if piece.finish.material in ("metal", "wood", "plastic") else STEEL
     frame, bar = DARK_METAL if is_dark(metal) else metal, h - 0.06
     piece.add(frame, tube([(-w / 2 + 0.02, bar, 0), (w / 2 - 0.02, bar, 0)], 0.015))
@@ -241,10 +230,3 @@ def clothes_rail(piece: Draft) -> None:
     for k, x in enumerate(spread(max(2, min(5, round(w / 0.2))), w - 0.2)):
         size = (d * 0.95, tall * (0.72 + 0.07 * ((k * 2) % 5)), 0.11)
         garment(piece, (x, bar, 0.0), size, fabric(*tones[(first + k) % len(tones)]), is_across=True)
-
-
-BUILDERS: dict[str, Builder] = {
-    "cabinet": cabinet, "drawers": chest_of_drawers, "wardrobe": wardrobe, "wall cabinet": wall_cabinet,
-    "glass cabinet": glass_cabinet, "shelf": shelf, "wall shelf": wall_shelf, "rack": rack,
-    "clothes rail": clothes_rail,
-}  # fmt: skip

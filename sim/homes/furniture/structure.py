@@ -5,15 +5,14 @@ import math
 from .joinery import spread
 from .lofts import ball, cylinder, lathe, tube
 from .palette import BLACK_METAL, BRASS, DARK_METAL, DARK_WOOD, FIRE, SOOT, STEEL, WHITE, is_dark, plain, plastic
-from .shapes import Builder, Draft, both, box, flat, picture_quad, prism, rounded_box, slab
+from .shapes import Draft, both, box, flat, picture_quad, prism, rounded_box, slab
 from .wall_things import frame_bars
 
 _BALUSTER = [(0.8, 0.0), (0.5, 0.12), (1.0, 0.34), (0.45, 0.66), (0.8, 1.0)]
 
 
-def railing(piece: Draft) -> None:
+def railing(piece: Draft, w: float, h: float, d: float) -> None:
     """Posts, a handrail and balusters of iron, turned wood or stone; sloping in a stairwell."""
-    w, h, d = piece.size
     finish, thick = piece.finish, min(d, 0.07)
     is_sloping = (
         piece.says("stairs", "stair", "staircase") and piece.says("railing", "handrail", "banister") and w > 0.7
@@ -38,9 +37,8 @@ def railing(piece: Draft) -> None:
             piece.add(tone, tube([(x, low, 0), (x, high, 0)], 0.009 if finish.material == "metal" else 0.014, sides=4))
 
 
-def stair(piece: Draft) -> None:
+def stair(piece: Draft, w: float, h: float, d: float) -> None:
     """Steps that rise away from the front, with light treads, dark risers, and a rail at one side."""
-    w, h, d = piece.size
     top = h * 0.72 if h > 0.8 else h
     num = max(3, min(9, round(top / 0.17)))
     rise, run, rail, x = top / num, d / num, h - top, w / 2 - 0.03
@@ -58,9 +56,8 @@ def stair(piece: Draft) -> None:
         piece.add(DARK_METAL, tube([(x, rise * 0.5 + rail - 0.03, d / 2 - 0.02), end], 0.026))
 
 
-def window(piece: Draft) -> None:
+def window(piece: Draft, w: float, h: float, d: float) -> None:
     """A frame with a cross of bars, sky and a hill behind the panes, a sill and a handle."""
-    w, h, d = piece.size
     rim, sill, z, half = min(0.07, w * 0.09), 0.05, -d * 0.05, w * 0.46
     frame = piece.finish if piece.finish.material in ("wood", "metal", "plastic") else WHITE
     low, high = sill + rim * 0.5, h - rim * 0.5
@@ -81,9 +78,8 @@ def window(piece: Draft) -> None:
     piece.add(STEEL, box((rim * 0.2, h * 0.45, d * 0.36), (0.02, 0.11, 0.02)))
 
 
-def door(piece: Draft) -> None:
+def door(piece: Draft, w: float, h: float, d: float) -> None:
     """A leaf with four panels in a frame, and a handle."""
-    w, h, d = piece.size
     rim = min(0.08, w * 0.1)
     leaf_w, leaf_h, y = w - 2 * rim, h - rim, (h - rim) * 0.47
     piece.add(piece.finish, box((0, leaf_h / 2, 0), (leaf_w, leaf_h, d * 0.5)))
@@ -96,17 +92,15 @@ def door(piece: Draft) -> None:
     piece.add(STEEL, tube(grip, 0.012))
 
 
-def column(piece: Draft) -> None:
+def column(piece: Draft, w: float, h: float, d: float) -> None:
     """A round shaft between a base and a capital."""
-    w, h, d = piece.size
     piece.add(piece.finish, *(box((0, y, 0), (w, 0.08, d)) for y in (0.04, h - 0.04)))
     profile = [(0.95, 0.08), (0.9, 0.14), (0.76, 0.18), (0.68, h - 0.2), (0.8, h - 0.14), (0.95, h - 0.08)]
     piece.add(piece.finish, lathe(profile, scale=(min(w, d) / 2, 1.0), sides=16))
 
 
-def shutter(piece: Draft) -> None:
+def shutter(piece: Draft, w: float, h: float, d: float) -> None:
     """Two leaves with slanting slats and a knob."""
-    w, h, d = piece.size
     leaf = w / 2
     rim, num = min(0.05, leaf * 0.14), max(5, min(14, round(h / 0.08)))
     step = (h - 2 * rim) / num
@@ -119,9 +113,8 @@ def shutter(piece: Draft) -> None:
     piece.add(BLACK_METAL, ball((rim * 0.9, h * 0.5, d * 0.34), (0.025, 0.025, 0.025), sides=6, rings=3))
 
 
-def fireplace(piece: Draft) -> None:
+def fireplace(piece: Draft, w: float, h: float, d: float) -> None:
     """Pillars and a mantel around a dark opening with logs and flames, on a hearth."""
-    w, h, d = piece.size
     finish, hearth, shelf, depth = piece.finish, 0.06, 0.07, d * 0.78
     open_w, open_h = w * 0.52, (h - hearth) * 0.6
     side, z, front = (w * 0.92 - open_w) / 2, -d / 2 + depth / 2, -d / 2 + depth + 0.006
@@ -154,9 +147,8 @@ def fireplace(piece: Draft) -> None:
         piece.add(plastic(252, 218, 90), lathe([(0.01 / tall, 0.0), *core], scale=(tall, tall), at=at, sides=5))
 
 
-def mantle(piece: Draft) -> None:
+def mantle(piece: Draft, w: float, h: float, d: float) -> None:
     """A thick shelf on two brackets; candlesticks and a clock stand on it where there is room."""
-    w, h, d = piece.size
     thick, low, x = min(0.08, h * 0.5), h * 0.3, w * 0.36
     top, room = low + thick, h - low - thick
     piece.add(piece.finish, rounded_box((0, low + thick / 2, 0), (w, thick, d), 0.012))
@@ -169,9 +161,8 @@ def mantle(piece: Draft) -> None:
     piece.add(WHITE, cylinder((0, top + room * 0.42, d * 0.2), room * 0.32, 0.006, sides=12, axis="z"))
 
 
-def radiator(piece: Draft) -> None:
+def radiator(piece: Draft, w: float, h: float, d: float) -> None:
     """Ribs side by side between two pipes, with a valve and feet."""
-    w, h, d = piece.size
     finish, foot, num = piece.finish, min(0.08, h * 0.15), max(4, min(16, round(w / 0.08)))
     step = (w - 0.08) / num
     for x in spread(num, w - 0.08):
@@ -185,9 +176,8 @@ def radiator(piece: Draft) -> None:
     piece.add(STEEL if is_dark(finish) else BLACK_METAL, valve)
 
 
-def fan(piece: Draft) -> None:
+def fan(piece: Draft, w: float, h: float, d: float) -> None:
     """A fan on a pole with a cage, or blades under the ceiling."""
-    w, h, d = piece.size
     if piece.says("ceiling"):
         piece.add(DARK_METAL, lathe([(0.02, 0.0), (0.1, 0.03), (0.1, 0.1), (0.03, 0.14)], sides=10))
         piece.add(DARK_METAL, cylinder((0, 0.1, 0), 0.015, h - 0.12, sides=5))
@@ -210,9 +200,3 @@ def fan(piece: Draft) -> None:
     for a, b in circle[::2]:
         spoke = [(0.0, y, z + 0.08), (0.8 * a, y + 0.8 * b, z + 0.06), (0.97 * a, y + 0.97 * b, z)]
         piece.add(STEEL, tube(spoke, 0.004, sides=3))
-
-
-BUILDERS: dict[str, Builder] = {
-    "railing": railing, "stair": stair, "window": window, "door": door, "column": column, "shutter": shutter,
-    "fireplace": fireplace, "mantle": mantle, "radiator": radiator, "fan": fan,
-}  # fmt: skip

@@ -6,7 +6,7 @@ from .families import Vec
 from .joinery import bar_handle, carcass, doors, drawers, handle_finish, legs, tap
 from .lofts import cylinder, lathe, tube
 from .palette import BLACK_METAL, CERAMIC, LIGHT_WOOD, STEEL, is_dark, plain, plastic
-from .shapes import Builder, Draft, both, box, prism, rounded_box, slab
+from .shapes import Draft, both, box, prism, rounded_box, slab
 
 _GLASS = plastic(178, 208, 206)
 _STONE = Finish(material="stone", rgb=(92, 92, 96))
@@ -14,9 +14,8 @@ _LIGHT_STONE = Finish(material="stone", rgb=(214, 210, 202))
 _TILES = Finish(material="tile", rgb=(226, 230, 232))
 
 
-def table(piece: Draft) -> None:
+def table(piece: Draft, w: float, h: float, d: float) -> None:
     """A top on four legs, or on a column if it is round; low tables have a shelf beneath."""
-    w, h, d = piece.size
     finish = piece.finish
     of_glass = finish.material == "glass" or piece.says("glass")
     frame = BLACK_METAL if of_glass and finish.material != "wood" else finish
@@ -45,9 +44,8 @@ def table(piece: Draft) -> None:
         piece.add(handle_finish(finish), bar_handle((0.0, apron_y, d / 2 - 0.03), 0.14, upright=False))
 
 
-def desk(piece: Draft) -> None:
+def desk(piece: Draft, w: float, h: float, d: float) -> None:
     """A top on a pedestal of drawers and a side, open for the knees."""
-    w, h, d = piece.size
     thick, pedestal = 0.035, min(0.42, w * 0.34)
     below = h - thick
     piece.add(piece.finish, rounded_box((0.0, h - thick / 2, 0.0), (w, thick, d), 0.008))
@@ -61,9 +59,8 @@ def desk(piece: Draft) -> None:
         piece.add(piece.finish, box((-pedestal / 2, h - 0.14, d * 0.1), (w - pedestal - 0.08, 0.02, d * 0.6)))
 
 
-def counter(piece: Draft) -> None:
+def counter(piece: Draft, w: float, h: float, d: float) -> None:
     """Lower cabinets under a thick stone top, with a basin in bathrooms, and a tiled wall behind if it is high."""
-    w, h, d = piece.size
     finish, is_high = piece.finish, h > 1.15
     has_basin = piece.says("bathroom", "sink", "sinks", "bath", "basin")
     level = h * 0.55 if is_high else h - 0.12 * has_basin
@@ -97,18 +94,11 @@ def basin(piece: Draft, centre: Vec, size: Vec) -> None:
     piece.add(STEEL, cylinder((x, y - h * 0.7, z), 0.02, 0.006, sides=6))
 
 
-def ironing_board(piece: Draft) -> None:
+def ironing_board(piece: Draft, w: float, h: float, d: float) -> None:
     """A padded board with a pointed end, on crossed legs, and an iron on it."""
-    w, h, d = piece.size
     half, board, x = d / 2, h - 0.13, -w * 0.26
-    outline = [
-        (half * 0.75, -w / 2),
-        (half, -w / 2 + 0.06),
-        (half, w * 0.18),
-        (half * 0.55, w * 0.4),
-        (half * 0.16, w / 2),
-    ]
-    ring = [*outline, *((-z, x) for z, x in reversed(outline))]
+    side = [(0.75, -w / 2), (1.0, -w / 2 + 0.06), (1.0, w * 0.18), (0.55, w * 0.4), (0.16, w / 2)]
+    ring = [*((half * z, along) for z, along in side), *((-half * z, along) for z, along in reversed(side))]
     piece.add(piece.finish, prism(ring, low=board - 0.035, high=board, axis="y"))
     for s in (-1, 1):
         leg = tube([(s * w * 0.3, board - 0.03, -s * d * 0.18), (-s * w * 0.3, 0.02, -s * d * 0.18)], 0.013, sides=5)
@@ -119,6 +109,3 @@ def ironing_board(piece: Draft) -> None:
     low = board + 0.05
     grip = [(x - 0.08, low, 0), (x - 0.08, h - 0.01, 0), (x + 0.05, h - 0.015, 0), (x + 0.06, low, 0)]
     piece.add(plastic(60, 96, 160), prism(sole, low=board, high=low, axis="y"), tube(grip, 0.014))
-
-
-BUILDERS: dict[str, Builder] = {"table": table, "desk": desk, "counter": counter, "ironing board": ironing_board}

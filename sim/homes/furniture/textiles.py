@@ -10,12 +10,11 @@ from .families import Vec
 from .joinery import spread
 from .lofts import circle, curtain, cushion, cylinder, lathe, sheet, stack, tube
 from .palette import DARK_METAL, DARK_WOOD, LIGHT_WOOD, STEEL, fabric, is_dark, plain
-from .shapes import Builder, Draft, both, box, facets, merged, rounded_box, slab
+from .shapes import Draft, both, box, facets, merged, rounded_box, slab
 
 
-def rug(piece: Draft) -> None:
+def rug(piece: Draft, w: float, h: float, d: float) -> None:
     """A flat carpet with a border, a field, and a fringe at both ends; round or oval if the caption says so."""
-    w, h, d = piece.size
     finish = piece.finish
     other = Finish(material=finish.material, rgb=finish.rgb2) if finish.rgb2 else plain(finish, 0.7)
     if piece.says("round", "circular", "circle", "oval"):
@@ -45,9 +44,8 @@ def rug(piece: Draft) -> None:
         piece.add(cream, facets(diamond * np.array([0.6, 1.04, 0.6])))
 
 
-def curtains(piece: Draft) -> None:
+def curtains(piece: Draft, w: float, h: float, d: float) -> None:
     """A rod with finials and two gathered halves; a shower's curtain is one piece."""
-    w, h, d = piece.size
     tall, half = h - 0.05, w * 0.42
     piece.add(DARK_METAL, tube([(-w / 2 + 0.03, h - 0.03, 0.0), (w / 2 - 0.03, h - 0.03, 0.0)], 0.014))
     piece.add(DARK_METAL, both(cylinder((w / 2 - 0.025, h - 0.05, 0.0), 0.024, 0.04, sides=6)))
@@ -60,9 +58,8 @@ def curtains(piece: Draft) -> None:
     piece.add(plain(piece.finish, 0.6), both(box((x, tall * 0.4, 0.0), (w * 0.3, 0.05, d * 0.8))))
 
 
-def towel(piece: Draft) -> None:
+def towel(piece: Draft, w: float, h: float, d: float) -> None:
     """A towel with a border over a rail on the wall; its front half is longer than its back half."""
-    w, h, d = piece.size
     bar, z, width = h - 0.03, max(0.0, d / 2 - 0.05), w * 0.78
     piece.add(STEEL, tube([(-w / 2 + 0.02, bar, z), (w / 2 - 0.02, bar, z)], 0.011))
     piece.add(STEEL, both(box((w / 2 - 0.03, bar, (z - d / 2) / 2), (0.02, 0.02, z + d / 2))))
@@ -83,15 +80,9 @@ def garment(piece: Draft, hook: Vec, size: Vec, finish: Finish, *, is_across: bo
     """Adds a shirt on a hanger below `hook`, turned by 90 degrees if `is_across`; `size`: width, height, thickness."""
     w, h, t = size
     drop, tall = 0.07, h - 0.07
-    outline = [
-        (1.0, 0.92, 1.0),
-        (0.45, 0.72, 0.85),
-        (0.16, 0.8, 0.8),
-        (0.1, 0.92, 0.55),
-        (0.06, 0.68, 0.5),
-        (0, 0.32, 0.3),
-    ]
-    trunk = stack(circle(8), (w, t), [(-drop - y * tall, a, b, 0.0) for y, a, b in outline])
+    hem, chest = [(1.0, 0.92, 1.0), (0.45, 0.72, 0.85), (0.16, 0.8, 0.8)], [(0.1, 0.92, 0.55), (0.06, 0.68, 0.5)]
+    levels = [(-drop - y * tall, a, b, 0.0) for y, a, b in (*hem, *chest, (0, 0.32, 0.3))]
+    trunk = stack(circle(8), (w, t), levels)
     sleeve = [(w * 0.4, -drop - 0.1 * tall, 0.0), (w * 0.5, -drop - 0.58 * tall, t * 0.1)]
     sleeves = both(tube(sleeve, [w * 0.07, w * 0.055], sides=5))
     collar = [(-w * 0.12, -drop, t * 0.2), (0.0, -drop - 0.1 * h, t * 0.34), (w * 0.12, -drop, t * 0.2)]
@@ -104,9 +95,8 @@ def garment(piece: Draft, hook: Vec, size: Vec, finish: Finish, *, is_across: bo
         piece.add(tone, (shape.turned("y", math.pi / 2) if is_across else shape).moved(*hook))
 
 
-def clothes(piece: Draft) -> None:
+def clothes(piece: Draft, w: float, h: float, d: float) -> None:
     """Garments side by side on a rod or one robe on a hook."""
-    w, h, d = piece.size
     finish = piece.finish
     if piece.says("bathrobe", "robe", "dress", "coat", "jacket"):
         thick = min(d * 0.8, 0.24)
@@ -128,9 +118,8 @@ def clothes(piece: Draft) -> None:
         garment(piece, (x, bar, 0.0), (width, tall, thick), tones[k % 5], is_across=is_across)
 
 
-def hanger(piece: Draft) -> None:
+def hanger(piece: Draft, w: float, h: float, d: float) -> None:
     """A coat hanger on a hook."""
-    w, h, _ = piece.size
     wood = piece.finish if piece.finish.material in ("wood", "plastic", "metal") else LIGHT_WOOD
     y, end = h * 0.62, w / 2 - 0.02
     arch = [(-end, h * 0.28, 0), (-w * 0.2, h * 0.5, 0), (0, y, 0), (w * 0.2, h * 0.5, 0), (end, h * 0.28, 0)]
@@ -140,9 +129,8 @@ def hanger(piece: Draft) -> None:
     piece.add(STEEL, tube(hook, 0.006, sides=4))
 
 
-def pillow(piece: Draft) -> None:
+def pillow(piece: Draft, w: float, h: float, d: float) -> None:
     """A pillow that lies flat, or stands and leans back a little if the piece is high."""
-    w, h, d = piece.size
     if h > 0.26:
         shape = cushion((0.0, 0.0, 0.0), (w, min(d * 0.8, 0.2), h * 0.98), cells=6).turned("x", math.pi / 2 - 0.18)
         piece.add(piece.finish, shape.moved(0.0, h / 2, 0.0))
@@ -150,9 +138,8 @@ def pillow(piece: Draft) -> None:
     piece.add(piece.finish, cushion((0.0, h / 2, 0.0), (w, h, d), cells=6))
 
 
-def blanket(piece: Draft) -> None:
+def blanket(piece: Draft, w: float, h: float, d: float) -> None:
     """A folded stack of cloth with a fringe, or cloth hanging in folds if the piece is high."""
-    w, h, d = piece.size
     finish = piece.finish
     if h > 0.55 and d < 0.35:
         piece.add(DARK_WOOD, tube([(-w / 2, h - 0.02, 0), (w / 2, h - 0.02, 0)], 0.013))
@@ -167,9 +154,3 @@ def blanket(piece: Draft) -> None:
         thread = slab((k / 10 * (w - 0.08), h * 0.3, d / 2 - 0.014), (0.018, h * 0.45, 0.008), faces="+z+x-x")
         piece.add(plain(finish, 0.7), thread)
     piece.add(plain(finish, 0.7), slab((0, h * 0.5, 0.0), (w * 0.12, h + 0.004, d - 0.05), faces="+y+z"))
-
-
-BUILDERS: dict[str, Builder] = {
-    "flat": rug, "curtain": curtains, "towel": towel, "clothes": clothes, "hanger": hanger, "pillow": pillow,
-    "blanket": blanket,
-}  # fmt: skip

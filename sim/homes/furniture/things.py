@@ -21,12 +21,11 @@ from .palette import (
     plain,
     plastic,
 )
-from .shapes import Builder, Draft, both, box, facets, four, merged, prism, rounded_box, slab
+from .shapes import Draft, both, box, facets, four, merged, prism, rounded_box, slab
 
 
-def book(piece: Draft) -> None:
+def book(piece: Draft, w: float, h: float, d: float) -> None:
     """A pile of books, each turned a little; one has the colour of the caption."""
-    w, h, d = piece.size
     num = max(1, min(4, round(h / 0.04)))
     step, first = h / num, int(piece.rng.integers(len(SPINES)))
     for k in range(num):
@@ -41,9 +40,8 @@ def book(piece: Draft) -> None:
         piece.add(PAPER, pages.turned("y", turn))
 
 
-def bottle(piece: Draft) -> None:
+def bottle(piece: Draft, w: float, h: float, d: float) -> None:
     """A wine bottle with a label and a cap."""
-    w, h, d = piece.size
     r = min(w, d) / 2
     profile = [(0.9, 0.0), (1.0, 0.03), (1.0, 0.56), (0.36, 0.74), (0.32, 0.93)]
     piece.add(piece.finish, lathe(profile, scale=(r, h), sides=10, caps="start"))
@@ -51,9 +49,8 @@ def bottle(piece: Draft) -> None:
     piece.add(plastic(150, 40, 46), cylinder((0, h * 0.92, 0), r * 0.38, h * 0.08, sides=6))
 
 
-def cup(piece: Draft) -> None:
+def cup(piece: Draft, w: float, h: float, d: float) -> None:
     """A mug with a handle, or a drinking glass on a stem if it is made of glass."""
-    w, h, d = piece.size
     if piece.says("glass") or piece.finish.material == "glass":
         profile = [
             (0.8, 0.0), (0.12, 0.05), (0.1, 0.42), (0.7, 0.52), (1.0, 0.75), (0.82, 1.0), (0.74, 0.98), (0.86, 0.74),
@@ -71,9 +68,8 @@ def cup(piece: Draft) -> None:
     piece.add(plastic(84, 52, 34), lathe([(r * 0.87, h * 0.82), (0.0, h * 0.82)], at=(x, 0, 0), sides=8))
 
 
-def bowl(piece: Draft) -> None:
+def bowl(piece: Draft, w: float, h: float, d: float) -> None:
     """A bowl of fruit."""
-    w, h, d = piece.size
     profile = [(0.36, 0.0), (0.4, 0.1), (0.85, 0.6), (1.0, 1.0), (0.94, 1.0), (0.76, 0.6), (0.0, 0.3)]
     piece.add(piece.finish, lathe(profile, scale=(w / 2, h * 0.62), sides=14, depth=d / w))
     size = min(w, d) * 0.3
@@ -84,9 +80,8 @@ def bowl(piece: Draft) -> None:
         piece.add(tone, ball(centre, (size, size, size), sides=6, rings=3))
 
 
-def kettle(piece: Draft) -> None:
+def kettle(piece: Draft, w: float, h: float, d: float) -> None:
     """A round can with a spout, an arched handle and a lid."""
-    w, h, d = piece.size
     r, tall = min(d / 2, w * 0.38), h * 0.7
     x = -w / 2 + r + w * 0.06
     profile = [(0.95, 0.0), (1.0, 0.2), (0.86, 0.7), (0.5, 0.95), (0.46, 1.0)]
@@ -98,9 +93,8 @@ def kettle(piece: Draft) -> None:
     piece.add(BLACK, ball((x, tall + 0.012, 0), (0.03, 0.03, 0.03), sides=6, rings=3))
 
 
-def speaker(piece: Draft) -> None:
+def speaker(piece: Draft, w: float, h: float, d: float) -> None:
     """A case with two round membranes."""
-    w, h, d = piece.size
     z = d / 2 - 0.02
     piece.add(piece.finish, rounded_box((0, h / 2, -0.01), (w, h, d - 0.02), 0.012))
     piece.add(BLACK, slab((0, h / 2, z - 0.008), (w * 0.92, h * 0.94, 0.018), faces="+z"))
@@ -111,9 +105,8 @@ def speaker(piece: Draft) -> None:
         piece.add(plain(STEEL, 0.8), ball((0, y, z), (r * 0.8, r * 0.8, 0.03), sides=8, rings=4))
 
 
-def statue(piece: Draft) -> None:
+def statue(piece: Draft, w: float, h: float, d: float) -> None:
     """A standing figure on a plinth."""
-    w, h, d = piece.size
     low = h * 0.14
     t = h - low
     piece.add(plain(piece.finish, 0.6), box((0, low * 0.3, 0), (w, low * 0.6, d)))
@@ -129,9 +122,8 @@ def statue(piece: Draft) -> None:
     piece.add(piece.finish, *(tube(arm, w * 0.055, sides=5) for arm in (hanging, raised)))
 
 
-def candle(piece: Draft) -> None:
+def candle(piece: Draft, w: float, h: float, d: float) -> None:
     """A candle on a holder, lit."""
-    w, h, d = piece.size
     r = min(w, d) / 2
     holder = [(1.0, 0.0), (1.0, 0.03), (0.3, 0.1), (0.24, 0.3), (0.5, 0.36)]
     piece.add(BRASS, lathe(holder, scale=(r, h), sides=10, caps="end"))
@@ -139,9 +131,8 @@ def candle(piece: Draft) -> None:
     piece.add(GLOW, lathe([(0.002, 0.0), (r * 0.16, h * 0.05), (0.0, h * 0.15)], at=(0, h * 0.84, 0), sides=5))
 
 
-def printer(piece: Draft) -> None:
+def printer(piece: Draft, w: float, h: float, d: float) -> None:
     """A low case with paper at the back and a printed sheet in front."""
-    w, h, d = piece.size
     piece.add(plain(piece.finish), rounded_box((0, h * 0.36, -0.02), (w, h * 0.7, d * 0.72), 0.025))
     piece.add(BLACK, slab((0, h * 0.22, d * 0.3), (w * 0.7, h * 0.14, 0.03), faces="+z"))
     piece.add(BLACK, box((w * 0.3, h * 0.71, d * 0.12), (w * 0.24, 0.01, d * 0.12)))
@@ -150,9 +141,8 @@ def printer(piece: Draft) -> None:
     piece.add(PAPER, slab((0, h * 0.17, d * 0.38), (w * 0.58, 0.006, d * 0.2), faces="+y-y+z"))
 
 
-def telephone(piece: Draft) -> None:
+def telephone(piece: Draft, w: float, h: float, d: float) -> None:
     """A desk telephone with keys and a receiver."""
-    w, h, d = piece.size
     x = -w * 0.3
     side = [(0.0, d / 2), (h * 0.24, d / 2), (h * 0.6, -d / 2), (0.0, -d / 2)]
     piece.add(plain(piece.finish), prism(side, low=-w / 2, high=w / 2, axis="x"))
@@ -164,9 +154,8 @@ def telephone(piece: Draft) -> None:
         piece.add(WHITE, box(at, (w * 0.09, 0.02, d * 0.12)))
 
 
-def shoes(piece: Draft) -> None:
+def shoes(piece: Draft, w: float, h: float, d: float) -> None:
     """A pair of shoes with soles, openings and laces."""
-    w, h, d = piece.size
     each = w * 0.44
     x, oval = (w - each) / 2, circle(8, power=2.4)
     upper = [
@@ -181,9 +170,8 @@ def shoes(piece: Draft) -> None:
     piece.add(BLACK, both(plate(oval, (each, d), (h - 0.006, 0.6, 0.42, -0.26 * d)).moved(x)))
 
 
-def cardboard_box(piece: Draft) -> None:
+def cardboard_box(piece: Draft, w: float, h: float, d: float) -> None:
     """A box with tape and open flaps; wooden boxes are crates, plastic boxes have a lid."""
-    w, h, d = piece.size
     finish, top = piece.finish, h * 0.86
     if finish.material == "wood" or piece.says("organizer", "crate", "drawers"):
         piece.add(finish, four(box((w / 2 - 0.02, h / 2, d / 2 - 0.02), (0.04, h, 0.04))))
@@ -210,9 +198,8 @@ def cardboard_box(piece: Draft) -> None:
     piece.add(tape, slab((0, top * 0.55, 0), (w * 0.862, top * 0.9, d * 0.1), faces="+x-x"))
 
 
-def basket(piece: Draft) -> None:
+def basket(piece: Draft, w: float, h: float, d: float) -> None:
     """A woven basket with a rim, two handles and cloth in it."""
-    w, h, d = piece.size
     r, top = w * 0.46, h * 0.8
     woven = [(0.78, 0.0)]
     for k in range(1, 5):
@@ -226,9 +213,8 @@ def basket(piece: Draft) -> None:
     piece.add(fabric(236, 232, 222), cloth)
 
 
-def bin_(piece: Draft) -> None:
+def bin_(piece: Draft, w: float, h: float, d: float) -> None:
     """A pedal bin, or an open waste-paper basket with crumpled paper."""
-    w, h, d = piece.size
     r = min(w, d) / 2
     if piece.says("open", "paper", "bucket") or piece.rng.random() < 0.4:
         profile = [(0.74, 0.0), (0.97, 0.96), (1.0, 1.0), (0.9, 1.0), (0.84, 0.8), (0.0, 0.74)]
@@ -243,9 +229,8 @@ def bin_(piece: Draft) -> None:
     piece.add(BLACK, box((0, 0.022, r * 0.96), (r * 0.5, 0.016, r * 0.14)))
 
 
-def bag(piece: Draft) -> None:
+def bag(piece: Draft, w: float, h: float, d: float) -> None:
     """A handbag that is narrower at its top, with two arched handles and a clasp."""
-    w, h, d = piece.size
     top, z = h * 0.62, d * 0.13
     levels = [(0.0, 0.92, 0.9, 0.0), (0.03, 1.0, 1.0, 0.0), (top * 0.5, 0.98, 0.8, 0.0), (top, 0.84, 0.3, 0.0)]
     piece.add(piece.finish, stack(SQUARE, (w, d), levels, caps="both"))
@@ -256,9 +241,8 @@ def bag(piece: Draft) -> None:
     piece.add(BRASS, box((0, top * 0.86, d * 0.22), (0.05, 0.035, 0.02)))
 
 
-def backpack(piece: Draft) -> None:
+def backpack(piece: Draft, w: float, h: float, d: float) -> None:
     """A rounded sack with a front pocket, side pockets, straps and a loop."""
-    w, h, d = piece.size
     dark, back = plain(piece.finish, 0.6), -d * 0.2
     piece.add(plain(piece.finish), rounded_box((0, h * 0.47, -d * 0.1), (w * 0.86, h * 0.94, d * 0.66), 0.09))
     piece.add(plain(piece.finish), rounded_box((0, h * 0.28, d * 0.3), (w * 0.66, h * 0.44, d * 0.36), 0.05))
@@ -271,9 +255,8 @@ def backpack(piece: Draft) -> None:
     piece.add(STEEL, box((0, h * 0.74, d * 0.236), (w * 0.64, 0.014, 0.012)))
 
 
-def suitcase(piece: Draft) -> None:
+def suitcase(piece: Draft, w: float, h: float, d: float) -> None:
     """A trolley case with ribs, wheels and an extended handle."""
-    w, h, d = piece.size
     top, x, z = h * 0.8, w * 0.22, -d * 0.3
     y = (0.04 + top) / 2
     piece.add(plain(piece.finish), rounded_box((0, y, 0), (w, top - 0.04, d), 0.05))
@@ -284,9 +267,8 @@ def suitcase(piece: Draft) -> None:
     piece.add(STEEL, tube([(-x, top, z), (-x, h - 0.014, z), (x, h - 0.014, z), (x, top, z)], 0.012, sides=5))
 
 
-def umbrella_stand(piece: Draft) -> None:
+def umbrella_stand(piece: Draft, w: float, h: float, d: float) -> None:
     """A round stand with two closed umbrellas."""
-    w, h, d = piece.size
     r, tall = min(w, d) / 2, h * 0.58
     profile = [(r * 0.9, 0.0), (r * 0.92, tall - 0.02), (r, tall), (r * 0.86, tall), (r * 0.84, tall * 0.6)]
     piece.add(piece.finish, lathe(profile, sides=14))
@@ -297,9 +279,8 @@ def umbrella_stand(piece: Draft) -> None:
     piece.add(DARK_WOOD, both(tube(grip, 0.011, sides=5)))
 
 
-def toy(piece: Draft) -> None:
+def toy(piece: Draft, w: float, h: float, d: float) -> None:
     """A sitting teddy bear."""
-    w, h, d = piece.size
     fur, light = plain(piece.finish), plain(piece.finish, 1.4)
     arm = ball((0, 0, 0), (w * 0.2, h * 0.34, d * 0.22), sides=6, rings=4).turned("z", 0.5)
     piece.add(fur, both(arm.moved(w * 0.34, h * 0.38, d * 0.08)))
@@ -319,18 +300,9 @@ def toy(piece: Draft) -> None:
         piece.add(tone, both(shape) if x else shape)
 
 
-def play_ball(piece: Draft) -> None:
+def play_ball(piece: Draft, w: float, h: float, d: float) -> None:
     """A ball in wedges of two colours."""
-    w, h, d = piece.size
     skin = ball((0, h / 2, 0), (w, h, d), sides=12, rings=8)
     is_even = np.arange(len(skin.corners)) % 4 < 2
     piece.add(plain(piece.finish), skin.chosen(is_even))
     piece.add(plastic(*(piece.finish.rgb2 or (244, 244, 240))), skin.chosen(~is_even))
-
-
-BUILDERS: dict[str, Builder] = {
-    "book": book, "bottle": bottle, "cup": cup, "bowl": bowl, "kettle": kettle, "speaker": speaker, "statue": statue,
-    "candle": candle, "printer": printer, "telephone": telephone, "shoes": shoes, "box": cardboard_box,
-    "basket": basket, "bin": bin_, "bag": bag, "backpack": backpack, "suitcase": suitcase,
-    "umbrella stand": umbrella_stand, "toy": toy, "ball": play_ball,
-}  # fmt: skip

@@ -23,8 +23,8 @@ from .palette import (
     is_dark,
     plain,
     plastic,
-)  # fmt: skip
-from .shapes import Builder, Draft, Shape, both, box, facets, flat, picture_quad, prism, rounded_box, slab
+)
+from .shapes import Draft, Shape, both, box, facets, flat, picture_quad, prism, rounded_box, slab
 
 _GLARE = plastic(236, 246, 250)
 
@@ -37,9 +37,8 @@ def frame_bars(w: float, h: float, rim: float, d: float) -> Shape:
     return stack(SQUARE, (1.0, 1.0), levels).turned("x", math.pi / 2).moved(y=h / 2)
 
 
-def picture(piece: Draft) -> None:
+def picture(piece: Draft, w: float, h: float, d: float) -> None:
     """A frame, a mat and a painting."""
-    w, h, d = piece.size
     rim, z = min(0.06, w * 0.1, h * 0.1), d * 0.1
     if piece.says("golden", "gold", "antique", "ornate"):
         frame = BRASS
@@ -54,18 +53,16 @@ def picture(piece: Draft) -> None:
     piece.add(frame, frame_bars(w, h, rim, d))
     if mat:
         piece.add(PAPER, picture_quad((0.0, h / 2, z - 0.003), (w - 2 * rim, h - 2 * rim)))
-    piece.add(_canvas(piece), picture_quad((0.0, h / 2, z), (w - 2 * (rim + mat), h - 2 * (rim + mat))))
+    piece.add(_canvas(piece.finish), picture_quad((0.0, h / 2, z), (w - 2 * (rim + mat), h - 2 * (rim + mat))))
 
 
-def _canvas(piece: Draft) -> Finish:
-    if piece.finish.material == "picture":
-        return piece.finish
-    return Finish(material="picture", rgb=piece.finish.rgb, rgb2=piece.finish.rgb2)
+def _canvas(finish: Finish) -> Finish:
+    """A painting in the colours of a finish."""
+    return finish if finish.material == "picture" else Finish(material="picture", rgb=finish.rgb, rgb2=finish.rgb2)
 
 
-def mirror(piece: Draft) -> None:
+def mirror(piece: Draft, w: float, h: float, d: float) -> None:
     """A pane with the reflection of a room and streaks of light, in a frame; round if the caption says so."""
-    w, h, d = piece.size
     frame = piece.finish if piece.finish.material in ("wood", "metal", "plastic") else STEEL
     rim, z = min(0.045, w * 0.07), d * 0.12
     if piece.says("round", "circular", "circle", "oval"):
@@ -85,9 +82,8 @@ def mirror(piece: Draft) -> None:
         piece.add(_GLARE, band)
 
 
-def tv(piece: Draft) -> None:
+def tv(piece: Draft, w: float, h: float, d: float) -> None:
     """A wide dark screen with a thin rim, a reflection, a light and two feet."""
-    w, h, d = piece.size
     foot, rim, z = h * 0.05, min(0.02, w * 0.03), d * 0.3 + 0.002
     low, high, half = foot + 2 * rim, h - rim, w / 2 - rim
     mid, tall = (low + high) / 2, high - low
@@ -100,9 +96,8 @@ def tv(piece: Draft) -> None:
     piece.add(RED, box((w * 0.42, foot + rim, z), (0.014, 0.008, 0.004)))
 
 
-def monitor(piece: Draft) -> None:
+def monitor(piece: Draft, w: float, h: float, d: float) -> None:
     """A lit screen with windows on it, on a foot, with a keyboard and a mouse in front of it."""
-    w, h, d = piece.size
     foot, tall, z, keys_z = h * 0.24, h * 0.76, -d * 0.2, d / 2 - 0.055
     piece.add(BLACK, rounded_box((0, foot + tall / 2, z), (w, tall, 0.035), 0.01))
     piece.add(BLACK, box((0, foot * 0.6, z - 0.01), (0.05, foot * 1.2, 0.025)))
@@ -119,9 +114,8 @@ def monitor(piece: Draft) -> None:
     piece.add(BLACK, ball((w * 0.45, 0.012, keys_z), (0.05, 0.032, 0.08), sides=6, rings=3))
 
 
-def laptop(piece: Draft) -> None:
+def laptop(piece: Draft, w: float, h: float, d: float) -> None:
     """An open laptop: a half with the keyboard and a half with the screen."""
-    w, h, d = piece.size
     tall = h - 0.015
     piece.add(STEEL, rounded_box((0, 0.01, d * 0.08), (w, 0.02, d * 0.84), 0.006))
     keys = [slab((0, 0.022, d * (0.09 * r - 0.12)), (w * 0.86, 0.004, d * 0.065), faces="+y+z") for r in range(4)]
@@ -135,13 +129,11 @@ def laptop(piece: Draft) -> None:
         piece.add(tone, shape.turned("x", -0.22).moved(0, 0.015, -d * 0.3))
 
 
-def calendar(piece: Draft) -> None:
+def calendar(piece: Draft, w: float, h: float, d: float) -> None:
     """A picture over a sheet with a grid of days, with a spiral at the top, on a nail."""
-    w, h, d = piece.size
     top, z, day = h - 0.03, d * 0.12, (w * 0.1, (h - 0.03) * 0.058)
     piece.add(PAPER, box((0, top / 2, -d * 0.1), (w, top, d * 0.4)))
-    canvas = Finish(material="picture", rgb=piece.finish.rgb, rgb2=piece.finish.rgb2)
-    piece.add(canvas, picture_quad((0, top * 0.75, z), (w * 0.94, top * 0.42)))
+    piece.add(_canvas(piece.finish), picture_quad((0, top * 0.75, z), (w * 0.94, top * 0.42)))
     piece.add(RED, picture_quad((0, top * 0.49, z), (w * 0.5, top * 0.05)))
     for row in range(5):
         y = top * (0.4 - 0.082 * row)
@@ -153,9 +145,8 @@ def calendar(piece: Draft) -> None:
     piece.add(BLACK_METAL, both(tube([(0, h - 0.004, 0), (w * 0.2, top, 0)], 0.002, sides=3)))
 
 
-def clock(piece: Draft) -> None:
+def clock(piece: Draft, w: float, h: float, d: float) -> None:
     """A round face with marks and hands."""
-    w, h, d = piece.size
     r, z = min(w, h) / 2, d * 0.31
     piece.add(piece.finish, cylinder((0, h / 2, -d / 2), r, d * 0.7, sides=18, axis="z"))
     piece.add(PAPER, cylinder((0, h / 2, d * 0.2), r * 0.86, d * 0.1, sides=18, axis="z"))
@@ -166,9 +157,8 @@ def clock(piece: Draft) -> None:
         piece.add(BLACK, bar.turned("z", angle).moved(0, h / 2, 0))
 
 
-def board(piece: Draft) -> None:
+def board(piece: Draft, w: float, h: float, d: float) -> None:
     """A framed board with notes on it and pens on its ledge."""
-    w, h, d = piece.size
     is_black = piece.says("black", "blackboard", "chalkboard")
     face = plastic(46, 62, 54) if is_black else piece.finish
     rim, z, side = DARK_WOOD if is_black else STEEL, d * 0.08, min(0.14, w * 0.16, h * 0.2)
@@ -185,9 +175,8 @@ def board(piece: Draft) -> None:
     piece.add(RED, *(tube([(x, 0.04, d * 0.3), (x + 0.1, 0.04, d * 0.3)], 0.008, sides=5) for x in (-0.12, 0.04)))
 
 
-def electric_box(piece: Draft) -> None:
+def electric_box(piece: Draft, w: float, h: float, d: float) -> None:
     """A grey case with a door, breakers behind a window, a lightning bolt on a yellow triangle, and a pipe."""
-    w, h, d = piece.size
     z, side, low = d * 0.32 + 0.012, min(w, h) * 0.44, h * 0.2
     piece.add(piece.finish, rounded_box((0, h / 2, -d * 0.1), (w, h, d * 0.8), 0.01))
     piece.add(plain(piece.finish, 1.08), slab((0, h / 2, d * 0.32), (w * 0.9, h * 0.92, 0.02), faces="+z+x-x+y-y"))
@@ -201,9 +190,3 @@ def electric_box(piece: Draft) -> None:
     ])  # fmt: skip
     piece.add(BLACK, bolt.scaled((side, side, 1.0)).moved(0.0, low + side * 0.3, z + 0.007))
     piece.add(BLACK, cylinder((w * 0.36, h * 0.5, z), 0.014, 0.012, sides=8, axis="z"))
-
-
-BUILDERS: dict[str, Builder] = {
-    "picture": picture, "mirror": mirror, "tv": tv, "monitor": monitor, "laptop": laptop, "calendar": calendar,
-    "clock": clock, "board": board, "electric box": electric_box,
-}  # fmt: skip
