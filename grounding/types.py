@@ -62,14 +62,6 @@ class FeatureMap:
         """(N,) row * columns + column of each stored cell."""
         return self.rc[:, 0].astype(np.int64) * self.grid.shape[1] + self.rc[:, 1]
 
-    def require_encoder(self, name: str, dim: int) -> None:
-        """Refuses vectors from another encoder, whose cosines with the map would mean nothing.
-
-        Raises:
-            AgentError: Name or dimension differ.
-        """
-        require_same_encoder((self.encoder, self.dim), (name, dim))
-
     def dense(self) -> NDArray[np.float32]:
         """(H, W, E) with zero vectors in the empty cells."""
         return np.moveaxis(on_grid(self.rows.T, self.rc, shape=self.grid.shape, fill=0.0), 0, -1)

@@ -16,7 +16,6 @@ from ..encoders.by_name import make_encoder
 from ..encoders.protocol import EncoderName, TextEncoder
 from ..maps.home_map import Memory, ObjectInstance, ObjectMap
 from ..methods.by_name import Grounder
-from ..methods.object_matching import objects_grid
 from ..phrases.sources import PhraseSource
 from ..types import TIE, FeatureMap, Grounding, map_from_cells
 
@@ -166,7 +165,7 @@ def _check_refusal(grounder: Grounder, encoder: TextEncoder, where: str) -> None
 
 
 def _check_candidates(grounding: Grounding, memory: Memory, where: str) -> None:
-    grid = objects_grid(memory) if isinstance(memory, ObjectMap) else memory.grid
+    grid = memory.grid
     scores = [candidate.score for candidate in grounding.candidates]
     ranked = all(first >= second - TIE for first, second in pairwise(scores))
     _require(ranked and bool(np.isfinite(scores).all()), where, "scores", scores, "finite numbers, best first")

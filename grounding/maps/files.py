@@ -83,7 +83,7 @@ def load_memory(path: Path, *, encoder: TextEncoder | None = None) -> HomeMemory
 
     Args:
         path: Written by `save_memory`.
-        encoder: The encoder of later queries; None = not known yet (`FeatureMap.require_encoder` checks it then).
+        encoder: The encoder of later queries; None = not known yet (grounders check it then).
 
     Raises:
         RunFileError: The file is missing, damaged, of another version, or not a map.

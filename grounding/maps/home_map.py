@@ -13,7 +13,12 @@ from sim.episodes.schema import Vector3
 from sim.errors import AgentError
 from sim.types import GridSpec
 
+from ..encoders.protocol import TextEncoder
 from ..types import FeatureMap, map_from_cells, require_same_encoder
+
+_CELL = 1.0
+_MARGIN = 1
+"""Margin of an object map's grid, in cells and so in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,13 +76,18 @@ class ObjectMap:
     merge_m: float
     """Views of one thing are merged when their points are within this many metres."""
 
-    def require_encoder(self, name: str, dim: int) -> None:
-        """Refuses vectors from another encoder, whose cosines with the map would mean nothing.
+    @property
+    def middles_xz(self) -> NDArray[np.float64]:
+        """(N, 2) x and z of the middles of the things' boxes."""
+        return np.array([item.centre for item in self.objects], np.float64).reshape(-1, 3)[:, [0, 2]]
 
-        Raises:
-            AgentError: Name or dimension differ.
-        """
-        require_same_encoder((self.encoder, self.dim), (name, dim))
+    @property
+    def grid(self) -> GridSpec:
+        """Cells of 1 m around all things, for candidates and layers; several things may be in one cell."""
+        middles = self.middles_xz if self.objects else np.array([self.centre_xz], np.float64)
+        low = np.floor(middles.min(axis=0) / _CELL) - _MARGIN
+        cols, rows = (np.floor(middles.max(axis=0) / _CELL) + _MARGIN + 1 - low).astype(int).tolist()
+        return GridSpec((float(low[0] * _CELL), float(low[1] * _CELL)), _CELL, (rows, cols))
 
 
 Memory = FeatureMap | ObjectMap
@@ -88,31 +98,34 @@ MemoryKind = Literal["grid", "objects"]
 """`FeatureMap` or `ObjectMap`."""
 
 
-def require_grid(memory: Memory, grounder: str) -> FeatureMap:
-    """The memory, which must be a grid map.
+def require_grid(memory: Memory, grounder: str, encoder: TextEncoder | None = None) -> FeatureMap:
+    """The memory, which must be a grid map in the encoder's space.
 
     Raises:
-        AgentError: It is a map of objects.
+        AgentError: It is a map of objects, or was made with another encoder.
     """
     if not isinstance(memory, FeatureMap):
         raise AgentError(
             f"grounder {grounder!r}: got a map of {len(memory.objects)} objects; expected a grid map. "
             'Use "object-phrase" or "object-dual", or build a grid map.'
         )
+    if encoder is not None:
+        require_same_encoder((memory.encoder, memory.dim), (encoder.name, encoder.dim))
     return memory
 
 
-def require_objects(memory: Memory, grounder: str) -> ObjectMap:
-    """The memory, which must be a map of objects.
+def require_objects(memory: Memory, grounder: str, encoder: TextEncoder) -> ObjectMap:
+    """The memory, which must be a map of objects in the encoder's space.
 
     Raises:
-        AgentError: It is a grid map.
+        AgentError: It is a grid map, or was made with another encoder.
     """
     if not isinstance(memory, ObjectMap):
         raise AgentError(
             f"grounder {grounder!r}: got a grid map of {len(memory.rows)} cells; expected a map of objects. "
             'Use "dual" or "joint", or build a map of objects.'
         )
+    require_same_encoder((memory.encoder, memory.dim), (encoder.name, encoder.dim))
     return memory
 
 

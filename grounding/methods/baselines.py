@@ -6,12 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.episodes.schema import Vector3
-from sim.types import Task
+from sim.types import GridSpec, Task
 
 from ..encoders.protocol import TextEncoder
 from ..maps.home_map import Memory, MemoryKind, require_grid
-from ..types import TIE, Candidate, FeatureMap, Grounding, Layers
+from ..types import TIE, Candidate, Grounding, Layers
 
 NUM_CANDIDATES = 3
 """The paper's top-3 (Sec. IV)."""
@@ -39,7 +38,7 @@ class RandomCell:
         rows, cols = memory.grid.shape
         index = rng.choice(rows * cols, size=min(NUM_CANDIDATES, rows * cols), replace=False)
         rc = np.column_stack([index // cols, index % cols])
-        return Grounding(candidates_at(memory, rc, np.zeros(len(rc))))
+        return Grounding(candidates_at(memory.grid, memory.points_from_rc(rc), np.zeros(len(rc))))
 
 
 class MapCentre:
@@ -53,10 +52,8 @@ class MapCentre:
     def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
         """One candidate with score 0; it is the exact middle, not a cell's centre."""
         memory = require_grid(memory, self.name)
-        row, col = (int(value) for value in memory.grid.rc_from_xz(np.array(memory.centre_xz)))
         x, z = memory.centre_xz
-        position = (float(x), memory.floor_y, float(z))
-        return Grounding((Candidate(position, 0.0, row, col, row * memory.grid.shape[1] + col),))
+        return Grounding(candidates_at(memory.grid, np.array([[x, memory.floor_y, z]]), np.zeros(1)))
 
 
 class QueryScoring:
@@ -77,12 +74,11 @@ class QueryScoring:
         Raises:
             AgentError: The map was made with another encoder, or is no grid.
         """
-        memory = require_grid(memory, self.name)
-        memory.require_encoder(self._encoder.name, self._encoder.dim)
+        memory = require_grid(memory, self.name, self._encoder)
         scores = memory.rows @ self._encoder.encode_texts(task.queries[:1])[0]
         best = rank_cells(scores, memory.rc)
         layers = Layers(memory.rc, memory.grid.shape, final=scores)
-        return Grounding(candidates_at(memory, memory.rc[best], scores[best]), layers)
+        return Grounding(candidates_at(memory.grid, memory.points_from_rc(memory.rc[best]), scores[best]), layers)
 
 
 def rank_cells(
@@ -109,10 +105,10 @@ def rank_cells(
     return best
 
 
-def candidates_at(memory: FeatureMap, rc: NDArray[np.integer], scores: NDArray[np.floating]) -> tuple[Candidate, ...]:
-    """Candidates at the centres of cells (M, 2), on the floor, with these scores (M,)."""
-    points: list[Vector3] = [tuple(point) for point in memory.points_from_rc(rc).tolist()]
+def candidates_at(grid: GridSpec, points: NDArray[np.float64], scores: NDArray[np.floating]) -> tuple[Candidate, ...]:
+    """Candidates at world points (M, 3) on the floor with these scores (M,); the grid says in which cell each is."""
+    cells = grid.rc_from_xz(points[:, [0, 2]]).tolist()
     return tuple(
-        Candidate(point, float(score), int(row), int(col), int(row) * memory.grid.shape[1] + int(col))
-        for point, score, (row, col) in zip(points, scores, rc, strict=True)
+        Candidate((x, y, z), float(score), row, col, row * grid.shape[1] + col)
+        for (x, y, z), score, (row, col) in zip(points.tolist(), scores, cells, strict=True)
     )

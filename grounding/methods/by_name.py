@@ -12,8 +12,7 @@ from ..encoders.protocol import TextEncoder
 from ..maps.home_map import Memory, MemoryKind
 from ..types import Grounding
 from .baselines import MapCentre, QueryScoring, RandomCell
-from .matching import MATCHERS, PhraseMatcher
-from .object_matching import OBJECT_MATCHERS, ObjectMatcher
+from .matching import MATCHERS, OBJECT_MATCHERS, ObjectMatcher, PhraseMatcher
 
 GrounderName = Literal[
     "random",

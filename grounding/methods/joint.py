@@ -27,10 +27,10 @@ from sim.types import Task
 
 from ..encoders.protocol import TextEncoder
 from ..maps.home_map import Memory, MemoryKind, require_grid
-from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
+from ..phrases.ownership_text import asked_thing
 from ..types import FeatureMap, Grounding, Layers
-from .baselines import NUM_CANDIDATES, QueryScoring
-from .matching import candidates_near, peaks_of
+from .baselines import NUM_CANDIDATES, QueryScoring, candidates_at
+from .matching import peaks_of
 
 REACH = 1.0
 """Distance that counts as right, metres (DESIGN.md)."""
@@ -82,15 +82,12 @@ class JointMatcher:
         Raises:
             AgentError: The map was made with another encoder, or is no grid.
         """
-        memory = require_grid(memory, self.name)
-        memory.require_encoder(self._encoder.name, self._encoder.dim)
-        things = [parse_phrase(phrase) for phrase in phrases]
-        wanted = wanted_phrase(things, parse_query(task.queries[0]), self._encoder)
-        if wanted is None or not len(memory.rows):
+        memory = require_grid(memory, self.name, self._encoder)
+        asked = asked_thing(phrases, task.queries[0], self._encoder)
+        if asked is None or not len(memory.rows):
             return QueryScoring(self._encoder).ground(memory, task, phrases)
-        distinct = tuple({item.text: item for item in reversed(things)}.values())[::-1]
-        chosen = [item.text for item in distinct].index(things[wanted].text)
-        vectors = self._encoder.encode_texts([item.thing for item in distinct])
+        things, chosen = asked
+        vectors = self._encoder.encode_texts([item.thing for item in things])
         if self._background is None:
             ordinary = self._encoder.encode_texts(household_texts())
             self._background = background(ordinary, weight=self._options.ordinary, ridge=self._options.ridge)
@@ -98,20 +95,20 @@ class JointMatcher:
         places = Places(memory)
         evidence = places.evidence(scores, self._options)
         total = evidence[chosen].copy()
-        for index, item in enumerate(distinct):
-            if index != chosen and item.room and item.room == distinct[chosen].room:
+        for index, item in enumerate(things):
+            if index != chosen and item.room and item.room == things[chosen].room:
                 total += places.room_prior(evidence[index], self._options)
-        points, cells, shares = places.best(total)
+        points, shares = places.best(total)
         layers = Layers(
             memory.rc,
             memory.grid.shape,
             final=places.per_cell(total).astype(np.float32),
-            phrases=tuple(item.text for item in distinct),
+            phrases=asked.texts,
             similarity=(vectors @ memory.rows.T).astype(np.float32),
             peaks=peaks_of(np.array([places.per_cell(row) for row in evidence]), memory.rc),
             chosen=chosen,
         )
-        return Grounding(candidates_near(memory, cells, points, shares), layers)
+        return Grounding(candidates_at(memory.grid, points, shares), layers)
 
 
 def background(texts: NDArray[np.floating], *, weight: float, ridge: float) -> NDArray[np.float64]:
@@ -238,26 +235,25 @@ class Places:
         density /= density[self._is_place].mean()
         return np.log((1 - options.room_doubt) * density + options.room_doubt)
 
-    def best(self, total: NDArray[np.float64]) -> tuple[list[NDArray[np.float64]], list[int], NDArray[np.float64]]:
-        """World x and z of the best places, the stored cell of each, and the probability within REACH of each."""
+    def best(self, total: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World points (M, 3) of the best places, on their cells' floors, and the probability within REACH of each."""
         reach = int(REACH / self._step + 1e-9)
         offsets = np.arange(-reach, reach + 1) * self._step
         square = offsets[:, None] ** 2 + offsets[None] ** 2
         # nearly flat inside the reach: of places that cover equal probability, this prefers the one in the middle
         disc = np.where(square <= REACH**2 + 1e-9, 1 - 0.1 * square / REACH**2, 0)
         left = self._probability(total)
-        points, cells, shares = [], [], []
+        points, shares = [], []
         for _ in range(NUM_CANDIDATES):
             mass = np.where(self._is_place, ndimage.correlate(left, disc, mode="constant"), -np.inf)
             row, col = np.unravel_index(int(np.argmax(mass >= mass.max() - 1e-9)), mass.shape)
             if points and mass[row, col] <= 0:
                 break
-            points.append(self._xz(int(row), int(col)))
-            cells.append(self._cell(int(row), int(col)))
+            points.append(self._point(int(row), int(col)))
             shares.append(mass[row, col])
             rows, cols = np.ogrid[: left.shape[0], : left.shape[1]]
             left = np.where(((rows - row) ** 2 + (cols - col) ** 2) * self._step**2 <= REACH**2 + 1e-9, 0, left)
-        return points, cells, np.array(shares)
+        return np.array(points), np.array(shares)
 
     def per_cell(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) the largest value of the places in each cell."""
@@ -268,10 +264,8 @@ class Places:
         weights = np.exp(logs - logs.max())
         return weights / weights.sum()
 
-    def _xz(self, row: int, col: int) -> NDArray[np.float64]:
+    def _point(self, row: int, col: int) -> tuple[float, float, float]:
         corner = np.asarray(self._memory.grid.origin_xz) + self._low[::-1] * self._memory.grid.cell
-        return corner + (np.array([col, row]) + 0.5) * self._step
-
-    def _cell(self, row: int, col: int) -> int:
-        wanted = self._low + np.array([row, col]) // self._sub
-        return int(np.flatnonzero((self._memory.rc == wanted).all(axis=1))[0])
+        x, z = corner + (np.array([col, row]) + 0.5) * self._step
+        cell = self._low + np.array([row, col]) // self._sub
+        return x, float(self._memory.cell_y[(self._memory.rc == cell).all(axis=1)][0]), z

@@ -1,7 +1,8 @@
 """Grounders `phrase` and `dual`: search for the phrase that the query means, not the query (GROUNDING.md, section 3).
 
-Cosines of the phrases (owners stripped) with the cells -> optional smoothing -> optional dual softmax -> the row of
-the query's phrase ranks the cells -> optional refinement of each answer within its cell's neighbourhood.
+Cosines of the phrases (owners stripped) with the cells of a grid, or with the things of an object map -> optional
+smoothing -> optional dual softmax -> the row of the query's phrase ranks the places -> optional refinement of each
+answer within its cell's neighbourhood.
 """
 
 from collections.abc import Sequence
@@ -15,9 +16,9 @@ from sim.errors import AgentError
 from sim.types import Task
 
 from ..encoders.protocol import TextEncoder
-from ..maps.home_map import Memory, MemoryKind, require_grid
-from ..phrases.ownership_text import parse_phrase, parse_query, wanted_phrase
-from ..types import Candidate, FeatureMap, Grounding, Layers
+from ..maps.home_map import Memory, MemoryKind, require_grid, require_objects
+from ..phrases.ownership_text import asked_thing
+from ..types import FeatureMap, Grounding, Layers
 from .baselines import CANDIDATE_NMS, NUM_CANDIDATES, QueryScoring, candidates_at, rank_cells
 
 DUAL_TEMPERATURE = 10.0
@@ -27,6 +28,7 @@ SMOOTH_SIGMA = 0.7
 POINT_BETA = 20.0
 """Scale of cosines in the centroid's weights (GROUNDING.md, section 3)."""
 MatchName = Literal["phrase", "dual", "dual-smooth", "dual-smooth-point"]
+ObjectMatchName = Literal["object-phrase", "object-dual"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,8 @@ MATCHERS: dict[MatchName, MatchOptions] = {
     "dual-smooth": MatchOptions(temperature=DUAL_TEMPERATURE, sigma=SMOOTH_SIGMA),
     "dual-smooth-point": MatchOptions(temperature=DUAL_TEMPERATURE, sigma=SMOOTH_SIGMA, beta=POINT_BETA),
 }
+OBJECT_MATCHERS: dict[ObjectMatchName, float] = {"object-phrase": 0.0, "object-dual": DUAL_TEMPERATURE}
+"""Temperature of the dual softmax; 0 = cosines alone."""
 
 
 class PhraseMatcher:
@@ -72,32 +76,71 @@ class PhraseMatcher:
         Raises:
             AgentError: The map was made with another encoder, or is no grid.
         """
-        memory = require_grid(memory, self.name)
-        memory.require_encoder(self._encoder.name, self._encoder.dim)
-        things = [parse_phrase(phrase) for phrase in phrases]
-        wanted = wanted_phrase(things, parse_query(task.queries[0]), self._encoder)
-        if wanted is None:
+        memory = require_grid(memory, self.name, self._encoder)
+        asked = asked_thing(phrases, task.queries[0], self._encoder)
+        if asked is None:
             return QueryScoring(self._encoder).ground(memory, task, phrases)
-        # a thing that several people own competes for a cell only once
-        texts = tuple(dict.fromkeys(item.text for item in things))
-        chosen = texts.index(things[wanted].text)
-        similarity = self._encoder.encode_texts(texts) @ memory.rows.T
+        similarity = self._encoder.encode_texts(asked.texts) @ memory.rows.T
         cosines = smoothed(similarity, memory.rc, sigma=self._options.sigma)
-        scores = dual_scores(cosines, temperature=self._options.temperature) if self._options.temperature else cosines
-        best = rank_cells(scores[chosen], memory.rc)
+        scores = dual_scores(cosines, temperature=self._options.temperature)
+        final = scores[asked.chosen]
+        best = rank_cells(final, memory.rc)
+        points = memory.points_from_rc(memory.rc[best])
+        if self._options.beta:
+            refined = [refined_xz(cosines[asked.chosen], memory, index, beta=self._options.beta) for index in best]
+            points[:, [0, 2]] = np.reshape(refined, (-1, 2))
         layers = Layers(
             memory.rc,
             memory.grid.shape,
-            final=scores[chosen].astype(np.float32),
-            phrases=texts,
+            final=final.astype(np.float32),
+            phrases=asked.texts,
             similarity=similarity,
             peaks=peaks_of(scores, memory.rc),
-            chosen=chosen,
+            chosen=asked.chosen,
         )
-        if self._options.beta:
-            points = [refined_xz(cosines[chosen], memory, index, beta=self._options.beta) for index in best]
-            return Grounding(candidates_near(memory, best, points, scores[chosen][best]), layers)
-        return Grounding(candidates_at(memory, memory.rc[best], scores[chosen][best]), layers)
+        return Grounding(candidates_at(memory.grid, points, final[best]), layers)
+
+
+class ObjectMatcher:
+    """Ranks a map's things by the phrase that the query means, or by the query itself if there is no such phrase."""
+
+    uses_phrases = True
+    frame = "middles of the map's objects"
+    takes: MemoryKind = "objects"
+
+    def __init__(self, encoder: TextEncoder, *, name: str, temperature: float) -> None:
+        """Takes the encoder of the map, the name for tables, and the dual softmax's scale of cosines (0 = none)."""
+        self.name = name
+        self._encoder = encoder
+        self._temperature = temperature
+
+    def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
+        """Matches the phrases with the things and answers their middles; ties go to the first in the map.
+
+        Raises:
+            AgentError: The map was made with another encoder, or is a grid.
+        """
+        memory = require_objects(memory, self.name, self._encoder)
+        asked = asked_thing(phrases, task.queries[0], self._encoder)
+        texts, chosen = (task.queries[:1], 0) if asked is None else (asked.texts, asked.chosen)
+        features = np.array([item.feature for item in memory.objects], np.float32).reshape(-1, memory.dim)
+        similarity = self._encoder.encode_texts(texts) @ features.T
+        scores = dual_scores(similarity, temperature=self._temperature)
+        each = np.arange(len(memory.objects))[:, None]  # several may stand in one cell
+        best = rank_cells(scores[chosen], each, nms_r=0)
+        grid, (x, z) = memory.grid, memory.middles_xz.T
+        points = np.column_stack([x, np.full(len(x), memory.floor_y), z])[best]
+        num_phrases = 0 if asked is None else len(texts)
+        layers = Layers(
+            grid.rc_from_xz(memory.middles_xz).astype(np.int16),
+            grid.shape,
+            final=scores[chosen].astype(np.float32),
+            phrases=texts[:num_phrases],
+            similarity=similarity[:num_phrases],
+            peaks=peaks_of(scores[:num_phrases], each, nms_r=0),
+            chosen=-1 if asked is None else chosen,
+        )
+        return Grounding(candidates_at(grid, points, scores[chosen][best]), layers)
 
 
 def smoothed(values: NDArray[np.floating], rc: NDArray[np.integer], *, sigma: float) -> NDArray[np.floating]:
@@ -115,16 +158,16 @@ def smoothed(values: NDArray[np.floating], rc: NDArray[np.integer], *, sigma: fl
     return values @ (weights / weights.sum(axis=1, keepdims=True)).T
 
 
-def dual_scores(cosines: NDArray[np.floating], *, temperature: float) -> NDArray[np.float64]:
+def dual_scores(cosines: NDArray[np.floating], *, temperature: float) -> NDArray[np.floating]:
     """Logarithm (K, N) of softmax over cells times softmax over phrases: high where cell and phrase choose each other.
 
     Args:
         cosines: (K, N) of phrases with cells.
-        temperature: Scale of the cosines.
+        temperature: Scale of the cosines; 0 leaves them unchanged.
     """
+    if not temperature or not cosines.size:
+        return cosines
     logits = temperature * np.asarray(cosines, np.float64)
-    if not logits.size:
-        return logits
     return 2 * logits - _log_sum_exp(logits, axis=1) - _log_sum_exp(logits, axis=0)
 
 
@@ -133,19 +176,6 @@ def refined_xz(cosines: NDArray[np.floating], memory: FeatureMap, index: int, *,
     near = np.flatnonzero(np.abs(memory.rc.astype(np.int64) - memory.rc[index]).max(axis=1) <= 1)
     weights = np.exp(beta * (cosines[near] - cosines[near].max()))
     return weights @ memory.grid.xz_from_rc(memory.rc[near]) / weights.sum()
-
-
-def candidates_near(
-    memory: FeatureMap, cells: Sequence[int], points_xz: Sequence[NDArray[np.float64]], scores: NDArray[np.floating]
-) -> tuple[Candidate, ...]:
-    """Candidates at points on the floors of cells (indices into the map), with row and column of the point's cell."""
-    cols = memory.grid.shape[1]
-    found = []
-    for cell, point, score in zip(cells, points_xz, scores, strict=True):
-        row, col = (int(value) for value in memory.grid.rc_from_xz(point))
-        position = (float(point[0]), float(memory.cell_y[cell]), float(point[1]))
-        found.append(Candidate(position, float(score), row, col, row * cols + col))
-    return tuple(found)
 
 
 def peaks_of(scores: NDArray[np.floating], rc: NDArray[np.integer], *, nms_r: int = CANDIDATE_NMS) -> NDArray[np.int64]:

@@ -202,8 +202,7 @@ class RegionGated:
         Raises:
             AgentError: The map was made with another encoder, or is no grid.
         """
-        memory = require_grid(memory, self.name)
-        memory.require_encoder(self._encoder.name, self._encoder.dim)
+        memory = require_grid(memory, self.name, self._encoder)
         with one_thread():
             return self._ground(memory, task, phrases)
 
@@ -232,7 +231,7 @@ class RegionGated:
             peaks=peaks.numpy(),
             gate=result.gate[0].numpy(),
         )
-        return Grounding(candidates_at(memory, rc[best], final[best]), layers)
+        return Grounding(candidates_at(memory.grid, memory.points_from_rc(rc[best]), final[best]), layers)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ them parse (GROUNDING.md, section 1).
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,6 +46,20 @@ class OwnedThing:
     """Lower case, without article; empty where the phrase names none."""
 
 
+class Asked(NamedTuple):
+    """The things that a task's phrases name, and the one that its query means."""
+
+    things: tuple[OwnedThing, ...]
+    """Each text once: a thing that several people own competes for a place only once."""
+    chosen: int
+    """Index into `things`."""
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The text of each thing."""
+        return tuple(item.text for item in self.things)
+
+
 def parse_query(query: str) -> Wanted | None:
     """Owner and category of "Find X's Y" in any wording; None where the query names no owner."""
     found = _QUERY.search(query.strip())
@@ -67,14 +82,22 @@ def parse_phrase(phrase: str) -> OwnedThing:
     return OwnedThing(owner, text, _ARTICLE.sub("", tail["thing"]).rstrip(" .,"), room)
 
 
-def wanted_phrase(things: Sequence[OwnedThing], wanted: Wanted | None, encoder: TextEncoder) -> int | None:
-    """Index of the phrase that the query means: the owner's phrase most like the category; None if there is none.
+def asked_thing(phrases: Sequence[str], query: str, encoder: TextEncoder) -> Asked | None:
+    """The thing that the query means: the owner's phrase most like the category; None if the owner has none.
 
     Likeness = cosine of the phrase without its owner with the category, + 1 where the category's word or plural
     occurs in it (GROUNDING.md, section 0); ties go to the first.
     """
-    if wanted is None:
+    things = [parse_phrase(phrase) for phrase in phrases]
+    wanted = parse_query(query)
+    index = None if wanted is None else _wanted(things, wanted, encoder)
+    if index is None:
         return None
+    distinct = {item.text: item for item in things}
+    return Asked(tuple(distinct.values()), list(distinct).index(things[index].text))
+
+
+def _wanted(things: Sequence[OwnedThing], wanted: Wanted, encoder: TextEncoder) -> int | None:
     mine = [index for index, item in enumerate(things) if item.owner.casefold() == wanted.owner.casefold()]
     if len(mine) < 2:
         return mine[0] if mine else None

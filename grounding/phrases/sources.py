@@ -106,17 +106,3 @@ def phrases_called(name: PhraseSourceName) -> str:
         AgentError: The name is unknown, or the plug-in cannot be built.
     """
     return own_name(make_phrases(name), name) if name not in ("dataset", "rules", "llm") else name
-
-
-def without_owner(phrase: str) -> str:
-    """The phrase without its owner: "the lamp in the hall" from "Ada owns the lamp in the hall".
-
-    A phrase without " owns " stays as it is.
-    """
-    return phrase.partition(" owns ")[2] or phrase
-
-
-def owner_of(phrase: str) -> str | None:
-    """The owner in a phrase: "Ada" from "Ada owns the lamp"; None for a phrase without " owns "."""
-    owner, verb, _ = phrase.partition(" owns ")
-    return owner.strip() or None if verb else None

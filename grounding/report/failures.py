@@ -81,7 +81,7 @@ def reasons(episode: Episode, again: AnswerAgain) -> list[str]:
     """Sentences about the failure from the grounder's own layers; empty where they show nothing."""
     if again.grounding is None or again.memory is None:
         return [f"The method {again.problem}."] if again.problem else []
-    near = _near_targets(episode, _places(again))
+    near = _near_targets(episode, _places_xz(again))
     if not near.any():
         what = "object" if isinstance(again.memory, ObjectMap) else "cell"
         return [f"The right object is not on the map: no {what} of it lies within {SUCCESS_RADIUS:g} m."]
@@ -99,17 +99,17 @@ def reasons(episode: Episode, again: AnswerAgain) -> list[str]:
     return [f"The right place is {rank}. of {scored}, with {best:.3f} against {top:.3f}."]
 
 
-def _places(again: AnswerAgain) -> NDArray[np.float64]:
-    """(N, 3) middles of the map's cells or objects."""
+def _places_xz(again: AnswerAgain) -> NDArray[np.float64]:
+    """(N, 2) middles of the map's cells or objects."""
     assert again.memory is not None
     if isinstance(again.memory, ObjectMap):
-        return np.array([item.centre for item in again.memory.objects], float).reshape(-1, 3)
+        return again.memory.middles_xz
     layers = again.grounding.layers if again.grounding else None
-    return again.memory.points_from_rc(again.memory.rc if layers is None else layers.rc)
+    return again.memory.grid.xz_from_rc(again.memory.rc if layers is None else layers.rc)
 
 
-def _near_targets(episode: Episode, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(N,) whether each point is within SUCCESS_RADIUS of a right object, planar."""
+def _near_targets(episode: Episode, places_xz: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) whether each place is within SUCCESS_RADIUS of a right object."""
     targets = np.array([target.position for target in episode.targets], float)[:, [0, 2]]
-    apart = np.linalg.norm(points[:, None, [0, 2]] - targets, axis=-1)
+    apart = np.linalg.norm(places_xz[:, None] - targets, axis=-1)
     return (apart <= SUCCESS_RADIUS).any(axis=1)

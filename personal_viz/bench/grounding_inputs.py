@@ -13,8 +13,9 @@ from grounding.encoders.protocol import TextEncoder
 from grounding.maps.oracle_map import GRID_CELLS, oracle_home
 from grounding.maps.oracle_noise import OracleVariant, variant_map
 from grounding.methods.rpg import RpgResult, rpg_packed
-from grounding.phrases.sources import DatasetPhrases, without_owner
-from grounding.types import FeatureMap, map_from_cells
+from grounding.phrases.ownership_text import parse_phrase
+from grounding.phrases.sources import DatasetPhrases
+from grounding.types import FeatureMap, map_from_cells, require_same_encoder
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.types import GridSpec, Task
@@ -64,7 +65,7 @@ def make_batch(
     Raises:
         AgentError: The map was made with another encoder.
     """
-    memory.require_encoder(encoder.name, encoder.dim)
+    require_same_encoder((memory.encoder, memory.dim), (encoder.name, encoder.dim))
     different = list(dict.fromkeys(phrase for texts in phrases for phrase in texts))
     place = {phrase: index for index, phrase in enumerate(different)}
     uses = np.zeros((len(tasks), len(different)), bool)
@@ -100,7 +101,8 @@ class SceneInputs:
     def batch(self, encoder: TextEncoder, *, with_names: bool) -> MapBatch:
         """The episodes as a batch; without names, phrases that differ only in the owner become one."""
         texts = [
-            phrases if with_names else tuple(dict.fromkeys(map(without_owner, phrases))) for phrases in self.phrases
+            phrases if with_names else tuple(dict.fromkeys(parse_phrase(phrase).text for phrase in phrases))
+            for phrases in self.phrases
         ]
         return make_batch(self.memory, self.tasks, texts, encoder)
 

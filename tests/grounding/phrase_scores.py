@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from grounding.encoders.hashed import STOP_WORDS
-from grounding.phrases.sources import owner_of, without_owner
+from grounding.phrases.ownership_text import parse_phrase
 
 SAME = 0.5
 """Two object texts at least this alike are the same object (GROUNDING.md, section 6)."""
@@ -51,7 +51,7 @@ def _f1(counts: Iterable[tuple[int, int, int]]) -> float:
 
 
 def _owners(phrases: Sequence[str]) -> set[str]:
-    return {owner for phrase in phrases if (owner := owner_of(phrase))}
+    return {owner for phrase in phrases if (owner := parse_phrase(phrase).owner)}
 
 
 def _num_matches(ours: Sequence[str], theirs: Sequence[str], alike: _Alike) -> int:
@@ -60,8 +60,8 @@ def _num_matches(ours: Sequence[str], theirs: Sequence[str], alike: _Alike) -> i
             (-score, i, j)
             for i, first in enumerate(ours)
             for j, second in enumerate(theirs)
-            if owner_of(first) == owner_of(second)
-            and (score := alike(_words(without_owner(first)), _words(without_owner(second)))) >= SAME
+            if parse_phrase(first).owner == parse_phrase(second).owner
+            and (score := alike(_words(parse_phrase(first).text), _words(parse_phrase(second).text))) >= SAME
         ),
     )
     used_ours: set[int] = set()

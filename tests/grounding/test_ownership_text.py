@@ -3,7 +3,7 @@
 import pytest
 
 from grounding.encoders.hashed import HashedWords
-from grounding.phrases.ownership_text import OwnedThing, Wanted, parse_phrase, parse_query, wanted_phrase
+from grounding.phrases.ownership_text import OwnedThing, Wanted, asked_thing, parse_phrase, parse_query
 
 from .small_homes import QUERIES
 
@@ -56,7 +56,8 @@ def test_phrases_give_owner_thing_and_room(phrase: str, parsed: OwnedThing) -> N
 
 
 def chosen(query: str, *phrases: str) -> int | None:
-    return wanted_phrase([parse_phrase(phrase) for phrase in phrases], parse_query(query), WORDS)
+    asked = asked_thing(phrases, query, WORDS)
+    return None if asked is None else asked.chosen
 
 
 def test_only_the_owners_phrases_are_looked_at_and_the_category_decides() -> None:

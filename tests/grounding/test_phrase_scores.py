@@ -2,7 +2,6 @@
 
 import pytest
 
-from grounding.phrases.sources import owner_of, without_owner
 from tests.grounding.phrase_scores import phrase_scores
 
 REFERENCE = ["Ada owns a red lamp in the hall", "Bo owns the oak desk in the study"]
@@ -40,10 +39,3 @@ def test_counts_are_taken_over_all_descriptions_together() -> None:
     assert phrase_scores([[]], [[]]).pair_f1 == 1.0
     with pytest.raises(ValueError, match="argument"):
         phrase_scores([[]], [])
-
-
-def test_owner_and_rest_of_a_phrase() -> None:
-    assert owner_of("Ada owns a lamp that owns nothing") == "Ada"
-    assert without_owner("Ada owns a lamp that owns nothing") == "a lamp that owns nothing"
-    assert owner_of("a lamp") is None
-    assert without_owner("a lamp") == "a lamp"
