@@ -15,7 +15,7 @@ from ..design.plan import Phase, StudyPlan
 from ..design.study import Condition, StudyConfig
 from ..store.record_types import StoredTrial, VerificationStatus
 from ..store.records import StudyReader
-from ..trial.events import Act, Confidence, Event, Hidden, MapOff, MapOn, Open, Shown
+from ..trial.events import Act, Confidence, Event, MapOff, MapOn, Open, Shown
 from ..trial.outcome import Outcome, has_begun, trial_end
 from .data_dictionary import Unit
 
@@ -283,7 +283,7 @@ def _hidden_time(events: Sequence[Event]) -> float:
     for event in events:
         if event.t_s is None:
             continue
-        if isinstance(event, Hidden):
+        if event.kind == "hidden":
             since = event.t_s if since is None else since
         elif since is not None and event.kind in ("visible", "reconnect", "abandoned"):
             total, since = total + event.t_s - since, None

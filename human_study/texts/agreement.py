@@ -12,7 +12,7 @@ from sim.types import FORWARD_STEP, TURN_STEP, TaskKind
 
 from ..design.plan import StudyPlan
 from ..design.study import StudyConfig
-from ..trial.session import GIVE_UP_WITHIN_S, STOP_WITHIN_S
+from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S
 from .estimate import announced_minutes
 from .words import limits_m
 

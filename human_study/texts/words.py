@@ -22,8 +22,7 @@ from sim.words.english import how_many
 
 from ..design.plan import StudyPlan
 from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
-from ..trial.session import GIVE_UP_WITHIN_S, STOP_WITHIN_S
-from ..trial.terms import terms_of
+from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, terms_of
 from .estimate import announced_minutes
 
 WIDTH = 110

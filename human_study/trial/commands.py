@@ -5,11 +5,7 @@ from dataclasses import dataclass
 from sim.tasks.run_files import ClickRay, Vector3
 from sim.types import Action
 
-from .events import MapPixel
-from .page_events import Measure as Measure
-from .page_events import PageChanged as PageChanged
-from .page_events import PageCommand
-from .page_events import Resize as Resize
+from .events import MapPixel, PageChange
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +114,31 @@ class Rate:
         assert self.value in RATINGS
 
 
+@dataclass(frozen=True, slots=True)
+class PageChanged:
+    """The browser reports a change of the page around the task."""
+
+    what: PageChange
+    t_cli_ms: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Resize:
+    """The page has this size in pixels; kept rounded."""
+
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A round trip to the browser took this long."""
+
+    round_trip_ms: float
+
+
 RATINGS = (1, 2, 3, 4, 5)
+PageCommand = PageChanged | Resize | Measure
 TrialCommand = Start | Resume | Tick | CloseMap | ShowStorey | LookFrom | GiveUp | Fail | Rate | PageCommand
 """Commands that every trial takes."""
 PanCommand = TrialCommand | Move | PressStop

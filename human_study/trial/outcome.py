@@ -14,7 +14,7 @@ from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, St
 from sim.types import Action, EndReason, EpisodeKey, TaskKind
 from sim.walk.navigation_map import NavigationMap
 
-from .events import Abandoned, Act, Clicked, Confirmed, Error, Event, GaveUp, MapOff, Open, Shown, TimedOut
+from .events import Abandoned, Act, Clicked, Error, Event, MapOff, Moment, Open, Shown, TimedOut
 
 Outcome = EpisodeEnd | Answer
 """The outcome that the store keeps: a PAN run's end (its steps are the events), or a whole POG answer."""
@@ -69,13 +69,13 @@ def trial_end(events: Sequence[Event]) -> tuple[Event, EndReason] | None:
 def _ends(event: Event, *, is_last_step: bool) -> EndReason | None:
     """The reason why this event ends its trial; None when it does not."""
     match event:
-        case GaveUp():
+        case Moment(kind="giveup"):
             return "giveup"
         case TimedOut():
             return "timeout"
         case Abandoned():
             return "abandoned"
-        case Confirmed():
+        case Moment(kind="confirm"):
             return "click"
         case Error(is_fatal=True):
             return "technical"

@@ -1,15 +1,218 @@
-"""State machines of one trial: a command and the time in, events and a view out.
+"""The two tasks of a trial as state machines, walking (PAN) and pointing (POG): a command in, events and a view out."""
 
-The public names of trial_session.py (the phases of every trial), pan_session.py and pog_session.py (the two tasks).
-"""
+import hashlib
+import math
+from collections.abc import Sequence
 
-from .pan_session import STOP_WITHIN_S as STOP_WITHIN_S
-from .pan_session import PanSession as PanSession
-from .pog_session import PogSession as PogSession
-from .terms import RESUME_WITHIN_S as RESUME_WITHIN_S
-from .terms import Look as Look
-from .terms import TrialTerms as TrialTerms
-from .terms import terms_of as terms_of
-from .trial_session import CAMERA_EVERY_S as CAMERA_EVERY_S
-from .trial_session import GIVE_UP_WITHIN_S as GIVE_UP_WITHIN_S
-from .trial_session import RATE_WITHIN_S as RATE_WITHIN_S
+import numpy as np
+
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import Vector3
+from sim.types import Action, EpisodeKey, Observation, Pose, Task
+
+from .commands import Click, Command, Confirm, Move, PressStop, Resume
+from .events import Act, Clicked, Dropped, DropReason, Event, Key, Moment, Open, Shown, ShownStorey
+from .outcome import last_marked, walked_steps
+from .terms import STOP_WITHIN_S, TrialTerms
+from .trial_session import JUST_AFTER_S, TrialSession
+from .views import PanView, PogView, SessionUpdate
+
+_NO_TERMS = TrialTerms()
+
+
+class PanSession(TrialSession[PanView]):
+    """One participant walking in one PAN trial."""
+
+    def __init__(
+        self,
+        env: PanEnv,
+        *,
+        key: EpisodeKey,
+        task: Task,
+        scene_digest: str,
+        storeys: tuple[float, ...] = (),
+        terms: TrialTerms = _NO_TERMS,
+        looks_later: bool = False,
+    ) -> None:
+        """Takes over the environment; nothing is rendered or shown before `Start`.
+
+        Args:
+            env: The episode's environment; the session owns it from now on. Its `max_steps` must be the task's.
+            key: The episode.
+            task: The participant's texts, and the allowed actions.
+            scene_digest: Digest of the scene of `env`.
+            storeys: Floor height of each storey, ascending; used only where `terms` has a look.
+            terms: The look before the walk, and the limits.
+            looks_later: Whether a step's events come without its picture, so that they can be stored while it is
+                rendered; `look` gives the picture after that.
+        """
+        assert env.max_steps == task.max_steps, (env.max_steps, task.max_steps)
+        super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
+        self._env, self._looks_later = env, looks_later
+        self._armed_s = -math.inf
+        self._observation: Observation | None = None
+        self._was_blocked = False
+        """Whether the last step was blocked; forgotten after an absence."""
+
+    @property
+    def observation(self) -> Observation | None:
+        """The robot's observation now, for a watching researcher; None before `Start`. Participants get the view."""
+        return self._observation
+
+    @property
+    def pose(self) -> Pose:
+        """The robot's present pose."""
+        return self._env.pose
+
+    @property
+    def last_action(self) -> Action | None:
+        """The robot's last step; None before the first."""
+        return self._env.steps[-1].action if self._env.steps else None
+
+    @property
+    def needs_look(self) -> bool:
+        """Whether the last step's picture is missing (`looks_later`): call `look` when the step is stored."""
+        return self._observation is None and bool(self._env.steps)
+
+    def look(self, now_s: float) -> SessionUpdate[PanView]:
+        """The picture of the last step, and the event of handing it out; after the end there is neither."""
+        self._observation = self._env.observe()
+        events = self._show_task(self._clock.read(now_s)) if self.phase == "task" else ()
+        return SessionUpdate(events, self.view(now_s))
+
+    def handle(self, command: Command, now_s: float, *, busy: bool = False) -> SessionUpdate[PanView]:
+        """Like `TrialSession.handle`; an absence also disarms STOP and removes the sign of a blocked step."""
+        if isinstance(command, Resume):
+            self._armed_s, self._was_blocked = -math.inf, False
+        return super().handle(command, now_s, busy=busy)
+
+    def _open_event(self, t_s: float) -> Open:
+        self._observation = self._env.reset()
+        pose = self._env.pose
+        return self._opened().model_copy(update={"t_s": t_s, "position": pose.position, "yaw": pose.yaw})
+
+    def _show_task(self, t_s: float, *, again: bool = False) -> tuple[Event, ...]:
+        rgb = self._observation.rgb if self._observation is not None else None
+        digest = None if rgb is None else hashlib.sha256(np.ascontiguousarray(rgb).data).hexdigest()
+        return (Shown(t_s=t_s, step=len(self._env.steps), frame_hash=digest, blocked=self._was_blocked),)
+
+    def _task_view(self, t_s: float) -> PanView:
+        return PanView(
+            task=self._task,
+            rgb=self._observation.rgb if self._observation is not None else None,
+            step=len(self._env.steps),
+            is_armed=t_s - self._armed_s <= STOP_WITHIN_S and not self.is_over,
+            is_over=self.is_over,
+            is_giving_up=self._is_giving_up(t_s),
+            left_s=self._left_s(t_s),
+            is_blocked=self._was_blocked and self._observation is not None and not self.is_over,
+        )
+
+    def _moments(self, t_s: float) -> list[float]:
+        moments = super()._moments(t_s)
+        return [*moments, self._armed_s + STOP_WITHIN_S + JUST_AFTER_S] if self.phase == "task" else moments
+
+    def _on_task(self, command: Command, t_s: float, *, busy: bool) -> tuple[Event, ...]:
+        if not isinstance(command, Move | PressStop):
+            return (Dropped(t_s=t_s, reason="phase"),)
+        action = command.action if isinstance(command, Move) else Action.STOP
+        key = Key(t_s=t_s, t_cli_ms=command.t_cli_ms, code=command.code[:32], action=action, repeat=command.repeat)
+        reason = self._drop_reason(action, t_s, repeat=command.repeat, busy=busy)
+        if reason is not None:
+            return (key, Dropped(t_s=t_s, reason=reason))
+        self._clock.accept(t_s)
+        if action is not Action.STOP:
+            self._armed_s = -math.inf
+            act = self._act(action, t_s)
+            return (key, act, *(() if self.is_over or self._looks_later else self._show_task(t_s)))
+        if t_s - self._armed_s <= STOP_WITHIN_S:
+            return (key, self._act(action, t_s), Moment(kind="stop", t_s=t_s))
+        self._armed_s = t_s
+        return (key, Moment(kind="stop_armed", t_s=t_s))
+
+    def _drop_reason(self, action: Action, t_s: float, *, repeat: bool, busy: bool) -> DropReason | None:
+        if self.phase != "task":
+            return "phase"
+        if repeat:
+            return "repeat"
+        if busy:
+            return "busy"
+        if self._clock.too_soon(t_s):
+            return "rate"
+        return None if action in self._task.actions else "action"
+
+    def _act(self, action: Action, t_s: float) -> Act:
+        began_s = self._task_began_s or 0.0
+        self._env.move(action, t_s=t_s - began_s)
+        self._observation = None if self._looks_later else self._env.observe()
+        step = self._env.steps[-1]
+        self._was_blocked = step.collided
+        act = Act(t_s=t_s, action=action, position=step.position, yaw=step.yaw, tilt=step.tilt, collided=step.collided)
+        if self._env.end_reason is not None:
+            self._end(self._env.end_reason, act)
+        return act
+
+    def _rebuild(self, events: Sequence[Event]) -> None:
+        super()._rebuild(events)
+        self._observation = self._env.restore(walked_steps(events))
+
+
+class PogSession(TrialSession[PogView]):
+    """One participant pointing in one POG trial; shows the lowest storey first."""
+
+    def __init__(
+        self,
+        *,
+        key: EpisodeKey,
+        task: Task,
+        storeys: tuple[float, ...],
+        scene_digest: str,
+        terms: TrialTerms = _NO_TERMS,
+    ) -> None:
+        """Shows nothing before `Start`; the arguments are those of TrialSession."""
+        super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
+        self._marker: Vector3 | None = None
+
+    def _open_event(self, t_s: float) -> Open:
+        return self._opened().model_copy(update={"t_s": t_s})
+
+    def _show_task(self, t_s: float, *, again: bool = False) -> tuple[Event, ...]:
+        if not again:
+            return ()
+        return (ShownStorey(t_s=t_s, storey_y=self._storeys[self._storey]),)
+
+    def _task_view(self, t_s: float) -> PogView:
+        return PogView(
+            task=self._task,
+            storeys=self._storeys,
+            storey=self._storey,
+            marker=self._marker,
+            is_over=self.is_over,
+            is_giving_up=self._is_giving_up(t_s),
+            left_s=self._left_s(t_s),
+        )
+
+    def _on_task(self, command: Command, t_s: float, *, busy: bool) -> tuple[Event, ...]:
+        if self.phase != "task":
+            return (Dropped(t_s=t_s, reason="phase"),)
+        match command:
+            case Click():
+                return self._click(command, t_s)
+            case Confirm() if self._marker is None:
+                return (Dropped(t_s=t_s, reason="nothing_marked"),)
+            case Confirm():
+                return self._end("click", Moment(kind="confirm", t_s=t_s))
+            case _:
+                return (Dropped(t_s=t_s, reason="phase"),)
+
+    def _click(self, command: Click, t_s: float) -> tuple[Event, ...]:
+        if self._clock.too_soon(t_s):
+            return (Dropped(t_s=t_s, reason="rate"),)
+        self._clock.accept(t_s)
+        self._marker = command.hit if command.hit is not None else self._marker
+        return (Clicked(t_s=t_s, t_cli_ms=command.t_cli_ms, ray=command.ray, hit=command.hit, pixel=command.pixel),)
+
+    def _rebuild(self, events: Sequence[Event]) -> None:
+        super()._rebuild(events)
+        marked = last_marked(events)
+        self._marker = marked.hit if marked is not None else None

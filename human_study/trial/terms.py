@@ -6,11 +6,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..design.study import Condition, StudyConfig
-from .events import Event, Looking, MapKind, MapOff, MapOn
+from .events import Event, MapKind, MapOff, MapOn, Moment
 from .views import LookView
 
 LOOKING_EVERY_S = 5.0
 """An interrupted look loses at most this much of its time."""
+STOP_WITHIN_S = 2.0
+"""The second press of STOP counts up to this long after the first (DESIGN.md, keys)."""
+GIVE_UP_WITHIN_S = 5.0
+"""The second press of giving up counts up to this long after the first."""
 RESUME_WITHIN_S = 600.0
 """Default of StudyConfig.resume_within_s."""
 
@@ -85,12 +89,12 @@ class LookPhase:
         """Whether the longest time is over."""
         return self._look.max_s is not None and t_s - self._began_s >= self._look.max_s
 
-    def log(self, t_s: float) -> tuple[Looking, ...]:
+    def log(self, t_s: float) -> tuple[Moment, ...]:
         """An event, now and then, that the home is still shown."""
         if t_s - self._logged_s < LOOKING_EVERY_S:
             return ()
         self._logged_s = t_s
-        return (Looking(t_s=t_s),)
+        return (Moment(kind="looking", t_s=t_s),)
 
     def moments(self, t_s: float) -> list[float]:
         """Times at which the look ends by itself or the displayed seconds change."""
@@ -106,5 +110,5 @@ class LookPhase:
 
     def rebuild(self, events: Sequence[Event]) -> None:
         """The state after these stored events."""
-        times = [event.t_s for event in events if isinstance(event, MapOn | Looking) and event.t_s is not None]
+        times = [event.t_s for event in events if event.kind in ("map_on", "looking") and event.t_s is not None]
         self._began_s, self._logged_s = min(times, default=0.0), max(times, default=0.0)

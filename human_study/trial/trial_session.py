@@ -14,37 +14,53 @@ from sim.errors import TaskStateError
 from sim.types import EndReason, EpisodeKey, Task
 
 from .clock import TimeLimit, TrialClock
-from .commands import RATINGS, CloseMap, Command, Fail, GiveUp, LookFrom, Rate, Resume, ShowStorey, Start, Tick
+from .commands import (
+    RATINGS,
+    CloseMap,
+    Command,
+    Fail,
+    GiveUp,
+    LookFrom,
+    Measure,
+    PageChanged,
+    PageCommand,
+    Rate,
+    Resize,
+    Resume,
+    ShowStorey,
+    Start,
+    Tick,
+)
 from .events import (
+    MAX_SIDE,
     Abandoned,
     Cam,
     Confidence,
     Dropped,
     Error,
     Event,
-    GaveUp,
-    GiveUpArmed,
     MapOff,
+    Moment,
+    Net,
     Open,
+    Resized,
     ShownStorey,
-    Superseded,
     TimedOut,
 )
 from .outcome import opening, task_began_s, trial_end
-from .page_events import PageChanged, PageCommand, page_event
-from .terms import LookPhase, TrialTerms
+from .terms import GIVE_UP_WITHIN_S, LookPhase, TrialTerms
 from .views import LookView, RateView, SessionUpdate, TaskViewT
 
-GIVE_UP_WITHIN_S = 5.0
-"""The second press of giving up counts up to this long after the first."""
 GIVE_UP_AFTER_S = 0.5
-"""It does not count sooner than this: a double click is one press."""
+"""The second press of giving up does not count sooner than this: a double click is one press."""
 CAMERA_EVERY_S = 0.5
 """Camera poses are kept at most twice a second (HUMAN_STUDY.md, section 2)."""
 RATE_WITHIN_S = 60.0
 """The question about confidence closes after this long, because the outcome waits for it."""
 JUST_AFTER_S = 0.01
 """Ticks come this long after the moment at which a press counts for the last time."""
+SIZE_STEP = 50
+"""Pixels to which a page's size is rounded."""
 Phase = Literal["look", "task", "rate", "done"]
 
 
@@ -240,7 +256,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
             return self._rated(None, t_s)
         if command.away_s > self._terms.resume_within_s:
             return self._end("abandoned", Abandoned(t_s=t_s, away_s=command.away_s))
-        taken = (Superseded(t_s=t_s),) if command.took_over else ()
+        taken = (Moment(kind="superseded", t_s=t_s),) if command.took_over else ()
         phase = self.phase
         due = self._due(t_s)
         if self.phase != phase:
@@ -302,18 +318,26 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return self._task.kind == "pog" and self.phase == "task"
 
     def _on_page(self, command: PageCommand, t_s: float) -> tuple[Event, ...]:
-        event = page_event(command, t_s)
-        if not (isinstance(command, PageChanged) and command.what == "context_lost" and self._needs_webgl):
-            return (event,)
-        message = "The browser lost its WebGL context."
-        return (event, *self._end("technical", Error(t_s=t_s, message=message, is_fatal=True)))
+        match command:
+            case Resize():
+                return (Resized(t_s=t_s, width=_rounded(command.width), height=_rounded(command.height)),)
+            case Measure():
+                return (Net(t_s=t_s, round_trip_ms=command.round_trip_ms),)
+            case PageChanged():
+                event = Moment(kind=command.what, t_s=t_s, t_cli_ms=command.t_cli_ms)
+                if command.what != "context_lost" or not self._needs_webgl:
+                    return (event,)
+                message = "The browser lost its WebGL context."
+                return (event, *self._end("technical", Error(t_s=t_s, message=message, is_fatal=True)))
 
     def _give_up(self, t_s: float) -> tuple[Event, ...]:
         if self._is_giving_up(t_s):
             is_early = t_s - self._giving_up_s < GIVE_UP_AFTER_S
-            return (Dropped(t_s=t_s, reason="rate"),) if is_early else self._end("giveup", GaveUp(t_s=t_s))
+            if is_early:
+                return (Dropped(t_s=t_s, reason="rate"),)
+            return self._end("giveup", Moment(kind="giveup", t_s=t_s))
         self._giving_up_s = t_s
-        return (GiveUpArmed(t_s=t_s),)
+        return (Moment(kind="giveup_armed", t_s=t_s),)
 
     def _show_storey(self, storey: int, t_s: float) -> tuple[Event, ...]:
         if not 0 <= storey < len(self._storeys):
@@ -352,3 +376,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         if end is not None:
             self._ended, self._ended_s = end[1], end[0].t_s or 0.0
         self._is_rated = self._is_rated or any(isinstance(event, Confidence) for event in events)
+
+
+def _rounded(side: int) -> int:
+    return min(MAX_SIDE, SIZE_STEP * round(max(0, side) / SIZE_STEP))

@@ -12,7 +12,7 @@ from human_study.design.secrets import token_hash
 from human_study.store.record_types import has_dropped_out
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, TrialEndedError, open_store
-from human_study.trial.events import Abandoned, Error, GaveUp
+from human_study.trial.events import Abandoned, Error, Moment
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import EpisodeKey
@@ -45,7 +45,11 @@ def do_next(store: StudyStore, code: str, *, reason: str = "giveup") -> EpisodeK
     if place is None:
         return None
     trial = store.open_trial(code, place.order_no)
-    ends = {"giveup": GaveUp(), "abandoned": Abandoned(away_s=1e4), "technical": Error(message="x", is_fatal=True)}
+    ends = {
+        "giveup": Moment(kind="giveup"),
+        "abandoned": Abandoned(away_s=1e4),
+        "technical": Error(message="x", is_fatal=True),
+    }
     store.append_many(trial.trial_id, trial.epoch, [OPEN, ends[reason]])
     store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
     return trial.key

@@ -11,7 +11,7 @@ from human_study.export.verify import verify_trial
 from human_study.store.progress import SlotCount, study_progress
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, TrialEndedError, open_store
-from human_study.trial.events import Abandoned, Error, GaveUp
+from human_study.trial.events import Abandoned, Error, Moment
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey, TaskKind
 
@@ -89,7 +89,7 @@ def test_an_end_that_waits_for_its_outcome_is_not_called_abandoned(tmp_path: Pat
     with started(tmp_path) as store:
         trial_id, _ = begin_next(store, "p01")
         epoch = store.events(trial_id)[-1].epoch
-        store.append(trial_id, epoch, GaveUp())
+        store.append(trial_id, epoch, Moment(kind="giveup"))
         store.drop_out("p01", "away")
         assert [stored.event.kind for stored in store.events(trial_id)] == ["open", "giveup"]
         assert ends(store, "p01")[0] == (1, None, True)

@@ -6,7 +6,7 @@ import pytest
 
 from human_study.export.verify import verify_trial
 from human_study.trial.commands import Click, Confirm, ShowStorey, Start
-from human_study.trial.events import Abandoned, Clicked, Error, Event, GaveUp, MapPixel
+from human_study.trial.events import Abandoned, Clicked, Error, Event, MapPixel, Moment
 from human_study.trial.outcome import (
     largest_click_error,
     pan_outcome,
@@ -70,7 +70,7 @@ def test_a_failure_of_ours_and_somebody_who_never_came_back_have_no_measures(kin
         (Error(t_s=5.0, message="renderer died", is_fatal=True), False),
         (Abandoned(away_s=1000.0), False),  # by the store
         (Abandoned(t_s=5.0, away_s=1000.0), True),
-        (GaveUp(t_s=5.0), True),
+        (Moment(kind="giveup", t_s=5.0), True),
     ]
     for end, is_scored in endings:
         events = [*begun, end]

@@ -21,7 +21,7 @@ from human_study.store.progress import (
 )
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, open_store
-from human_study.trial.events import Error, GaveUp
+from human_study.trial.events import Error, Moment
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import EpisodeKey
 
@@ -66,7 +66,7 @@ def do_next(store: StudyStore, code: str, reason: str = "giveup") -> None:
     place = store.next_trial(code)
     assert place is not None
     trial = store.open_trial(code, place.order_no)
-    end = Error(message="x", is_fatal=True) if reason == "technical" else GaveUp()
+    end = Error(message="x", is_fatal=True) if reason == "technical" else Moment(kind="giveup")
     store.append_many(trial.trial_id, trial.epoch, [OPEN, end])
     store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
 

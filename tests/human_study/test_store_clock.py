@@ -10,7 +10,7 @@ import pytest
 from human_study.store.people import KEPT_BACKUPS
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, Trial
-from human_study.trial.events import GaveUp, Reconnect
+from human_study.trial.events import Moment, Reconnect
 from sim.tasks.run_files import EpisodeEnd
 
 from .stores import KEY, OPEN, open_small, opened
@@ -123,7 +123,7 @@ def test_a_steady_clock_that_starts_again_is_compared_within_its_boot_only(tmp_p
 
 def secs_before_the_next(store: StudyStore, trial: Trial) -> float | None:
     """Gives the trial up; how long its participant was in the home before the next one there."""
-    store.append(trial.trial_id, trial.epoch, GaveUp())
+    store.append(trial.trial_id, trial.epoch, Moment(kind="giveup"))
     store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
     store.open_trial(trial.code, trial.order_no + 1)
     return store.trials(trial.code)[trial.order_no].secs_in_scene_before

@@ -10,7 +10,7 @@ from human_study.store import database as database_module
 from human_study.store.database import bring_up_to_date, migrate
 from human_study.store.migrations import MIGRATIONS
 from human_study.store.records import read_study
-from human_study.trial.events import GaveUp, Shown
+from human_study.trial.events import Moment, Shown
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
 
@@ -87,7 +87,7 @@ def test_a_changed_chain_is_found_at_opening(tmp_path: Path, sql: str) -> None:
 
 def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -> None:
     store, trial = opened(tmp_path)
-    store.append(trial.trial_id, trial.epoch, GaveUp())
+    store.append(trial.trial_id, trial.epoch, Moment(kind="giveup"))
     store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
     store.close()
     edit(tmp_path, "DELETE FROM event WHERE seq = 2")

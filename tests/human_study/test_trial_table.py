@@ -10,13 +10,21 @@ from human_study.export.data_dictionary import columns_of
 from human_study.export.trial_table import TrialRow, trial_figures
 from human_study.store.store import open_store
 from human_study.trial.commands import Move, Start
-from human_study.trial.events import Confidence, Event, Hidden, Looking, MapOff, MapOn, Open, Reconnect, Shown, Visible
+from human_study.trial.events import Confidence, Event, MapOff, MapOn, Moment, Open, Reconnect, Shown
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import Action
 
 from .finished import SUCCESS, TOO_FAR, do_trial, events_of, study_with_trials
 from .small_world import plan, study
 from .stores import OPEN, edit, open_small, rows_of
+
+
+def hidden(t_s: float) -> Event:
+    return Moment(kind="hidden", t_s=t_s)
+
+
+def visible(t_s: float) -> Event:
+    return Moment(kind="visible", t_s=t_s)
 
 
 def begun(*events: Event) -> list[Event]:
@@ -117,26 +125,24 @@ def test_a_damaged_record_is_named(tmp_path: Path) -> None:
 def test_the_look_at_a_map_is_told_by_its_end() -> None:
     map_on = MapOn(t_s=1.0, what="topdown", min_s=0.0, max_s=60.0)
     off = MapOff(t_s=13.5, what="topdown", reason="left", look_s=12.5)
-    assert look(map_on, Looking(t_s=6.0), off, Shown(t_s=13.6, step=0, frame_hash=None)) == 12.5
+    assert look(map_on, Moment(kind="looking", t_s=6.0), off, Shown(t_s=13.6, step=0, frame_hash=None)) == 12.5
     assert look(Shown(t_s=0.1, step=0, frame_hash=None)) is None
 
 
 def test_a_look_that_was_cut_off_counts_until_its_last_event() -> None:
     map_on = MapOn(t_s=1.0, what="topdown", min_s=0.0, max_s=60.0)
-    assert look(map_on, Looking(t_s=6.0), Looking(t_s=11.0)) == 10.0
+    assert look(map_on, Moment(kind="looking", t_s=6.0), Moment(kind="looking", t_s=11.0)) == 10.0
 
 
 def test_time_in_the_background_ends_with_the_page_on_screen_or_opened_again() -> None:
-    def hidden(*events: Event) -> float:
+    def hidden_s(*events: Event) -> float:
         return trial_figures(begun(*events), None, rule="paper").t_hidden_s
 
-    assert hidden(Hidden(t_s=2.0), Visible(t_s=5.0), Hidden(t_s=8.0), Visible(t_s=9.0)) == 4.0
-    assert hidden(Hidden(t_s=2.0), Hidden(t_s=3.0), Visible(t_s=5.0)) == 3.0
-    assert (
-        hidden(Hidden(t_s=2.0), Reconnect(t_s=4.0, epoch=2, away_s=30.0), Shown(t_s=9.0, step=0, frame_hash=None))
-        == 2.0
-    )
-    assert hidden(Hidden(t_s=2.0), Shown(t_s=9.0, step=0, frame_hash=None)) == 7.0
+    returned = Reconnect(t_s=4.0, epoch=2, away_s=30.0)
+    assert hidden_s(hidden(2.0), visible(5.0), hidden(8.0), visible(9.0)) == 4.0
+    assert hidden_s(hidden(2.0), hidden(3.0), visible(5.0)) == 3.0
+    assert hidden_s(hidden(2.0), returned, Shown(t_s=9.0, step=0, frame_hash=None)) == 2.0
+    assert hidden_s(hidden(2.0), Shown(t_s=9.0, step=0, frame_hash=None)) == 7.0
 
 
 def test_confidence_after_the_end_changes_no_time() -> None:
@@ -150,7 +156,7 @@ def test_confidence_after_the_end_changes_no_time() -> None:
 
 
 def test_a_page_in_the_background_for_too_long_is_flagged(tmp_path: Path) -> None:
-    away = [(Hidden(t_s=1.0), Visible(t_s=61.0)), (Hidden(t_s=1.0), Visible(t_s=61.5))]
+    away = [(hidden(1.0), visible(61.0)), (hidden(1.0), visible(61.5))]
     for limit_s, flags in ((60.0, [False, True]), (None, [False, False]), (0.0, [True, True])):
         folder = tmp_path / str(limit_s)
         with open_small(folder, study(hidden_max_s=limit_s)) as store:

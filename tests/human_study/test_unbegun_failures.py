@@ -10,7 +10,7 @@ from human_study.export.study_export import export_study
 from human_study.export.verify import verify_trial
 from human_study.report.report import study_report
 from human_study.report.source import read_source
-from human_study.trial.events import Error, Event, GaveUp
+from human_study.trial.events import Error, Event, Moment
 from human_study.trial.outcome import has_begun, technical_outcome
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import TaskKind
@@ -70,7 +70,9 @@ def test_it_is_verified(events: list[Event], task: TaskKind) -> None:
 
 
 def test_any_other_end_before_the_beginning_fails() -> None:
-    found = verify_trial([GaveUp()], EpisodeEnd(reason="giveup"), episode().key, home=room(), participant="p02")
+    found = verify_trial(
+        [Moment(kind="giveup")], EpisodeEnd(reason="giveup"), episode().key, home=room(), participant="p02"
+    )
     assert found.status == "failed"
     assert "starts with 'giveup'; expected 'open'" in found.detail
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from human_study.trial.commands import Command, Resume
 from human_study.trial.events import Event
-from human_study.trial.pan_session import PanSession
-from human_study.trial.pog_session import PogSession
+from human_study.trial.session import PanSession, PogSession
 from human_study.trial.terms import Look, TrialTerms
 from sim.types import TaskKind
 

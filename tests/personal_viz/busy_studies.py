@@ -6,7 +6,7 @@ from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
 from human_study.store.store import StudyStore, open_store
-from human_study.trial.events import Error, GaveUp, Shown
+from human_study.trial.events import Error, Moment, Shown
 from personal_viz.study_app.operator.progress_view import Serving, ShownWorker
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import SPLITS, EpisodeKey
@@ -43,7 +43,7 @@ def do_trials(store: StudyStore, code: str, count: int, *, reason: str = "giveup
         place = store.next_trial(code)
         assert place is not None
         trial = store.open_trial(code, place.order_no)
-        end = Error(message="renderer died", is_fatal=True) if reason == "technical" else GaveUp()
+        end = Error(message="renderer died", is_fatal=True) if reason == "technical" else Moment(kind="giveup")
         store.append_many(trial.trial_id, trial.epoch, [OPEN, Shown(step=0, frame_hash=None), end])
         store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
 

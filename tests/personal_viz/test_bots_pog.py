@@ -13,7 +13,7 @@ from human_study.store.records import read_study
 from human_study.store.store import open_store
 from human_study.trial.commands import Click, Confirm, Start
 from human_study.trial.events import ShownStorey
-from human_study.trial.pog_session import PogSession
+from human_study.trial.session import PogSession
 from personal_viz.bots.forms import right_answers
 from personal_viz.bots.records import KINDS, BotCount, BotLog, Confirmed, Pointed, count_bots
 from personal_viz.bots.run import run_bots

@@ -19,7 +19,7 @@ from human_study.store.record_types import Stage
 from human_study.store.store import StudyStore, open_store
 from human_study.store.writer import StoreFullError
 from human_study.texts.quiz import questions_for
-from human_study.trial.events import GaveUp
+from human_study.trial.events import Moment
 from personal_viz.bots.forms import LastPage, Session, answer_pages, right_answers
 from personal_viz.study_app.gateway.admission import Tickets
 from personal_viz.study_app.gateway.app import Gateway
@@ -145,7 +145,7 @@ def do_trial(store: StudyStore) -> None:
     due = store.next_trial(CODE)
     assert due is not None
     trial = store.open_trial(CODE, due.order_no)
-    store.append_many(trial.trial_id, trial.epoch, [OPEN, GaveUp()])
+    store.append_many(trial.trial_id, trial.epoch, [OPEN, Moment(kind="giveup")])
     store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
 
 

@@ -18,7 +18,7 @@ from human_study.design.secrets import token_hash
 from human_study.design.study import FlowStep
 from human_study.journey import GONE, Journey, journey_of
 from human_study.store.store import StudyStore, open_store
-from human_study.trial.events import GaveUp
+from human_study.trial.events import Moment
 from personal_viz.cli.study.status import progress_now
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.pages import Pages
@@ -126,7 +126,7 @@ def do_trial(store: StudyStore, reason: str | None) -> None:
     due = store.next_trial(CODE)
     assert due is not None
     trial = store.open_trial(CODE, due.order_no)
-    store.append_many(trial.trial_id, trial.epoch, [OPEN, *([GaveUp()] if reason == "giveup" else [])])
+    store.append_many(trial.trial_id, trial.epoch, [OPEN, *([Moment(kind="giveup")] if reason == "giveup" else [])])
     if reason is not None:
         store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
 

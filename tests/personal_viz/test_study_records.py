@@ -14,7 +14,8 @@ from human_study.store.records import read_study
 from human_study.store.store import StudyStore, Trial, open_store
 from human_study.trial.commands import Click, Command, Confirm, GiveUp, Move, PressStop, Start
 from human_study.trial.outcome import pan_outcome, pog_outcome
-from human_study.trial.session import PanSession, PogSession, terms_of
+from human_study.trial.session import PanSession, PogSession
+from human_study.trial.terms import terms_of
 from personal_viz.cli.study.exclude import StudyExclude
 from personal_viz.cli.study.export import StudyExport
 from personal_viz.cli.study.import_check import StudyImportCheck

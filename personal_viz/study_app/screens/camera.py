@@ -9,7 +9,7 @@ import viser
 from numpy.typing import NDArray
 
 from human_study.trial.commands import LookFrom
-from human_study.trial.session import CAMERA_EVERY_S
+from human_study.trial.trial_session import CAMERA_EVERY_S
 
 from .panels import Page
 

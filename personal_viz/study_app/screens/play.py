@@ -18,7 +18,8 @@ from human_study.store.writer import StoreFullError
 from human_study.trial.commands import Command, Resume, Start, Tick
 from human_study.trial.events import Error, Event
 from human_study.trial.outcome import has_begun, pan_outcome, pog_outcome, technical_outcome
-from human_study.trial.session import PanSession, PogSession, terms_of
+from human_study.trial.session import PanSession, PogSession
+from human_study.trial.terms import terms_of
 from human_study.trial.views import LookView, PanView, PogView, RateView, SessionUpdate
 from sim.episodes.schema import Episode
 from sim.errors import StudyError
