@@ -33,99 +33,12 @@ WARM = 0
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
 
 
-class Ready(msgspec.Struct, tag=True, frozen=True):
-    """Message: the worker serves behind this door."""
-
-    door: WorkerDoor
-
-
-class Failed(msgspec.Struct, tag=True, frozen=True):
-    """Message: the worker cannot start, with a text for the person at the terminal."""
-
-    message: str
-
-
-class WhoHolds(msgspec.Struct, tag=True, frozen=True):
-    """Request: the participant who holds a ticket."""
-
-    ticket: str
-
-
-class AskPerson(msgspec.Struct, tag=True, frozen=True):
-    """Request: the participant's place in the study."""
-
-    code: str
-
-
-class EnterStage(msgspec.Struct, tag=True, frozen=True):
-    """Request: store that the participant reached a stage."""
-
-    code: str
-    stage: Stage
-    detail: dict[str, Any]
-
-
-class Withdraw(msgspec.Struct, tag=True, frozen=True):
-    """Request: withdraw the participant."""
-
-    code: str
-
-
-class NextTrial(msgspec.Struct, tag=True, frozen=True):
-    """Request: the participant's trial that is due."""
-
-    code: str
-
-
-class OpenTrial(msgspec.Struct, tag=True, frozen=True):
-    """Request: begin or take over a trial."""
-
-    code: str
-    order_no: int
-    connection: int = 0
-
-
-class ListEvents(msgspec.Struct, tag=True, frozen=True):
-    """Request: all stored events of a trial."""
-
-    trial_id: str
-
-
-class AppendEvents(msgspec.Struct, tag=True, frozen=True):
-    """Request: store events together."""
-
-    trial_id: str
-    epoch: int
-    events: list[str]
-
-
-class FinishTrial(msgspec.Struct, tag=True, frozen=True):
-    """Request: close a trial with its outcome."""
-
-    trial_id: str
-    outcome: str
-
-
-Request = (
-    Ready
-    | Failed
-    | WhoHolds
-    | AskPerson
-    | EnterStage
-    | Withdraw
-    | NextTrial
-    | OpenTrial
-    | ListEvents
-    | AppendEvents
-    | FinishTrial
-)
-
-
-class Letter(msgspec.Struct, frozen=True):
-    """One request on the wire."""
+class Call(msgspec.Struct, frozen=True):
+    """A request on the wire: the name of one of `StoreLink`'s methods, and its arguments as JSON."""
 
     number: int
-    request: Request
+    name: str
+    arguments: list[Any]
 
 
 class Reply(msgspec.Struct, frozen=True):
@@ -154,56 +67,56 @@ class StoreLink:
 
     def tell_ready(self, door: WorkerDoor) -> None:
         """Tells the gateway where the worker listens, and its secret."""
-        self._ask(Ready(door))
+        self._ask("tell_ready", door.port, door.secret)
 
     def tell_failed(self, message: str) -> None:
         """Tells the gateway why the worker cannot start."""
-        self._ask(Failed(message))
+        self._ask("tell_failed", message)
 
     def code_of_ticket(self, ticket: str) -> str | None:
         """Code of the participant who holds a ticket; None if nobody does."""
-        return msgspec.json.decode(self._ask(WhoHolds(ticket)), type=str | None)
+        return self._ask("code_of_ticket", ticket, kind=str | None)
 
     def person(self, code: str) -> Person:
         """The participant's place in the study."""
-        return msgspec.json.decode(self._ask(AskPerson(code)), type=Person)
+        return self._ask("person", code, kind=Person)
 
     def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
         """`StudyStore.enter_stage`."""
-        self._ask(EnterStage(code, stage, detail or {}))
+        self._ask("enter_stage", code, stage, detail or {})
 
     def withdraw(self, code: str) -> None:
         """`StudyStore.withdraw`."""
-        self._ask(Withdraw(code))
+        self._ask("withdraw", code)
 
     def next_trial(self, code: str) -> AssignedTrial | None:
         """The trial that is due; None when there is nothing (more) to do (`StudyStore.next_trial`)."""
-        return msgspec.json.decode(self._ask(NextTrial(code)), type=AssignedTrial | None)
+        return self._ask("next_trial", code, kind=AssignedTrial | None)
 
     def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
         """`StudyStore.open_trial`."""
-        return msgspec.json.decode(self._ask(OpenTrial(code, order_no, connection)), type=Trial)
+        return self._ask("open_trial", code, order_no, connection, kind=Trial)
 
     def events(self, trial_id: str) -> list[Event]:
         """All stored events of a trial, in order."""
-        lines = msgspec.json.decode(self._ask(ListEvents(trial_id)), type=list[str])
-        return [event_from_json(line) for line in lines]
+        return [event_from_json(line) for line in self._ask("events", trial_id, kind=list[str])]
 
     def append_many(self, trial_id: str, epoch: int, events: Sequence[Event]) -> None:
         """`StudyStore.append_many`; the events are on disk when this returns."""
-        self._ask(AppendEvents(trial_id, epoch, [event_to_json(event) for event in events]))
+        self._ask("append_many", trial_id, epoch, [event_to_json(event) for event in events])
 
     def finish_trial(self, trial_id: str, outcome: Outcome) -> None:
         """`StudyStore.finish_trial`; the outcome is on disk when this returns."""
-        self._ask(FinishTrial(trial_id, outcome.model_dump_json()))
+        self._ask("finish_trial", trial_id, outcome.model_dump_json())
 
-    def _ask(self, request: Request) -> bytes:
+    def _ask(self, name: str, *arguments: object, kind: Any = None) -> Any:
+        """The gateway's answer to a call, as a `kind`; raises the StudyError that the store raised."""
         number = next(self._numbers)
         answer: Future[Reply] = Future()
         self._waiting[number] = answer
         try:
             with self._lock:
-                self._connection.sendall(msgspec.json.encode(Letter(number, request)) + b"\n")
+                self._connection.sendall(msgspec.json.encode(Call(number, name, list(arguments))) + b"\n")
         except OSError:
             raise self._gone() from None
         if self.is_closed.is_set() and not answer.done():
@@ -211,7 +124,7 @@ class StoreLink:
         reply = answer.result()
         if reply.error is not None:
             raise _ERRORS.get(reply.error, StudyError)(reply.message)
-        return bytes(reply.value)
+        return msgspec.json.decode(reply.value, type=kind)
 
     def _listen(self) -> None:
         try:
@@ -285,7 +198,7 @@ class StoreService:
     def _listen(self) -> None:
         try:
             for line in self._connection.makefile("rb"):
-                self._pool.submit(self._answer, msgspec.json.decode(line, type=Letter))
+                self._pool.submit(self._answer, msgspec.json.decode(line, type=Call))
         except (OSError, ValueError, RuntimeError, msgspec.MsgspecError):
             pass  # closed by us, or the worker ended in the middle of a line
         finally:
@@ -295,39 +208,43 @@ class StoreService:
                 )
             self._on_end()
 
-    def _answer(self, letter: Letter) -> None:
+    def _answer(self, call: Call) -> None:
         try:
-            reply = Reply(letter.number, msgspec.Raw(msgspec.json.encode(self._value(letter.request))))
+            reply = Reply(call.number, msgspec.Raw(msgspec.json.encode(self._value(call))))
         except StudyError as error:
-            reply = Reply(letter.number, error=type(error).__name__, message=str(error))
+            reply = Reply(call.number, error=type(error).__name__, message=str(error))
         except Exception as error:  # a live session's door: the other end waits for an answer
             traceback.print_exc()
-            reply = Reply(letter.number, error="StudyError", message=f"the store failed: {error!r}")
+            reply = Reply(call.number, error="StudyError", message=f"the store failed: {error!r}")
         self._send(reply)
 
-    def _value(self, request: Request) -> object:
-        match request:
-            case Ready(door=door):
-                self.started.set_result(door)
-            case Failed(message=message):
+    def _value(self, call: Call) -> object:
+        """The answer to one of the calls that a worker may make."""
+        store = self._store
+        match call.name, call.arguments:
+            case "tell_ready", [port, secret]:
+                self.started.set_result(WorkerDoor(port, secret))
+            case "tell_failed", [message]:
                 self.started.set_exception(StudyError(message))
-            case WhoHolds(ticket=ticket):
+            case "code_of_ticket", [ticket]:
                 return self._code_of_ticket(ticket)
-            case AskPerson(code=code):
-                return self._store.person(code)
-            case EnterStage(code=code, stage=stage, detail=detail):
+            case "person", [code]:
+                return store.person(code)
+            case "enter_stage", [code, stage, detail]:
                 profile = self._client_profile(code) if stage == "sitting_started" else None
-                self._store.enter_stage(code, stage, {**detail, "client": profile} if profile else detail)
-            case Withdraw(code=code):
-                self._store.withdraw(code)
-            case NextTrial(code=code):
-                return self._store.next_trial(code)
-            case OpenTrial(code=code, order_no=order_no, connection=connection):
-                return self._store.open_trial(code, order_no, connection=connection)
-            case ListEvents(trial_id=trial_id):
-                return [event_to_json(stored.event) for stored in self._store.events(trial_id)]
-            case AppendEvents(trial_id=trial_id, epoch=epoch, events=lines):
-                self._store.append_many(trial_id, epoch, [event_from_json(line) for line in lines])
-            case FinishTrial(trial_id=trial_id, outcome=outcome):
-                self._store.finish_trial(trial_id, _OUTCOME.validate_json(outcome))
+                store.enter_stage(code, stage, {**detail, "client": profile} if profile else detail)
+            case "withdraw", [code]:
+                store.withdraw(code)
+            case "next_trial", [code]:
+                return store.next_trial(code)
+            case "open_trial", [code, order_no, connection]:
+                return store.open_trial(code, order_no, connection=connection)
+            case "events", [trial_id]:
+                return [event_to_json(stored.event) for stored in store.events(trial_id)]
+            case "append_many", [trial_id, epoch, lines]:
+                store.append_many(trial_id, epoch, [event_from_json(line) for line in lines])
+            case "finish_trial", [trial_id, outcome]:
+                store.finish_trial(trial_id, _OUTCOME.validate_json(outcome))
+            case _:
+                raise StudyError(f"{call.name}: is no call of a worker; expected one of StoreLink.")
         return None
