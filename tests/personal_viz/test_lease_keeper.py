@@ -1,10 +1,14 @@
 """People who leave in the middle of a served study: who loses what is left, and who does not."""
 
+import contextlib
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from human_study.design.plan import StudyScene, save_plan
 from human_study.design.planning import make_plan
@@ -184,6 +188,45 @@ def test_who_comes_back_and_leaves_again_is_counted_anew(tmp_path: Path) -> None
         keeper.tick()
         assert is_out(store, "p01")
         assert len(told) == 2
+
+
+STEPS = st.lists(
+    st.tuples(st.sampled_from(["here", "left"]), st.sampled_from(["p01", "p02"]), st.floats(0, 500)), max_size=40
+)
+
+
+@pytest.fixture(scope="module")
+def awaiting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[StudyStore, list[str]]]:
+    """A store in which p01 and p02 have begun, and the people whom a keeper let drop out; nothing is stored of it."""
+    with started(tmp_path_factory.mktemp("awaiting"), **HOUSE_ONCE) as store, pytest.MonkeyPatch.context() as patch:
+        dropped: list[str] = []
+        for code in ("p01", "p02"):
+            store.enter_stage(code, "arrived")
+        patch.setattr(store, "drop_out", lambda code, reason: dropped.append(code))
+        yield store, dropped
+
+
+@given(STEPS, st.floats(0, 2000))
+def test_only_who_has_no_tab_and_left_long_ago_is_out(
+    awaiting: tuple[StudyStore, list[str]], steps: list[tuple[str, str, float]], later_s: float
+) -> None:
+    store, dropped = awaiting
+    dropped.clear()
+    keeper, clock, _ = kept(store)
+    keeper.tick()
+    open_tabs: dict[str, list[contextlib.ExitStack]] = {"p01": [], "p02": []}
+    left_s = dict.fromkeys(open_tabs, 0.0)
+    for what, code, passed_s in steps:
+        clock.now_s += passed_s
+        if what == "here":
+            open_tabs[code].append(contextlib.ExitStack())
+            open_tabs[code][-1].enter_context(keeper.present(code))
+        elif open_tabs[code]:
+            open_tabs[code].pop().close()
+            left_s[code] = clock.now_s
+    clock.now_s += later_s
+    keeper.tick()
+    assert dropped == [code for code, left in left_s.items() if not open_tabs[code] and clock.now_s - left > LEASE_S]
 
 
 def test_a_store_that_cannot_be_written_is_told_and_tried_again(
