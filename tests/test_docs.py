@@ -3,11 +3,12 @@
 import os
 import subprocess
 import sys
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+
+from .personal_viz.program import personal_viz
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -33,20 +34,22 @@ def test_the_readme_of_each_package_is_a_screen(package: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_three_files_of_the_plug_in_page_run(small_home_root: Path, tmp_path: Path) -> None:
+def test_the_three_files_of_the_plug_in_page_run(
+    small_home_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     parts = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8").split("```python\n")
     for before, part in pairwise(parts):
         name = before.rsplit("`", 2)[1]
         (tmp_path / name).write_text(part.split("```")[0], encoding="utf-8")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["my_agent.py", "my_encoder.py", "my_session.py"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    run = partial(subprocess.run, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True)
-    done = run([sys.executable, "my_session.py", str(small_home_root)])
+    command = [sys.executable, "my_session.py", str(small_home_root)]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True)
     assert "the agent keeps the contract" in done.stdout
     assert "the encoder keeps the contract" in done.stdout
     assert "actions; success by rule:" in done.stdout
-    command = [sys.executable, "-m", "personal_viz"]
+    monkeypatch.chdir(tmp_path)
     data = ["--dataset", str(small_home_root), "--limit", "1"]
-    run([*command, "run", "--agent", "my_agent:Spiral", *data])
-    run([*command, "ground", "--encoder", "my_encoder:Letters", "--method", "qs", *data])
+    assert personal_viz("run", "--agent", "my_agent:Spiral", *data).returncode == 0
+    assert personal_viz("ground", "--encoder", "my_encoder:Letters", "--method", "qs", *data).returncode == 0
     assert len(list((tmp_path / "runs").iterdir())) == 2

@@ -75,13 +75,25 @@ LIGHT_MODULES = (
 
 
 @cache
+def parsed(path: Path) -> ast.Module:
+    """The syntax tree of a file, which several tests look at."""
+    return ast.parse(path.read_text())
+
+
+@cache
+def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """All imports in a file, also those inside functions."""
+    return [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+@cache
 def imports_of(path: Path) -> set[str]:
     """Top-level names of all absolute imports in a file, also those inside functions."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in import_statements(path):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+        elif node.level == 0 and node.module:
             names.add(node.module.split(".")[0])
     return names
 
@@ -95,10 +107,10 @@ def modules_imported(path: Path, known: set[str]) -> set[str]:
     """Which of these modules a file imports, also inside functions."""
     found: set[str] = set()
     here = list(path.relative_to(ROOT).parent.parts)
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in import_statements(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             above = here[: len(here) + 1 - node.level] if node.level else []
             base = ".".join([*above, *([node.module] if node.module else [])])
             found |= {name if (name := f"{base}.{alias.name}") in known else base for alias in node.names}
@@ -113,6 +125,13 @@ def rank_of(module: str, package: str) -> int:
     return rooms.index(max(fitting, key=len)) if fitting else len(rooms)
 
 
+@cache
+def imports_among_us() -> dict[str, set[str]]:
+    """Which of our modules each of our modules imports, also inside functions."""
+    files = {module_of(path): path for package in ALLOWED for path in (ROOT / package).rglob("*.py")}
+    return {module: modules_imported(path, set(files)) - {module} for module, path in files.items()}
+
+
 @pytest.mark.parametrize("package", ALLOWED)
 def test_a_package_imports_only_from_below(package: str) -> None:
     files = sorted((ROOT / package).rglob("*.py"))
@@ -124,12 +143,12 @@ def test_a_package_imports_only_from_below(package: str) -> None:
 
 @pytest.mark.parametrize("package", ROOMS)
 def test_a_room_imports_only_from_below(package: str) -> None:
-    files = {module_of(path): path for path in (ROOT / package).rglob("*.py")}
     upwards = [
         f"{module} imports {imported}"
-        for module, path in sorted(files.items())
-        for imported in sorted(modules_imported(path, set(files)))
-        if rank_of(imported, package) > rank_of(module, package)
+        for module, found in sorted(imports_among_us().items())
+        for imported in sorted(found)
+        if module.split(".")[0] == imported.split(".")[0] == package
+        and rank_of(imported, package) > rank_of(module, package)
     ]
     assert not upwards
 
@@ -137,16 +156,9 @@ def test_a_room_imports_only_from_below(package: str) -> None:
 @pytest.mark.parametrize("package", ALLOWED)
 def test_a_room_says_its_purpose_and_has_at_most_20_modules(package: str) -> None:
     for init in (ROOT / package).rglob("__init__.py"):
-        assert ast.get_docstring(ast.parse(init.read_text())), init
+        assert ast.get_docstring(parsed(init)), init
         num_modules = len(list(init.parent.glob("*.py"))) - 1
         assert num_modules <= 20, init.parent
-
-
-@cache
-def imports_among_us() -> dict[str, set[str]]:
-    """Which of our modules each of our modules imports, also inside functions."""
-    files = {module_of(path): path for package in ALLOWED for path in (ROOT / package).rglob("*.py")}
-    return {module: modules_imported(path, set(files)) - {module} for module, path in files.items()}
 
 
 def test_no_imports_go_in_a_circle() -> None:

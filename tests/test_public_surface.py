@@ -37,6 +37,7 @@ def test_importing_the_packages_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == ""
 
 
+@pytest.mark.slow
 def test_the_code_of_the_readme_runs(small_home_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     readme = (Path(__file__).resolve().parents[1] / "README.md").read_text()
     code = readme.split("## In Python")[1].split("```python\n")[1].split("```")[0]
