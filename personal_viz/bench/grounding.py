@@ -16,7 +16,8 @@ from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
 from grounding.encoders.by_name import make_encoder
-from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions, grown, nms_peaks, one_thread, rpg_dense, rpg_packed
+from grounding.encoders.packed_bert import one_thread
+from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions, grown, nms_peaks, rpg_dense, rpg_packed
 from grounding.phrases.rules import RulePhrases
 from sim.authoring.generation import invent_dataset
 

@@ -9,14 +9,14 @@ from sim.errors import AgentError
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("hashed", ("hashed", "")),
-        ("minilm+oracle-perception", ("minilm", "")),
-        ("clip:openai/clip-vit-large-patch14", ("clip", "openai/clip-vit-large-patch14")),
-        ("blip2-hidden768:/data/blip2", ("blip2-hidden768", "/data/blip2")),
-        ("siglip:C:/models/siglip", ("siglip", "C:/models/siglip")),
+        ("hashed", ("hashed", "", False)),
+        ("minilm+oracle-perception", ("minilm", "", True)),
+        ("clip:openai/clip-vit-large-patch14", ("clip", "openai/clip-vit-large-patch14", False)),
+        ("blip2-hidden768:/data/blip2", ("blip2-hidden768", "/data/blip2", False)),
+        ("siglip:C:/models/siglip", ("siglip", "C:/models/siglip", False)),
     ],
 )
-def test_names_are_a_space_and_a_source(name: str, expected: tuple[str, str]) -> None:
+def test_names_are_a_space_and_a_source(name: str, expected: tuple[str, str, bool]) -> None:
     assert parse_encoder_name(name) == expected
 
 

@@ -15,8 +15,8 @@ import transformers
 from grounding.checks import check_image_encoder
 from grounding.encoders import by_name as encoders
 from grounding.encoders.by_name import make_encoder, make_image_encoder
+from grounding.encoders.packed_bert import one_thread
 from grounding.encoders.protocol import DenseEncoder, ModelOptions
-from grounding.methods.rpg import one_thread
 from sim.errors import AgentError, MissingDependencyError
 from sim.types import Frame
 

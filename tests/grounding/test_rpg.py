@@ -11,7 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grounding.methods.rpg import PRESETS, RpgOptions, RpgResult, one_thread, rpg_dense, rpg_packed
+from grounding.encoders.packed_bert import one_thread
+from grounding.methods.rpg import PRESETS, RpgOptions, RpgResult, rpg_dense, rpg_packed
 from grounding.types import TIE, map_from_cells
 from sim.types import GridSpec
 

@@ -345,8 +345,12 @@ def _code(settings: GroundSettings) -> dict[str, str]:
     from grounding.encoders.by_name import PLUGIN, parse_encoder_name
     from sim.plugins import is_plugin, plugin_digest
 
-    space, source = parse_encoder_name(settings.encoder)
-    plugins = {"encoder": source if space == PLUGIN else "", "method": settings.method, "phrases": settings.phrases}
+    parts = parse_encoder_name(settings.encoder)
+    plugins = {
+        "encoder": parts.source if parts.family == PLUGIN else "",
+        "method": settings.method,
+        "phrases": settings.phrases,
+    }
     return {f"{option}_code": f"{name}@{plugin_digest(name)}" for option, name in plugins.items() if is_plugin(name)}
 
 
