@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache, partial
-from typing import Any
 
 import numpy as np
 
@@ -19,9 +18,9 @@ from sim.errors import AgentError
 from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
 from sim.mesh import Scene
-from sim.plugins import made_of, second_answer
+from sim.plugins import call_plugin, made_of, second_answer
 from sim.render.raycast import Raycaster
-from sim.tasks.agents import Agent
+from sim.tasks.agents import Agent, next_action
 from sim.tasks.pan import PanEnv
 from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Observation, Pose, Task
 
@@ -146,16 +145,16 @@ class _Checkup:
         actions: list[Action] = []
         spent_s = -time.perf_counter()
         try:
-            _called("reset", agent.reset, trial.task, self._camera, seed=trial.seed, **more)
+            call_plugin("agent", agent.reset, trial.task, self._camera, seed=trial.seed, **more)
             spent_s += time.perf_counter()
             observation = env.reset()
             while not env.is_over:
                 arrays = _copied_arrays(observation)
                 spent_s -= time.perf_counter()
-                action = _called("act", agent.act, observation)
+                action = next_action(agent, trial.task, observation)
                 spent_s += time.perf_counter()
                 self._require_unchanged(arrays, observation)
-                actions.append(_required_action(action, trial.task))
+                actions.append(action)
                 observation = env.step(action)
         except AgentError as error:
             self.problems.append(f"{where}, step {len(actions) + 1}: {error}")
@@ -179,22 +178,6 @@ class _Checkup:
                 self.problems.append(
                     f"act() changed the array observation.{name}; expected it to be left as it is. Work on a copy."
                 )
-
-
-def _called(name: str, method: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-    try:
-        return method(*args, **kwargs)
-    except Exception as error:  # the plug-in door
-        reason = " ".join(str(error).split())
-        raise AgentError(f"{name}() raised {type(error).__name__}: {reason}. Correct the agent.") from error
-
-
-def _required_action(action: object, task: Task) -> Action:
-    if isinstance(action, Action) and action in task.actions:
-        return action
-    allowed = [item.value for item in task.actions]
-    kind = "" if isinstance(action, Action) else f" of type {type(action).__name__}"
-    raise AgentError(f"act() returned {action!r}{kind}; expected an Action of {allowed}. Correct its act().")
 
 
 def _copied_arrays(observation: Observation) -> dict[str, np.ndarray]:

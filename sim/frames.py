@@ -11,6 +11,7 @@ Frames: `world`; `glb` = a file's own axes (HM3D is z-up); `agent` = on the floo
 """
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -59,6 +60,11 @@ def quat_xyzw_from_yaw(yaw: float) -> tuple[float, float, float, float]:
 def wrap_angle(angle: float) -> float:
     """The same angle in (-pi, pi]."""
     return math.pi - (math.pi - angle) % (2 * math.pi)
+
+
+def planar_distance(a: Sequence[float] | NDArray[np.floating], b: Sequence[float] | NDArray[np.floating]) -> float:
+    """Metres between two points seen from above."""
+    return math.hypot(a[0] - b[0], a[2] - b[2])
 
 
 def forward_from_yaw(yaw: float) -> NDArray[np.float64]:

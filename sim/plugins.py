@@ -67,6 +67,20 @@ def build_plugin(name: str, *arguments: Any, option: str = "plug-in", methods: S
     return require_methods(made, methods, where=name, need=option)
 
 
+def call_plugin(kind: str, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    """What a factory or a method of the user's returns.
+
+    Raises:
+        AgentError: It raised something; `kind`, such as "agent", tells what is to be corrected.
+    """
+    try:
+        return function(*args, **kwargs)
+    except Exception as error:  # the plug-in door
+        name = getattr(function, "__qualname__", "the factory").rpartition("<locals>.")[2]
+        reason = " ".join(str(error).split())
+        raise AgentError(f"{name}() raised {type(error).__name__}: {reason}. Correct the {kind}.") from error
+
+
 def require_methods(made: Any, methods: Sequence[str], *, where: str, need: str) -> Any:
     """The plug-in itself, with all methods.
 
@@ -204,11 +218,7 @@ def made_of(
     if isinstance(plugin, str):
         return build_plugin(plugin, *arguments, option=kind, methods=methods)
     if isinstance(plugin, type) or (callable(plugin) and not hasattr(plugin, methods[0])):
-        try:
-            plugin = plugin(*arguments)  # type: ignore[operator] - a factory
-        except Exception as error:  # the plug-in door
-            reason = " ".join(str(error).split())
-            raise AgentError(f"the factory() raised {type(error).__name__}: {reason}. Correct the {kind}.") from error
+        plugin = call_plugin(kind, plugin, *arguments)
     return require_methods(plugin, methods, where=kind, need="the contract")
 
 

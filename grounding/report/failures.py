@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode, Goal
-from sim.tasks.rules import SUCCESS_RADIUS, planar_distance
+from sim.frames import planar_distance
+from sim.tasks.rules import SUCCESS_RADIUS
 from sim.tasks.run_files import Answer
 from sim.walk.storeys import storey_of
 

@@ -1,10 +1,8 @@
-"""Words for invented homes: captions of objects, ownership sentences, queries."""
+"""Words for invented homes: captions of objects and ownership sentences."""
 
 import re
 
-import numpy as np
-
-from sim.homes.plan import Furniture, HomePlan, Rect
+from sim.homes.plan import Furniture, HomePlan, Room
 
 from ..words.english import with_article
 
@@ -14,11 +12,6 @@ _NEAR_WINDOW = 0.7
 _ABOVE = 0.6
 """A piece that begins this high above the floor and stands on nothing hangs on a wall (metres)."""
 _TOUCH = 0.03
-_QUERIES = (
-    "Find {}", "Where is {}?", "Locate {}", "Retrieve {} position", "Identify the position of {}",
-    "Give me the coordinates of {}",
-)  # fmt: skip
-"""The six sentences of the release (DATA_FORMAT.md, section 3)."""
 
 
 def caption_of(piece: Furniture, plan: HomePlan) -> str:
@@ -51,12 +44,6 @@ def ownership_sentence(owner: str, phrase: str, room: str) -> str:
     return f"{owner} owns {with_article(phrase)} in the {room}"
 
 
-def queries_for(owner: str, category: str, *, one_of: bool = False) -> tuple[str, ...]:
-    """The six equivalent questions for one object, or for one of several of a category."""
-    asked = f"one of {owner}'s {category}s" if one_of else f"{owner}'s {category}"
-    return tuple(query.format(asked) for query in _QUERIES)
-
-
 def _called(piece: Furniture) -> str:
     return f"the {piece.caption or piece.category}"
 
@@ -78,14 +65,14 @@ def _carried(piece: Furniture, others: list[Furniture]) -> str:
 def _hung(piece: Furniture, others: list[Furniture], plan: HomePlan) -> str:
     """ "located above the red couch" for a piece that hangs on a wall."""
     bottom = piece.centre[1] - piece.size[1] / 2
-    if bottom < _floor_y(piece, plan) + _ABOVE:
+    if bottom < plan.storeys[_room_of(piece, plan).storey].floor_y + _ABOVE:
         return ""
     below = [
         other
         for other in others
         if other.centre[1] + other.size[1] / 2 <= bottom
         and other.size[1] > 0.1
-        and _gap(piece.rect, other.rect) < 0.15
+        and piece.rect.gap(other.rect) < 0.15
         and other.rect.grown(0.3).holds(piece.centre[0], piece.centre[2])
     ]
     return f"located above {_called(min(below, key=lambda o: (-o.size[1], o.name)))}" if below else ""
@@ -96,22 +83,21 @@ def _beside(piece: Furniture, others: list[Furniture]) -> list[str]:
     found = []
     for other in others:
         overlap_y = (piece.size[1] + other.size[1]) / 2 - abs(piece.centre[1] - other.centre[1])
-        gap = _gap(piece.rect, other.rect)
+        gap = piece.rect.gap(other.rect)
         if 0 < gap <= _NEAR and overlap_y > -0.3 and other.size[1] > 0.1:
             found.append((gap, other.name, f"{'next to' if gap <= _NEXT_TO else 'near'} {_called(other)}"))
     return [text for _, _, text in sorted(found)]
 
 
 def _at_window(piece: Furniture, plan: HomePlan) -> str:
-    storey = next(room.storey for room in plan.rooms if room.name == piece.room)
-    room = next(room for room in plan.rooms if room.name == piece.room)
+    room = _room_of(piece, plan)
     for wall in plan.walls:
         for opening in wall.openings:
-            if wall.storey != storey or opening.kind != "window" or room.rect is None:
+            if wall.storey != room.storey or opening.kind != "window" or room.rect is None:
                 continue
             x, z = wall.middle_of(opening)
             pane = wall.floor_beside(opening, depth=0.0, margin=0.0)
-            if room.rect.grown(0.01).holds(x, z) and _gap(piece.rect, pane) <= _NEAR_WINDOW:
+            if room.rect.grown(0.01).holds(x, z) and piece.rect.gap(pane) <= _NEAR_WINDOW:
                 return "near the window"
     return ""
 
@@ -121,16 +107,8 @@ def _stands_by(other: Furniture, rug: Furniture) -> bool:
     return abs((other.centre[1] - other.size[1] / 2) - (rug.centre[1] - rug.size[1] / 2)) < 0.05
 
 
-def _floor_y(piece: Furniture, plan: HomePlan) -> float:
-    storey = next(room.storey for room in plan.rooms if room.name == piece.room)
-    return plan.storeys[storey].floor_y
-
-
-def _gap(first: Rect, second: Rect) -> float:
-    """Planar metres between two rectangles, 0 where they meet."""
-    dx = max(first.x0 - second.x1, second.x0 - first.x1, 0.0)
-    dz = max(first.z0 - second.z1, second.z0 - first.z1, 0.0)
-    return float(np.hypot(dx, dz))
+def _room_of(piece: Furniture, plan: HomePlan) -> Room:
+    return next(room for room in plan.rooms if room.name == piece.room)
 
 
 def _is_at_wall(piece: Furniture, plan: HomePlan) -> bool:

@@ -80,9 +80,9 @@ def _beside(
         if not names_category(words, category):
             continue
         same = [thing for thing in things if thing.category == category]
-        near = [thing for thing in same if _gap(it, thing) <= reach and thing in noticed]
-        least = _CLEARLY[0] * min((_gap(it, thing) for thing in near), default=math.inf) + _CLEARLY[1]
-        if min(_gap(other, thing) for thing in same) > least:
+        near = [thing for thing in same if it.rect.gap(thing.rect) <= reach and thing in noticed]
+        least = _CLEARLY[0] * min((it.rect.gap(thing.rect) for thing in near), default=math.inf) + _CLEARLY[1]
+        if min(other.rect.gap(thing.rect) for thing in same) > least:
             yield f"beside {category}"
 
 
@@ -130,12 +130,6 @@ def _rooms_differ(name: str, other: str, plan: HomePlan) -> bool:
 def _kind(room: Room) -> frozenset[str]:
     """A room's name without the numbers and letters that distinguish rooms of one kind."""
     return frozenset(word for word in content_words(room.name) if len(word) > 1)
-
-
-def _gap(piece: Furniture, other: Furniture) -> float:
-    """Free planar metres between the bounds of two pieces."""
-    a, b = piece.rect, other.rect
-    return math.hypot(max(0.0, a.x0 - b.x1, b.x0 - a.x1), max(0.0, a.z0 - b.z1, b.z0 - a.z1))
 
 
 def _lab(rgb: Rgb) -> NDArray[np.float64]:

@@ -15,8 +15,9 @@ from sim.types import SPLITS, Split
 from sim.walk.navigation_map import NavigationMap
 
 from ..episodes.checks_geometry import GEODESIC_LIMITS
+from ..episodes.ownership import queries_for
 from ..episodes.schema import EpisodeInfo, EpisodeRecord, Goal, Vector3
-from .captions import are_mixed_up, ownership_sentence, queries_for
+from .captions import are_mixed_up, ownership_sentence
 from .descriptions import OwnedItem, write_description
 from .people import NAMES, Edge, draw_ownership
 

@@ -9,7 +9,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.frames import forward_from_yaw, yaw_from_quat_xyzw
+from sim.frames import forward_from_yaw, planar_distance, yaw_from_quat_xyzw
 from sim.types import STOREY_GAP, EpisodeKey, Split
 
 from .schema import Episode, Goal, Vector3, goals_key
@@ -50,11 +50,6 @@ def is_looking_away_of(goal: Goal) -> NDArray[np.bool_]:
     forwards = np.array([forward_from_yaw(yaw) for yaw in yaws]).reshape(-1, 3)
     towards = np.asarray(goal.position) - positions_of(goal)
     return (forwards[:, 0] * towards[:, 0] + forwards[:, 2] * towards[:, 2]) < 0
-
-
-def planar_distance(first: Vector3, second: Vector3) -> float:
-    """Distance between two points in the floor plane, metres."""
-    return math.hypot(first[0] - second[0], first[2] - second[2])
 
 
 def _episodes_where(is_hit: Callable[[Episode], bool]) -> Find:

@@ -7,7 +7,14 @@ from collections.abc import Callable, Iterable, Iterator
 
 from sim.errors import DatasetError
 
-from .ownership import OwnershipEdge, anonymous_summary, graph_from_sentences, normalise_phrase, parse_ownership
+from .ownership import (
+    OwnershipEdge,
+    anonymous_summary,
+    graph_from_sentences,
+    normalise_phrase,
+    parse_ownership,
+    queries_for,
+)
 from .schema import Episode, EpisodeRecord
 from .survey import Find, Hit, Rule, Survey, splits_in_order
 
@@ -16,17 +23,6 @@ _NOTE = re.compile(r"\b(?:nota|note|n\.?b|todo)\s*:", re.IGNORECASE)
 _ROOM_TAIL = re.compile(r" in (?:the )?[^.,]+\.?$")
 # Words after which a phrase is about other things ("a sofa near the lamp").
 _AFTER_HEAD = re.compile(r"\b(?:near|next|located|on)\b")
-_QUERIES = tuple(
-    re.compile(template.replace("{}", r"(?P<asked>.+)"))
-    for template in (
-        r"Find {}",
-        r"Where is {}\?",
-        r"Locate {}",
-        r"Retrieve {} position",
-        r"Identify the position of {}",
-        r"Give me the coordinates of {}",
-    )
-)
 _SHORT_CAPTION = 5
 _PRIVATE_SPLITS = ("easy", "medium")
 """Splits in which every object has one owner (paper: c_j = 1)."""
@@ -161,11 +157,7 @@ def _has_rival_sentence(record: EpisodeRecord) -> bool:
 def _is_query_unknown(record: EpisodeRecord) -> bool:
     """Whether the queries differ from the six known sentences about "<owner>'s <category>"."""
     one_of = len(record.object_names) > 1
-    asked = (
-        f"one of {record.owner}'s {record.object_category}s" if one_of else f"{record.owner}'s {record.object_category}"
-    )
-    matches = [template.fullmatch(text) for template, text in zip(_QUERIES, record.query, strict=False)]
-    return len(record.query) != len(_QUERIES) or any(match is None or match["asked"] != asked for match in matches)
+    return tuple(record.query) != queries_for(record.owner, record.object_category, one_of=one_of)
 
 
 def _has_prefix_names(record: EpisodeRecord) -> bool:

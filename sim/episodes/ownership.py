@@ -1,4 +1,4 @@
-"""Owners in an episode: ownership sentences to edges, edges to a graph of people and objects.
+"""Owners in an episode: ownership sentences to edges, edges to a graph of people and objects; the six queries.
 
 Reads `extracted_summary` only, which is ground truth for people and PAN agents (DESIGN.md, "what may be seen").
 """
@@ -14,6 +14,11 @@ from .schema import Episode, EpisodeRecord
 
 _LEADING_ARTICLE = re.compile(r"^(?:an?|the)\s+", re.IGNORECASE)
 _NO_WORD = re.compile(r"[^\w\s]")
+_QUERIES = (
+    "Find {}", "Where is {}?", "Locate {}", "Retrieve {} position", "Identify the position of {}",
+    "Give me the coordinates of {}",
+)  # fmt: skip
+"""The six sentences of the release (DATA_FORMAT.md, section 3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +112,12 @@ def parse_ownership(sentence: str) -> OwnershipEdge:
             '"personal-viz validate" lists every such sentence.'
         )
     return OwnershipEdge(owner, phrase, _LEADING_ARTICLE.sub("", room) or None)
+
+
+def queries_for(owner: str, category: str, *, one_of: bool = False) -> tuple[str, ...]:
+    """The six equivalent questions for one object, or for one of several of a category."""
+    asked = f"one of {owner}'s {category}s" if one_of else f"{owner}'s {category}"
+    return tuple(query.format(asked) for query in _QUERIES)
 
 
 def normalise_phrase(text: str) -> str:

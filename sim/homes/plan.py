@@ -68,6 +68,11 @@ class Rect(NamedTuple):
         """Whether `other` lies inside or on the border."""
         return self.holds(other.x0, other.z0) and self.holds(other.x1, other.z1)
 
+    def gap(self, other: "Rect") -> float:
+        """Metres between the two, 0 where they meet."""
+        dx = max(self.x0 - other.x1, other.x0 - self.x1, 0.0)
+        return math.hypot(dx, max(self.z0 - other.z1, other.z0 - self.z1, 0.0))
+
     def beside(self, yaw: float, depth: float) -> "Rect":
         """The strip of this depth (metres) along the side that faces `yaw`, a multiple of 90 degrees; 0 = +z."""
         dx, dz = round(math.sin(yaw)), round(math.cos(yaw))

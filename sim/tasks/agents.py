@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.frames import T_world_agent, forward_from_yaw, wrap_angle
-from sim.plugins import build_plugin, is_plugin
+from sim.plugins import build_plugin, call_plugin, is_plugin
 from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation, SuccessRule, Task
 from sim.walk.navigation_map import NavigationMap
 
@@ -40,6 +40,22 @@ class Agent(Protocol):
     def act(self, observation: Observation) -> Action:
         """The next action."""
         ...
+
+
+def next_action(agent: Agent, task: Task, observation: Observation) -> Action:
+    """The agent's answer to an observation.
+
+    Raises:
+        AgentError: It raised, or returned something that is not one of the task's actions.
+    """
+    action = call_plugin("agent", agent.act, observation)
+    if isinstance(action, Action) and action in task.actions:
+        return action
+    kind = "" if isinstance(action, Action) else f" of type {type(action).__name__}"
+    raise AgentError(
+        f"act() returned {action!r}{kind}; expected an Action of {[item.value for item in task.actions]}. "
+        "Correct the agent."
+    )
 
 
 class RandomAgent:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode, Goal, Vector3, ViewPoint
+from sim.frames import planar_distance
 from sim.types import STOREY_GAP, SUCCESS_RULES, Pose, SuccessRule
 from sim.walk.navigation_map import NavigationMap
 from sim.walk.storeys import same_storey, storey_clusters, storey_of
@@ -216,11 +217,6 @@ def _measures(success: bool, distances: NDArray[np.float64], path_m: float) -> R
         dtg=end if math.isfinite(end) else None,
         start_distance=start if math.isfinite(start) else None,
     )
-
-
-def planar_distance(a: Sequence[float] | NDArray[np.float64], b: Sequence[float]) -> float:
-    """Metres between two points seen from above."""
-    return math.hypot(a[0] - b[0], a[2] - b[2])
 
 
 def _planar_on_storey(point: Vector3, targets: Sequence[Goal], storeys: Sequence[tuple[float, float]]) -> float:

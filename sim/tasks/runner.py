@@ -4,16 +4,17 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, RecordingError
 from sim.mesh import Scene
-from sim.types import PAPER6, Action, Camera, ClutterLevel, EpisodeKey, Observation, SuccessRule, Task
+from sim.plugins import call_plugin
+from sim.types import PAPER6, Camera, ClutterLevel, EpisodeKey, Observation, SuccessRule, Task
 from sim.walk.navigation_map import NavigationMap
 
-from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent
+from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent, next_action
 from .observers import Explains, Insight, Observer
 from .pan import PanEnv
 from .rules import score_run
@@ -143,15 +144,12 @@ def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, watch: Wat
     observation = env.reset()
     if watch is not None:
         watch.reset(observation)
-    _call_agent(agent.reset, task, env.camera, seed=seed)
+    call_plugin("agent", agent.reset, task, env.camera, seed=seed)
     while not env.is_over:
-        action = _call_agent(agent.act, observation)
-        if not isinstance(action, Action) or action not in task.actions:
-            allowed = [item.value for item in task.actions]
-            raise AgentError(
-                f"step {observation.step + 1}: the agent returned {action!r}; expected an Action of {allowed}. "
-                "Correct its act()."
-            )
+        try:
+            action = next_action(agent, task, observation)
+        except AgentError as error:
+            raise AgentError(f"step {observation.step + 1}: {error}") from error
         observation = env.step(action)
         if watch is not None:
             watch.step(env.steps[-1], observation, agent)
@@ -264,20 +262,10 @@ def _insight_of(agent: Agent) -> Insight | None:
     """
     if not isinstance(agent, Explains):
         return None
-    insight = _call_agent(agent.insight)
+    insight = call_plugin("agent", agent.insight)
     if insight is not None and not isinstance(insight, Insight):
         raise AgentError(
             f"{type(agent).__name__}.insight() returned {type(insight).__name__}; expected an Insight or None "
             "(sim.tasks.observers). Correct the agent."
         )
     return insight
-
-
-def _call_agent(method: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-    try:
-        return method(*args, **kwargs)
-    except Exception as error:  # the plug-in door
-        reason = " ".join(str(error).split())
-        raise AgentError(
-            f"{method.__qualname__}() raised {type(error).__name__}: {reason}. Correct the agent."
-        ) from error

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from sim.authoring.captions import are_mixed_up, caption_of, ownership_sentence, queries_for
+from sim.authoring.captions import are_mixed_up, caption_of, ownership_sentence
 from sim.authoring.descriptions import OwnedItem, write_description
-from sim.episodes.ownership import parse_ownership
+from sim.episodes.ownership import parse_ownership, queries_for
 from sim.homes.invented.plans import invent_plan
 from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
 
