@@ -62,6 +62,9 @@ class TlsProxy:
     def __init__(self, behind: int, certificate: tuple[Path, Path], settings: Settings) -> None:
         """Starts in its own thread; `port` (TLS) and `http_port` are free ones."""
         self._behind, self._settings = behind, settings
+        self._held: set[asyncio.Task[None] | None] = set()
+        """Running connections. When a client has left, nothing else holds its task: the garbage collector would end it
+        from any thread, and so close sockets under the event loop, whose next connection could then hear nothing."""
         self._context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         self._context.load_cert_chain(*certificate)
         self.port = self.http_port = 0
@@ -104,17 +107,21 @@ class TlsProxy:
         writer.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        self._held.add(task)
         with contextlib.suppress(OSError, asyncio.IncompleteReadError, asyncio.CancelledError):
             head = await reader.readuntil(b"\r\n\r\n")
             theirs, ours = await asyncio.open_connection("127.0.0.1", self._behind)
-            ours.write(self._request(head, writer.get_extra_info("peername")[0]))
-            up = asyncio.create_task(_copy(reader, ours))
-            answer = await theirs.readuntil(b"\r\n\r\n")
-            writer.write(self._response(answer))
-            await _copy(theirs, writer)
-            up.cancel()
-            ours.close()
+            try:
+                ours.write(self._request(head, writer.get_extra_info("peername")[0]))
+                up = asyncio.create_task(_copy(reader, ours))
+                writer.write(self._response(await theirs.readuntil(b"\r\n\r\n")))
+                await _copy(theirs, writer)
+                up.cancel()
+            finally:
+                ours.close()
         writer.close()
+        self._held.discard(task)
 
     def _request(self, head: bytes, peer: str) -> bytes:
         first, *lines = head.decode("latin-1").rstrip("\r\n").split("\r\n")

@@ -12,7 +12,7 @@ from tyro.conf import arg
 from ..output import print_json
 
 if TYPE_CHECKING:
-    from personal_viz.study_app.operator.doctor_site import Check
+    from personal_viz.study_app.operator.doctor import Check
 
 
 @dataclass

@@ -16,19 +16,6 @@ MAX_REPLY_BYTES = 4 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
-    """One line of the report."""
-
-    name: str
-    passed: bool | None
-    """Whether the check passed; None = not checked."""
-    detail: str
-    """The finding, in words."""
-    advice: str = ""
-    """Advice on a failure."""
-
-
-@dataclass(frozen=True, slots=True)
 class Reply:
     """The reply to a request."""
 
