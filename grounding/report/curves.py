@@ -6,36 +6,23 @@ from collections.abc import Sequence
 from pydantic import BaseModel, ConfigDict
 
 from .rows import RADII, MapVariant, MethodTrials
-from .statistics import HomeDraws, Range, mean_of_splits, percent
+from .statistics import HomeDraws, Shares
 
 KNOBS = ("object_noise", "view_noise", "cell_noise", "confusion", "paraphrase", "blur")
 """Options over which a curve is drawn if runs differ in only one of them."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
-class DistancePoint(BaseModel):
-    """Share of answers within a distance (metres), total, percent."""
+class DistancePoint(Shares):
+    """Share of answers within a distance, total."""
 
-    model_config = _MODEL
     metres: float
-    sr: float
-    """Success rate of first answers, percent."""
-    by_home: Range | None
-    top3: float | None
-    """Success rate of the nearest of three; None for people and for runs with the first distance only."""
-    top3_by_home: Range | None
 
 
-class KnobPoint(BaseModel):
-    """A method at one value of an option, total, percent."""
+class KnobPoint(Shares):
+    """A method at one value of an option, total."""
 
-    model_config = _MODEL
     value: float
-    sr: float
-    by_home: Range | None
-    top3: float | None
-    """None for people, who give one point."""
-    top3_by_home: Range | None
     n: int
     """Episodes."""
     num_homes: int
@@ -90,26 +77,13 @@ def knob_curves(rows: Sequence[MethodTrials], *, seed: int) -> tuple[KnobCurve, 
 
 
 def _distance_point(row: MethodTrials, index: int, draws: HomeDraws) -> DistancePoint:
-    within = row.within[:, index]
-    within3 = None if row.top3_within is None else row.top3_within[:, index]
-    return DistancePoint(
-        metres=float(RADII[index]),
-        sr=100 * mean_of_splits(within, row.splits),
-        by_home=percent(draws.interval(within, row.homes, row.splits)),
-        top3=None if within3 is None else 100 * mean_of_splits(within3, row.splits),
-        top3_by_home=None if within3 is None else percent(draws.interval(within3, row.homes, row.splits)),
-    )
+    three = None if row.top3_within is None else row.top3_within[:, index]
+    shares = draws.shares(row.within[:, index], three, row.homes, row.splits)
+    return DistancePoint(metres=float(RADII[index]), **dict(shares))
 
 
 def _knob_point(value: float, row: MethodTrials, *, seed: int) -> KnobPoint:
-    draws = HomeDraws(row.homes, seed=seed)
+    shares = HomeDraws(row.homes, seed=seed).shares(row.success, row.top3, row.homes, row.splits)
     return KnobPoint(
-        value=value,
-        sr=100 * mean_of_splits(row.success, row.splits),
-        by_home=percent(draws.interval(row.success, row.homes, row.splits)),
-        top3=100 * mean_of_splits(row.top3, row.splits) if row.is_ranked else None,
-        top3_by_home=percent(draws.interval(row.top3, row.homes, row.splits)) if row.is_ranked else None,
-        n=len(row.keys),
-        num_homes=len(set(row.homes)),
-        table=row.variant.title,
+        value=value, n=len(row.keys), num_homes=len(set(row.homes)), table=row.variant.title, **dict(shares)
     )

@@ -88,13 +88,11 @@ class MethodTrials:
     """(N, R) the same for the nearest of three points; None for people, and if a run holds only the first point."""
     success: NDArray[np.float64]
     """(N,) share of the episode's trials that succeed, as stored with the run."""
-    top3: NDArray[np.float64]
-    """(N,) the same for any of three points."""
+    top3: NDArray[np.float64] | None
+    """(N,) the same for any of three points; None for people, who give one point and no score."""
     num_trials: int
     num_fallbacks: int
     """Number of trials whose phrases were read by rules because the language model gave none."""
-    is_ranked: bool
-    """Whether points are ranked by scores; people give one point and no score."""
 
     @cached_property
     def homes(self) -> tuple[str, ...]:
@@ -218,10 +216,9 @@ def _trials(variant: MapVariant, name: str, runs: Sequence[Run]) -> MethodTrials
         if has_three
         else None,
         success=_shares([[item.success for item in found] for found in scored]),
-        top3=_shares([[item.top3_success for item in found] for found in scored]),
+        top3=_shares([[item.top3_success for item in found] for found in scored]) if is_ranked else None,
         num_trials=sum(len(found) for found in answers.values()),
         num_fallbacks=sum(answer.phrases_fell_back for found in answers.values() for answer in found),
-        is_ranked=is_ranked,
     )
 
 

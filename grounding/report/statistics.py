@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
 
 from sim.tasks import metrics
 
@@ -25,6 +26,17 @@ class Range(NamedTuple):
 
     low: float
     high: float
+
+
+class Shares(BaseModel):
+    """Success of first answers, and of the best of three; percent."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    sr: float
+    by_home: Range | None
+    top3: float | None
+    """None for people, who give one point, and where runs do not hold the distances of three."""
+    top3_by_home: Range | None
 
 
 def wilson(k: float, n: int) -> Range:
@@ -47,11 +59,6 @@ def mean_of_splits(values: NDArray[np.float64], splits: Sequence[str]) -> float:
     return float(np.mean([values[names == split].mean() for split in sorted(set(splits))]))
 
 
-def percent(interval: Range | None) -> Range | None:
-    """An interval of shares in percent."""
-    return None if interval is None else Range(100 * interval.low, 100 * interval.high)
-
-
 class HomeDraws:
     """Homes resampled with replacement; every figure uses the same draws, so that differences are paired."""
 
@@ -69,7 +76,7 @@ class HomeDraws:
         self._times = rng.multinomial(count, np.full(count, 1 / max(count, 1)), size=num_resamples) if count else None
 
     def interval(self, values: NDArray[np.float64], homes: Sequence[str], strata: Sequence[str]) -> Range | None:
-        """Percentile interval of the plain mean over strata of the mean of values (N,) in each.
+        """Percentile interval, in percent, of the plain mean over strata of the mean of values (N,) in each.
 
         Args:
             values: One per episode: a share, or a difference of two.
@@ -94,4 +101,19 @@ class HomeDraws:
         drawn = np.mean(means, axis=0)
         tail = (1 - LEVEL) / 2
         low, high = np.quantile(drawn[np.isfinite(drawn)], [tail, 1 - tail])
-        return Range(float(low), float(high))
+        return Range(100 * float(low), 100 * float(high))
+
+    def shares(
+        self,
+        first: NDArray[np.float64],
+        three: NDArray[np.float64] | None,
+        homes: Sequence[str],
+        splits: Sequence[str],
+    ) -> Shares:
+        """The mean of splits of the successes (N,) of first answers, and of three if they are known."""
+        return Shares(
+            sr=100 * mean_of_splits(first, splits),
+            by_home=self.interval(first, homes, splits),
+            top3=None if three is None else 100 * mean_of_splits(three, splits),
+            top3_by_home=None if three is None else self.interval(three, homes, splits),
+        )

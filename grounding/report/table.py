@@ -18,29 +18,23 @@ from sim.tasks.run_files import Run
 from .curves import DistancePoint, KnobCurve, distance_curve, knob_curves
 from .rows import MapVariant, MethodTrials, method_trials, ordered_splits
 from .sources import PAPER_POG, pog_notes
-from .statistics import FEWEST_HOMES, HomeDraws, Range, mean_of_shares, mean_of_splits, percent, wilson
+from .statistics import FEWEST_HOMES, HomeDraws, Range, Shares, mean_of_shares, mean_of_splits, wilson
 
 TOTAL = "total"
 """Plain mean of the splits, as in the paper's column."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
-class PogCell(BaseModel):
+class PogCell(Shares):
     """One method in one split, or in total; percent."""
 
-    model_config = _MODEL
     split: str
     n: int
     """Episodes."""
     k: float
     """Number of successes; a fraction if trials of an episode were averaged."""
-    sr: float
     by_episode: Range
-    by_home: Range | None
     num_homes: int
-    top3: float | None
-    """None for people, who give one point."""
-    top3_by_home: Range | None
 
 
 class PogRow(BaseModel):
@@ -179,32 +173,30 @@ def _row(row: MethodTrials, draws: HomeDraws) -> PogRow:
 def _cell(row: MethodTrials, split: str, draws: HomeDraws) -> PogCell:
     here = np.array([name == split for name in row.splits])
     homes = [home for home, is_here in zip(row.homes, here, strict=True) if is_here]
-    names = [split] * len(homes)
     n, k = len(homes), float(row.success[here].sum())
+    three = None if row.top3 is None else row.top3[here]
+    shares = dict(draws.shares(row.success[here], three, homes, [split] * n))
+    shares["sr"] = 100 * k / n
     return PogCell(
         split=split,
         n=n,
         k=round(k, 6),
-        sr=100 * k / n,
         by_episode=Range(*(100 * value for value in wilson(k, n))),
-        by_home=percent(draws.interval(row.success[here], homes, names)),
         num_homes=len(set(homes)),
-        top3=100 * float(row.top3[here].mean()) if row.is_ranked else None,
-        top3_by_home=percent(draws.interval(row.top3[here], homes, names)) if row.is_ranked else None,
+        **shares,
     )
 
 
 def _total_cell(row: MethodTrials, cells: Sequence[PogCell], draws: HomeDraws) -> PogCell:
+    shares = dict(draws.shares(row.success, row.top3, row.homes, row.splits))
+    shares["sr"] = float(np.mean([cell.sr for cell in cells]))
     return PogCell(
         split=TOTAL,
         n=sum(cell.n for cell in cells),
         k=round(sum(cell.k for cell in cells), 6),
-        sr=float(np.mean([cell.sr for cell in cells])),
         by_episode=mean_of_shares([cell.sr for cell in cells], [cell.by_episode for cell in cells]),
-        by_home=percent(draws.interval(row.success, row.homes, row.splits)),
         num_homes=len(set(row.homes)),
-        top3=100 * mean_of_splits(row.top3, row.splits) if row.is_ranked else None,
-        top3_by_home=percent(draws.interval(row.top3, row.homes, row.splits)) if row.is_ranked else None,
+        **shares,
     )
 
 
@@ -222,7 +214,7 @@ def _difference(first: MethodTrials, second: MethodTrials, draws: HomeDraws) -> 
         second=second.name,
         n=len(pairs),
         first_minus_second=100 * mean_of_splits(a - b, splits),
-        by_home=percent(draws.interval(a - b, homes, splits)),
+        by_home=draws.interval(a - b, homes, splits),
         only_first=round(float(np.maximum(a - b, 0).sum()), 6),
         only_second=round(float(np.maximum(b - a, 0).sum()), 6),
     )
