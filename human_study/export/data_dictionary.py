@@ -8,6 +8,8 @@ from typing import Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from .text_tables import markdown_table, one_cell
+
 
 @dataclass(frozen=True, slots=True)
 class Unit:
@@ -52,18 +54,19 @@ def dictionary_text(title: str, tables: Mapping[str, tuple[str, type[BaseModel]]
         "CSV. `participant`, `order_no` and `attempt` together name an attempt in every table.",
     ]
     for name, (meaning, model) in tables.items():
-        parts.append(f"## {name}\n\n{meaning}\n\n" + _markdown_table(columns_of(model)))
+        parts.append(f"## {name}\n\n{meaning}\n\n" + _table(columns_of(model)))
     return "\n\n".join(parts) + "\n"
 
 
-def _markdown_table(columns: tuple[Column, ...]) -> str:
-    lines = ["| Column | Type | Unit | May be empty | Meaning |", "|---|---|---|---|---|"]
+def _table(columns: tuple[Column, ...]) -> str:
+    lines = []
     for column in columns:
         choices = f" One of: {', '.join(f'`{choice}`' for choice in column.choices)}." if column.choices else ""
-        meaning = (column.meaning + choices).replace("|", "\\|").replace("\n", " ")
         optional = "yes" if column.is_optional else "no"
-        lines.append(f"| `{column.name}` | {column.type} | {column.unit or '-'} | {optional} | {meaning} |")
-    return "\n".join(lines)
+        lines.append(
+            (f"`{column.name}`", column.type, column.unit or "-", optional, one_cell(column.meaning + choices))
+        )
+    return markdown_table(("Column", "Type", "Unit", "May be empty", "Meaning"), lines)
 
 
 def _column(name: str, field: FieldInfo) -> Column:

@@ -8,7 +8,7 @@ from pandas import concat
 from sim.homes.kind import scene_label, scene_labels
 from sim.types import SPLITS, TaskKind
 
-from ..export.formats import csv_lines
+from ..export.text_tables import csv_lines
 from .trials import Frame, TrialGroup, is_first_condition
 
 COLUMNS = (

@@ -22,7 +22,7 @@ import numpy as np
 import psutil
 from pydantic import BaseModel, ConfigDict
 
-from human_study.report.blocks import markdown_table
+from human_study.export.text_tables import markdown_table
 from sim.cache import VARIABLE
 from sim.render.raycast import own_cores
 from sim.tasks.provenance import git_commit, package_versions

@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-from human_study.report.blocks import markdown_table
+from human_study.export.text_tables import markdown_table
 
 from .harness import Figure, Machine, machine_line, number
 

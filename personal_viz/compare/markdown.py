@@ -1,6 +1,6 @@
 """The same rows as the page, as Markdown: for repositories, chats and readers without a browser."""
 
-from human_study.report.blocks import markdown_table
+from human_study.export.text_tables import markdown_table
 from sim.tasks.metrics import paper_table
 
 from .made import RECORDING, SHEET, THUMBNAIL

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 from grounding.report.sources import PAPER_IS
 from grounding.report.table import TOTAL, PogReport, PogTable
-from human_study.export.formats import csv_lines
-from human_study.report.blocks import html_text, markdown_text
-from human_study.report.tables import tex, tex_lines
+from human_study.export.text_tables import csv_lines, tex, tex_lines
+from human_study.report.page import html_page
 from sim.homes.kind import scene_label
 
+from .blocks import markdown_text
 from .figures import Drawn, distance_figure, knob_figure, methods_figure
 from .gallery import DrawnFailure, Gallery
 from .map_svg import failure_svg
@@ -32,10 +32,10 @@ def report_files(report: PogReport, gallery: Gallery | None) -> dict[str, str | 
     }
     failures = {} if gallery is None else {item.file_name: failure_svg(item) for item in gallery.drawn}
     pictures = {name: body for name, body in files.items() if isinstance(body, str)} | failures
-    blocks = report_blocks(report, gallery)
+    text = markdown_text(report_blocks(report, gallery))
     files |= failures | {
-        "index.md": markdown_text(blocks),
-        "index.html": html_text(blocks, pictures).replace("</style>", f"{_BESIDE}</style>", 1),
+        "index.md": text,
+        "index.html": html_page(text, pictures).replace("</style>", f"{_BESIDE}</style>", 1),
         "report.json": json.dumps(document(report, gallery), indent=2) + "\n",
         "table.tex": latex(report.tables),
         **_csv_files(report),

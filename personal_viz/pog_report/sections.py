@@ -8,8 +8,8 @@ from grounding.report.failures import KINDS, NEAR_MISS, FailureKind
 from grounding.report.sources import PAPER_IS
 from grounding.report.statistics import FEWEST_HOMES, NUM_RESAMPLES, Range
 from grounding.report.table import TOTAL, PogCell, PogDifference, PogReport, PogRow, PogTable
-from human_study.report.blocks import Block, Heading, Picture, Table, Text
 
+from .blocks import Block, Heading, Picture, Table, Text
 from .figures import knob_axis, knob_ticks, points_text
 from .gallery import DrawnFailure, Gallery
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from human_study.report.figures import outcome_matrix_svg, person_dots_svg
+from human_study.report.render import csv_text, latex, markdown
 from human_study.report.report import StudyReport, study_report
 from human_study.report.rows import require_totals
-from human_study.report.sections import markdown
 from human_study.report.statistics import wilson_interval
-from human_study.report.tables import csv_text, latex
 from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import PersonalVizError, RunFileError, StudyError
 from sim.tasks.metrics import metric_rows

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from human_study.export.study_export import export_study
+from human_study.report.render import markdown
 from human_study.report.report import StudyReport, study_report
-from human_study.report.sections import markdown
 from human_study.report.source import read_source
 from human_study.store.record_types import VerificationEntry
 from personal_viz.cli.study.report import StudyReportVerb

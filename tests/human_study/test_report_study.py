@@ -10,8 +10,8 @@ import pytest
 from human_study.design.study import StudyAggregate
 from human_study.export.trial_table import TrialRow
 from human_study.report.counts import flow_counts
+from human_study.report.render import html_text, markdown
 from human_study.report.report import StudyReport, study_report
-from human_study.report.sections import html_page, markdown
 from human_study.report.source import StudyRecords, read_source
 from human_study.report.trials import trial_groups
 from personal_viz.cli.study.report import StudyReportVerb
@@ -343,7 +343,7 @@ def test_the_command_gives_the_same_bytes_twice(
 def test_pilots_and_other_homes_are_labelled(rows: list[TrialRow]) -> None:
     pilot = made(rows, is_pilot=True)
     assert "Pilot: served without an ethics id" in markdown(pilot)
-    assert "Pilot: served without an ethics id" in html_page(pilot, {})
+    assert "Pilot: served without an ethics id" in html_text(pilot, {})
     assert "no human baseline" not in markdown(pilot)
 
 

@@ -6,16 +6,16 @@ import io
 import pytest
 
 from human_study.design.study import StudyEthics
-from human_study.export.formats import csv_lines
-from human_study.report.blocks import Heading, Picture, Table, Text, html_text, markdown_text
+from human_study.export.text_tables import csv_lines
 from human_study.report.checklist import NOT_IN_FILE, checklist
 from human_study.report.effects import memory_effects
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.hypotheses import hypothesis_rows
+from human_study.report.page import html_page
+from human_study.report.render import with_interval
 from human_study.report.report import report_groups
 from human_study.report.rows import Aggregate
 from human_study.report.source import ReportSource, StudyRecords
-from human_study.report.tables import with_interval
 
 from .report_examples import agent_run, example_rows, people_runs, study_config
 
@@ -83,20 +83,14 @@ def test_the_checklist_answers_what_the_study_file_says() -> None:
     assert answers["Same items for people and agents?"] == "no agent is in this report"
 
 
-def test_blocks_become_markdown_and_one_safe_page() -> None:
-    blocks = [
-        Heading("A <b>", 1),
-        Text("x & y", is_strong=True),
-        Table(("h", "i"), (("a|b", "<c>"),), "note"),
-        Picture("p.svg", "P"),
-    ]
-    text = markdown_text(blocks)
-    assert "# A <b>\n\n**x & y**" in text
-    assert "| a\\|b | <c> |\n\nnote\n\n![P](p.svg)\n" in text
-    page = html_text(blocks, {"p.svg": '<?xml version="1.0"?>\n<svg id="s"></svg>'})
+def test_markdown_becomes_one_safe_page() -> None:
+    text = "# A <b>\n\n**x & y**\n\n| h | i |\n|---|---|\n| a\\|b | <c> |\n\nnote\n\n![P & q](p.svg)\n\n![Q](q.svg)\n"
+    page = html_page(text, {"p.svg": '<?xml version="1.0"?>\n<svg id="s"></svg>'})
+    assert "<title>A &lt;b&gt;</title>" in page
     assert "<h1>A &lt;b&gt;</h1>" in page
-    assert "<td>&lt;c&gt;</td>" in page
-    assert '<figure><svg id="s"></svg><figcaption>P</figcaption></figure>' in page
+    assert "<th>a|b</th>\n<td>&lt;c&gt;</td>" in page
+    assert '<figure><svg id="s"></svg><figcaption>P &amp; q</figcaption></figure>' in page
+    assert "<figure>q.svg<figcaption>Q</figcaption></figure>" in page
     assert "<?xml" not in page
 
 

@@ -104,7 +104,7 @@ def test_the_page_needs_no_other_file_and_names_commit_methods_and_the_papers_co
     assert page.count("<svg") == len(list(written.glob("*.svg")))
     assert "<img" not in page
     assert "src=" not in page
-    assert "<th>paper&#x27;s HM3D maps</th>" in page
+    assert "<th>paper's HM3D maps</th>" in page
     assert "15.4 / 12.7 / 8.6 / 11.9" in page
     assert "beats" not in page
     info = json.loads((written / "report.json").read_text())

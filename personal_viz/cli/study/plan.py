@@ -96,7 +96,8 @@ class StudyPlanVerb:
         """
         from human_study.design.plan import PLAN_FILE, load_plan
         from human_study.design.study import load_study
-        from human_study.report.power import PowerDesign, design_of, power_markdown, power_report
+        from human_study.report.power import PowerDesign, design_of, power_report
+        from human_study.report.render import power_markdown
 
         if self.study is not None:
             config = load_study(self.study)

@@ -80,12 +80,11 @@ def _scenes_of(runs: Sequence[Run]) -> set[str]:
 
 def _texts(found: StudyReport, groups: ReportGroups, pictures: dict[str, str]) -> dict[str, str]:
     from human_study.report.glmm import glmm_csv, glmm_script
-    from human_study.report.sections import html_page, markdown
-    from human_study.report.tables import csv_text, latex
+    from human_study.report.render import csv_text, html_text, latex, markdown
 
     texts = {
         "report.md": markdown(found, pictures),
-        "report.html": html_page(found, pictures),
+        "report.html": html_text(found, pictures),
         "report.csv": csv_text(found),
         "report.tex": latex(found),
     }
