@@ -1,6 +1,6 @@
 """The mixed model of HUMAN_STUDY.md, section 8, as data and a script for R; this program does not fit it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import isnan
 
 from pandas import concat
@@ -9,6 +9,7 @@ from sim.homes.kind import scene_label, scene_labels
 from sim.types import SPLITS, TaskKind
 
 from ..export.text_tables import csv_lines
+from .page import filled
 from .trials import Frame, TrialGroup, is_first_condition
 
 COLUMNS = (
@@ -42,84 +43,30 @@ def glmm_script(people: Sequence[TrialGroup], task: TaskKind) -> str:
     trials: Frame = concat([group.trials for group in groups])
     conditions = sorted(dict.fromkeys(group.condition for group in groups), key=lambda c: not is_first_condition(c))
     splits = [split for split in SPLITS if (trials["split"] == split).any()]
-    crossed = {"condition": len(conditions) > 1, "split": len(splits) > 1}
-    numbers = {"order": "place", "prior_visits": "prior_visits"}
-    scaled = {name: trials[column].nunique() > 1 for name, column in numbers.items()}
     randoms = {"participant": "participant", "episode": "episode", "house": "scene"}
-    grouped = {name: 1 < trials[column].nunique() < len(trials) for name, column in randoms.items()}
-    left_out = [name for name, has_many in (crossed | scaled | grouped).items() if not has_many]
-    used = [name for name, has_many in (crossed | scaled).items() if has_many]
-    fixed = [" * ".join(name for name, has_many in crossed.items() if has_many)]
-    fixed += [f"scale({name})" for name, has_many in scaled.items() if has_many]
-    terms = [term for term in fixed if term] or ["1"]
-    terms += [f"(1 | {name})" for name, has_many in grouped.items() if has_many]
-    parts = [
-        _head(task, left_out, used, scene_labels(group.scene_kind for group in groups)),
-        _levels("condition", conditions) if crossed["condition"] else "",
-        _levels("split", splits) + _SUMS.format(names=_texts(f"_{name}" for name in splits[:-1]))
-        if crossed["split"]
-        else "",
-        (_MIXED if any(grouped.values()) else _PLAIN).format(formula="success ~ " + " + ".join(terms)),
-        _MARGINS if crossed["condition"] else "",
-        "print(sessionInfo())\n",
-    ]
-    return "".join(parts)
-
-
-_SUMS = """contrasts(d$split) <- `colnames<-`(contr.sum(nlevels(d$split)), c({names}))  # each against the mean of all
-"""
-_MIXED = """library(lme4)
-fit <- glmer(
-  {formula},
-  data = d, family = binomial, control = glmerControl(optimizer = "bobyqa", optCtrl = list(maxfun = 2e5))
-)
-print(summary(fit), correlation = FALSE)
-if (isSingular(fit)) {{
-  cat("Singular: where a variance above is 0, these data tell no such differences from chance. Estimates hold.\\n")
-}}
-cat("\\n95 % intervals (Wald, log odds):\\n")
-print(confint(fit, parm = "beta_", method = "Wald"))
-"""
-_PLAIN = """fit <- glm(
-  {formula},
-  data = d, family = binomial
-)
-print(summary(fit))
-cat("\\n95 % intervals (Wald, log odds):\\n")
-print(confint.default(fit))
-"""
-_MARGINS = """rates <- sapply(levels(d$condition), function(name) {
-  other <- d
-  other$condition[] <- name
-  100 * mean(predict(fit, newdata = other, type = "response"))
-})
-cat("\\nSuccess in percent, had every trial been done in each condition:\\n")
-print(round(rates, 1))
-for (name in names(rates)[-1]) {
-  cat(sprintf("%s - %s: %.1f points\\n", name, names(rates)[1], rates[[name]] - rates[[1]]))
-}
-"""
-
-
-def _head(task: TaskKind, left_out: Sequence[str], used: Sequence[str], labels: Sequence[str]) -> str:
-    said = "".join(f'cat("{label}.\\n")\n' for label in labels)
-    note = f"# Left out, because they do not vary here: {', '.join(left_out)}.\n" if left_out else ""
-    complete = ""
-    if used:
-        complete = f"""has_all <- complete.cases(d[, c({_texts(used)}), drop = FALSE])
-cat(sum(has_all), "of", nrow(d), "trials are used; the others lack one of the terms.\\n")
-d <- d[has_all, ]
-"""
-    return f"""# Mixed model of success, people's {task.upper()} trials: Rscript {task}-glmm.R (needs R's package lme4)
-# All trials of the report's tables; without those that a rule excludes: d <- d[is.na(d$excluded), ]
-{note}script <- sub("^--file=", "", grep("^--file=", commandArgs(), value = TRUE))
-d <- read.csv(file.path(if (length(script)) dirname(script) else ".", "{task}-trials.csv"), na.strings = "")
-{said}{complete}"""
-
-
-def _levels(name: str, levels: Sequence[str]) -> str:
-    return f"d${name} <- factor(d${name}, levels = c({_texts(levels)}))\n"
-
-
-def _texts(names: Iterable[str]) -> str:
-    return ", ".join(f'"{name}"' for name in names)
+    varies = {
+        "condition": len(conditions) > 1,
+        "split": len(splits) > 1,
+        "order": trials["place"].nunique() > 1,
+        "prior_visits": trials["prior_visits"].nunique() > 1,
+        **{name: 1 < trials[column].nunique() < len(trials) for name, column in randoms.items()},
+    }
+    used = [name for name, has_many in varies.items() if has_many]
+    crossed = " * ".join(name for name in used if name in ("condition", "split"))
+    terms = [crossed, *(f"scale({name})" for name in used if name in ("order", "prior_visits"))]
+    return filled(
+        "glmm.R.j2",
+        task=task,
+        left_out=[name for name in varies if name not in used],
+        fixed=[name for name in used if name not in randoms],
+        labels=scene_labels(group.scene_kind for group in groups),
+        conditions=conditions,
+        splits=splits,
+        contrasts=[f"_{name}" for name in splits[:-1]],
+        is_mixed=any(name in randoms for name in used),
+        terms=[
+            *([term for term in terms if term] or ["1"]),
+            *(f"(1 | {name})" for name in used if name in randoms),
+        ],
+        quoted=lambda names: ", ".join(f'"{name}"' for name in names),
+    )

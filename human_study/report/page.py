@@ -1,13 +1,20 @@
-"""A report in Markdown as one HTML page that needs no other file."""
+"""Fills in the templates of this room, and makes one HTML page of a report in Markdown."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from html import escape
+from pathlib import Path
 from typing import Any
 
+import jinja2
 from markdown_it import MarkdownIt
 from markdown_it.renderer import RendererHTML
 from markdown_it.token import Token
 
+from ..export.text_tables import markdown_line, markdown_table, one_cell
+from .trials import row_label
+
+NOBODY = "no such trials"
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 78rem; padding: 0 1rem; color: #1b1b1b; }
 table { border-collapse: collapse; margin: .6rem 0; font-size: 13px; }
@@ -17,6 +24,26 @@ table + p { color: #4d4d4d; font-size: 12.5px; margin: 0 0 1rem; }
 figure { margin: 1rem 0; overflow-x: auto; }
 figcaption { color: #4d4d4d; font-size: 13px; }
 """
+
+
+def filled(template: str, **words: Any) -> str:
+    """A template of this folder, filled with these words; sections are one empty line apart."""
+    paragraphs = _environment().get_template(template).render(words).split("\n\n")
+    return "\n\n".join(text for part in paragraphs if (text := part.strip("\n"))) + "\n"
+
+
+def interval_text(row: Any, digits: int = 1, otherwise: str = NOBODY) -> str:
+    """A row's `value [low, high]`; `otherwise` where there is no row or value."""
+    if row is None or row.value is None:
+        return otherwise
+    found = [x for x in (row.value, row.low, row.high) if x is not None]
+    shown, *limits = (f"{round(x, digits) + 0.0:.{digits}f}" for x in found)  # no -0.0
+    return f"{shown} [{', '.join(limits)}]" if len(limits) == 2 else shown
+
+
+def count_text(row: Any) -> str:
+    """A row's `k/n`, or its number of trials where there are no successes to count."""
+    return f"n {row.n}" if row.k is None else f"{row.k}/{row.n}"
 
 
 def html_page(markdown: str, pictures: Mapping[str, str]) -> str:
@@ -39,6 +66,29 @@ def html_page(markdown: str, pictures: Mapping[str, str]) -> str:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n"
     )
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    found = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,
+    )
+    found.globals |= {
+        "heads": lambda *names: markdown_table(names, []),
+        "cells": lambda *cells: markdown_line([one_cell(cell) for cell in cells]),
+    }
+    found.filters |= {
+        "label": lambda row: row_label(getattr(row, "who", "human"), row.condition),
+        "interval": interval_text,
+        "count": count_text,
+        "p": lambda value: "-" if value is None else "< 0.001" if value < 0.001 else f"{value:.3f}",
+        "figure": lambda value: "-" if value is None else f"{value:.2f}",
+    }
+    return found
 
 
 class _Html(RendererHTML):

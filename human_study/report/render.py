@@ -4,26 +4,21 @@ Every function takes the finished report; nothing is computed here.
 """
 
 from collections.abc import Iterable, Sequence
-from functools import cache
-from pathlib import Path
 from typing import Any
-
-import jinja2
 
 from sim.homes.kind import scene_label
 from sim.types import RULE_NOTES, SPLITS, TaskKind
 
 from ..design.analysis import LEVEL, NUM_RESAMPLES
-from ..export.text_tables import csv_lines, markdown_line, markdown_table, one_cell, tex, tex_lines
+from ..export.text_tables import csv_lines, tex, tex_lines
 from .agreement import SUSPECT_SHARE
 from .measures import MEASURES, WITHIN
-from .page import html_page
+from .page import NOBODY, count_text, filled, html_page, interval_text
 from .power import PowerReport
 from .report import StudyReport
 from .rows import TOTAL, ReportRow
 from .trials import row_label
 
-NOBODY = "no such trials"
 _PAPER: dict[TaskKind, tuple[str, ...]] = {"pan": ("sr", "spl", "dtg"), "pog": ("sr",)}
 """Measures of the paper's tables."""
 
@@ -38,6 +33,10 @@ def markdown(report: StudyReport, pictures: Iterable[str] = ()) -> str:
         "table_kinds": kinds,
         "notes": " ".join(notes),
         "verification_note": lambda task, kind: _verification_note(report, task, kind),
+        "of_homes": _of_homes,
+        "splits_of": _splits,
+        "grid": lambda rows, splits, measures: _cells(rows, [(split, m) for split in splits for m in measures]),
+        "with_counts": _with_counts,
         "measures": MEASURES,
         "within": WITHIN,
         "level": f"{LEVEL:.0%}",
@@ -91,56 +90,9 @@ def latex(report: StudyReport) -> str:
     return "\n".join(parts)
 
 
-def with_interval(value: float, low: float | None, high: float | None, *, digits: int = 1) -> str:
-    """The text `value [low, high]`."""
-    shown, *limits = (f"{round(x, digits) + 0.0:.{digits}f}" for x in (value, low, high) if x is not None)  # no -0.0
-    return f"{shown} [{', '.join(limits)}]" if len(limits) == 2 else shown
-
-
-def filled(template: str, **words: Any) -> str:
-    """A template of this folder, filled with these words; sections are one empty line apart."""
-    paragraphs = _environment().get_template(template).render(words).split("\n\n")
-    return "\n\n".join(text for part in paragraphs if (text := part.strip("\n"))) + "\n"
-
-
-@cache
-def _environment() -> jinja2.Environment:
-    found = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        autoescape=False,
-    )
-    found.globals |= {
-        "heads": lambda *names: markdown_table(names, []),
-        "cells": lambda *cells: markdown_line([one_cell(cell) for cell in cells]),
-    }
-    found.filters |= {
-        "label": lambda row: row_label(getattr(row, "who", "human"), row.condition),
-        "interval": _interval,
-        "count": lambda row: f"n {row.n}" if row.k is None else f"{row.k}/{row.n}",
-        "p": lambda value: "-" if value is None else "< 0.001" if value < 0.001 else f"{value:.3f}",
-        "figure": lambda value: "-" if value is None else f"{value:.2f}",
-        "of_homes": _of_homes,
-        "splits": _splits,
-        "grid": lambda rows, splits, measures: _cells(rows, [(split, m) for split in splits for m in measures]),
-        "with_counts": _with_counts,
-    }
-    return found
-
-
-def _interval(row: Any, digits: int = 1, otherwise: str = NOBODY) -> str:
-    """A row's value with its interval; `otherwise` where there is no row or value."""
-    if row is None or row.value is None:
-        return otherwise
-    return with_interval(row.value, row.low, row.high, digits=digits)
-
-
 def _with_counts(cells: Sequence[ReportRow | None]) -> list[str]:
     """A line of splits and their total; the total names the number of splits where some are missing."""
-    count = _environment().filters["count"]
-    shown = [NOBODY if c is None else f"{_interval(c, MEASURES[c.measure].digits)} {count(c)}" for c in cells]
+    shown = [NOBODY if c is None else f"{interval_text(c, MEASURES[c.measure].digits)} {count_text(c)}" for c in cells]
     num_done, num_splits = sum(cell is not None for cell in cells[:-1]), len(cells) - 1
     if num_done < num_splits and cells[-1] is not None:
         shown[-1] += f" ({num_done} of {num_splits} splits)"

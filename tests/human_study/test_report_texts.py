@@ -2,6 +2,7 @@
 
 import csv
 import io
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,8 +12,7 @@ from human_study.report.checklist import NOT_IN_FILE, checklist
 from human_study.report.effects import memory_effects
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.hypotheses import hypothesis_rows
-from human_study.report.page import html_page
-from human_study.report.render import with_interval
+from human_study.report.page import html_page, interval_text
 from human_study.report.report import report_groups
 from human_study.report.rows import Aggregate
 from human_study.report.source import ReportSource, StudyRecords
@@ -95,6 +95,6 @@ def test_markdown_becomes_one_safe_page() -> None:
 
 
 def test_numbers_and_cells_are_written_safely() -> None:
-    assert with_interval(-0.04, -1.0, 1.0) == "0.0 [-1.0, 1.0]"
-    assert with_interval(3.14159, None, None, digits=2) == "3.14"
+    assert interval_text(SimpleNamespace(value=-0.04, low=-1.0, high=1.0)) == "0.0 [-1.0, 1.0]"
+    assert interval_text(SimpleNamespace(value=3.14159, low=None, high=None), 2) == "3.14"
     assert csv_lines(["a", "b"], [("=1+1", 0.1), (None, -2)]) == "a,b\n'=1+1,0.1\n,-2\n"
