@@ -21,10 +21,9 @@ from websockets.sync.client import ClientConnection, connect
 from human_study.design.study import StudyConfig, StudyDataset, StudyPrivacy, StudyRecruit
 from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
-from personal_viz.study_app.gateway.http import PromptProtocol, uvicorn_server
+from personal_viz.study_app.gateway.http import PromptProtocol, listen, served_in_thread, uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.gateway.pages import Pages
-from personal_viz.study_app.operator.service import listen
 from personal_viz.study_app.worker_door import WorkerDoor
 from sim.errors import StudyError
 
@@ -134,7 +133,7 @@ class EchoViser:
         self._thread.start()
         self._is_ready.wait(10)
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Ends the thread."""
         self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join(10)
@@ -202,17 +201,10 @@ def running(
     assert isinstance(protocol, type)
     assert issubclass(protocol, PromptProtocol)
     protocol.request_within_s = request_within_s
-    with contextlib.closing(listen(options)) as listener:
+    with contextlib.closing(viser), listen(options.bind, options.port) as listener:
         port = listener.getsockname()[1]
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
-        thread.start()
-        try:
+        with served_in_thread(server, listener):
             yield Running(f"http://127.0.0.1:{port}", port, viser, tickets, people, told)
-        finally:
-            server.should_exit = True
-            thread.join(20)
-            viser.stop()
-    assert not thread.is_alive()
 
 
 def enter(address: str, token: str, *, origin: str | None = None, **context: Any) -> tuple[str, dict[str, str]]:

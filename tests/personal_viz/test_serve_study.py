@@ -15,9 +15,10 @@ from websockets.exceptions import ConnectionClosed
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, open_store
 from human_study.trial.events import Act
+from personal_viz.study_app.gateway.http import listen
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.operator.served import served as served_by
-from personal_viz.study_app.operator.service import ended_by_sigterm, listen, serve_study, shown_live
+from personal_viz.study_app.operator.service import ended_by_sigterm, serve_study, shown_live
 from sim.errors import StudyError
 from tests.human_study.small_world import plan, study
 
@@ -86,7 +87,7 @@ def test_a_port_that_is_taken_is_said_at_once() -> None:
         other.listen()
         port = other.getsockname()[1]
         with pytest.raises(StudyError, match=rf"port {port} of 127\.0\.0\.1: cannot be used .*--port 8090"):
-            listen(ServeOptions(port=port))
+            listen("127.0.0.1", port)
 
 
 def test_sigterm_is_heard_as_ctrl_c_and_the_handlers_come_back() -> None:

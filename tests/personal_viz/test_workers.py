@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-import threading
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -19,10 +18,9 @@ from personal_viz.study_app.gateway import workers
 from personal_viz.study_app.gateway.admission import Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.heartbeat import Heartbeat
-from personal_viz.study_app.gateway.http import uvicorn_server
+from personal_viz.study_app.gateway.http import listen, served_in_thread, uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.gateway.workers import WorkerPool, worker_command
-from personal_viz.study_app.operator.service import listen
 from sim.errors import StudyError
 
 from .gateways import NO_PAGES, PRESS, admission_for, enter, few_people, pack, wait_until
@@ -132,14 +130,8 @@ def served(folder: Path, pool: WorkerPool, tickets: Tickets) -> Iterator[str]:
     options = ServeOptions(port=0)
     gateway = Gateway(admission_for(few_people(), folder), pool, tickets=tickets, options=options, pages=NO_PAGES)
     server = uvicorn_server(gateway.app(), options)
-    listener = listen(options)
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
-    thread.start()
-    try:
+    with listen(options.bind, options.port) as listener, served_in_thread(server, listener):
         yield f"http://127.0.0.1:{listener.getsockname()[1]}"
-    finally:
-        server.should_exit = True
-        thread.join(20)
 
 
 def answer(connection: ClientConnection) -> tuple[str, int]:

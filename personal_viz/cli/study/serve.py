@@ -111,7 +111,7 @@ class StudyServe:
     def _serve_scene(self, scene: str, options: ServeOptions) -> int:
         """Serves the episodes of one home to a POG and a PAN participant, without pages before; always a pilot."""
         from human_study.design.plan import StudyScene
-        from personal_viz.study_app.operator.service import listen
+        from personal_viz.study_app.gateway.http import listen
         from sim.episodes.dataset import PersonalDataset
         from sim.homes.kind import scene_kind
 
@@ -121,7 +121,7 @@ class StudyServe:
         episodes = PersonalDataset(self.dataset)
         episodes.require_scene(scene)
         folder = self.out or Path("runs") / f"study-{scene}"
-        listen(options).close()  # a taken port is reported before anything is written
+        listen(options.bind, options.port).close()  # a taken port is reported before anything is written
         require_folder(folder)
         kind = scene_kind(episodes, scene, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from human_study.store.progress import State, StudyProgress
-    from personal_viz.study_app.operator.progress_view import ShownPerson, ShownStudy
+    from human_study.store.progress import PersonProgress, State, StudyProgress
+    from personal_viz.study_app.operator.progress_view import PersonWords, ShownStudy
 
 EVERY_S = 2.0
 """Seconds between two snapshots of `--watch`."""
 MIN_WIDTH = 128
 """Columns that the tables need; narrower terminals wrap them, but files and pipes do not."""
-_ORDER: tuple[State, ...] = ("stuck", "active", "away", "finished", "out")
+_ORDER: tuple[State, ...] = ("stuck", "active", "away", "finished", "out", "not_arrived")
 _COLOURS = {"active": "green", "stuck": "bold yellow", "away": "yellow", "finished": "cyan"}
 
 
@@ -99,14 +99,15 @@ def _head(shown: ShownStudy) -> RenderableType:
     from rich.table import Table
     from rich.text import Text
 
-    title = Text(shown.study, style="bold")
-    if shown.is_pilot:
+    found = shown.progress
+    title = Text(found.study, style="bold")
+    if found.is_pilot:
         title.append("  PILOT", style="bold magenta")
-    counts = ", ".join(f"{count.n} {count.words}" for count in shown.counts if count.n or count.state == "active")
+    counts = ", ".join(f"{number} {words}" for state, words, number in shown.counts if number or state == "active")
     line = Table.grid(padding=(0, 2))
     line.add_row(
-        ProgressBar(total=max(1, shown.planned), completed=shown.done, width=40),
-        f"{shown.done} of {shown.planned} counted trials",
+        ProgressBar(total=max(1, found.num_all), completed=found.num_done, width=40),
+        f"{found.num_done} of {found.num_all} counted trials",
     )
     disk = f"{shown.free} free; backups: {shown.backups}"
     return Group(title, line, Text(counts), Text(disk, style="dim"), Text())
@@ -121,9 +122,9 @@ def _slots(shown: ShownStudy) -> Table:
         table.add_column(name)
     for name in ("Done", "Held", "Free", "Failed", "All"):
         table.add_column(name, justify="right")
-    for slot in shown.slots:
-        numbers = (slot.done, slot.held, slot.free, slot.failed)
-        table.add_row(*slot.name.split(" ", 1), slot.split, *map(str, (*numbers, sum(numbers))))
+    for slot in shown.progress.slots:
+        numbers = (slot.num_done, slot.num_held, slot.num_free, slot.num_failed, slot.num_all)
+        table.add_row(slot.task.upper(), slot.condition, slot.split, *map(str, numbers))
     return table
 
 
@@ -139,23 +140,24 @@ def _people(shown: ShownStudy) -> RenderableType:
         table.add_column(name, no_wrap=True)
     for name in ("Done", "Last heard", "Reconnects", "Technical", "Abandoned"):
         table.add_column(name, justify="right")
-    came = [person for person in shown.people if person.state != "not_arrived"]
-    for person in sorted(came, key=lambda person: _ORDER.index(person.state)):
-        table.add_row(*_cells(person))
-    missing = [person.code for person in shown.people if person.state == "not_arrived"]
+    people = sorted(zip(shown.progress.people, shown.people, strict=True), key=lambda row: _ORDER.index(row[0].state))
+    for person, words in people:
+        if person.state != "not_arrived":
+            table.add_row(*_cells(person, words))
+    missing = [person.code for person, _ in people if person.state == "not_arrived"]
     return Group(table, Text(f"Not arrived: {', '.join(missing)}" if missing else "", style="dim"))
 
 
-def _cells(person: ShownPerson) -> list[RenderableType]:
+def _cells(person: PersonProgress, words: PersonWords) -> list[RenderableType]:
     from rich.text import Text
 
     return [
         person.code,
-        person.task,
-        Text(person.state_words, style=_COLOURS.get(person.state, "dim")),
-        person.where,
-        person.trial,
-        f"{person.done}/{person.planned}",
-        person.heard,
-        *(str(number) if number else "·" for number in (person.reconnects, person.technical, person.abandoned)),
+        person.task.upper(),
+        Text(words.state, style=_COLOURS.get(person.state, "dim")),
+        words.where,
+        words.trial,
+        f"{person.num_done}/{person.num_planned}",
+        words.heard,
+        *(str(n) if n else "·" for n in (person.num_reconnects, person.num_technical, person.num_abandoned)),
     ]

@@ -1,9 +1,12 @@
 """Guards every route: limits on a request's time and size, the Host header, connections per address, reply headers."""
 
 import asyncio
+import contextlib
 import ipaddress
 import re
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+import socket
+import threading
+from collections.abc import Awaitable, Callable, Iterable, Iterator, MutableMapping
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -16,6 +19,8 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from sim.errors import StudyError
 
 from .filter import MAX_MESSAGE_BYTES
 from .limits import LOOPBACK, Holds, client_address
@@ -192,6 +197,40 @@ def uvicorn_server(app: Starlette, options: ServeOptions) -> uvicorn.Server:
         ssl_keyfile=options.tls_key,
     )
     return uvicorn.Server(config)
+
+
+def listen(
+    bind: str, port: int, *, advice: str = "Take another: make demo PORT=8090, or --port 8090."
+) -> socket.socket:
+    """A listening socket, so that browsers that come before the server runs wait instead of failing.
+
+    Raises:
+        StudyError: The port is taken, or the address is not this machine's.
+    """
+    bind = "127.0.0.1" if bind == "localhost" else bind
+    listener = socket.socket(socket.AF_INET6 if ":" in bind else socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((bind, port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        raise StudyError(
+            f"port {port} of {bind}: cannot be used ({error.strerror}); expected a free one of this machine. {advice}"
+        ) from None
+    return listener
+
+
+@contextlib.contextmanager
+def served_in_thread(server: uvicorn.Server, listener: socket.socket) -> Iterator[None]:
+    """Serves in a thread of its own until the end of the block."""
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True, name="server")
+    thread.start()
+    try:
+        yield
+    finally:
+        server.should_exit = True
+        thread.join()
 
 
 def _refusal(scope: Scope, names: frozenset[str]) -> tuple[int, str] | None:

@@ -7,7 +7,6 @@ import contextlib
 import functools
 import hmac
 import secrets
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -25,7 +24,7 @@ from human_study.store.progress import study_progress
 from human_study.store.records import read_study
 from sim.errors import StudyError
 
-from ..gateway.http import Guard, small_body, too_many_tries, uvicorn_server
+from ..gateway.http import Guard, listen, served_in_thread, small_body, too_many_tries, uvicorn_server
 from ..gateway.lease_keeper import LeaseKeeper
 from ..gateway.limits import GUESSES, AddressLimit
 from ..gateway.options import ServeOptions
@@ -35,55 +34,29 @@ from .progress_view import Serving, ShownWorker, shown_study
 PAGE = Path(__file__).parent / "dashboard_page"
 FILES = {"/": "dashboard.html", "/dashboard.js": "dashboard.js", "/dashboard.css": "dashboard.css"}
 LOOK_EVERY_S = 1.0
-"""Shortest time between two reads of the database, for any number of open pages."""
 MAX_TOKEN_BYTES = 256
-START_WITHIN_S = 30.0
 
 
 class Dashboard:
-    """The page of one study, served in a thread."""
+    """The page of one study."""
 
-    def __init__(self, folder: Path, *, serving: Callable[[], Serving] = Serving) -> None:
-        """Serves nothing yet.
+    def __init__(
+        self, folder: Path, *, serving: Callable[[], Serving] = Serving, look_every_s: float = LOOK_EVERY_S
+    ) -> None:
+        """Reads nothing yet.
 
         Args:
             folder: The study's folder.
             serving: Returns the facts that only the serving process knows.
+            look_every_s: Shortest time between two reads of the database, for any number of open pages.
         """
-        self._folder, self._serving = folder, serving
+        self._folder, self._serving, self._look_every_s = folder, serving, look_every_s
         self.token = secrets.token_urlsafe(16)
         """The secret in the link; a browser that shows it gets the session."""
         self._session = secrets.token_urlsafe(16)
         self._guesses = AddressLimit(*GUESSES)
         self._lock = threading.Lock()
         self._looked: tuple[float, bytes] | None = None
-        self._stop: Callable[[], None] | None = None
-
-    def start(self, port: int = 0) -> str:
-        """Serves on loopback until `close`; returns the link, which holds the token.
-
-        Raises:
-            StudyError: The port is taken, or the server does not start.
-        """
-        listener = _listen(port)
-        port = listener.getsockname()[1]
-        server = uvicorn_server(self.app(port), ServeOptions())
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True, name="dashboard")
-        thread.start()
-
-        def stop() -> None:
-            server.should_exit = True
-            thread.join()
-            listener.close()
-
-        self._stop = stop
-        return f"http://127.0.0.1:{port}/#{self.token}"
-
-    def close(self) -> None:
-        """Ends the server; a second call does nothing."""
-        stop, self._stop = self._stop, None
-        if stop is not None:
-            stop()
 
     def app(self, port: int) -> Starlette:
         """The ASGI application, for the port that browsers use."""
@@ -119,7 +92,7 @@ class Dashboard:
     def _look(self) -> bytes:
         with self._lock:
             now_s = time.monotonic()
-            if self._looked is None or now_s - self._looked[0] >= LOOK_EVERY_S:
+            if self._looked is None or now_s - self._looked[0] >= self._look_every_s:
                 with read_study(self._folder) as reader:
                     found = study_progress(reader, now_ns=time.time_ns())
                 self._looked = now_s, msgspec.json.encode(shown_study(found, self._serving()))
@@ -128,7 +101,7 @@ class Dashboard:
 
 @contextlib.contextmanager
 def dashboard(folder: Path, port: int = 0, *, serving: Callable[[], Serving] = Serving) -> Iterator[str]:
-    """The dashboard's link, valid until the end of the block.
+    """The dashboard's link, which holds its token; valid until the end of the block.
 
     Args:
         folder: The study's folder.
@@ -139,10 +112,10 @@ def dashboard(folder: Path, port: int = 0, *, serving: Callable[[], Serving] = S
         StudyError: The port is taken.
     """
     page = Dashboard(folder, serving=serving)
-    try:
-        yield page.start(port)
-    finally:
-        page.close()
+    with listen("127.0.0.1", port, advice="Take another --dashboard-port, or 0 for any.") as listener:
+        port = listener.getsockname()[1]
+        with served_in_thread(uvicorn_server(page.app(port), ServeOptions()), listener):
+            yield f"http://127.0.0.1:{port}/#{page.token}"
 
 
 def serving_of(pool: WorkerPool, keeper: LeaseKeeper) -> Serving:
@@ -163,18 +136,3 @@ async def _file(name: str, _: Request) -> Response:
 
 async def _no_icon(_: Request) -> Response:
     return Response(status_code=204)
-
-
-def _listen(port: int) -> socket.socket:
-    listener = socket.socket()
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind(("127.0.0.1", port))
-        listener.listen(16)
-    except OSError as error:
-        listener.close()
-        raise StudyError(
-            f"port {port} of 127.0.0.1: cannot be used for the dashboard ({error.strerror}); expected a free one. "
-            "Take another, or 0 for any."
-        ) from None
-    return listener

@@ -55,67 +55,27 @@ class Serving(msgspec.Struct, frozen=True):
     """Participants with an open page; None = not known."""
 
 
-class ShownPerson(msgspec.Struct, frozen=True):
-    """A row of the table of people."""
+class PersonWords(msgspec.Struct, frozen=True):
+    """A participant's progress in words."""
 
-    code: str
-    task: str
-    state: State
-    state_words: str
+    state: str
     where: str
     trial: str
     """Name of the trial for `study exclude`, such as `p03/12`; empty outside the trials."""
-    done: int
-    planned: int
     heard: str
-    """Time since the last record, in words."""
+    """Time since the last record."""
     here: bool | None
     """Whether a page is open; None = not known."""
-    reconnects: int
-    technical: int
-    abandoned: int
-
-
-class ShownSlots(msgspec.Struct, frozen=True):
-    """A row of the table of episodes."""
-
-    name: str
-    split: str
-    done: int
-    held: int
-    free: int
-    failed: int
-
-
-class ShownTime(msgspec.Struct, frozen=True):
-    """A point of the timeline."""
-
-    at_ms: int
-    """Milliseconds since 1970, as browsers count."""
-    done: int
-
-
-class ShownCount(msgspec.Struct, frozen=True):
-    """The number of people in a state."""
-
-    state: State
-    words: str
-    n: int
 
 
 class ShownStudy(msgspec.Struct, frozen=True):
-    """The whole page."""
+    """The whole page: the progress, and what is said of it in words."""
 
-    study: str
-    version: str
-    is_pilot: bool
-    now_ms: int
-    done: int
-    planned: int
-    counts: tuple[ShownCount, ...]
-    people: tuple[ShownPerson, ...]
-    slots: tuple[ShownSlots, ...]
-    timeline: tuple[ShownTime, ...]
+    progress: StudyProgress
+    people: tuple[PersonWords, ...]
+    """As many as in `progress.people`, in the same order."""
+    counts: tuple[tuple[State, str, int], ...]
+    """Each state of participants, its words, and the number of people in it."""
     free: str
     is_nearly_full: bool
     backups: str
@@ -127,26 +87,9 @@ def shown_study(found: StudyProgress, serving: Serving | None = None) -> ShownSt
     serving = serving or Serving()
     disk = found.disk
     return ShownStudy(
-        study=found.study,
-        version=found.study_version[:12],
-        is_pilot=found.is_pilot,
-        now_ms=found.now_ns // 10**6,
-        done=found.num_done,
-        planned=found.num_all,
-        counts=tuple(ShownCount(state, words, found.num_in(state)) for state, words in STATES.items()),
-        people=tuple(_person(person, serving) for person in found.people),
-        slots=tuple(
-            ShownSlots(
-                f"{slot.task.upper()} {slot.condition}",
-                slot.split,
-                slot.num_done,
-                slot.num_held,
-                slot.num_free,
-                slot.num_failed,
-            )
-            for slot in found.slots
-        ),
-        timeline=tuple(ShownTime(point.at_ns // 10**6, point.num_done) for point in found.timeline),
+        progress=found,
+        people=tuple(_words(person, serving.here) for person in found.people),
+        counts=tuple((state, words, found.num_in(state)) for state, words in STATES.items()),
         free=disk_words(disk.free_mb),
         is_nearly_full=disk.free_mb < MIN_FREE_MB,
         backups=f"{disk.num_backups}, newest {age_words(disk.last_backup_s)} ago" if disk.num_backups else "none yet",
@@ -177,19 +120,11 @@ def disk_words(free_mb: int) -> str:
     return f"{free_mb / 1024:.1f} GB" if free_mb >= 1024 else f"{free_mb} MB"
 
 
-def _person(person: PersonProgress, serving: Serving) -> ShownPerson:
-    return ShownPerson(
-        code=person.code,
-        task=person.task.upper(),
-        state=person.state,
-        state_words=STATES[person.state],
+def _words(person: PersonProgress, here: frozenset[str] | None) -> PersonWords:
+    return PersonWords(
+        state=STATES[person.state],
         where=place_words(person),
         trial=f"{person.code}/{person.order_no}" if person.order_no is not None else "",
-        done=person.num_done,
-        planned=person.num_planned,
         heard=age_words(person.last_activity_s),
-        here=None if serving.here is None else person.code in serving.here,
-        reconnects=person.num_reconnects,
-        technical=person.num_technical,
-        abandoned=person.num_abandoned,
+        here=None if here is None else person.code in here,
     )

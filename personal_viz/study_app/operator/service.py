@@ -18,7 +18,7 @@ from human_study.store.store import StudyStore
 from human_study.texts.participants import told_texts
 from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
-from personal_viz.study_app.gateway.http import uvicorn_server
+from personal_viz.study_app.gateway.http import listen, uvicorn_server
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
 from personal_viz.study_app.gateway.pages import Pages
@@ -65,7 +65,7 @@ def serve_study(
     admission = _admission(store, links, platform_key)
     print(_opening(store.plan, options.num_workers), flush=True)
     with (
-        contextlib.closing(listen(options)) as listening,
+        listen(options.bind, options.port) as listening,
         shown_live(rerun, store.plan) as where,
         ended_by_sigterm(),
         WorkerPool(
@@ -139,27 +139,6 @@ def _admission(store: StudyStore, links: Sequence[tuple[str, str, str]], platfor
         platform_key=platform_key,
         pay_file=PayFile(store.folder),
     )
-
-
-def listen(options: ServeOptions) -> socket.socket:
-    """A listening socket, so that browsers that come before the server runs wait instead of failing.
-
-    Raises:
-        StudyError: The port is taken, or the address is not this machine's.
-    """
-    bind = "127.0.0.1" if options.bind == "localhost" else options.bind
-    listener = socket.socket(socket.AF_INET6 if ":" in bind else socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((bind, options.port))
-        listener.listen(128)
-    except OSError as error:
-        listener.close()
-        raise StudyError(
-            f"port {options.port} of {bind}: cannot be used ({error.strerror}); expected a free one of this machine. "
-            "Take another: make demo PORT=8090, or --port 8090."
-        ) from None
-    return listener
 
 
 def require_many_recordings(rerun: str | None, plan: StudyPlan) -> None:

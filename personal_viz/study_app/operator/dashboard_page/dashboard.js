@@ -44,45 +44,48 @@
     ...shown.map((one) => make("tr", cells(one)))));
 
   const summary = (found) => {
-    document.title = `${found.done}/${found.planned} – ${found.study}`;
-    at("study").textContent = found.study;
-    at("version").textContent = found.version;
-    at("pilot").hidden = !found.is_pilot;
-    at("done").textContent = found.done;
-    at("planned").textContent = found.planned;
-    at("done-bar").style.width = `${(100 * found.done) / Math.max(1, found.planned)}%`;
+    const { study, study_version, is_pilot, num_done, num_all } = found.progress;
+    document.title = `${num_done}/${num_all} – ${study}`;
+    at("study").textContent = study;
+    at("version").textContent = study_version.slice(0, 12);
+    at("pilot").hidden = !is_pilot;
+    at("done").textContent = num_done;
+    at("planned").textContent = num_all;
+    at("done-bar").style.width = `${(100 * num_done) / Math.max(1, num_all)}%`;
     at("free").textContent = found.free;
     at("full").hidden = !found.is_nearly_full;
     at("backups").textContent = found.backups;
-    whenChanged("counts", found.counts, (counts) => at("counts").replaceChildren(...counts.map((one) =>
-      make("li", [make("b", one.n, one.n ? `state ${one.state}` : "state not_arrived"), one.words]))));
+    whenChanged("counts", found.counts, (counts) => at("counts").replaceChildren(...counts.map(([state, words, n]) =>
+      make("li", [make("b", n, n ? `state ${state}` : "state not_arrived"), words]))));
     whenChanged("workers", found.workers, (workers) => at("workers").replaceChildren(...workers.map((one) =>
       make("li", [`${one.number}  `, make("span", one.state, `state ${one.state}`),
         one.people ? `, ${one.people} ${one.people === 1 ? "person" : "people"}` : ""]))));
   };
 
-  const slots = (found) => rows("slots", found.slots, (one) => {
-    const whole = one.done + one.held + one.free + one.failed;
-    const filled = make("td", [bar([["done", one.done], ["held", one.held], ["free", one.free],
-      ["failed", one.failed]], whole)], "slots");
-    return [make("td", one.name), make("td", one.split), filled, make("td", `${one.done} of ${whole}`, "n"),
-      make("td", one.held, "n"), make("td", one.free, "n")];
+  const slots = (found) => rows("slots", found.progress.slots, (one) => {
+    const whole = one.num_done + one.num_held + one.num_free + one.num_failed;
+    const filled = make("td", [bar([["done", one.num_done], ["held", one.num_held], ["free", one.num_free],
+      ["failed", one.num_failed]], whole)], "slots");
+    return [make("td", `${one.task.toUpperCase()} ${one.condition}`), make("td", one.split), filled,
+      make("td", `${one.num_done} of ${whole}`, "n"), make("td", one.num_held, "n"), make("td", one.num_free, "n")];
   });
 
   const ORDER = ["stuck", "active", "away", "finished", "out"];
   const people = (found) => {
-    const came = found.people.filter((one) => one.state !== "not_arrived");
+    const all = found.progress.people.map((one, place) => ({ ...one, words: found.people[place] }));
+    const came = all.filter((one) => one.state !== "not_arrived");
     came.sort((one, other) => ORDER.indexOf(one.state) - ORDER.indexOf(other.state));
     rows("people", came, (one) => [
-      make("td", one.code), make("td", one.task), make("td", one.state_words, `state ${one.state}`),
-      make("td", one.where),
-      make("td", [bar([["done", one.done]], one.planned), make("span", `${one.done} of ${one.planned}`)]),
-      make("td", one.here === null ? "" : one.here ? "open" : "closed", one.here ? "" : "quiet"),
-      make("td", one.heard, "n"),
-      ...[one.reconnects, one.technical, one.abandoned].map((count) =>
+      make("td", one.code), make("td", one.task.toUpperCase()), make("td", one.words.state, `state ${one.state}`),
+      make("td", one.words.where),
+      make("td", [bar([["done", one.num_done]], one.num_planned),
+        make("span", `${one.num_done} of ${one.num_planned}`)]),
+      make("td", one.words.here === null ? "" : one.words.here ? "open" : "closed", one.words.here ? "" : "quiet"),
+      make("td", one.words.heard, "n"),
+      ...[one.num_reconnects, one.num_technical, one.num_abandoned].map((count) =>
         make("td", count || "·", count ? "n" : "n quiet")),
     ]);
-    const missing = found.people.filter((one) => one.state === "not_arrived").map((one) => one.code);
+    const missing = all.filter((one) => one.state === "not_arrived").map((one) => one.code);
     at("others").textContent = missing.length ? `Not arrived: ${missing.join(", ")}` : "";
   };
 
@@ -97,11 +100,11 @@
     ? { day: "numeric", month: "short" } : { hour: "2-digit", minute: "2-digit" });
 
   // Up to the present minute, so that a collection that stands still is seen to.
-  const timeline = (found) => whenChanged("timeline", [found.timeline, Math.ceil(found.now_ms / 60e3)], ([points, now]) => {
+  const timeline = ({ progress }) => whenChanged("timeline", [progress.timeline, Math.ceil(progress.now_ns / 60e9)], ([points, now]) => {
     const [left, right, top, bottom] = [44, 624, 12, 206];
     const parts = [];
-    const most = Math.max(4, found.done);
-    const start = points.length ? points[0].at_ms : found.now_ms;
+    const most = Math.max(4, progress.num_done);
+    const start = (points.length ? points[0].at_ns : progress.now_ns) / 1e6;
     const span = Math.max(60e3, now * 60e3 - start);
     const x = (ms) => left + ((right - left) * (ms - start)) / span;
     const y = (count) => bottom - ((bottom - top) * count) / most;
@@ -113,11 +116,11 @@
       parts.push(piece("text", { x: (left + right) / 2, y: (top + bottom) / 2, "text-anchor": "middle" },
         "No counted trial yet"));
     } else {
-      const line = points.map((one, place) => (place ? `H${x(one.at_ms)}` : `M${x(one.at_ms)} ${y(0)}`) +
-        `V${y(one.done)}`).join("") + `H${x(start + span)}`;
+      const line = points.map((one, place) => (place ? `H${x(one.at_ns / 1e6)}` : `M${x(one.at_ns / 1e6)} ${y(0)}`) +
+        `V${y(one.num_done)}`).join("") + `H${x(start + span)}`;
       const end = points[points.length - 1];
       parts.push(piece("path", { class: "area", d: `${line}V${y(0)}Z` }), piece("path", { class: "line", d: line }),
-        piece("circle", { class: "dot", cx: x(start + span), cy: y(end.done), r: 4 }));
+        piece("circle", { class: "dot", cx: x(start + span), cy: y(end.num_done), r: 4 }));
       for (const share of [0, 0.5, 1]) {
         parts.push(piece("text", { x: left + (right - left) * share, y: 230,
           "text-anchor": ["start", "middle", "end"][share * 2] }, when(start + span * share, span)));
@@ -141,7 +144,7 @@
         const found = await reply.json();
         for (const draw of [summary, timeline, slots, people]) draw(found);
         at("page").hidden = false;
-        tell(`Live · ${new Date(found.now_ms).toLocaleTimeString()}`);
+        tell(`Live · ${new Date(found.progress.now_ns / 1e6).toLocaleTimeString()}`);
       } else {
         tell("The study cannot be read just now; still trying.", true);
       }
