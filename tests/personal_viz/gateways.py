@@ -126,6 +126,8 @@ class EchoViser:
         self.port = 0
         self.ended = 0
         """Connections that were closed."""
+        self.open = 0
+        """Connections that are not."""
         self._is_ready = threading.Event()
         self._changed = threading.Condition()
         self._loop = asyncio.new_event_loop()
@@ -153,6 +155,8 @@ class EchoViser:
     async def _answer(self, connection: ServerConnection) -> None:
         assert connection.request is not None
         mine = self.received.setdefault(connection.request.path.rpartition("=")[2], [])
+        with self._changed:
+            self.open += 1
         try:
             async for data in connection:
                 assert isinstance(data, bytes)
@@ -164,6 +168,7 @@ class EchoViser:
         finally:
             with self._changed:
                 self.ended += 1
+                self.open -= 1
                 self._changed.notify_all()
 
 
@@ -178,6 +183,13 @@ class Running:
     people: FewPeople
     told: list[str]
     """Lines for the person at the terminal."""
+
+    def forget(self) -> None:
+        """Lets a test begin with a gateway of which nothing has been asked."""
+        self.viser.wait_until(lambda: self.viser.open == 0)
+        self.viser.received.clear()
+        self.viser.ended = 0
+        self.told.clear()
 
 
 @contextmanager

@@ -31,13 +31,27 @@ CLICK: dict[str, Any] = {
 }
 
 
-@pytest.fixture
-def gateway(tmp_path: Path) -> Iterator[Running]:
-    """A running gateway; whatever happened to it, it still lets a participant work at the end."""
-    with running(tmp_path) as found:
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """One gateway for the tests of this module."""
+    with running(tmp_path_factory.mktemp("gateway")) as found:
         yield found
-        with connected(found, "nice") as survivor:
-            assert says(survivor, PRESS) == b"GuiUpdateMessage"
+
+
+@pytest.fixture(scope="module")
+def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A gateway at which a request has half a second."""
+    with running(tmp_path_factory.mktemp("hasty"), request_within_s=0.5) as found:
+        yield found
+
+
+@pytest.fixture
+def gateway(shared: Running) -> Iterator[Running]:
+    """The shared gateway; whatever happened to it, it still lets a participant work at the end."""
+    shared.forget()
+    yield shared
+    with connected(shared, "nice") as survivor:
+        assert says(survivor, PRESS) == b"GuiUpdateMessage"
 
 
 def closed_code(connection: ClientConnection) -> int | None:
@@ -233,11 +247,8 @@ def test_large_bodies_are_refused_before_they_arrive(gateway: Running) -> None:
         get("/").replace(b"Connection: close\r\n", b"") + b"GET / HT",
     ],
 )
-def test_requests_that_never_end_are_disconnected_although_they_trickle(tmp_path: Path, beginning: bytes) -> None:
-    with (
-        running(tmp_path, request_within_s=0.5) as gateway,
-        socket.create_connection(("127.0.0.1", gateway.port), timeout=30) as slow,
-    ):
+def test_requests_that_never_end_are_disconnected_although_they_trickle(hasty: Running, beginning: bytes) -> None:
+    with socket.create_connection(("127.0.0.1", hasty.port), timeout=30) as slow:
         is_over = threading.Event()
 
         def trickle() -> None:
@@ -253,16 +264,17 @@ def test_requests_that_never_end_are_disconnected_although_they_trickle(tmp_path
                 pass
         is_over.set()
         sender.join(20)
-        with connected(gateway, "good") as other:
+        with connected(hasty, "good") as other:
             assert says(other, PRESS) == b"GuiUpdateMessage"
 
 
-def test_the_time_limit_of_requests_is_not_one_of_websockets(tmp_path: Path) -> None:
-    with running(tmp_path, request_within_s=0.5) as gateway, connected(gateway, "good") as patient:
+def test_the_time_limit_of_requests_is_not_one_of_websockets(hasty: Running) -> None:
+    hasty.forget()
+    with connected(hasty, "good") as patient:
         assert says(patient, PRESS) == b"GuiUpdateMessage"
-        assert raw(gateway.port, b"GET / HTTP/1.1\r\nX-Slow: ") == b"", "now the time is over"
+        assert raw(hasty.port, b"GET / HTTP/1.1\r\nX-Slow: ") == b"", "now the time is over"
         assert says(patient, PRESS) == b"GuiUpdateMessage"
-    assert len(gateway.viser.received) == 1
+    assert len(hasty.viser.received) == 1
 
 
 def test_a_hundred_idle_connections_do_not_keep_others_out(gateway: Running) -> None:

@@ -1,6 +1,7 @@
 """Pages of another version of the program: their websocket is refused in words of its own, and a new page is sent."""
 
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,12 @@ from personal_viz.study_app.page_script import SUBPROTOCOL, is_other_viser, page
 
 from .gateways import PRESS, Running, enter, pack, running
 
-FIRST, SECOND = ServeOptions(port=0, page_version="first"), ServeOptions(port=0, page_version="second")
+
+@pytest.fixture(scope="module")
+def second(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A gateway that serves the pages of version `second`."""
+    with running(tmp_path_factory.mktemp("second"), options=ServeOptions(port=0, page_version="second")) as gateway:
+        yield gateway
 
 
 def refusal(url: str, headers: dict[str, str], *protocols: str) -> tuple[int, str]:
@@ -34,33 +40,30 @@ def got(gateway: Running, path: str) -> tuple[str, str]:
         return reply.url, reply.read().decode()
 
 
-def test_a_page_of_another_version_is_refused_with_words_of_its_own(tmp_path: Path) -> None:
-    with running(tmp_path, options=SECOND) as gateway:
-        url, headers = enter(gateway.address, "good")
-        assert url.endswith("/second")
-        expected = (409, "the study's program was updated; load the page again")
-        assert refusal(url.removesuffix("second") + "first", headers) == expected
-        assert refusal(url.removesuffix("/second"), headers) == expected, "a page of before pages had a version"
-        assert gateway.viser.received == {}
-        with connect(url, additional_headers=headers, proxy=None) as own:
-            own.send(pack(PRESS))
-            assert own.recv(timeout=20) == b"GuiUpdateMessage"
-    assert gateway.told == []
+def test_a_page_of_another_version_is_refused_with_words_of_its_own(second: Running) -> None:
+    url, headers = enter(second.address, "good")
+    assert url.endswith("/second")
+    expected = (409, "the study's program was updated; load the page again")
+    assert refusal(url.removesuffix("second") + "first", headers) == expected
+    assert refusal(url.removesuffix("/second"), headers) == expected, "a page of before pages had a version"
+    assert second.viser.received == {}
+    with connect(url, additional_headers=headers, proxy=None) as own:
+        own.send(pack(PRESS))
+        assert own.recv(timeout=20) == b"GuiUpdateMessage"
+    assert second.told == []
 
 
-def test_who_has_no_ticket_does_not_learn_the_version(tmp_path: Path) -> None:
-    with running(tmp_path, options=SECOND) as gateway:
-        url, headers = enter(gateway.address, "good")
-        for address, own in ((url.replace("/ws/", "/ws/x"), headers), (url, {"Origin": gateway.address})):
-            for version in ("first", "second"):
-                assert refusal(address.removesuffix("second") + version, own) == (403, "")
+def test_who_has_no_ticket_does_not_learn_the_version(second: Running) -> None:
+    url, headers = enter(second.address, "good")
+    for address, own in ((url.replace("/ws/", "/ws/x"), headers), (url, {"Origin": second.address})):
+        for version in ("first", "second"):
+            assert refusal(address.removesuffix("second") + version, own) == (403, "")
 
 
 @pytest.mark.parametrize("offered", [("viser-v0.0.1",), ("viser-v0.0.1", "viser-v9.9.9")])
-def test_another_viser_is_refused_alike(tmp_path: Path, offered: tuple[str, ...]) -> None:
-    with running(tmp_path) as gateway:
-        url, headers = enter(gateway.address, "good")
-        assert refusal(url, headers, *offered)[0] == 409
+def test_another_viser_is_refused_alike(second: Running, offered: tuple[str, ...]) -> None:
+    url, headers = enter(second.address, "good")
+    assert refusal(url, headers, *offered)[0] == 409
 
 
 def test_the_version_that_counts_is_that_of_the_installed_viser() -> None:
@@ -70,20 +73,18 @@ def test_the_version_that_counts_is_that_of_the_installed_viser() -> None:
     assert not is_other_viser([])
 
 
-def test_an_old_page_that_is_loaded_again_gets_the_page_of_today_with_the_same_ticket(tmp_path: Path) -> None:
-    with running(tmp_path, options=SECOND) as gateway:
-        url, _ = enter(gateway.address, "good")
-        for old in (url.removesuffix("second") + "first", url.removesuffix("/second"), url + "/x"):
-            address, text = got(gateway, f"/view/?websocket={old}")
-            assert address == f"{gateway.address}/view/?websocket={url}"
-            assert "const MINE = 'second'" in text
-        address, text = got(gateway, "/view/?websocket=ws://127.0.0.1/ws/unknown/first")
-        assert "enter.js" in text, "no ticket, no page"
+def test_an_old_page_that_is_loaded_again_gets_the_page_of_today_with_the_same_ticket(second: Running) -> None:
+    url, _ = enter(second.address, "good")
+    for old in (url.removesuffix("second") + "first", url.removesuffix("/second"), url + "/x"):
+        address, text = got(second, f"/view/?websocket={old}")
+        assert address == f"{second.address}/view/?websocket={url}"
+        assert "const MINE = 'second'" in text
+    address, text = got(second, "/view/?websocket=ws://127.0.0.1/ws/unknown/first")
+    assert "enter.js" in text, "no ticket, no page"
 
 
-def test_pages_can_ask_which_version_is_served(tmp_path: Path) -> None:
-    with running(tmp_path, options=FIRST) as gateway:
-        assert got(gateway, "/page-version")[1] == "first"
+def test_pages_can_ask_which_version_is_served(second: Running, tmp_path: Path) -> None:
+    assert got(second, "/page-version")[1] == "second"
     with running(tmp_path) as gateway:
         assert got(gateway, "/page-version")[1] == page_version()
 

@@ -58,8 +58,20 @@ def is_running(pid: int) -> bool:
     return True
 
 
-def test_people_are_shared_out_evenly_and_stay_where_they_are(tmp_path: Path) -> None:
-    with pool_of(tmp_path, "good", 2, []) as pool, ExitStack() as stack:
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[WorkerPool, Path]]:
+    """Two good workers with the folder of their pids, for tests that leave them alone; both end with the block."""
+    folder = tmp_path_factory.mktemp("two")
+    with pool_of(folder, "good", 2, []) as pool:
+        assert len(pids(folder)) == 2
+        assert all(is_running(pid) for pid in pids(folder))
+        yield pool, folder
+    assert not any(is_running(pid) for pid in pids(folder))
+
+
+def test_people_are_shared_out_evenly_and_stay_where_they_are(two: tuple[WorkerPool, Path]) -> None:
+    pool, _ = two
+    with ExitStack() as stack:
         doors = {code: stack.enter_context(pool.seat(code)) for code in ("p01", "p02", "p03", "p04")}
         assert Counter(doors.values()) == {worker.door: 2 for worker in pool.workers}
         again = {code: stack.enter_context(pool.seat(code)) for code in doors}
@@ -74,27 +86,18 @@ def test_people_are_shared_out_evenly_and_stay_where_they_are(tmp_path: Path) ->
     assert pool.num_people() == 0
 
 
-def test_who_comes_back_finds_the_worker_of_before_when_it_is_as_free(tmp_path: Path) -> None:
-    with pool_of(tmp_path, "good", 2, []) as pool:
-        with pool.seat("p01"), pool.seat("p02") as second:
-            pass
-        with pool.seat("p02") as again:
-            assert again == second
+def test_who_comes_back_finds_the_worker_of_before_when_it_is_as_free(two: tuple[WorkerPool, Path]) -> None:
+    pool, _ = two
+    with pool.seat("p11"), pool.seat("p12") as second:
+        pass
+    with pool.seat("p12") as again:
+        assert again == second
 
 
-def test_all_workers_end_with_the_block(tmp_path: Path) -> None:
-    with pool_of(tmp_path, "good", 2, []):
-        assert len(pids(tmp_path)) == 2
-        assert all(is_running(pid) for pid in pids(tmp_path))
-    assert not any(is_running(pid) for pid in pids(tmp_path))
-
-
-def test_ctrl_c_does_not_reach_workers_and_they_share_the_cores_with_the_gateway(tmp_path: Path) -> None:
-    with pool_of(tmp_path, "good", 2, []):
-        assert pids(tmp_path)
-        for pid in pids(tmp_path):
-            assert os.getpgid(pid) not in (os.getpgid(0), 0)
-            assert os.getsid(pid) == os.getsid(0)
+def test_ctrl_c_does_not_reach_workers_and_they_share_the_cores_with_the_gateway(two: tuple[WorkerPool, Path]) -> None:
+    for pid in pids(two[1]):
+        assert os.getpgid(pid) not in (os.getpgid(0), 0)
+        assert os.getsid(pid) == os.getsid(0)
 
 
 def test_a_worker_that_does_not_listen_is_killed(tmp_path: Path) -> None:
@@ -112,16 +115,23 @@ def test_a_worker_that_cannot_start_says_why_and_the_others_end(tmp_path: Path) 
     assert not any(is_running(pid) for pid in pids(tmp_path))
 
 
-@pytest.mark.slow
-def test_a_worker_that_always_dies_is_given_up_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "PAUSES_S", (0.0,) * workers.MOST_FAILURES)
+@pytest.mark.parametrize(
+    ("kind", "heartbeat"),
+    [("fragile", None), ("slow", Heartbeat(every_s=0.01, patience_s=0.3))],
+    ids=["dies", "hangs"],
+)
+def test_a_worker_that_always_dies_or_hangs_is_given_up_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, heartbeat: Heartbeat | None
+) -> None:
+    monkeypatch.setattr(workers, "MOST_FAILURES", 2)
+    monkeypatch.setattr(workers, "PAUSES_S", (0.0, 0.0))
     told: list[str] = []
-    with pool_of(tmp_path, "fragile", 1, told) as pool:
+    with pool_of(tmp_path, kind, 1, told, heartbeat=heartbeat) as pool:
         assert pool.ended.wait(PATIENCE_S)
         with pool.seat("p01") as door:
             assert door is None
-    assert told[-1] == "viser worker 1 ended 5 times in a row; it is not started again."
-    assert len(pids(tmp_path)) == 5
+    assert told[-1] == "viser worker 1 ended 2 times in a row; it is not started again."
+    assert len(pids(tmp_path)) == 2
 
 
 @contextmanager
@@ -219,18 +229,6 @@ def test_a_slow_worker_is_left_alone(tmp_path: Path) -> None:
         assert pids(tmp_path) == [pid]
         assert is_running(pid)
     assert told == []
-
-
-@pytest.mark.slow
-def test_a_worker_that_hangs_each_time_it_is_started_is_given_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(workers, "PAUSES_S", (0.0,) * workers.MOST_FAILURES)
-    told: list[str] = []
-    with pool_of(tmp_path, "slow", 1, told, heartbeat=Heartbeat(every_s=0.01, patience_s=0.3)) as pool:
-        assert pool.ended.wait(PATIENCE_S)
-    assert len(pids(tmp_path)) == workers.MOST_FAILURES
-    assert told[-1] == "viser worker 1 ended 5 times in a row; it is not started again."
 
 
 def test_the_program_of_a_worker_names_what_it_needs() -> None:

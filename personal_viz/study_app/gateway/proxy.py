@@ -14,6 +14,8 @@ from ..worker_door import SECRET_HEADER, WorkerDoor
 from .filter import ACTION_RATE, CAMERA_RATE, FLOOD_RATE, RateLimit, ViewerCameraMessage, browser_message, viser_bytes
 
 OPEN_WITHIN_S = 10.0
+CLOSE_WITHIN_S = 1.0
+"""Longest wait for a worker's goodbye; when its line is full of messages that nobody reads any more, none arrives."""
 _SUBPROTOCOL = re.compile(r"\Aviser-v[0-9.]{1,16}\Z")
 BAD, LATER, RESTART = 1008, 1013, 1012
 """Close codes: a message that is not allowed; come back in a moment; the worker ended."""
@@ -41,6 +43,7 @@ async def join(socket: WebSocket, door: WorkerDoor, ticket_id: str, number: int)
             max_size=None,
             compression=None,
             open_timeout=OPEN_WITHIN_S,
+            close_timeout=CLOSE_WITHIN_S,
             ping_interval=None,  # a worker that loads a home may be silent for long; its end is noticed anyway
             proxy=None,
         )
