@@ -76,20 +76,13 @@ class VisibleFloor:
 class CoverageTracker:
     """The share of a `VisibleFloor` that views have shown so far; it never falls."""
 
-    def __init__(self, floor: VisibleFloor, *, floor_y: float | None = None) -> None:
-        """Starts with nothing seen.
-
-        Args:
-            floor: The floor that can be seen.
-            floor_y: Height of the drawn floor, metres; None = the storey's typical height.
-        """
+    def __init__(self, floor: VisibleFloor) -> None:
+        """Starts with nothing seen of `floor`."""
         self._floor = floor
         rows, cols = np.nonzero(floor.visible)
         self._xz = floor.grid.xz_from_rc(np.stack([rows, cols], axis=1))
         middle = self._xz.mean(axis=0)
-        self._mapper = OccupancyMapper(
-            centre_xz=(float(middle[0]), float(middle[1])), floor_y=floor.storey_y if floor_y is None else floor_y
-        )
+        self._mapper = OccupancyMapper(centre_xz=(float(middle[0]), float(middle[1])), floor_y=floor.storey_y)
         self._rc = self._mapper.grid.rc_from_xz(self._xz)
 
     def add(self, depth_m: NDArray[np.float32], T_world_camera: NDArray[np.float64], camera: Camera) -> None:

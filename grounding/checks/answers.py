@@ -49,21 +49,21 @@ def require_encoder(encoder: TextEncoder) -> None:
         AgentError: The contract is broken; the message names the first breach.
     """
     where = f"encoder {encoder.name!r}"
-    _require(bool(encoder.name), "encoder", "name", encoder.name, "a name that is unique to its vector space")
+    require(bool(encoder.name), "encoder", "name", encoder.name, "a name that is unique to its vector space")
     vectors = _encoded(encoder, _TEXTS)
     norms = np.linalg.norm(vectors, axis=1)
     unit = bool(np.allclose(norms, 1, atol=_TOLERANCE))
-    _require(unit, where, "lengths of vectors", norms.round(4).tolist(), "1 for every text with words")
+    require(unit, where, "lengths of vectors", norms.round(4).tolist(), "1 for every text with words")
     again = _encoded(encoder, _TEXTS)
-    _require(bool(np.array_equal(vectors, again)), where, "second answer", "another one", "the same vectors every time")
+    require(bool(np.array_equal(vectors, again)), where, "second answer", "another one", "the same vectors every time")
     alone = np.concatenate([_encoded(encoder, [text]) for text in reversed(_TEXTS)])[::-1]
     worst = float(np.abs(alone - vectors).max())
-    _require(worst <= _TOLERANCE, where, "change when a text is encoded alone", worst, f"at most {_TOLERANCE}")
+    require(worst <= _TOLERANCE, where, "change when a text is encoded alone", worst, f"at most {_TOLERANCE}")
     closest = float((vectors @ vectors.T)[~np.eye(len(_TEXTS), dtype=bool)].max())
-    _require(closest < 1 - _TOLERANCE, where, "cosine of different texts", closest, "below 1")
+    require(closest < 1 - _TOLERANCE, where, "cosine of different texts", closest, "below 1")
     _encoded(encoder, [])
     empty = float(np.linalg.norm(_encoded(encoder, [""])))
-    _require(min(abs(empty), abs(empty - 1)) <= _TOLERANCE, where, "length for an empty text", empty, "0 or 1")
+    require(min(abs(empty), abs(empty - 1)) <= _TOLERANCE, where, "length for an empty text", empty, "0 or 1")
 
 
 def check_grounder(
@@ -103,14 +103,14 @@ def check_phrases(source: PhraseSource | Callable[[], PhraseSource] | str) -> li
 
 def _require_phrases(source: PhraseSource) -> None:
     where = f"phrase source {source.name!r}"
-    _require(bool(source.name), "phrase source", "name", source.name, "a name, which every row of results shows")
-    _require(isinstance(source.num_fallbacks, int), where, "num_fallbacks", source.num_fallbacks, "a whole number")
+    require(bool(source.name), "phrase source", "name", source.name, "a name, which every row of results shows")
+    require(isinstance(source.num_fallbacks, int), where, "num_fallbacks", source.num_fallbacks, "a whole number")
     for task in (_TASK, replace(_TASK, description="")):
         found = source.phrases(task)
         texts = isinstance(found, tuple) and all(isinstance(phrase, str) for phrase in found)
-        _require(texts, where, "answer", found, "a tuple of texts")
-        _require(len(set(found)) == len(found), where, "answer", found, "each phrase once")
-        _require(source.phrases(task) == found, where, "second answer", "another one", "the same phrases every time")
+        require(texts, where, "answer", found, "a tuple of texts")
+        require(len(set(found)) == len(found), where, "answer", found, "each phrase once")
+        require(source.phrases(task) == found, where, "second answer", "another one", "the same phrases every time")
 
 
 def _phrases_of_task(source: PhraseSource) -> tuple[str, ...]:
@@ -128,29 +128,41 @@ def _require_grounder(grounder: Grounder, *, encoder: TextEncoder) -> None:
     before = _features(memory).copy()
     for phrases in (_PHRASES, (*_PHRASES, *_PHRASES), ()):
         first = grounder.ground(memory, _TASK, phrases)
-        _require(len(first.candidates) > 0, where, "candidates", 0, "at least one on a map that holds the object")
+        require(len(first.candidates) > 0, where, "candidates", 0, "at least one on a map that holds the object")
         _check_candidates(first, memory, where)
         second = grounder.ground(memory, _TASK, phrases)
         same = second.candidates == first.candidates
-        _require(same, where, "second answer", "another one", "the same answer to the same inputs")
-    _require(bool(np.array_equal(before, _features(memory))), where, "the map's rows", "changed", "unchanged")
+        require(same, where, "second answer", "another one", "the same answer to the same inputs")
+    require(bool(np.array_equal(before, _features(memory))), where, "the map's rows", "changed", "unchanged")
     _check_candidates(grounder.ground(empty, _TASK, _PHRASES), empty, where)
     _check_refusal(grounder, encoder, where)
 
 
-def _require(holds: bool, where: str, what: str, found: object, expected: str) -> None:
+def require(holds: bool, where: str, what: str, found: object, expected: str) -> None:
+    """Refuses a plug-in that breaks its contract.
+
+    Raises:
+        AgentError: `holds` is False.
+    """
     if not holds:
         raise AgentError(f"{where}: {what} is {found!r}; expected {expected}. Correct the plug-in.")
 
 
+def require_vectors(vectors: NDArray[np.float32], shape: tuple[int, ...], where: str) -> None:
+    """Refuses vectors of another type or shape, and numbers that are not finite.
+
+    Raises:
+        AgentError: The vectors are refused.
+    """
+    require(isinstance(vectors, np.ndarray), where, "type", type(vectors).__name__, "a numpy array")
+    require(vectors.dtype == np.float32, where, "dtype", str(vectors.dtype), "float32")
+    require(vectors.shape == shape, where, "shape", vectors.shape, f"{shape}")
+    require(bool(np.isfinite(vectors).all()), where, "smallest value", float(vectors.min(initial=0)), "finite numbers")
+
+
 def _encoded(encoder: TextEncoder, texts: Sequence[str]) -> NDArray[np.float32]:
-    where = f"encoder {encoder.name!r}, {len(texts)} texts"
     vectors = encoder.encode_texts(texts)
-    _require(isinstance(vectors, np.ndarray), where, "type", type(vectors).__name__, "a numpy array")
-    _require(vectors.dtype == np.float32, where, "dtype", str(vectors.dtype), "float32")
-    shape = (len(texts), encoder.dim)
-    _require(vectors.shape == shape, where, "shape", vectors.shape, f"{shape} = (texts, dim)")
-    _require(bool(np.isfinite(vectors).all()), where, "smallest value", float(vectors.min(initial=0)), "finite numbers")
+    require_vectors(vectors, (len(texts), encoder.dim), f"encoder {encoder.name!r}, {len(texts)} texts")
     return vectors
 
 
@@ -161,25 +173,25 @@ def _check_refusal(grounder: Grounder, encoder: TextEncoder, where: str) -> None
         grounder.ground(other, _TASK, _PHRASES)
     except AgentError:
         return
-    _require(False, where, "answer to the other kind of map", "given", f"AgentError: it takes {grounder.takes!r}")
+    require(False, where, "answer to the other kind of map", "given", f"AgentError: it takes {grounder.takes!r}")
 
 
 def _check_candidates(grounding: Grounding, memory: Memory, where: str) -> None:
     grid = memory.grid
     scores = [candidate.score for candidate in grounding.candidates]
     ranked = all(first >= second - TIE for first, second in pairwise(scores))
-    _require(ranked and bool(np.isfinite(scores).all()), where, "scores", scores, "finite numbers, best first")
+    require(ranked and bool(np.isfinite(scores).all()), where, "scores", scores, "finite numbers, best first")
     floors = {memory.floor_y} if isinstance(memory, ObjectMap) else {memory.floor_y, *memory.cell_y.tolist()}
     for candidate in grounding.candidates:
         x, y, z = candidate.position
         rc = (candidate.row, candidate.col)
         cell = tuple(grid.rc_from_xz(np.array([x, z])).tolist())
-        _require(cell == rc, where, "row and column", rc, f"{cell}, the cell that holds the candidate's position")
-        _require(bool(grid.contains(np.array(rc))), where, "cell", rc, f"inside the grid {grid.shape}")
+        require(cell == rc, where, "row and column", rc, f"{cell}, the cell that holds the candidate's position")
+        require(bool(grid.contains(np.array(rc))), where, "cell", rc, f"inside the grid {grid.shape}")
         index = candidate.row * grid.shape[1] + candidate.col
-        _require(candidate.index == index, where, "index", candidate.index, f"{index} = row * columns + column")
+        require(candidate.index == index, where, "index", candidate.index, f"{index} = row * columns + column")
         on_floor = min(abs(y - floor) for floor in floors) <= _TOLERANCE
-        _require(on_floor, where, "height of a candidate", y, f"one of the map's floors {sorted(floors)}")
+        require(on_floor, where, "height of a candidate", y, f"one of the map's floors {sorted(floors)}")
 
 
 def _small_maps(encoder: TextEncoder, grounder: Grounder) -> tuple[Memory, Memory]:

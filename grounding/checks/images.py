@@ -1,17 +1,15 @@
 """The check that users run on their own image encoder; ours pass the same one."""
 
 from collections.abc import Callable, Sequence
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import AgentError
 from sim.plugins import problems_of
 from sim.types import Camera, Frame
 
-from ..encoders.protocol import DenseEncoder, TextImageEncoder
-from .answers import require_encoder
+from ..encoders.protocol import TextImageEncoder
+from .answers import require, require_encoder, require_vectors
 
 _TOLERANCE = 1e-3
 """Allowed difference of vectors that should be equal."""
@@ -40,26 +38,36 @@ def _require_image_encoder(encoder: TextImageEncoder) -> None:
     require_encoder(encoder)
     frames = [_halves(across=True), _halves(across=False), _halves(across=True, first=2)]
     before = [frame.rgb.copy() for frame in frames]
-    vectors = _check_rows(encoder, "encode_images", frames, encoder.encode_images(frames), (len(frames), encoder.dim))
-    alone = np.concatenate([encoder.encode_images([frame]) for frame in reversed(frames)])[::-1]
-    _check_same(encoder, "encode_images", vectors, alone, encoder.encode_images(frames))
-    none = encoder.encode_images([])
-    _require(none.shape == (0, encoder.dim), encoder, "encode_images", f"shape {none.shape}", f"(0, {encoder.dim})")
+    _vectors_of(encoder, "encode_images", frames)
     if hasattr(encoder, "encode_patches"):
-        _check_patches(cast(DenseEncoder, encoder), frames)
+        _require_places(encoder, _vectors_of(encoder, "encode_patches", frames))
     same = all(np.array_equal(copy, frame.rgb) for copy, frame in zip(before, frames, strict=True))
-    _require(same, encoder, "encode_images or encode_patches", "changed pictures", "pictures as they were given")
+    require(same, f"encoder {encoder.name!r}", "a picture after encoding", "changed", "unchanged")
 
 
-def _check_patches(encoder: DenseEncoder, frames: Sequence[Frame]) -> None:
-    where, found = "encode_patches", encoder.encode_patches(frames)
-    _require(found.ndim == 4, encoder, where, f"{found.ndim} dimensions", "(frames, rows, columns, dim)")
-    shape = (len(frames), max(1, found.shape[1]), max(1, found.shape[2]), encoder.dim)
-    patches = _check_rows(encoder, where, frames, found, shape)
-    alone = np.concatenate([encoder.encode_patches([frame]) for frame in reversed(frames)])[::-1]
-    _check_same(encoder, where, patches, alone, encoder.encode_patches(frames))
-    none = encoder.encode_patches([])
-    _require(none.ndim == 4 and len(none) == 0, encoder, where, f"shape {none.shape} for no frames", "(0, ., ., dim)")
+def _vectors_of(encoder: TextImageEncoder, method: str, frames: Sequence[Frame]) -> NDArray[np.float32]:
+    """The answer of `encode_images` (N, E) or `encode_patches` (N, h, w, E), the same alone and again."""
+    where, encode = f"encoder {encoder.name!r}, {method}", getattr(encoder, method)
+    vectors = encode(frames)
+    axes = "(frames, dim)" if method == "encode_images" else "(frames, rows, columns, dim)"
+    require(vectors.ndim == axes.count(",") + 1, where, "shape", vectors.shape, axes)
+    require_vectors(vectors, (len(frames), *(max(1, side) for side in vectors.shape[1:-1]), encoder.dim), where)
+    norms = np.linalg.norm(vectors, axis=-1)
+    odd = norms[np.minimum(np.abs(norms), np.abs(norms - 1)) > _TOLERANCE]
+    require(not len(odd), where, "length of a vector", round(float(odd.max(initial=0)), 4), "1, or 0 for no content")
+    again = bool(np.array_equal(vectors, encode(frames)))
+    require(again, where, "second answer", "another one", "the same vectors every time")
+    alone = np.concatenate([encode([frame]) for frame in reversed(frames)])[::-1]
+    worst = float(np.abs(vectors - alone).max())
+    require(worst <= _TOLERANCE, where, "change when a picture is encoded alone", worst, f"at most {_TOLERANCE}")
+    none = encode([])
+    fits = none.ndim == vectors.ndim and len(none) == 0 and (none.ndim > 2 or none.shape[-1] == encoder.dim)
+    require(fits, where, "shape for no frames", none.shape, f"{axes} with 0 frames")
+    return vectors
+
+
+def _require_places(encoder: TextImageEncoder, patches: NDArray[np.float32]) -> None:
+    """Refuses patches (N, h, w, E) that are not where the check's pictures show their halves."""
     for name, halves in (("left and right", patches[0]), ("top and bottom", np.swapaxes(patches[1], 0, 1))):
         cut = halves.shape[1] // 2
         if cut == 0 or not halves.any():
@@ -67,27 +75,8 @@ def _check_patches(encoder: DenseEncoder, frames: Sequence[Frame]) -> None:
         first, second = _mean(halves[:, :cut]), _mean(halves[:, -cut:])
         within = float((_flat(halves[:, :cut]) @ first).mean() + (_flat(halves[:, -cut:]) @ second).mean())
         across = float((_flat(halves[:, :cut]) @ second).mean() + (_flat(halves[:, -cut:]) @ first).mean())
-        expected = "patches that are more like their own half of the picture than like the other"
-        _require(within > across + _TOLERANCE, encoder, where, f"{name} halves alike or turned", expected)
-
-
-def _check_rows(
-    encoder: TextImageEncoder, where: str, frames: Sequence[Frame], rows: NDArray, shape: tuple[int, ...]
-) -> NDArray[np.float32]:
-    _require(rows.dtype == np.float32, encoder, where, f"dtype {rows.dtype}", "float32")
-    _require(rows.shape == shape, encoder, where, f"shape {rows.shape} for {len(frames)} frames", str(shape))
-    _require(bool(np.isfinite(rows).all()), encoder, where, "values that are not finite", "finite numbers")
-    norms = np.linalg.norm(rows, axis=-1)
-    unit = np.minimum(np.abs(norms), np.abs(norms - 1)) <= _TOLERANCE
-    worst = float(norms[~unit][0]) if not unit.all() else 1.0
-    _require(bool(unit.all()), encoder, where, f"a vector of length {worst:.4g}", "1, or 0 where there is nothing")
-    return rows
-
-
-def _check_same(encoder: TextImageEncoder, where: str, first: NDArray, alone: NDArray, again: NDArray) -> None:
-    _require(bool(np.array_equal(first, again)), encoder, where, "another second answer", "the same every time")
-    worst = float(np.abs(first - alone).max())
-    _require(worst <= _TOLERANCE, encoder, where, f"a change of {worst:.3g} for frames alone", f"<= {_TOLERANCE}")
+        where, expected = f"encoder {encoder.name!r}, encode_patches", "patches like their own half of the picture"
+        require(within > across + _TOLERANCE, where, f"a picture of {name} halves", "alike or turned", expected)
 
 
 def _mean(patches: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -111,8 +100,3 @@ def _halves(*, across: bool, first: int = 1) -> Frame:
     rgb = (level + rng.integers(-30, 30, (_HEIGHT, _WIDTH, 3))).astype(np.uint8)
     camera = Camera.of_lens(_WIDTH, _HEIGHT, fx=100.0, fy=100.0, cx=_WIDTH / 2, cy=_HEIGHT / 2)
     return Frame(rgb, np.ones((_HEIGHT, _WIDTH), np.float32), np.eye(4), camera, ids)
-
-
-def _require(holds: bool, encoder: TextImageEncoder, where: str, found: str, expected: str) -> None:
-    if not holds:
-        raise AgentError(f"encoder {encoder.name!r}: {where} gives {found}; expected {expected}. Correct the plug-in.")

@@ -7,15 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from sim.errors import AgentError
 from sim.plugins import problems_of
 from sim.tasks.observers import FREE, OCCUPIED
 from sim.types import CAMERA_HEIGHT
 
 from ..encoders.protocol import TextEncoder
+from ..maps.arrays import arrays_of_storey
 from ..maps.grid_map import MapBuilder
 from ..maps.home_map import HomeMemory, Memory, ObjectMap, OccupancyGrid, StoreyMemory
 from ..types import FeatureMap
+from .answers import require
 from .room import BOXES, ROOM, CheckView, check_views, is_free, is_solid
 
 _NEAR = 0.1
@@ -66,7 +67,7 @@ def _require_builder(builder: MapBuilder, *, encoder: TextEncoder) -> None:
     where = f"map builder {builder.name!r}"
     builder.reset()
     empty = builder.finish()
-    _require(empty.num_frames == 0, where, "frames without any view", empty.num_frames, "0")
+    require(empty.num_frames == 0, where, "frames without any view", empty.num_frames, "0")
     maps = []
     for T_map_room in (np.eye(4), _MOVED):
         views = check_views(T_map_room=T_map_room)
@@ -74,23 +75,18 @@ def _require_builder(builder: MapBuilder, *, encoder: TextEncoder) -> None:
         for view in views:
             _add_unchanged(builder, view, where)
         home = builder.finish()
-        _require(home.num_frames == len(views), where, "frames", home.num_frames, f"{len(views)}")
-        _require(len(home.storeys) == 1, where, "storeys of a flat room", len(home.storeys), "1")
+        require(home.num_frames == len(views), where, "frames", home.num_frames, f"{len(views)}")
+        require(len(home.storeys) == 1, where, "storeys of a flat room", len(home.storeys), "1")
         _check_storey(home.storeys[0], views, T_map_room, encoder, where)
         maps.append(home)
     again = _built(builder, check_views())
-    _require(_same(again, maps[0]), where, "map of the same views after reset", "another one", "the same map")
+    require(_same(again, maps[0]), where, "map of the same views after reset", "another one", "the same map")
     exchanged = _built(builder, check_views(exchanged=True))
     for low, high in BOXES.values():
         footprint = np.array([low, high])[:, [0, 2]]
         changed = _changes(maps[0].storeys[0].memory, exchanged.storeys[0].memory, footprint)
         expected = "another one when the boxes exchange their colours: check rows and columns"
-        _require(changed, where, f"what is stored around {footprint.mean(axis=0).tolist()}", "the same", expected)
-
-
-def _require(holds: bool, where: str, what: str, found: object, expected: str) -> None:
-    if not holds:
-        raise AgentError(f"{where}: {what} is {found!r}; expected {expected}. Correct the plug-in.")
+        require(changed, where, f"what is stored around {footprint.mean(axis=0).tolist()}", "the same", expected)
 
 
 def _add_unchanged(builder: MapBuilder, view: CheckView, where: str) -> None:
@@ -99,7 +95,7 @@ def _add_unchanged(builder: MapBuilder, view: CheckView, where: str) -> None:
     builder.add(frame)
     after = frame.rgb, frame.depth_m, frame.T_world_camera
     same = all(np.array_equal(first, second) for first, second in zip(before, after, strict=True))
-    _require(same, where, "a view's arrays after add", "changed", "unchanged")
+    require(same, where, "a view's arrays after add", "changed", "unchanged")
 
 
 def _check_storey(
@@ -108,10 +104,10 @@ def _check_storey(
     floor_y = float(T_map_room[1, 3])
     off = abs(storey.floor_y - floor_y)
     advice = f"{floor_y}, {CAMERA_HEIGHT} m under the cameras"
-    _require(off <= _NEAR, where, "height of the floor", round(storey.floor_y, 3), advice)
+    require(off <= _NEAR, where, "height of the floor", round(storey.floor_y, 3), advice)
     memory = storey.memory
     space = memory.encoder, memory.dim
-    _require(space == (encoder.name, encoder.dim), where, "encoder", space, f"{(encoder.name, encoder.dim)}")
+    require(space == (encoder.name, encoder.dim), where, "encoder", space, f"{(encoder.name, encoder.dim)}")
     _check_occupancy(storey.occupancy, T_map_room, where)
     seen = np.concatenate([view.points[::2, ::2].reshape(-1, 3) for view in views])
     if isinstance(memory, ObjectMap):
@@ -125,21 +121,21 @@ def _check_occupancy(occupancy: OccupancyGrid, T_map_room: NDArray[np.float64], 
     for value, what, test in ((FREE, "free", is_free), (OCCUPIED, "blocked", is_solid)):
         xz = occupancy.grid.xz_from_rc(np.argwhere(occupancy.cells == value))
         points = np.column_stack([xz[:, 0], np.zeros(len(xz)), xz[:, 1]]) @ T_room_map[:3, :3].T + T_room_map[:3, 3]
-        _require(len(xz) >= _SOME, where, f"number of {what} cells", len(xz), f"at least {_SOME} in a seen room")
+        require(len(xz) >= _SOME, where, f"number of {what} cells", len(xz), f"at least {_SOME} in a seen room")
         share = float(test(points[:, [0, 2]]).mean())
         what = f"share of {what} cells that are {what}"
-        _require(share >= _RIGHT_SHARE, where, what, round(share, 3), f"at least {_RIGHT_SHARE}: check yaw and axes")
+        require(share >= _RIGHT_SHARE, where, what, round(share, 3), f"at least {_RIGHT_SHARE}: check yaw and axes")
 
 
 def _check_cells(memory: FeatureMap, seen: NDArray[np.float64], where: str) -> None:
     expected = "at least one where the encoder says something"
-    _require(len(memory.rows) > 0, where, "number of cells", 0, expected)
+    require(len(memory.rows) > 0, where, "number of cells", 0, expected)
     low = np.asarray(memory.grid.origin_xz) + memory.rc[:, ::-1] * memory.grid.cell - _NEAR
     high = low + memory.grid.cell + 2 * _NEAR
     for xz_low, xz_high, rc in zip(low, high, memory.rc.tolist(), strict=True):
         shows = ((seen[:, [0, 2]] >= xz_low) & (seen[:, [0, 2]] <= xz_high)).all(axis=1).any()
-        _require(bool(shows), where, "a stored cell", rc, "one in which a view shows something: check yaw and axes")
-    _require(bool((memory.weights > 0).all()), where, "least weight", float(memory.weights.min()), "above 0")
+        require(bool(shows), where, "a stored cell", rc, "one in which a view shows something: check yaw and axes")
+    require(bool((memory.weights > 0).all()), where, "least weight", float(memory.weights.min()), "above 0")
 
 
 def _check_objects(memory: ObjectMap, seen: NDArray[np.float64], where: str) -> None:
@@ -147,12 +143,12 @@ def _check_objects(memory: ObjectMap, seen: NDArray[np.float64], where: str) -> 
     for item in memory.objects:
         far = float(np.max(tree.query(item.points)[0]))
         name = f"distance of object {item.caption!r} from what was seen"
-        _require(far <= _NEAR, where, name, round(far, 3), f"at most {_NEAR} m: check yaw and axes")
+        require(far <= _NEAR, where, name, round(far, 3), f"at most {_NEAR} m: check yaw and axes")
         length = float(np.linalg.norm(item.feature))
-        _require(abs(length - 1) <= 1e-3, where, "length of an object's feature", length, "1")
+        require(abs(length - 1) <= 1e-3, where, "length of an object's feature", length, "1")
         floor = ROOM[1][0] - ROOM[0][0]
         size = max(high - low for low, high in zip(*item.box, strict=True))
-        _require(size <= floor + 2 * _NEAR, where, "size of an object", round(size, 2), "at most the room's")
+        require(size <= floor + 2 * _NEAR, where, "size of an object", round(size, 2), "at most the room's")
 
 
 def _built(builder: MapBuilder, views: Sequence[CheckView]) -> HomeMemory:
@@ -181,18 +177,8 @@ def _around(memory: Memory, footprint: NDArray[np.float64]) -> NDArray[np.floati
 
 
 def _same(first: HomeMemory, second: HomeMemory) -> bool:
-    for one, other in zip(first.storeys, second.storeys, strict=True):
-        if not np.array_equal(one.occupancy.cells, other.occupancy.cells):
-            return False
-        if isinstance(one.memory, ObjectMap) and isinstance(other.memory, ObjectMap):
-            pairs = list(zip(one.memory.objects, other.memory.objects, strict=False))
-            if len(one.memory.objects) != len(other.memory.objects):
-                return False
-            if not all(np.array_equal(a.points, b.points) and np.array_equal(a.feature, b.feature) for a, b in pairs):
-                return False
-        elif isinstance(one.memory, FeatureMap) and isinstance(other.memory, FeatureMap):
-            if not np.array_equal(one.memory.rows, other.memory.rows):
-                return False
-        else:
-            return False
-    return True
+    one, other = ([arrays_of_storey(storey) for storey in home.storeys] for home in (first, second))
+    return all(
+        a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)
+        for a, b in zip(one, other, strict=True)
+    )

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from sim.errors import RunFileError
 from sim.tasks.observers import OCCUPIED
-from sim.types import GridSpec
 
 from ..types import FeatureMap
 from .header import MapHeader, StoreyHeader
@@ -87,7 +86,7 @@ def storey_of_arrays(arrays: MapArrays, header: MapHeader, storey: StoreyHeader)
     """
     cells = arrays.array("occupancy", np.uint8, storey.occupancy.shape)
     arrays.require(bool((cells <= OCCUPIED).all()), "occupancy", f"up to {cells.max(initial=0)}", "values 0, 1 and 2")
-    occupancy = OccupancyGrid(cells, storey.occupancy.spec)
+    occupancy = OccupancyGrid(cells, storey.occupancy)
     if header.layout == "objects":
         return StoreyMemory(occupancy, _object_map(arrays, header, storey))
     return StoreyMemory(occupancy, _feature_map(arrays, header, storey))
@@ -98,7 +97,7 @@ def _feature_map(arrays: MapArrays, header: MapHeader, storey: StoreyHeader) -> 
         arrays.refuse(f"header.json: {arrays.folder}", "without a grid", "a grid, as the layout says")
     if storey.grid != header.storeys[0].grid:
         arrays.refuse(f"header.json: {arrays.folder}", "of another grid than storey0", "one grid for all storeys")
-    grid: GridSpec = storey.grid.spec
+    grid = storey.grid
     rows = arrays.array("rows", np.float32, (None, header.dim))
     rc = arrays.array("rc", np.int16, (len(rows), 2))
     flat = rc[:, 0].astype(np.int64) * grid.shape[1] + rc[:, 1]

@@ -16,12 +16,11 @@ from pydantic import ValidationError
 
 from sim.errors import RunFileError, line_from_validation_error
 from sim.files import MAX_JSON_VALUES, TooLargeError, npy_array, require_few_values, require_small_archive, write_whole
-from sim.types import GridSpec
 
 from ..encoders.protocol import TextEncoder
 from ..types import require_same_encoder
 from .arrays import MapArrays, arrays_of_storey, storey_of_arrays
-from .header import SCHEMA_VERSION, GridHeader, MapHeader, StoreyHeader
+from .header import SCHEMA_VERSION, MapHeader, StoreyHeader
 from .header import MapSource as MapSource
 from .home_map import HomeMemory, ObjectMap, StoreyMemory
 
@@ -111,22 +110,16 @@ def read_map_header(path: Path) -> MapHeader:
 
 
 def _storey_header(storey: StoreyMemory) -> StoreyHeader:
-    memory, occupancy = storey.memory, _grid_header(storey.occupancy.grid)
-    if isinstance(memory, ObjectMap):
-        captions = tuple(item.caption for item in memory.objects)
-        return StoreyHeader(
-            floor_y=memory.floor_y,
-            centre_xz=memory.centre_xz,
-            occupancy=occupancy,
-            merge_m=memory.merge_m,
-            captions=captions,
-        )
-    grid = _grid_header(memory.grid)
-    return StoreyHeader(floor_y=memory.floor_y, centre_xz=memory.centre_xz, occupancy=occupancy, grid=grid)
-
-
-def _grid_header(grid: GridSpec) -> GridHeader:
-    return GridHeader(origin_xz=grid.origin_xz, cell=grid.cell, shape=grid.shape)
+    memory = storey.memory
+    has_objects = isinstance(memory, ObjectMap)
+    return StoreyHeader(
+        floor_y=memory.floor_y,
+        centre_xz=memory.centre_xz,
+        occupancy=storey.occupancy.grid,
+        grid=None if has_objects else memory.grid,
+        merge_m=memory.merge_m if has_objects else None,
+        captions=tuple(item.caption for item in memory.objects) if has_objects else None,
+    )
 
 
 def _put(archive: zipfile.ZipFile, name: str, data: bytes) -> None:

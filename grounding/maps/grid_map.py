@@ -61,7 +61,6 @@ class GridMapBuilder:
         cell: float = 1.0,
         features: FeatureSource = "patches",
         centre_xz: tuple[float, float] | None = None,
-        size: float = GRID_SIZE,
         floors: Sequence[float] | None = None,
         mount_height: float = CAMERA_HEIGHT,
         max_depth: float = MAX_DEPTH,
@@ -75,10 +74,9 @@ class GridMapBuilder:
             cell: Side of a cell, metres; 1, or 1 divided by a whole number.
             features: Whether patches or whole views are encoded.
             centre_xz: Middle of the grid, e.g. `OracleHome.centre_xz`, so that the cells are those of its oracle map;
-                default the middle of the seen area. The grid's corner is floor(middle) - size / 2
+                default the middle of the seen area. The grid's corner is floor(middle) - GRID_SIZE / 2
                 (GROUNDING.md, section 0): cells of all maps of a home lie on one lattice. The map's own `centre_xz`,
                 which grounders see, is always the middle of the seen area.
-            size: Side of the grid, an even number of metres.
             floors: Heights of the storeys' floors, metres; None = found while mapping (`Storeys`).
             mount_height: Height of the camera above the feet, metres; needed where `floors` is None.
             max_depth: Farther returns are not mapped, planar metres.
@@ -86,9 +84,13 @@ class GridMapBuilder:
             batch: Number of views that are encoded together.
 
         Raises:
-            AgentError: The encoder, `cell`, `size` or `floors` does not fit.
+            AgentError: The encoder, `cell` or `floors` does not fit.
         """
-        _require_fitting(cell, size)
+        if not (0 < cell <= 1 and abs(1 / cell - round(1 / cell)) < _WHOLE):
+            raise AgentError(
+                f"map builder: cell is {cell!r}; expected 1 m divided by a whole number, so that the cells of all maps "
+                "fit into each other. Give 1, 0.5, 0.25, 0.2 or 0.1."
+            )
         if features == "patches" and not hasattr(encoder, "encode_patches"):
             raise AgentError(
                 f"map builder: encoder {encoder.name!r} has no encode_patches; expected a DenseEncoder for "
@@ -97,7 +99,7 @@ class GridMapBuilder:
         self.name = f"{cell:g} m cells of {features}"
         """Map files keep this name of the builder."""
         self._encoder = encoder
-        self._cell, self._size, self._features = cell, size, features
+        self._cell, self._features = cell, features
         self._centre_xz, self._frame, self._max_depth = centre_xz, frame, max_depth
         self._new_storeys = lambda: Storeys(
             floors=floors, mount_height=mount_height, centre_xz=centre_xz, max_depth=max_depth, batch=batch
@@ -126,8 +128,8 @@ class GridMapBuilder:
         """
         self._place(self._storeys.rest())
         centre = _middle(self._low, self._high)
-        corner = np.floor(self._centre_xz or centre) - self._size / 2
-        count = round(self._size / self._cell)
+        corner = np.floor(self._centre_xz or centre) - GRID_SIZE / 2
+        count = round(GRID_SIZE / self._cell)
         grid = GridSpec((float(corner[0]), float(corner[1])), self._cell, (count, count))
         order = np.argsort(self._storeys.floors).tolist() if self._storeys.num_frames else []
         storeys = tuple(
@@ -184,8 +186,8 @@ class GridMapBuilder:
         outside = int((~grid.contains(rc)).sum())
         if outside:
             raise AgentError(
-                f"map builder: {outside} of {len(rc)} seen cells are outside of the {self._size:g} x {self._size:g} m "
-                f"around {self._centre_xz or centre_xz}; expected all inside. Give a larger size, or another centre_xz."
+                f"map builder: {outside} of {len(rc)} seen cells are outside of the {GRID_SIZE:g} x {GRID_SIZE:g} m "
+                f"around {self._centre_xz or centre_xz}; expected all inside. Give another centre_xz, or fewer views."
             )
         return map_from_cells(
             sums,
@@ -265,17 +267,6 @@ def _require_vectors(name: str, what: str, vectors: NDArray, ndim: int, ends: tu
             f"encoder {name!r}: {what} gave an array of shape {shape}; expected finite numbers of shape {expected}. "
             "Correct the encoder."
         )
-
-
-def _require_fitting(cell: float, size: float) -> None:
-    divides = cell > 0 and abs(1 / cell - round(1 / cell)) < _WHOLE and cell <= 1
-    if not divides:
-        raise AgentError(
-            f"map builder: cell is {cell!r}; expected 1 m divided by a whole number, so that the cells of all maps "
-            "fit into each other. Give 1, 0.5, 0.25, 0.2 or 0.1."
-        )
-    if not (2 <= size <= 1000 and size % 2 == 0):
-        raise AgentError(f"map builder: size is {size!r}; expected an even number of metres, 2 to 1000. Give 50.")
 
 
 def _middle(low: NDArray, high: NDArray) -> tuple[float, float]:

@@ -1,14 +1,26 @@
 """The header of a map file; pydantic, read and written by files.py."""
 
+import math
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from sim.types import GridSpec, SceneKind
 
 SCHEMA_VERSION: Literal[1] = 1
-Side = Annotated[int, Field(gt=0, lt=1 << 15)]
-"""Rows or columns; cells are stored as int16."""
+_MOST_ROWS = 1 << 15
+"""Cells are stored as int16."""
+
+
+def _with_cells(grid: GridSpec) -> GridSpec:
+    is_finite = all(map(math.isfinite, (*grid.origin_xz, grid.cell)))
+    if not is_finite or grid.cell <= 0 or not all(0 < side < _MOST_ROWS for side in grid.shape):
+        raise ValueError(f"a grid has a finite corner, a cell above 0, and 1 to {_MOST_ROWS - 1} rows and columns")
+    return grid
+
+
+Grid = Annotated[GridSpec, AfterValidator(_with_cells)]
+"""A `GridSpec` in a file."""
 
 
 class _Frozen(BaseModel):
@@ -28,26 +40,13 @@ class MapSource(_Frozen):
     """`MapBuilder.name`: how the map was made; contains "oracle-perception" where ground truth was used."""
 
 
-class GridHeader(_Frozen):
-    """A `GridSpec` in a file."""
-
-    origin_xz: tuple[float, float]
-    cell: float = Field(gt=0)
-    shape: tuple[Side, Side]
-
-    @property
-    def spec(self) -> GridSpec:
-        """The grid as a `GridSpec`."""
-        return GridSpec(self.origin_xz, self.cell, self.shape)
-
-
 class StoreyHeader(_Frozen):
     """Facts about one storey that its arrays do not hold."""
 
     floor_y: float
     centre_xz: tuple[float, float]
-    occupancy: GridHeader
-    grid: GridHeader | None = None
+    occupancy: Grid
+    grid: Grid | None = None
     """The grid of a grid map."""
     merge_m: float | None = Field(default=None, ge=0)
     """The distance at which an object map merged views of one thing."""

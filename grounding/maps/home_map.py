@@ -43,7 +43,7 @@ class ObjectInstance:
     feature: NDArray[np.float32]
     """(E,) mean of the encoder's vectors of its views, as a unit vector."""
     caption: str
-    """Words from a captioner, or the encoder's nearest label; "" when there are none."""
+    """Words from a captioner; "" when there are none."""
     weight: float
     """Evidence: number of views."""
 

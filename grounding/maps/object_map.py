@@ -16,8 +16,9 @@ from .storeys import Storeys, points_at
 from .tracked_things import MergeRule, Thing, View, add_view, merged, thinned
 from .view_quality import NEAR, distance_weight, patch_pixels
 
-MERGE_M, MIN_SHARE, MIN_COSINE = 0.1, 0.3, 0.7
-"""Defaults of `MergeRule`: metres, share of points, cosine."""
+_RULE = MergeRule(merge_m=0.1, min_share=0.3, min_cosine=0.7)
+_LEAST_POINTS = 5
+"""Things with fewer points, one per 5 cm cube, are left out."""
 _EVERY_PIXEL = 2
 _LEAST_IN_PATCH = 0.25
 """A patch counts for a mask that covers at least this share of it; the mask's best patch always counts."""
@@ -31,12 +32,6 @@ class ObjectMapBuilder:
         encoder: DenseEncoder,
         segmenter: Segmenter,
         *,
-        merge_m: float = MERGE_M,
-        min_share: float = MIN_SHARE,
-        min_cosine: float = MIN_COSINE,
-        min_points: int = 5,
-        min_views: int = 1,
-        labels: Sequence[str] = (),
         centre_xz: tuple[float, float] | None = None,
         floors: Sequence[float] | None = None,
         mount_height: float = CAMERA_HEIGHT,
@@ -49,12 +44,6 @@ class ObjectMapBuilder:
         Args:
             encoder: Encodes the patches.
             segmenter: Finds the things in a view; `InstanceIds` if the simulator gives them.
-            merge_m: Points of two views this near (metres) to each other overlap.
-            min_share: Share of the smaller view's points that must overlap for the two to be one thing.
-            min_cosine: Least cosine of the two features for the two to be one thing.
-            min_points: Things with fewer points (one per 5 cm cube) are left out.
-            min_views: Things seen in fewer views are left out.
-            labels: A thing without a caption gets the nearest of these texts.
             centre_xz: Middle of the occupancy grids; default the first camera's place. The map's own `centre_xz`, which
                 grounders see, is the middle of all things' points.
             floors: Heights of the storeys' floors, metres; None = found while mapping (`Storeys`).
@@ -69,9 +58,6 @@ class ObjectMapBuilder:
         self.name = f"objects of {segmenter.name}"
         """Map files keep this name; it contains "oracle-perception" where the masks are ground truth."""
         self._encoder, self._segmenter = encoder, segmenter
-        self._rule = MergeRule(merge_m, min_share, min_cosine)
-        self._min_points, self._min_views = min_points, min_views
-        self._labels = tuple(labels)
         self._frame, self._max_depth = frame, max_depth
         self._new_storeys = lambda: Storeys(
             floors=floors, mount_height=mount_height, centre_xz=centre_xz, max_depth=max_depth, batch=batch
@@ -100,35 +86,28 @@ class ObjectMapBuilder:
         self._place(self._storeys.rest())
         if not self._storeys.num_frames:
             return HomeMemory((), self._frame, 0)
-        things = [thing for thing in merged(self._things, self._rule) if self._is_kept(thing)]
+        things = [
+            thing
+            for thing in merged(self._things, _RULE)
+            if len(thing.points) >= _LEAST_POINTS and thing.feature_sum.any()
+        ]
         heights = np.array([np.median(thing.points[:, 1]) for thing in things])
         storeys = self._storeys.index_of(heights) if len(things) else np.empty(0, np.int64)
         centre = _middle(things)
         maps = []
         for index in np.argsort(self._storeys.floors).tolist():
-            objects = tuple(self._instance(thing) for thing, at in zip(things, storeys, strict=True) if at == index)
+            objects = tuple(_instance(thing) for thing, at in zip(things, storeys, strict=True) if at == index)
             floor_y = self._storeys.floors[index]
-            memory = ObjectMap(objects, floor_y, self._encoder.name, self._encoder.dim, centre, self._rule.merge_m)
+            memory = ObjectMap(objects, floor_y, self._encoder.name, self._encoder.dim, centre, _RULE.merge_m)
             maps.append(StoreyMemory(self._storeys.occupancy(index), memory))
         return HomeMemory(tuple(maps), self._frame, self._storeys.num_frames)
-
-    def _is_kept(self, thing: Thing) -> bool:
-        is_seen_enough = thing.views >= self._min_views and len(thing.points) >= self._min_points
-        return is_seen_enough and bool(thing.feature_sum.any())
-
-    def _instance(self, thing: Thing) -> ObjectInstance:
-        feature = thing.feature.astype(np.float32)
-        caption = thing.captions.most_common(1)[0][0] if thing.captions else ""
-        if not caption and self._labels:
-            caption = self._labels[int(np.argmax(self._encoder.encode_texts(self._labels) @ feature))]
-        return ObjectInstance(thing.points.astype(np.float32), feature, caption, float(thing.views))
 
     def _place(self, frames: Sequence[Frame]) -> None:
         if not frames:
             return
         for frame, patches in zip(frames, encoded_patches(self._encoder, frames), strict=True):
             for view in self._views(frame, patches):
-                add_view(self._things, view, self._rule)
+                add_view(self._things, view, _RULE)
 
     def _views(self, frame: Frame, patches: NDArray[np.float32]) -> list[View]:
         """The things of one frame that have points; patches (h, w, E)."""
@@ -157,6 +136,13 @@ class ObjectMapBuilder:
                 )
             )
         return views
+
+
+def _instance(thing: Thing) -> ObjectInstance:
+    caption = thing.captions.most_common(1)[0][0] if thing.captions else ""
+    return ObjectInstance(
+        thing.points.astype(np.float32), thing.feature.astype(np.float32), caption, float(thing.views)
+    )
 
 
 def _shares_of_patches(masks: NDArray[np.bool_], camera: Camera, shape: tuple[int, int]) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from sim.types import AGENT_HEIGHT, AGENT_RADIUS, Camera, GridSpec
 from .occupancy_kernels import mark, vote
 
 SIZE, CELL = 50.0, 0.05
-"""Side of the mapped square and of its cells, metres (GROUNDING.md, issue 7)."""
+"""Side of the mapped square, outside of which nothing is mapped, and of its cells, metres."""
 MAX_DEPTH = 5.0
 """Largest planar depth that a sensor of ObjectNav-HM3D returns, metres."""
 FLOOR_LOW, FLOOR_HIGH = -0.2, 0.2
@@ -35,8 +35,6 @@ class OccupancyMapper:
         *,
         centre_xz: tuple[float, float] = (0.0, 0.0),
         floor_y: float = 0.0,
-        size: float = SIZE,
-        cell: float = CELL,
         max_depth: float = MAX_DEPTH,
     ) -> None:
         """Starts with every cell unknown.
@@ -44,13 +42,11 @@ class OccupancyMapper:
         Args:
             centre_xz: Middle of the mapped square, metres; it lies on a corner between cells.
             floor_y: Height of the storey's floor, metres.
-            size: Side of the square, metres; nothing outside it is mapped.
-            cell: Side of a cell, metres.
             max_depth: Planar metres; farther returns only say that nothing is nearer.
         """
-        count = 2 * round(size / cell / 2)
-        corner = (centre_xz[0] - count * cell / 2, centre_xz[1] - count * cell / 2)
-        self.grid = GridSpec(corner, cell, (count, count))
+        count = 2 * round(SIZE / CELL / 2)
+        corner = (centre_xz[0] - count * CELL / 2, centre_xz[1] - count * CELL / 2)
+        self.grid = GridSpec(corner, CELL, (count, count))
         """The grid of the cells."""
         self.floor_y = floor_y
         """Height of the storey's floor, metres."""

@@ -76,7 +76,6 @@ class OraclePerception:
         *,
         options: PerceptionOptions | None = None,
         home: str = "",
-        clutter: Sequence[str] = CLUTTER_TEXTS,
     ) -> None:
         """Encodes the captions.
 
@@ -85,17 +84,11 @@ class OraclePerception:
             captions: Instance id to text, as `object_texts` gives them; empty if only queries will be encoded.
             options: Errors, background, patches; none by default.
             home: Name of the home, so that homes with the same ids get different draws.
-            clutter: Texts for the background `clutter`.
-
-        Raises:
-            AgentError: The background is `clutter` and there are no texts for it.
         """
         self.text_encoder = text_encoder
         self.options = options or PerceptionOptions()
-        if self.options.background == "clutter" and not clutter:
-            raise AgentError("perception: found no clutter texts; expected at least one. Use CLUTTER_TEXTS.")
         self._home = zlib.crc32(home.encode())
-        self._clutter = text_encoder.encode_texts(list(clutter) if self.options.background == "clutter" else [])
+        self._clutter = text_encoder.encode_texts(CLUTTER_TEXTS if self.options.background == "clutter" else [])
         self._places: dict[tuple[int, ...], int] = {}
         self._texts = self._confused(dict(sorted(captions.items())))
         vectors = text_encoder.encode_texts(list(self._texts.values()))

@@ -11,6 +11,7 @@ from sim.errors import AgentError
 from sim.types import Frame
 
 _LEAST_PIXELS = 30
+"""Things with fewer pixels in a view are not found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +52,9 @@ class InstanceIds:
 
     name = "oracle-perception instance ids"
 
-    def __init__(self, captions: Mapping[int, str] | None = None, *, least_pixels: int = _LEAST_PIXELS) -> None:
-        """Takes a caption for each id; things with fewer than `least_pixels` in a view are not found."""
+    def __init__(self, captions: Mapping[int, str] | None = None) -> None:
+        """Takes a caption for each id."""
         self._captions = captions or {}
-        self._least_pixels = least_pixels
 
     def segment(self, frame: Frame) -> Segments:
         """One mask per id in view.
@@ -69,7 +69,7 @@ class InstanceIds:
             )
         counts = np.bincount(frame.instance_ids.ravel().clip(min=0))
         counts[0] = 0
-        ids = np.flatnonzero(counts >= self._least_pixels)
+        ids = np.flatnonzero(counts >= _LEAST_PIXELS)
         masks = frame.instance_ids[None] == ids[:, None, None].astype(np.int32)
         captions = tuple(self._captions.get(int(number), "") for number in ids)
         return Segments(masks, captions if any(captions) else (), tuple(int(number) for number in ids))

@@ -62,18 +62,17 @@ def mean_of_splits(values: NDArray[np.float64], splits: Sequence[str]) -> float:
 class HomeDraws:
     """Homes resampled with replacement; every figure uses the same draws, so that differences are paired."""
 
-    def __init__(self, homes: Sequence[str], *, seed: int, num_resamples: int = NUM_RESAMPLES) -> None:
+    def __init__(self, homes: Sequence[str], *, seed: int) -> None:
         """Draws the homes.
 
         Args:
             homes: Names; the order does not matter.
             seed: The same seed and homes give the same draws.
-            num_resamples: Number of draws.
         """
         self._place = {name: index for index, name in enumerate(sorted(set(homes)))}
         count = len(self._place)
         rng = np.random.default_rng(seed)
-        self._times = rng.multinomial(count, np.full(count, 1 / max(count, 1)), size=num_resamples) if count else None
+        self._times = rng.multinomial(count, np.full(count, 1 / max(count, 1)), size=NUM_RESAMPLES) if count else None
 
     def interval(self, values: NDArray[np.float64], homes: Sequence[str], strata: Sequence[str]) -> Range | None:
         """Percentile interval, in percent, of the plain mean over strata of the mean of values (N,) in each.

@@ -40,11 +40,6 @@ class FrameCounts:
         self.warning = ""
         """A likely error in all poses; "" = none."""
 
-    @property
-    def num_used(self) -> int:
-        """Number of frames that were not skipped."""
-        return self.num_found - sum(len(names) for names in self.skipped.values())
-
     def skip(self, reason: Reason, name: str) -> None:
         """Counts a picture as not used; repeated calls count once."""
         self.skipped.setdefault(reason, set()).add(name)

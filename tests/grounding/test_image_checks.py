@@ -76,14 +76,14 @@ def test_the_unbroken_encoder_passes() -> None:
 @pytest.mark.parametrize(
     ("encoder", "message"),
     [
-        (Long(), "encode_images gives a vector of length 2; expected 1, or 0 where there is nothing"),
-        (Doubles(), "encode_images gives dtype float64; expected float32"),
-        (Forgetful(), "encode_images gives another second answer; expected the same every time"),
-        (MeanOfBatch(), "encode_patches gives a change of .* for frames alone"),
-        (Turned(), "encode_patches gives left and right halves alike or turned"),
-        (Flat(), "encode_patches gives 3 dimensions; expected"),
-        (Same(), "encode_patches gives left and right halves alike or turned"),
-        (Painter(), "gives changed pictures; expected pictures as they were given"),
+        (Long(), "encode_images: length of a vector is 2.0; expected 1, or 0 for no content"),
+        (Doubles(), "encode_images: dtype is 'float64'; expected float32"),
+        (Forgetful(), "encode_images: second answer is 'another one'; expected the same vectors every time"),
+        (MeanOfBatch(), "encode_patches: change when a picture is encoded alone is"),
+        (Turned(), "encode_patches: a picture of left and right halves is 'alike or turned'"),
+        (Flat(), r"encode_patches: shape is \(3, .*; expected \(frames, rows, columns, dim\)"),
+        (Same(), "encode_patches: a picture of left and right halves is 'alike or turned'"),
+        (Painter(), "a picture after encoding is 'changed'; expected unchanged"),
     ],
 )
 def test_a_broken_image_encoder_is_named(encoder: Seeing, message: str) -> None:

@@ -92,7 +92,7 @@ def test_the_header_says_what_was_mapped_and_how(tmp_path: Path) -> None:
     assert (header.layout, header.encoder, header.dim, header.frame) == ("grid", HashedWords().name, 768, "world")
     assert [storey.floor_y for storey in header.storeys] == [0.1, 2.9, 5.7]
     assert header.storeys[0].grid is not None
-    assert header.storeys[0].grid.spec == GridSpec((-2.0, 3.0), 0.25, (6, 8))
+    assert header.storeys[0].grid == GridSpec((-2.0, 3.0), 0.25, (6, 8))
 
 
 def test_a_query_of_another_encoder_is_refused(tmp_path: Path) -> None:

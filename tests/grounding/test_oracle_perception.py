@@ -159,11 +159,6 @@ def test_background_without_depth_says_nothing() -> None:
     assert not perception(background="clutter").encode_patches([frame([[0]], depth=0.0)]).any()
 
 
-def test_clutter_without_texts_is_refused() -> None:
-    with pytest.raises(AgentError, match="found no clutter texts; expected at least one"):
-        OraclePerception(WORDS, CAPTIONS, options=PerceptionOptions(background="clutter"), clutter=())
-
-
 def test_frames_of_a_robot_are_refused() -> None:
     with pytest.raises(AgentError, match="a frame has no instance ids; expected those of the simulator"):
         perception().encode_patches([replace(frame([[1]]), ids=None)])
