@@ -10,9 +10,9 @@ from human_study.report.page import html_page
 from sim.homes.kind import scene_label
 
 from .blocks import markdown_text
+from .failure_map import failure_svg
 from .figures import Drawn, distance_figure, knob_figure, methods_figure
 from .gallery import DrawnFailure, Gallery
-from .map_svg import failure_svg
 from .sections import count_text, distance_name, knob_groups, knob_name, methods_name, paper_text, report_blocks
 
 _BESIDE = "figure:has(> svg[role=img]) { display: inline-block; width: 440px; margin: .6rem; vertical-align: top; }\n"

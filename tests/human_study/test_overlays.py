@@ -7,8 +7,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from human_study.report.overlays import DASHES, FloorPlan, floors_needed, overlay_keys, overlay_name, overlay_svg
+from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
 from human_study.report.trials import TrialGroup, trial_frame
+from sim.plan_view.storey import StoreyMap
 from sim.tasks.run_files import Answer
 from sim.types import EpisodeKey, GridSpec
 
@@ -55,7 +56,7 @@ def test_everybody_is_drawn_once_with_a_filled_end_for_success() -> None:
     drawn = overlay_svg([PEOPLE, AGENT], KEY, "pan")
     picture, legend = parts(drawn)
     assert (picture.count("<polyline"), legend.count("<polyline")) == (3, 2)
-    assert (picture.count(DASHES), legend.count(DASHES)) == (1, 1)  # the agent
+    assert (picture.count("stroke-dasharray"), legend.count("stroke-dasharray")) == (1, 1)  # the agent
     assert sorted(fill == "white" for _, fill in ends(drawn)) == [False, True, True]
     assert "Human: 1 of 2 succeed" in drawn
     assert "walker &amp; co: 0 of 1 succeed" in drawn
@@ -79,8 +80,8 @@ def test_a_path_has_the_length_that_was_walked() -> None:
 def test_the_floor_lies_under_the_paths_where_it_is() -> None:
     free = np.zeros((4, 6), bool)
     free[1, 1:5] = free[2, 1:3] = free[2, 4] = True
-    floor = FloorPlan(free, GridSpec((-1.0, -0.5), 0.5, (4, 6)), targets=((0.0, 1.0),))
-    drawn = overlay_svg([PEOPLE], KEY, "pan", floor=floor)
+    storey = StoreyMap(0, 0.0, free, GridSpec((-1.0, -0.5), 0.5, (4, 6)))
+    drawn = overlay_svg([PEOPLE], KEY, "pan", storey=storey, targets=[(0.0, 1.0)])
     cells = re.search(r'<path d="([^"]+)" fill="#ffffff"/>', drawn)
     assert cells is not None
     assert cells[1].count("M") == 3  # one run of cells in the first row, two in the second
@@ -143,8 +144,11 @@ def test_the_drawing_of_a_large_home_has_a_longer_scale_and_of_a_narrow_one_room
 
 
 def test_every_overlay_is_a_whole_document() -> None:
-    floor = FloorPlan(np.ones((3, 3), bool), GridSpec((-1.0, -0.5), 0.5, (3, 3)), targets=((0.0, 0.5),))
-    for drawn in (overlay_svg([PEOPLE, AGENT], KEY, "pan", floor=floor), overlay_svg([], OTHER, "pog")):
+    storey = StoreyMap(0, 0.0, np.ones((3, 3), bool), GridSpec((-1.0, -0.5), 0.5, (3, 3)))
+    for drawn in (
+        overlay_svg([PEOPLE, AGENT], KEY, "pan", storey=storey, targets=[(0.0, 0.5)]),
+        overlay_svg([], OTHER, "pog"),
+    ):
         assert ElementTree.fromstring(drawn).tag == "{http://www.w3.org/2000/svg}svg"
 
 

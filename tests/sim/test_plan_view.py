@@ -1,11 +1,13 @@
 """Floor plans from above: corners and sizes by hand, and the free floor as one path."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from sim.plan_view.heat import heat_colours, heat_shares
 from sim.plan_view.storey import cropped_map
-from sim.plan_view.svg import free_floor
+from sim.plan_view.svg import drawn_svg, free_path
 from sim.plan_view.view import PlanView
 from sim.types import GridSpec
 
@@ -21,9 +23,19 @@ def test_a_view_holds_all_places_and_its_margin() -> None:
 def test_each_run_of_free_cells_is_one_rectangle() -> None:
     view = PlanView((0.0, 0.0), 10.0, 40, 20)
     free = np.array([[True, True, False, True], [False, False, False, False]])
-    drawn = free_floor(view, free, GridSpec((0.0, 0.0), 1.0, (2, 4)))
-    assert drawn == '<path d="M0.0 0.0h20.0v10.3h-20.0zM30.0 0.0h10.0v10.3h-10.0z" fill="#ffffff"/>'
+    drawn = free_path(view, free, GridSpec((0.0, 0.0), 1.0, (2, 4)))
+    assert drawn == "M0.0 0.0h20.0v10.3h-20.0zM30.0 0.0h10.0v10.3h-10.0z"
     assert view.pixels((2.0, 1.0)) == pytest.approx([20, 10])
+
+
+def test_drawings_escape_their_texts_and_share_macros(tmp_path: Path) -> None:
+    template = tmp_path / "drawing.svg.j2"
+    template.write_text(
+        '{% import "plan.svg.j2" as plan %}\n\n{{ plan.ring(x, 2, 10.04, "red") }}\n<text>{{ words }}</text>'
+    )
+    circle, more, text = drawn_svg(template, x=1, words="<&>").splitlines()
+    assert circle.startswith('<circle cx="1.0" cy="2.0" r="10.0"')
+    assert (more.strip(), text) == ('stroke-dasharray="5 4"/>', "<text>&lt;&amp;&gt;</text>")
 
 
 def test_heat_goes_from_dark_blue_to_yellow_whatever_the_range() -> None:

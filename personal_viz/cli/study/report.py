@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from sim.errors import StudyError
-from sim.types import SPLITS, EpisodeKey, SuccessRule, TaskKind
+from sim.types import EpisodeKey, SuccessRule, TaskKind
 
 from ..options import ScenesDir
 from ..output import write_report
 
 if TYPE_CHECKING:
-    from human_study.report.overlays import FloorPlan
     from human_study.report.report import ReportGroups, StudyReport
     from sim.episodes.dataset import PersonalDataset
+    from sim.plan_view.storey import StoreyMap
     from sim.tasks.run_files import Run
 
 CHOSEN_OVERLAYS = 4
@@ -121,30 +121,32 @@ def _overlays(
     for task in dict.fromkeys(tasks):
         of_task = [group for group in shown if group.task == task]
         keys = overlay_keys(of_task, task, most=10**6 if draws_all else CHOSEN_OVERLAYS)
-        heights = floors_needed(of_task, keys)
-        floors = _floors(episodes, heights, scenes_dir) if episodes is not None else {}
+        storeys, targets = {}, {}
+        if episodes is not None:
+            storeys = _storeys(episodes, floors_needed(of_task, keys), scenes_dir)
+            targets = {
+                key: [(goal.position[0], goal.position[2]) for goal in episodes.episode(key).targets] for key in storeys
+            }
         for key in keys:
-            pictures[overlay_name(key, task)] = overlay_svg(of_task, key, task, floor=floors.get(key))
+            drawn = overlay_svg(of_task, key, task, storey=storeys.get(key), targets=targets.get(key, ()))
+            pictures[overlay_name(key, task)] = drawn
     return pictures
 
 
-def _floors(
+def _storeys(
     episodes: PersonalDataset, heights: Mapping[EpisodeKey, float], scenes_dir: Path | None
-) -> dict[EpisodeKey, FloorPlan]:
-    """The free floor of each episode's storey; each home is opened only once."""
-    from human_study.report.overlays import FloorPlan
+) -> dict[EpisodeKey, StoreyMap]:
+    """The storey at each episode's height; each home is opened only once."""
     from sim.homes.open_home import open_scene
+    from sim.plan_view.storey import storey_map
+    from sim.walk.storeys import nearest_storey
 
-    floors = {}
+    found = {}
     for scene in sorted({key.scene for key in heights}):
         navigation = open_scene(episodes, scene, scenes_dir=scenes_dir).navigation
-        for key, height in heights.items():
-            if key.scene == scene:
-                storey = min(navigation.storey_heights, key=lambda floor_y, y=height: abs(floor_y - y))
-                top_down = navigation.top_down(storey)
-                targets = tuple((goal.position[0], goal.position[2]) for goal in episodes.episode(key).targets)
-                floors[key] = FloorPlan(top_down.free, top_down.grid, targets)
-    return floors
+        for key in (key for key in heights if key.scene == scene):
+            found[key] = storey_map(navigation, int(nearest_storey(heights[key], navigation.storey_heights)))
+    return found
 
 
 def _tasks(found: StudyReport) -> list[TaskKind]:
@@ -159,14 +161,10 @@ def _split_sizes(episodes: PersonalDataset) -> dict[str, int]:
 
 def _objects(episodes: PersonalDataset, scenes: set[str]) -> dict[str, list[tuple[str, tuple[float, float]]]]:
     """(name, middle on the floor plan) of each captioned object of the homes."""
-    found: dict[str, dict[str, tuple[float, float]]] = {scene: {} for scene in scenes}
-    for scene in sorted(scenes):
-        for split in SPLITS:
-            if (split, scene) in episodes.files:
-                for goals in episodes.content(split, scene).goals_by_category.values():
-                    for goal in goals:
-                        found[scene][goal.object_name] = (goal.position[0], goal.position[2])
-    return {scene: sorted(objects.items()) for scene, objects in found.items()}
+    return {
+        scene: sorted((name, (goal.position[0], goal.position[2])) for name, goal in episodes.goals(scene).items())
+        for scene in sorted(scenes)
+    }
 
 
 def _require_same_episodes(episodes: PersonalDataset, digests: set[str]) -> None:
