@@ -8,6 +8,7 @@ from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
 
+from ..compare import PICTURE_WIDTH
 from .options import Dataset, OpenIt, ScenesDir, WithPixels
 
 
@@ -20,12 +21,14 @@ class Compare:
     out: Annotated[Path, arg(help="Folder of index.html, index.md, recordings and contact sheets.")]
     scenes_dir: ScenesDir = None
     with_pixels: WithPixels = False
-    picture_width: Annotated[int, arg(help="Width of what robots saw in the recordings, in pixels; 0 = none.")] = 320
+    picture_width: Annotated[int, arg(help="Width of what robots saw in the recordings, in pixels; 0 = none.")] = (
+        PICTURE_WIDTH
+    )
     jobs: Annotated[int, arg(help="Worker processes, one scene each.")] = 1
     open: OpenIt = False
 
     def run(self) -> int:
-        from personal_viz.compare.app import PICTURE_WIDTH, write_comparison
+        from personal_viz.compare.app import write_comparison
 
         from .progress import counted
         from .refusals import check_options

@@ -1,4 +1,4 @@
-"""A whole study or benchmark on one page: run folders -> a row per episode with its recording and contact sheet.
+"""Writes the page of a whole study or benchmark: run folders -> a row per episode with its recording and contact sheet.
 
 Run folders -> trials in figures (gathered.py) -> folders of episodes, made in worker processes
 (episode_folder.py) -> `index.html` and `index.md`.
@@ -7,7 +7,7 @@ Run folders -> trials in figures (gathered.py) -> folders of episodes, made in w
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from sim.episodes.dataset import PersonalDataset
@@ -19,18 +19,12 @@ from sim.homes.open_home import find_scan
 from sim.tasks.workers import results
 from sim.types import EpisodeKey
 
-from .episode_folder import FoldersJob, cannot_write, open_home
+from . import PICTURE_WIDTH
+from .episode_folder import FoldersJob, cannot_write, folder_name, inputs_digest, is_made, open_home
 from .gathered import Gathered, Setting, Trial, gather
-from .made import folder_name, inputs_digest, is_made
-from .markdown import page_markdown
-from .page import page_html
+from .page import Page, page_html, page_markdown
 from .rows import sections
-from .wording import Page
 
-VERSION = 1
-"""Raise it when the same runs give other files in an episode's folder; older folders are then made anew."""
-PICTURE_WIDTH = 320
-"""Of what robots saw, in recordings (pixels): a study's recordings hold millions of pictures."""
 EPISODES = "episodes"
 """Folder of the episodes' folders."""
 
@@ -42,7 +36,7 @@ class Written:
     page: Path
     num_episodes: int
     num_made: int
-    """Of them made now; the others were there, made from the same."""
+    """Number of episodes made now; the folders of the others were up to date."""
     num_runs: int
     has_left_out_pixels: bool
     """Whether geometry and pictures of scans were left out."""
@@ -50,12 +44,14 @@ class Written:
 
 @dataclass(frozen=True, slots=True)
 class _Home:
-    """One home in one setting: where it is opened from, and what is to be made of it."""
+    """The trials in one home in one setting."""
 
     setting: Setting
     scene: str
     scenes_dir: Path | None
+    """Folder of scans; None = a plan, or else a schematic home."""
     suffix: str
+    """End of the names of its episodes' folders; tells them from those of other settings."""
     trials: Mapping[EpisodeKey, Sequence[Trial]]
 
 
@@ -71,7 +67,7 @@ def write_comparison(
     on_plan: Callable[[int], None] = lambda left: None,
     on_episode: Callable[[], None] = lambda: None,
 ) -> Written:
-    """Writes the page of all runs, and what it links to; what an earlier call made from the same is kept.
+    """Writes the page of all runs and what it links to; keeps what an earlier call made from the same inputs.
 
     Args:
         folders: Run folders, or folders of run folders.
@@ -79,7 +75,7 @@ def write_comparison(
         out: Folder for `index.html`, `index.md` and `episodes/`.
         scenes_dir: Folder of the scans; None = invented or schematic homes.
         with_pixels: Write maps, geometry and pictures of scans too (their terms of use hold for the folder).
-        picture_width: Of the robots' pictures in recordings; 0 leaves them out.
+        picture_width: Width of the robots' pictures in recordings; 0 leaves them out.
         jobs: Worker processes, one home each.
         on_plan: Told how many episodes are to be made.
         on_episode: Called after each of them.
@@ -92,33 +88,45 @@ def write_comparison(
     episodes = PersonalDataset(dataset)
     digest = episodes.digest()
     known = {episode.key: episode for episode in episodes.episodes()}
+    given = [folder.resolve() for folder in folders]
     with tempfile.TemporaryDirectory(prefix="personal-compare-") as aside:
         gathered = gather(folders, dataset_digest=digest, episodes=known, into=Path(aside))
         homes = _homes(gathered.trials, episodes, scenes_dir)
         page = _page(gathered, homes, known, has_scan_pixels=with_pixels)  # refuses before hours of work
-        inputs = {"dataset": digest, "with_pixels": with_pixels, "picture_width": picture_width, "version": VERSION}
-        given = [folder.resolve() for folder in folders]
-        beside = tuple(dict.fromkeys([*given, *(folder.parent for folder in given)]))
-        jobs_of_homes = [
-            _job(home, dataset, Path(aside), out, inputs, with_pixels=with_pixels, picture_width=picture_width)
-            for home in homes
-        ]
-        work = [replace(job, beside=beside) for job in jobs_of_homes]
-        on_plan(sum(len(job.keys) for job in work))
-        num_made = 0
-        most = max((len(job.keys) for job in work), default=0)
-        for _ in results(open_home, work, processes=min(jobs, len(work)), batch=max(1, most)):
-            num_made += 1
+        options = {"dataset": digest, "with_pixels": with_pixels, "picture_width": picture_width}
+        work = []
+        for home in homes:
+            inputs = _inputs(home, dataset, options)
+            names = {key: folder_name(key, home.suffix) for key in inputs}
+            versions = [trial.scene_digest for trials in home.trials.values() for trial in trials if trial.scene_digest]
+            work.append(
+                FoldersJob(
+                    dataset,
+                    home.scene,
+                    tuple(key for key in inputs if not is_made(out / EPISODES / names[key], inputs[key])),
+                    setting=home.setting,
+                    scenes_dir=home.scenes_dir,
+                    runs=Path(aside),
+                    scene_digest=versions[0] if versions else None,
+                    out=out / EPISODES,
+                    suffix=home.suffix,
+                    inputs=inputs,
+                    with_pixels=with_pixels,
+                    picture_width=picture_width,
+                    beside=tuple(dict.fromkeys([*given, *(folder.parent for folder in given)])),
+                )
+            )
+        num_left = sum(len(job.keys) for job in work)
+        on_plan(num_left)
+        for _ in results(open_home, work, processes=min(jobs, len(work)), batch=max(1, num_left)):
             on_episode()
     try:
         write_whole(out / "index.html", page_html(page))
         write_whole(out / "index.md", page_markdown(page))
     except OSError as error:
         raise cannot_write(out, error) from None
-    kinds = {home.setting.kind for home in homes}
     num_episodes = sum(len(home.trials) for home in homes)
-    has_left_out = "scan" in kinds and not with_pixels
-    return Written(out / "index.html", num_episodes, num_made, len(gathered.runs), has_left_out)
+    return Written(out / "index.html", num_episodes, num_left, len(gathered.runs), page.has_left_out_pixels)
 
 
 def _homes(trials: Sequence[Trial], dataset: PersonalDataset, scenes_dir: Path | None) -> list[_Home]:
@@ -126,13 +134,13 @@ def _homes(trials: Sequence[Trial], dataset: PersonalDataset, scenes_dir: Path |
     by_home: dict[tuple[Setting, str], dict[EpisodeKey, list[Trial]]] = defaultdict(lambda: defaultdict(list))
     for trial in trials:
         if trial.setting is not None:
-            by_home[(trial.setting, trial.key.scene)][trial.key].append(trial)
+            by_home[trial.setting, trial.key.scene][trial.key].append(trial)
     for trial in trials:
         if trial.setting is None:
             own = Setting(scene_kind(dataset, trial.key.scene, scenes_dir))
-            holders = [setting for setting, scene in sorted(by_home) if trial.key in by_home[(setting, scene)]]
+            holders = [setting for setting, scene in sorted(by_home) if trial.key in by_home[setting, scene]]
             for setting in dict.fromkeys(holders) if holders else [own]:
-                by_home[(setting, trial.key.scene)][trial.key].append(trial)
+                by_home[setting, trial.key.scene][trial.key].append(trial)
     return [
         _Home(setting, scene, *_source(dataset, setting, scene, scenes_dir, members), members)
         for (setting, scene), members in sorted(by_home.items())
@@ -146,7 +154,7 @@ def _source(
     scenes_dir: Path | None,
     trials: Mapping[EpisodeKey, Sequence[Trial]],
 ) -> tuple[Path | None, str]:
-    """Where a home of a kind is opened from, and the suffix that tells its folders from those of other settings."""
+    """`_Home.scenes_dir` and `_Home.suffix` of a home."""
     level = f"-clutter{setting.clutter}" if setting.clutter else ""
     if scene_kind(dataset, scene, scenes_dir) == setting.kind:
         return scenes_dir, level
@@ -167,9 +175,8 @@ def _page(
     folders: dict[tuple[Setting | None, EpisodeKey], str] = {}
     for home in homes:
         for key in home.trials:
-            folder = f"{EPISODES}/{folder_name(key, home.suffix)}"
-            folders[(home.setting, key)] = folder
-            folders.setdefault((None, key), folder)
+            folders[home.setting, key] = f"{EPISODES}/{folder_name(key, home.suffix)}"
+            folders.setdefault((None, key), folders[home.setting, key])
     queries = {key: known[key].record.query[0] for _, key in folders}
     is_scan = any(home.setting.kind == "scan" for home in homes)
     return Page(
@@ -179,48 +186,16 @@ def _page(
     )
 
 
-def _job(
-    home: _Home,
-    dataset: Path,
-    aside: Path,
-    out: Path,
-    inputs: Mapping[str, object],
-    *,
-    with_pixels: bool,
-    picture_width: int,
-) -> FoldersJob:
-    """What is left to be made of a home."""
-    source = _file_facts(home, dataset)
-    digests = {
-        key: inputs_digest({**inputs, "home": source, "runs": tuple(trial.digest for trial in trials)})
-        for key, trials in home.trials.items()
-    }
-    left = tuple(
-        key for key, digest in digests.items() if not is_made(out / EPISODES / folder_name(key, home.suffix), digest)
-    )
-    versions = [trial.scene_digest for trials in home.trials.values() for trial in trials if trial.scene_digest]
-    return FoldersJob(
-        dataset,
-        home.scene,
-        left,
-        setting=home.setting,
-        scenes_dir=home.scenes_dir,
-        runs=aside,
-        scene_digest=versions[0] if versions else None,
-        out=out / EPISODES,
-        suffix=home.suffix,
-        inputs=tuple((key, digests[key]) for key in left),
-        with_pixels=with_pixels,
-        picture_width=picture_width,
-    )
-
-
-def _file_facts(home: _Home, dataset: Path) -> tuple[object, ...]:
-    """What shows that a home's files are those of last time, without opening the home."""
+def _inputs(home: _Home, dataset: Path, options: Mapping[str, object]) -> dict[EpisodeKey, str]:
+    """Digest of what each episode's folder is made from; the home's files are told by size and time, unread."""
     plan = dataset / "scenes" / f"{home.scene}.plan.json"
     files = [plan] if plan.is_file() else []
     if home.scenes_dir is not None and home.setting.kind == "scan":
         scan = find_scan(home.scene, home.scenes_dir)
         files += sorted(path for path in scan.resolve().parent.glob(f"{home.scene}.*") if path.is_file())
     stats = [(str(path), path.stat()) for path in files]
-    return home.setting, *((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)
+    source = home.setting, *((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)
+    return {
+        key: inputs_digest({**options, "home": source, "runs": tuple(trial.digest for trial in trials)})
+        for key, trials in home.trials.items()
+    }

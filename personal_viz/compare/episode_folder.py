@@ -1,8 +1,12 @@
 """Makes one episode's folder: recording, contact sheet, thumbnail, and last of all a note of what it was made from."""
 
-from collections.abc import Callable, Sequence
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from recordings.replay import log_comparison
 from recordings.traces import Trace, select_traces
@@ -16,36 +20,70 @@ from sim.tasks.workers import SceneJob
 from sim.types import Camera, EpisodeKey
 
 from .gathered import Setting, scene_runs, setting_of
-from .made import MADE, RECORDING, SHEET, THUMBNAIL, Made, folder_name
 from .sheet import sheet_png, thumbnail_jpeg
+
+MADE, RECORDING, SHEET, THUMBNAIL = "made.json", "replay.rrd", "sheet.png", "thumb.jpg"
+FORMAT = 2
+"""Raise it when the same runs give other files in an episode's folder; older folders are then made anew."""
+
+
+class Made(BaseModel):
+    """`made.json`: what the files beside it were made from."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    inputs: str
+    """sha256 of runs, episode files, options and programs."""
+    scene_digest: str
+    """Version of the home."""
 
 
 @dataclass(frozen=True, slots=True)
 class FoldersJob(SceneJob):
-    """All that a worker process needs to make the folders of one scene's episodes."""
+    """Everything that a worker process needs to make the folders of one home's episodes."""
 
     setting: Setting
     scenes_dir: Path | None
-    """Where the home is opened from; None = a plan, or else a schematic home."""
+    """Folder of scans; None = a plan, or else a schematic home."""
     runs: Path
-    """What `gather` put aside."""
+    """Folder into which `gather` split the runs."""
     scene_digest: str | None
     """Version of the home in which the runs were made, where a run names it."""
     out: Path
     """Folder below which the episodes' folders lie."""
     suffix: str
-    """Of the folders' names."""
-    inputs: tuple[tuple[EpisodeKey, str], ...]
+    """End of the folders' names."""
+    inputs: Mapping[EpisodeKey, str]
     """`Made.inputs` of each episode."""
     with_pixels: bool
     picture_width: int
-    """Of the robots' pictures in recordings; 0 = none."""
-    beside: tuple[Path, ...] = ()
+    """Width of the robots' pictures in recordings; 0 = none."""
+    beside: tuple[Path, ...]
     """Folders that may hold the run folders; maps of explored homes lie there too."""
 
 
+def folder_name(key: EpisodeKey, suffix: str) -> str:
+    """Name of an episode's folder."""
+    return f"{key.split}-{key.scene}-{key.episode_id}{suffix}"
+
+
+def inputs_digest(parts: Mapping[str, object]) -> str:
+    """`Made.inputs` of these named parts, and of the programs that write the files."""
+    programs = {name: version(name) for name in ("personal-viz", "rerun-sdk", "matplotlib")}
+    named = sorted({**parts, **programs, "format": FORMAT}.items())
+    return hashlib.sha256(repr(named).encode()).hexdigest()
+
+
+def is_made(folder: Path, inputs: str) -> bool:
+    """Whether the folder holds every file, made from these inputs."""
+    try:
+        made = Made.model_validate_json((folder / MADE).read_bytes())
+    except (OSError, ValidationError):
+        return False
+    return made.inputs == inputs and all((folder / name).is_file() for name in (RECORDING, SHEET, THUMBNAIL))
+
+
 def open_home(job: FoldersJob) -> Callable[[EpisodeKey], EpisodeKey]:
-    """Opens a job's home and gives what makes the folder of one of its episodes.
+    """Opens a job's home and returns the function that makes the folder of one of its episodes.
 
     Raises:
         RecordingError: The home is another version than that of the runs.
@@ -62,7 +100,6 @@ def open_home(job: FoldersJob) -> Callable[[EpisodeKey], EpisodeKey]:
     renderer = renderer_of(scene) if has_map else None
     runs = [run for run in scene_runs(job.runs, job.scene) if setting_of(run.info) in (job.setting, None)]
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
-    inputs = dict(job.inputs)
     camera = Camera(job.picture_width, job.picture_width * 3 // 4) if job.picture_width else Camera()
 
     def make(key: EpisodeKey) -> EpisodeKey:
@@ -83,7 +120,7 @@ def open_home(job: FoldersJob) -> Callable[[EpisodeKey], EpisodeKey]:
             )
             write_whole(folder / SHEET, sheet_png(scene, episodes[key], traces, renderer=renderer))
             write_whole(folder / THUMBNAIL, thumbnail_jpeg(scene, episodes[key], traces, has_map=has_map))
-            write_whole(folder / MADE, Made(inputs=inputs[key], scene_digest=scene.digest).model_dump_json())
+            write_whole(folder / MADE, Made(inputs=job.inputs[key], scene_digest=scene.digest).model_dump_json())
         except OSError as error:
             raise cannot_write(folder, error) from None
         return key

@@ -1,7 +1,7 @@
 """Run folders -> one `Trial` per run of an episode, in figures, and the runs themselves split by scene on disk.
 
-A study of 2,000 episodes has millions of steps: they are read one run folder at a time and put where a worker process
-finds those of its own scene.
+A study of 2,000 episodes has millions of steps, so run folders are read one at a time, and a worker process reads only
+the runs of its own scene.
 """
 
 import hashlib
@@ -15,13 +15,16 @@ from sim.errors import RunFileError
 from sim.tasks.metrics import read_runs, run_folders
 from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
 from sim.types import ClutterLevel, EndReason, EpisodeKey, SceneKind, TaskKind, WhoKind
+from sim.words.english import how_many
 
-CLUTTER: Mapping[str, ClutterLevel] = {"0": 0, "1": 1, "2": 2}
+_CLUTTER: Mapping[str, ClutterLevel] = {"0": 0, "1": 1, "2": 2}
+_REASONS = {"steps": "out of steps", "giveup": "gave up", "timeout": "out of time", "technical": "technical failure"}
+"""How runs ended, in words."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Setting:
-    """In which homes runs were made; results of different settings never share a table."""
+    """The homes in which runs were made; results of different settings never share a table."""
 
     kind: SceneKind
     clutter: ClutterLevel = 0
@@ -57,9 +60,26 @@ class Trial:
     """sha256 of the run's lines and of its `run.json`."""
 
     @property
+    def row_name(self) -> str:
+        """Who, and the condition: the name of a row in the paper's tables."""
+        return self.who if self.condition == "none" else f"{self.who} ({self.condition})"
+
+    @property
     def name(self) -> str:
-        """Who, and which participant."""
+        """The participant, or the agent and its condition."""
+        if self.who_kind == "agent":
+            return self.row_name
         return f"{self.who} {self.participant}" if self.participant else self.who
+
+    @property
+    def facts(self) -> str:
+        """The figures in words, and how the run ended unless it was with STOP or a click."""
+        words = [] if self.spl is None else [f"SPL {100 * self.spl:.0f}"]
+        words += [] if self.steps is None else [how_many(self.steps, "step")]
+        words += [f"{self.distance_m:.2f} m"] if self.task == "pog" and self.distance_m is not None else []
+        words += [] if self.time_s is None else [f"{self.time_s:.1f} s"]
+        words += [] if self.reason in ("stop", "click") else [_REASONS.get(self.reason, self.reason)]
+        return ", ".join(words)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +87,7 @@ class Gathered:
     """All runs of a comparison."""
 
     trials: tuple[Trial, ...]
-    """In the order of the run folders, within one those of PAN first."""
+    """In the order of the run folders; in each folder those of PAN come first."""
     runs: tuple[Run, ...]
     """For metrics: every run without its steps."""
 
@@ -79,8 +99,8 @@ def gather(
 
     Args:
         folders: Run folders, or folders of run folders.
-        dataset_digest: Of the episode files that the runs must be on.
-        episodes: All of the dataset.
+        dataset_digest: Digest of the episode files that the runs must be on.
+        episodes: All episodes of the dataset.
         into: An empty folder; `scene_runs` reads it.
 
     Raises:
@@ -101,7 +121,7 @@ def gather(
 
 
 def scene_runs(into: Path, scene: str) -> list[Run]:
-    """What `gather` put aside of one scene, in the order of the run folders."""
+    """The runs of one scene that `gather` wrote, in the order of the run folders."""
     folders = sorted(path for path in (into / scene).glob("*") if path.is_dir())
     return read_runs(folders) if folders else []
 
@@ -110,7 +130,7 @@ def setting_of(info: RunInfo) -> Setting | None:
     """Where a run was made; None = on an oracle map."""
     if info.scene_kind == "oracle-map":
         return None
-    return Setting(info.scene_kind, CLUTTER.get(str(info.config.get("clutter", 0)), 0))
+    return Setting(info.scene_kind, _CLUTTER.get(str(info.config.get("clutter", 0)), 0))
 
 
 def _require_dataset(run: Run, dataset_digest: str, episodes: Mapping[EpisodeKey, Episode]) -> None:

@@ -9,11 +9,14 @@ from typing import Literal
 from sim.homes.kind import scene_label
 from sim.tasks.metrics import MetricRow, metric_rows, reading_notes, rule_warnings
 from sim.tasks.run_files import Run
-from sim.types import SPLITS, EpisodeKey, TaskKind, WhoKind
+from sim.types import SPLITS, EpisodeKey, TaskKind
 
 from .gathered import Setting, Trial, setting_of
 
 FigureName = Literal["sr", "spl", "steps", "distance_m", "time_s"]
+Group = Literal["people", "agents", "difference"]
+GROUPS: Mapping[Group, str] = {"people": "people", "agents": "agents", "difference": "people \u2212 agents"}
+"""Groups of columns, and their heads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +35,13 @@ FIGURES: Mapping[TaskKind, tuple[Figure, ...]] = {
     "pan": (_SR, Figure("spl", "SPL", 0, True), Figure("steps", "steps", 0, False), _TIME),
     "pog": (_SR, Figure("distance_m", "off", 2, False), _TIME),
 }
-"""Compared per episode; `distance_m` is that of the answer from the target."""
+"""The figures that are compared per episode."""
 UNITS: Mapping[TaskKind, str] = {
     "pan": "SR and SPL in percent, time in seconds.",
     "pog": "SR in percent, off = metres between answer and target, time in seconds.",
 }
-"""Of the figures."""
+_KINDS = {"scan": "scans", "schematic": "schematic homes", "invented": "invented homes"}
+"""Kinds of homes in the order of their sections, with the words for them."""
 
 Means = Mapping[FigureName, float | None]
 """Mean of each figure over the trials that have it; None where none has."""
@@ -50,12 +54,25 @@ class Row:
     key: EpisodeKey
     query: str
     folder: str
-    """Of its recording and sheet, relative to the page."""
+    """Folder of its recording and sheet, relative to the page."""
     trials: tuple[Trial, ...]
-    people: Means
-    agents: Means
-    difference: Means
-    """People minus agents."""
+    """People first."""
+    means: Mapping[Group, Means]
+
+    @property
+    def share(self) -> float:
+        """Share of the scored trials that succeeded; -1 without any."""
+        scored = [trial.success for trial in self.trials if trial.success is not None]
+        return sum(scored) / len(scored) if scored else -1
+
+    @property
+    def success_counts(self) -> str:
+        """How many people and agents succeeded, in words."""
+        words = []
+        for kind, noun in (("human", "people"), ("agent", "agents")):
+            found = [trial.success for trial in self.trials if trial.who_kind == kind and trial.success is not None]
+            words += [f"{noun} {sum(found)} of {len(found)}"] if found else []
+        return ", ".join(words) or "none scored"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +88,17 @@ class Section:
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """What is compared."""
+        """The figures of its columns."""
         return FIGURES[self.task]
 
     @property
     def title(self) -> str:
         """Task and kind of homes."""
         task = "PAN (find the object by walking)" if self.task == "pan" else "POG (point at the object)"
-        return f"{task}, {_KINDS[self.setting.kind] if self.setting else 'oracle maps'}{_clutter(self.setting)}"
+        if self.setting is None:
+            return f"{task}, oracle maps"
+        clutter = f", clutter {self.setting.clutter}" if self.setting.clutter else ""
+        return f"{task}, {_KINDS[self.setting.kind]}{clutter}"
 
     @property
     def remark(self) -> str:
@@ -93,11 +113,21 @@ class Section:
 
     @property
     def notes(self) -> list[str]:
-        """For below the paper's figures: what the rule is, what it is worth, and runs made for another rule."""
+        """Notes on the paper's figures: what the rule is, what it is worth, and runs made for another rule."""
         return [*reading_notes(self.metrics), *rule_warnings(self.metrics)]
 
+    @property
+    def kinds(self) -> dict[tuple[str, str], str]:
+        """`people` or `agent`, by name and condition."""
+        trials = (trial for row in self.rows for trial in row.trials)
+        return {(trial.who, trial.condition): "people" if trial.who_kind == "human" else "agent" for trial in trials}
 
-_KINDS = {"scan": "scans", "schematic": "schematic homes", "invented": "invented homes"}
+    @property
+    def groups(self) -> dict[Group, str]:
+        """The groups of columns that have figures, with their heads; a difference needs people and agents."""
+        kinds = set(self.kinds.values())
+        has = {"people": "people" in kinds, "agents": "agent" in kinds, "difference": len(kinds) == 2}
+        return {name: head for name, head in GROUPS.items() if has[name]}
 
 
 def sections(
@@ -110,74 +140,38 @@ def sections(
     """The tables of a comparison: scans before other homes, PAN before POG, oracle maps last.
 
     Args:
-        trials: All of them.
+        trials: All trials.
         runs: The runs that they came from, without steps.
-        queries: What is looked for, of each episode.
-        folders: Where each episode's recording lies.
+        queries: Query of each episode.
+        folders: Folder of each episode's recording.
 
     Raises:
         RunFileError: A run was never scored, or a trial would count twice.
     """
     groups: dict[tuple[Setting | None, TaskKind], list[Trial]] = defaultdict(list)
     for trial in trials:
-        groups[(trial.setting, trial.task)].append(trial)
+        groups[trial.setting, trial.task].append(trial)
     found = []
     for (setting, task), members in sorted(groups.items(), key=lambda group: _place(*group[0])):
         metrics = metric_rows(_runs_of(runs, setting, task))
         kinds = {(trial.who, trial.condition): trial.who_kind for trial in members}
-        ordered = sorted(metrics, key=lambda row: kinds[(row.who, row.condition)] != "human")
+        ordered = sorted(metrics, key=lambda row: kinds[row.who, row.condition] != "human")
         found.append(Section(setting, task, tuple(_rows(members, task, queries, folders)), tuple(ordered)))
     return found
 
 
-def _place(setting: Setting | None, task: TaskKind) -> tuple[int, int, str]:
-    kinds = ("scan", "schematic", "invented")
-    if setting is None:
-        return len(kinds), 0, task
-    return kinds.index(setting.kind), setting.clutter, task
-
-
-def _runs_of(runs: Sequence[Run], setting: Setting | None, task: TaskKind) -> list[Run]:
-    chosen = [run for run in runs if setting_of(run.info) == setting]
-    left_out = "answers" if task == "pan" else "episodes"
-    return [run.model_copy(update={left_out: ()}) for run in chosen]
-
-
-def _rows(
-    trials: Sequence[Trial],
-    task: TaskKind,
-    queries: Mapping[EpisodeKey, str],
-    folders: Mapping[tuple[Setting | None, EpisodeKey], str],
-) -> list[Row]:
-    """Rows by difference of success, then of SPL (largest first), then by episode."""
-    by_key: dict[EpisodeKey, list[Trial]] = defaultdict(list)
-    for trial in trials:
-        by_key[trial.key].append(trial)
-    rows = []
-    for key, members in by_key.items():
-        members.sort(key=lambda trial: trial.who_kind != "human")
-        people, agents = means(members, "human", task), means(members, "agent", task)
-        folder = folders[(members[0].setting, key)]
-        rows.append(Row(key, queries[key], folder, tuple(members), people, agents, difference(people, agents)))
-    return sorted(rows, key=lambda row: (*_largest_first(row.difference), *_key_order(row.key)))
-
-
-def means(trials: Iterable[Trial], who_kind: WhoKind, task: TaskKind) -> Means:
-    """Mean of each figure of a task over the scored trials of people or of agents."""
-    chosen = [trial for trial in trials if trial.who_kind == who_kind and trial.success is not None]
-    found: dict[FigureName, float | None] = {}
+def means_of(trials: Iterable[Trial], task: TaskKind) -> dict[Group, Means]:
+    """Means over the scored trials of people and of agents, and people minus agents where both have the figure."""
+    scored = [trial for trial in trials if trial.success is not None]
+    people, agents, difference = {}, {}, {}
     for figure in FIGURES[task]:
-        values = [value for trial in chosen if (value := figure_of(trial, figure.name)) is not None]
-        found[figure.name] = statistics.fmean(values) if values else None
-    return found
-
-
-def difference(people: Means, agents: Means) -> Means:
-    """People minus agents; None where either has no figure."""
-    return {
-        name: None if value is None or (other := agents[name]) is None else value - other
-        for name, value in people.items()
-    }
+        for found, kind in ((people, "human"), (agents, "agent")):
+            values = [figure_of(trial, figure.name) for trial in scored if trial.who_kind == kind]
+            known = [value for value in values if value is not None]
+            found[figure.name] = statistics.fmean(known) if known else None
+        of_people, of_agents = people[figure.name], agents[figure.name]
+        difference[figure.name] = None if of_people is None or of_agents is None else of_people - of_agents
+    return {"people": people, "agents": agents, "difference": difference}
 
 
 def figure_of(trial: Trial, name: FigureName) -> float | None:
@@ -189,17 +183,36 @@ def figure_of(trial: Trial, name: FigureName) -> float | None:
     return getattr(trial, name)
 
 
-def _largest_first(figures: Means) -> tuple[float, ...]:
-    """Sort key: rows without a difference last."""
-    chosen = [figures.get(name) for name in ("sr", "spl")]
-    return tuple(1e9 if value is None else -value for value in chosen)
+def _place(setting: Setting | None, task: TaskKind) -> tuple[int, int, str]:
+    if setting is None:
+        return len(_KINDS), 0, task
+    return list(_KINDS).index(setting.kind), setting.clutter, task
 
 
-def _key_order(key: EpisodeKey) -> tuple[int, str, int, str]:
-    """Easy before hard, then by scene, then by number."""
-    number = int(key.episode_id) if key.episode_id.isdecimal() else 0
-    return SPLITS.index(key.split), key.scene, number, key.episode_id
+def _runs_of(runs: Sequence[Run], setting: Setting | None, task: TaskKind) -> list[Run]:
+    left_out = "answers" if task == "pan" else "episodes"
+    return [run.model_copy(update={left_out: ()}) for run in runs if setting_of(run.info) == setting]
 
 
-def _clutter(setting: Setting | None) -> str:
-    return f", clutter {setting.clutter}" if setting and setting.clutter else ""
+def _rows(
+    trials: Sequence[Trial],
+    task: TaskKind,
+    queries: Mapping[EpisodeKey, str],
+    folders: Mapping[tuple[Setting | None, EpisodeKey], str],
+) -> list[Row]:
+    """Rows by difference of success, then of SPL (largest first, none last), then by episode."""
+    by_key: dict[EpisodeKey, list[Trial]] = defaultdict(list)
+    for trial in sorted(trials, key=lambda trial: trial.who_kind != "human"):
+        by_key[trial.key].append(trial)
+    rows = [
+        Row(key, queries[key], folders[members[0].setting, key], tuple(members), means_of(members, task))
+        for key, members in by_key.items()
+    ]
+
+    def order(row: Row) -> tuple[object, ...]:
+        number = int(row.key.episode_id) if row.key.episode_id.isdecimal() else 0
+        leads = [row.means["difference"].get(name) for name in ("sr", "spl")]
+        largest_first = (1e9 if lead is None else -lead for lead in leads)
+        return *largest_first, SPLITS.index(row.key.split), row.key.scene, number, row.key.episode_id
+
+    return sorted(rows, key=order)  # type: ignore[arg-type]

@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 
 from recordings.scene import GoalRegion, goal_region
 from recordings.texts import NOTICE
@@ -26,6 +25,7 @@ from sim.render.renderer import Renderer
 from sim.tasks.run_files import EpisodeRun
 from sim.types import Camera
 
+from ..contact_sheet.sheet import png_bytes
 from .sheet_map import INK, Floor, LineStyle, casing, color_of, draw_floor, end_marker, floors_of, style_of, success_of
 
 WIDTH_IN, DPI = 9.5, 200
@@ -114,12 +114,7 @@ def sheet_png(scene: Scene, episode: Episode, traces: Sequence[Trace], *, render
     for head, group, floors in parts:
         _draw_part(sheet, head, scene, goal, group, floors, _map_height(floors, most))
     _draw_views(sheet, views, view_in)
-    data = io.BytesIO()
-    about = PngInfo()
-    if label := scene_label(scene.kind):
-        about.add_text("Description", label)
-    _drawn(sheet.figure).save(data, "PNG", compress_level=4, dpi=(DPI, DPI), pnginfo=about)
-    return data.getvalue()
+    return png_bytes(_drawn(sheet.figure), label=scene_label(scene.kind), compress_level=4, dpi=(DPI, DPI))
 
 
 def thumbnail_jpeg(scene: Scene, episode: Episode, traces: Sequence[Trace], *, has_map: bool) -> bytes:

@@ -14,11 +14,12 @@ from recordings.scene import GoalRegion
 from recordings.traces import Trace
 from sim.frames import forward_from_yaw
 from sim.mesh import Scene
+from sim.plan_view.axes import CLOSED, draw_free_floor
 from sim.plan_view.storey import StoreyMap, storey_map, storeys_of
 from sim.tasks.rules import SUCCESS_RADIUS
 from sim.tasks.run_files import EpisodeRun
 
-FREE, WALL, PIECE, PIECE_EDGE, WORD = "#fbfbf9", "#c9ccd1", "#e9e6df", "#b9b3a7", "#8a857b"
+_PIECE, _PIECE_EDGE, _WORD = "#e9e6df", "#b9b3a7", "#8a857b"
 INK, GOAL = "#1c1d21", "#d81b60"
 """The goal's colour is none of the runs'."""
 LineStyle = str | tuple[int, tuple[float, float]]
@@ -93,13 +94,9 @@ def draw_floor(
     axes.set_axis_off()
     is_walk = any(isinstance(trace.run, EpisodeRun) for trace in traces)
     if floor.map is not None:
-        shades = np.where(floor.map.free[..., None], _rgb(FREE), _rgb(WALL)).astype(np.uint8)
-        left, top = floor.map.grid.origin_xz
-        rows, cols = floor.map.grid.shape
-        cell = floor.map.grid.cell
-        extent = (float(left), left + cols * cell, top + rows * cell, float(top))
-        axes.add_patch(Rectangle(floor.low, *np.subtract(floor.high, floor.low), facecolor=WALL, lw=0, zorder=-1))
-        axes.imshow(shades, extent=extent, interpolation="nearest", zorder=0, aspect="auto")
+        axes.add_patch(Rectangle(floor.low, *np.subtract(floor.high, floor.low), facecolor=CLOSED, lw=0, zorder=-1))
+        draw_free_floor(axes, floor.map.free, floor.map.grid)
+        axes.set_aspect("auto")
         _draw_pieces(axes, floor, scene, words=words)
     _draw_goal(axes, floor, goal, is_walk=is_walk, size=1.0 if words else 0.7)
     if floor.map is not None and is_walk and goal.path is not None:
@@ -163,10 +160,10 @@ def _draw_pieces(axes: Axes, floor: Floor, scene: Scene, *, words: bool) -> None
         if not -0.5 <= up <= _TALLEST_FLOOR or area < _LARGE_PIECE or area > 20:
             continue
         corner = item.centre[0] - item.size[0] / 2, item.centre[2] - item.size[2] / 2
-        axes.add_patch(Rectangle(corner, item.size[0], item.size[2], facecolor=PIECE, edgecolor=PIECE_EDGE, lw=0.4))
+        axes.add_patch(Rectangle(corner, item.size[0], item.size[2], facecolor=_PIECE, edgecolor=_PIECE_EDGE, lw=0.4))
         if words and area >= _NAMED_PIECE:
             axes.text(
-                item.centre[0], item.centre[2], item.category, fontsize=4.8, color=WORD, ha="center", va="center",
+                item.centre[0], item.centre[2], item.category, fontsize=4.8, color=_WORD, ha="center", va="center",
                 clip_on=True, parse_math=False, zorder=2,
             )  # fmt: skip
 
@@ -251,7 +248,3 @@ def _draw_scale(axes: Axes, floor: Floor) -> None:
         f"{metres} m", (x + metres / 2, z), xytext=(0, 2.5), textcoords="offset points", fontsize=6.5, color=INK,
         ha="center", va="bottom", zorder=10,
     )  # fmt: skip
-
-
-def _rgb(color: str) -> NDArray[np.uint8]:
-    return np.array([int(color[at : at + 2], 16) for at in (1, 3, 5)], np.uint8)

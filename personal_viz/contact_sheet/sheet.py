@@ -7,6 +7,7 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -116,12 +117,18 @@ def write_crops(folder: Path, scene: Scene, *, seed: int = 0) -> int:
     return len(crops)
 
 
-def png_bytes(picture: Image.Image, *, label: str = "") -> bytes:
-    """The picture as PNG, the label as its description; the same pixels give the same bytes."""
+def png_bytes(picture: Image.Image, *, label: str = "", **options: Any) -> bytes:
+    """The picture as PNG; the same pixels give the same bytes.
+
+    Args:
+        picture: Any picture.
+        label: The file's description, which says what kind of home it shows.
+        options: Further options of Pillow, such as `dpi`.
+    """
     data, about = io.BytesIO(), PngInfo()
     if label:
         about.add_text("Description", label)
-    picture.save(data, format="PNG", optimize=False, pnginfo=about)
+    picture.save(data, "PNG", pnginfo=about, **options)
     return data.getvalue()
 
 

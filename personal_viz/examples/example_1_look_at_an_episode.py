@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from sim import Dataset, PanEnv, open_home, play
+from sim.plan_view.axes import draw_free_floor
 from sim.tasks.agents import ShortestPathAgent
 
 
@@ -34,12 +35,10 @@ def look(dataset: Path, episode: str | None = None, *, out: Path = Path()) -> fl
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.subplots()
     axes.set_title(f"{home.label}: {len(run.steps)} actions")
-    cells = top.grid.rc_from_xz(way[:, [0, 2]])
-    axes.imshow(top.free, cmap="gray_r", alpha=0.4)
-    axes.plot(cells[:, 1], cells[:, 0], color="tab:blue")
+    draw_free_floor(axes, top.free, top.grid)
+    axes.plot(way[:, 0], way[:, 2], color="tab:blue")
     for goal in found.targets:
-        row, col = top.grid.rc_from_xz(np.array(goal.position)[[0, 2]])
-        axes.plot(col, row, "r*", markersize=14)
+        axes.plot(goal.position[0], goal.position[2], "r*", markersize=14)
     figure.savefig(out / "from_above.png")
     return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
 

@@ -10,6 +10,7 @@ from sim.episodes.schema import Episode
 from sim.frames import T_world_camera, yaw_towards
 from sim.homes.renderers import raycaster_of
 from sim.mesh import Scene
+from sim.plan_view.axes import draw_free_floor
 from sim.tasks.rules import success_region
 from sim.types import STOREY_GAP, Camera, Pose
 
@@ -42,9 +43,7 @@ def draw_simulator(scene: Scene, episode: Episode, path: Path) -> None:
 def _draw_map(axes: Axes, scene: Scene, way: np.ndarray, pose: Pose) -> None:
     storey_y = min(scene.navigation.storey_heights, key=lambda y: abs(y - pose.position[1]))
     free, grid, _ = scene.navigation.top_down(storey_y)
-    (x0, z0), (rows, cols) = grid.origin_xz, grid.shape
-    extent = (x0, x0 + cols * grid.cell, z0 + rows * grid.cell, z0)
-    axes.imshow(free, extent=extent, cmap="Greys_r", vmin=-0.6, vmax=1.0, interpolation="nearest")
+    draw_free_floor(axes, free, grid)
     here = np.abs(way[:, 1] - storey_y) < STOREY_GAP
     axes.plot(way[here, 0], way[here, 2], color="#d6006e", linewidth=2)
     axes.plot(pose.position[0], pose.position[2], marker="o", color="#1f5fa8")

@@ -6,10 +6,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from personal_viz.compare.markdown import page_markdown, plain
-from personal_viz.compare.page import FIRST, page_html
-from personal_viz.compare.rows import Row, Section, difference, means
-from personal_viz.compare.wording import Page, facts, written
+from personal_viz.compare.page import FIRST, Page, page_html, page_markdown, plain, written
+from personal_viz.compare.rows import Row, Section, means_of
 from sim.types import EpisodeKey
 
 from .test_compare_rows import HOME, trial
@@ -39,9 +37,7 @@ def page(*, num_rows: int = 1, who: str = "agent", query: str = "Find it.", num_
         key = EpisodeKey("easy", "Hut", str(number))
         people = [trial("human", success=True, key=key, participant=f"P{n}") for n in range(num_people)]
         trials = (*people, trial(who, success=False, key=key, run_id=who, steps=1))
-        means_of = [means(trials, kind, "pan") for kind in ("human", "agent")]
-        folder = f"episodes/easy-Hut-{number}"
-        rows.append(Row(key, query, folder, trials, means_of[0], means_of[1], difference(*means_of)))
+        rows.append(Row(key, query, f"episodes/easy-Hut-{number}", trials, means_of(trials, "pan")))
     return Page((Section(HOME, "pan", tuple(rows), ()),), has_scan_pixels=False, has_left_out_pixels=False)
 
 
@@ -115,5 +111,5 @@ def test_differences_have_a_sign_and_nothing_has_minus_zero(value: float | None,
 
 
 def test_facts_say_how_a_run_ended_unless_it_stopped() -> None:
-    assert facts(trial("human", success=True)) == "SPL 50, 10 steps, 4.0 s"
-    assert facts(trial("a", success=False, steps=1, reason="steps")) == "SPL 0, 1 step, out of steps"
+    assert trial("human", success=True).facts == "SPL 50, 10 steps, 4.0 s"
+    assert trial("a", success=False, steps=1, reason="steps").facts == "SPL 0, 1 step, out of steps"

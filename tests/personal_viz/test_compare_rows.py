@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from personal_viz.compare.gathered import Setting, Trial, gather
-from personal_viz.compare.rows import difference, means, sections
+from personal_viz.compare.rows import means_of, sections
 from sim.errors import RunFileError
 from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
 from sim.types import EpisodeKey
@@ -66,16 +66,17 @@ def test_people_minus_agents_is_the_difference_of_their_means() -> None:
         trial("a", success=True, steps=100),
         trial("b", success=False, steps=60),
     ]
-    people, agents = means(trials, "human", "pan"), means(trials, "agent", "pan")
-    assert people == {"sr": 100.0, "spl": 50.0, "steps": 25.0, "time_s": 4.0}
-    assert agents == {"sr": 50.0, "spl": 25.0, "steps": 80.0, "time_s": None}
-    assert difference(people, agents) == {"sr": 50.0, "spl": 25.0, "steps": -55.0, "time_s": None}
+    assert means_of(trials, "pan") == {
+        "people": {"sr": 100.0, "spl": 50.0, "steps": 25.0, "time_s": 4.0},
+        "agents": {"sr": 50.0, "spl": 25.0, "steps": 80.0, "time_s": None},
+        "difference": {"sr": 50.0, "spl": 25.0, "steps": -55.0, "time_s": None},
+    }
 
 
 def test_trials_that_were_not_scored_are_in_no_mean() -> None:
-    trials = [trial("human", success=True), trial("human", success=None, steps=500, reason="technical")]
-    assert means(trials, "human", "pan")["steps"] == 10.0
-    assert means(trials, "agent", "pan")["sr"] is None
+    found = means_of([trial("human", success=True), trial("human", success=None, steps=500, reason="technical")], "pan")
+    assert found["people"]["steps"] == 10.0
+    assert found["agents"]["sr"] is None
 
 
 def test_rows_come_by_the_human_lead_and_rows_without_one_come_last(tmp_path: Path) -> None:
@@ -94,7 +95,7 @@ def test_rows_come_by_the_human_lead_and_rows_without_one_come_last(tmp_path: Pa
     keys = dict.fromkeys((even, ahead, alone), "Find it.")
     found = sections(trials, runs, queries=keys, folders={(HOME, key): "f" for key in keys})
     assert [row.key.episode_id for row in found[0].rows] == ["2", "1", "3"]
-    assert [row.difference["sr"] for row in found[0].rows] == [100.0, 0.0, None]
+    assert [row.means["difference"]["sr"] for row in found[0].rows] == [100.0, 0.0, None]
 
 
 def test_kinds_tasks_and_oracle_maps_never_share_a_table() -> None:
