@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from .options import Dataset, Json, Scenes
-from .output import table_console
+from .output import print_table
 
 if TYPE_CHECKING:
     from personal_viz.bench.homes.playability import Figures, HomeFacts, HomeFigures, HomesReport
@@ -74,7 +74,7 @@ class Homes:
         if self.json:
             print(report.model_dump_json(indent=2))
         else:
-            _print_tables(report)
+            _print_report(report)
         if self.out is not None:
             print(
                 f"Plans written to {self.out}. To correct a home by hand, edit its plan and put it at "
@@ -109,23 +109,13 @@ def _measure(job: _HomeJob) -> HomeFacts:
     return measure_home(dataset, home, folds=job.folds)
 
 
-def _print_tables(report: HomesReport) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
+def _print_report(report: HomesReport) -> None:
     from sim.homes.kind import scene_terms
 
-    console = table_console(_MIN_WIDTH)
-    table = Table(title="Homes without their scans", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-    table.add_column("\nscene", no_wrap=True)
-    for _, head in _COLUMNS:
-        table.add_column(head if "\n" in head else f"\n{head}", justify="right", no_wrap=True)
-    for name, figures in report.scenes.items():
-        table.add_row(name, *_cells(figures))
-    if len(report.scenes) > 1:
-        table.add_section()
-        table.add_row("total", *_cells(report.total), style="bold")
-    console.print(table)
+    rows = [(name, *_cells(figures)) for name, figures in report.scenes.items()]
+    total = ("total", *_cells(report.total)) if len(rows) > 1 else ()
+    heads = ("scene", *(head for _, head in _COLUMNS))
+    print_table("Homes without their scans", heads, rows, total=total, width=_MIN_WIDTH)
     for label in report.labels:
         print(f"{label}.")
     for terms in {scene_terms(figures.scene_kind) for figures in report.scenes.values()} - {""}:

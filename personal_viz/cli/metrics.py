@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,11 +12,9 @@ from tyro.conf import Positional, arg
 from sim.types import RULE_NOTES, SuccessRule
 
 from .options import Json
-from .output import print_json, say, table_console
+from .output import print_json, print_table, say
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from sim.tasks.metrics import MetricRow
 
 
@@ -33,7 +31,14 @@ class Metrics:
     def run(self) -> int:
         from grounding.report.sources import pog_notes
         from sim.homes.kind import scene_label
-        from sim.tasks.metrics import metric_rows, read_runs, reading_notes, require_comparable, rule_warnings
+        from sim.tasks.metrics import (
+            metric_rows,
+            paper_table,
+            read_runs,
+            reading_notes,
+            require_comparable,
+            rule_warnings,
+        )
 
         found = read_runs(self.runs)
         require_comparable(run.info for run in found if run.episodes)
@@ -45,14 +50,20 @@ class Metrics:
             for line in warnings:
                 say(line)
             return 0
-        console = table_console()
         for task, title in (
             ("pan", f"PAN, rule {self.rule}"),
             ("pog", "POG, planar distance <= 1 m on the target's storey"),
         ):
             for kind in dict.fromkeys(row.scene_kind for row in rows if row.task == task):
                 shown = [row for row in rows if row.task == task and row.scene_kind == kind]
-                console.print(_table(title, shown))
+                table = paper_table(shown)
+                heads = [
+                    f"{split.capitalize() if head == 'SR' else ''}\n{head}"
+                    for split in table.splits
+                    for head in table.heads
+                ]
+                lines = [(line.name, *chain(*line.cells)) for line in table.lines]
+                print_table(f"{title}; scenes: {kind}", ("Method", *heads), lines)
                 label = scene_label(kind)
                 answered = [run.info for run in found if run.answers and run.info.scene_kind == kind]
                 maps = pog_notes(answered) if task == "pog" else ()
@@ -74,21 +85,3 @@ def _labelled(row: MetricRow) -> dict[str, Any]:
     from sim.homes.kind import scene_label
 
     return row.model_dump() | {"scene_label": scene_label(row.scene_kind)}
-
-
-def _table(title: str, rows: Sequence[MetricRow]) -> Table:
-    """The paper's layout: one line per row name, groups Easy, Medium, Hard, Total."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from sim.tasks.metrics import paper_table
-
-    table = Table(title=f"{title}; scenes: {rows[0].scene_kind}", box=SIMPLE_HEAD, padding=(0, 1), title_justify="left")
-    table.add_column("\nMethod", overflow="fold", max_width=44)
-    shown = paper_table(rows)
-    for split in shown.splits:
-        for head in shown.heads:
-            table.add_column(f"{split.capitalize() if head == 'SR' else ''}\n{head}", justify="right", no_wrap=True)
-    for line in shown.lines:
-        table.add_row(line.name, *(cell for cells in line.cells for cell in cells))
-    return table

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from .options import Dataset, Json
-from .output import print_json, table_console
+from .output import print_json, print_table
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from sim.episodes.statistics import CaptionMetrics, CaptionStatistics, NetworkMetrics, NetworkStatistics
+    from sim.episodes.statistics import CaptionMetrics, NetworkStatistics
 
 
 @dataclass
@@ -31,46 +28,34 @@ class Stats:
         if self.json:
             print_json({"network": asdict(network), "captions": asdict(captions)})
             return 0
-        console = table_console(folds=True)
-        console.print(_network_table(network))
-        console.print(_caption_table(captions))
+        _print_network(network)
+        heads = ("captions of", "captions", "tokens", "words / caption", "range", "vocabulary", "type-token ratio")
+        shown = (*captions.paper, captions.all_targets, captions.stripped, *captions.per_split)
+        title = 'Table "goat_comparison": first caption of each distinct target'
+        print_table(title, (*heads, "entropy, bits"), map(_caption_cells, shown), folds=True)
         if captions.faulty:
             print(f"Captions with an annotator's note: {', '.join(captions.faulty)}")
         return 0
 
 
-def _network_table(statistics: NetworkStatistics) -> Table:
-    """A table with one line per metric; a cell holds the paper's figure, ours per episode and per distinct summary."""
-    from rich.table import Table
-
+def _print_network(statistics: NetworkStatistics) -> None:
+    """Prints a line per metric; a cell holds the paper's figure, ours per episode and per distinct summary."""
     from sim.episodes.statistics import NETWORK_FIELDS
 
-    table = Table(title='Table "network-metrics": paper | files, per episode | files, per distinct summary')
-    table.add_column("metric")
-    columns = [column.column for column in statistics.per_episode]
-    for column in columns:
-        table.add_column(column.capitalize(), justify="right")
-    sources = [_by_column(source) for source in (statistics.paper, statistics.per_episode, statistics.per_summary)]
-    for field in NETWORK_FIELDS:
-        cells = (" | ".join(_figure(getattr(source[column], field)) for source in sources) for column in columns)
-        table.add_row(field.replace("_", " "), *cells)
-    return table
-
-
-def _by_column(columns: Sequence[NetworkMetrics]) -> Mapping[str, NetworkMetrics]:
-    return {column.column: column for column in columns}
-
-
-def _caption_table(statistics: CaptionStatistics) -> Table:
-    from rich.table import Table
-
-    table = Table(title='Table "goat_comparison": first caption of each distinct target')
-    table.add_column("captions of")
-    for head in ("captions", "tokens", "words / caption", "range", "vocabulary", "type-token ratio", "entropy, bits"):
-        table.add_column(head, justify="right")
-    for metrics in (*statistics.paper, statistics.all_targets, statistics.stripped, *statistics.per_split):
-        table.add_row(*_caption_cells(metrics))
-    return table
+    sources = [
+        {column.column: column for column in source}
+        for source in (statistics.paper, statistics.per_episode, statistics.per_summary)
+    ]
+    columns = list(sources[1])
+    rows = [
+        (
+            field.replace("_", " "),
+            *(" | ".join(_figure(getattr(source[column], field)) for source in sources) for column in columns),
+        )
+        for field in NETWORK_FIELDS
+    ]
+    title = 'Table "network-metrics": paper | files, per episode | files, per distinct summary'
+    print_table(title, ("metric", *map(str.capitalize, columns)), rows, folds=True)
 
 
 def _caption_cells(metrics: CaptionMetrics) -> tuple[str, ...]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from sim.types import SPLITS, Split
 
 from .options import Dataset, Json
-from .output import print_json, table_console
+from .output import print_json, print_table
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.text import Text
 
     from sim.episodes.validate import CheckResult, Measure, ValidationReport
 
@@ -63,19 +64,11 @@ def _json_of_report(report: ValidationReport) -> dict[str, Any]:
 
 
 def _print_report(report: ValidationReport) -> None:
-    from rich.table import Table
-
     counts = ", ".join(f"{split} {report.num_episodes[split]}" for split in SPLITS)
     print(f"{report.root}: {sum(report.num_episodes.values())} episodes ({counts})")
-    table = Table(title="Checks of DATA_FORMAT.md, section 8")
-    table.add_column("row", justify="right")
-    table.add_column("level")
-    for head in ("found", *SPLITS):
-        table.add_column(head, justify="right", no_wrap=True)
-    table.add_column("check", overflow="fold")
-    for check in report.checks:
-        _add_check(table, check)
-    table_console(folds=True).print(table)
+    rows = [row for check in report.checks for row in _rows(check)]
+    heads = ("row", "level", "found", *SPLITS, "check")
+    print_table("Checks of DATA_FORMAT.md, section 8", heads, rows, texts=("level", "check"), folds=True)
     for check in report.checks:
         if check.level != "note" and check.measure.names:
             print(f"row {check.row}, {check.level}, {check.measure.slug}: {_examples(check.measure)}")
@@ -89,14 +82,16 @@ def _print_report(report: ValidationReport) -> None:
     )
 
 
-def _add_check(table: Table, check: CheckResult) -> None:
-    from rich.markup import escape
+def _rows(check: CheckResult) -> Iterator[tuple[str | Text, ...]]:
+    """The check's row, and one for each further measure."""
+    from rich.text import Text
 
     level = check.level if check.measure.count else "ok"
-    text = f"{check.measure.slug} [dim]({check.measure.unit}: {escape(check.title)})[/]"
-    table.add_row(str(check.row), f"[{_COLOURS[level]}]{level}[/]", *_cells(check.measure), text)
+    text = Text.assemble(check.measure.slug, (f" ({check.measure.unit}: {check.title})", "dim"))
+    yield str(check.row), Text(level, _COLOURS[level]), *_cells(check.measure), text
     for measure in check.also:
-        table.add_row("", "", *_cells(measure), f"  {measure.slug} ({measure.unit})", style="dim")
+        cells = ("", "", *_cells(measure), f"  {measure.slug} ({measure.unit})")
+        yield tuple(Text(cell, "dim") for cell in cells)
 
 
 def _cells(measure: Measure) -> tuple[str, ...]:

@@ -2,10 +2,9 @@
 
 from dataclasses import replace
 from types import NoneType, UnionType
-from typing import Annotated, Union, get_args
+from typing import Union, get_args
 
 import tyro
-from tyro.conf import subcommand
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from .bench import Bench
@@ -32,29 +31,30 @@ from .study.verbs import Study
 from .validate import Validate
 
 Verb = (
-    Annotated[Demo, subcommand("demo")]
-    | Annotated[Validate, subcommand("validate")]
-    | Annotated[Stats, subcommand("stats")]
-    | Annotated[Invent, subcommand("invent")]
-    | Annotated[Homes, subcommand("homes")]
-    | Annotated[ContactSheet, subcommand("contact-sheet")]
-    | Annotated[Run, subcommand("run")]
-    | Annotated[Explore, subcommand("explore")]
-    | Annotated[Ground, subcommand("ground")]
-    | Annotated[PogReport, subcommand("pog-report")]
-    | Annotated[ShowExploration, subcommand("show-exploration")]
-    | Annotated[ShowMap, subcommand("show-map")]
-    | Annotated[Map, subcommand("map")]
-    | Annotated[Import, subcommand("import")]
-    | Annotated[Metrics, subcommand("metrics")]
-    | Annotated[Replay, subcommand("replay")]
-    | Annotated[Compare, subcommand("compare")]
-    | Annotated[Browse, subcommand("browse")]
-    | Annotated[Export, subcommand("export")]
-    | Annotated[Study, subcommand("study")]
-    | Annotated[CheckHabitat, subcommand("check-habitat")]
-    | Annotated[Bench, subcommand("bench")]
+    Demo
+    | Validate
+    | Stats
+    | Invent
+    | Homes
+    | ContactSheet
+    | Run
+    | Explore
+    | Ground
+    | PogReport
+    | ShowExploration
+    | ShowMap
+    | Map
+    | Import
+    | Metrics
+    | Replay
+    | Compare
+    | Browse
+    | Export
+    | Study
+    | CheckHabitat
+    | Bench
 )
+"""All verbs, in the order of the help; each is named after its class, as `contact-sheet` after `ContactSheet`."""
 
 
 def parse(arguments: list[str] | None = None) -> Verb:

@@ -107,7 +107,7 @@ def _cells(view: PlanView, memory: FeatureMap, layers: Layers | None) -> list[_T
     """Every known cell, and over it its final score; grey where the phrases' gate is closed."""
     side = memory.grid.cell * view.scale
 
-    def squares(rc: NDArray[np.int64], colours: list[str], titles: list[str]) -> list[_Tile]:
+    def squares(rc: NDArray[np.integer], colours: list[str], titles: list[str]) -> list[_Tile]:
         corners = view.pixels(memory.grid.xz_from_rc(rc) - memory.grid.cell / 2).reshape(-1, 2).tolist()
         found = zip(corners, colours, titles, strict=True)
         return [_Tile(left, top, side, side, colour, title) for (left, top), colour, title in found]

@@ -116,7 +116,7 @@ def test_the_table_shows_counts_and_where_it_was_written(small_root: Path, tmp_p
         "100.0",
         "plain mean of the splits",
         "Map words: captions of the same episode files (circular). Target's storey: given.",
-        "paper's HM3D maps │ SR │ 15.4 │ 8.6 │ 11.9",
+        "paper's HM3D maps SR 15.4 8.6 11.9",
         "Not comparable with the paper",
         "my-run",
     ):

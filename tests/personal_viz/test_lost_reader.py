@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ COMMAND = [sys.executable, "-m", "personal_viz"]
 
 def verbs() -> list[list[str]]:
     """Every verb of the command line, and those below `study`."""
-    names = [get_args(verb)[1].name for verb in get_args(cli.Verb)]
+    names = [re.sub(r"(?<!^)(?=[A-Z])", "-", verb.__name__).lower() for verb in get_args(cli.Verb)]
     below = [get_args(verb)[1].name for verb in get_args(get_type_hints(Study, include_extras=True)["verb"])]
     return [[name] for name in names] + [["study", name] for name in below]
 

@@ -18,7 +18,7 @@ from sim.errors import PersonalVizError
 from sim.types import Camera, SceneKind
 
 from ..options import Jobs, Json, Scenes, ScenesDir, WithPixels
-from ..output import print_json, recorded
+from ..output import print_json, print_table, recorded
 
 if TYPE_CHECKING:
     from grounding.agents.exploration_jobs import ExploreJob
@@ -80,7 +80,7 @@ class Explore:
         if self.json:
             print_json(document)
         else:
-            _print_table(found, document)
+            _print_report(found, document)
             print(f"Written to {self.out}; coverage over steps: {self.out / _PLOT}")
         return 0
 
@@ -264,25 +264,16 @@ def coverage_png(found: Sequence[Exploration], *, title: str, label: str) -> byt
     return file.getvalue()
 
 
-def _print_table(found: Sequence[Exploration], document: dict) -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from personal_viz.printed import Console
-
-    camera = document["camera"]
-    table = Table(
-        title=f"Explorations, {document['scene_kind']} homes, camera {camera['width']} x {camera['height']}",
-        box=SIMPLE_HEAD,
-    )
-    for head in ("Home", "storey m", "m2", "steps", "coverage %", "doors", "rooms missed", "stopped"):
-        table.add_column(head, justify="left" if head in ("Home", "rooms missed", "stopped") else "right")
+def _print_report(found: Sequence[Exploration], document: dict) -> None:
+    rows = []
     for item in found:
         doors = "-" if item.doors_passed is None else f"{item.doors_passed}/{item.num_doors}"
         missed = "-" if item.rooms_missed is None else ", ".join(item.rooms_missed) or "none"
         cells = (f"{item.storey_y:.2f}", f"{item.area_m2:.0f}", str(len(item.steps)), f"{100 * item.coverage[-1]:.1f}")
-        table.add_row(item.scene, *cells, doors, missed, item.stop_reason)
-    Console(file=sys.stdout).print(table)
+        rows.append((item.scene, *cells, doors, missed, item.stop_reason))
+    camera, texts = document["camera"], ("rooms missed", "stopped")
+    title = f"Explorations, {document['scene_kind']} homes, camera {camera['width']} x {camera['height']}"
+    print_table(title, ("Home", "storey m", "m2", "steps", "coverage %", "doors", *texts), rows, texts=texts)
     if document["scene_label"]:
         print(f"{document['scene_label']}.")
     coverage, steps = document["coverage"], document["steps"]

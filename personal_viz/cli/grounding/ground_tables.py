@@ -1,19 +1,17 @@
 """Output of the verb `ground`: one JSON document per run, or the paper's POG table."""
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.table import Table
-
 from grounding.encoders.by_name import encoder_called
 from grounding.evaluation.settings import GroundSettings
 from grounding.report.sources import PAPER_IS, PAPER_POG, pog_notes
-from personal_viz.printed import Console
 from sim.tasks.metrics import MetricRow
 from sim.tasks.run_files import RunInfo
 from sim.types import SPLITS
+
+from ..output import print_table
 
 _TOTAL_IS = "plain mean of the splits"
 """As in the paper's Total column and in `personal-viz metrics`; `pooled` gives every episode the same weight."""
@@ -72,26 +70,24 @@ def print_ground_table(results: Sequence[GroundResult]) -> None:
     """
     info, settings = results[0].info, results[0].settings
     sources = [str(result.info.config["phrases"]) for result in results]
-    table = Table(
-        title=f"POG, {info.condition.replace(f', phrases {sources[0]}', '')} ({_homes(info)})",
-        caption=f"Percent within 1 m of the target. {settings.method} chooses among: {info.config['frame']}. "
-        f"Total = {_TOTAL_IS}.",
-    )
-    table.add_column("Method")
-    table.add_column("")
     names = [name for name in (*SPLITS, "total") if any(name in result.rows for result in results)]
-    for name in names:
-        table.add_column(name.capitalize(), justify="right")
+    lines = []
     for result, source in zip(results, sources, strict=True):
-        rows, method = result.rows, settings.method
-        label = method if source == "none" else f"{method} (phrases {source})"
-        table.add_row(label, "SR", *(_cell(rows[name].sr) for name in names))
-        table.add_row("", "k/n", *(f"{rows[name].k}/{rows[name].n}" for name in names))
-        table.add_row("", "top-3", *(_cell(rows[name].top3) for name in names))
+        shown = [result.rows[name] for name in names]
+        label = settings.method if source == "none" else f"{settings.method} (phrases {source})"
+        lines.append((label, "SR", *(_cell(row.sr) for row in shown)))
+        lines.append(("", "k/n", *(f"{row.k}/{row.n}" for row in shown)))
+        lines.append(("", "top-3", *(_cell(row.top3) for row in shown)))
     if info.scene_kind == "oracle-map" and settings.method in PAPER_POG:
         printed = dict[str, float](zip((*SPLITS, "total"), PAPER_POG[settings.method], strict=True))
-        table.add_row(PAPER_IS, "SR", *(f"{printed[name]:.1f}" for name in names))
-    Console(file=sys.stdout).print(table)
+        lines.append((PAPER_IS, "SR", *(f"{printed[name]:.1f}" for name in names)))
+    homes = "no home" if info.scene_kind == "oracle-map" else f"{info.scene_kind} homes"
+    title = f"POG, {info.condition.replace(f', phrases {sources[0]}', '')} ({homes})"
+    print_table(title, ("Method", "figure", *map(str.capitalize, names)), lines, texts=("figure",))
+    print(
+        f"Percent within 1 m of the target. {settings.method} chooses among: {info.config['frame']}. "
+        f"Total = {_TOTAL_IS}."
+    )
     for note in [*([f"{info.scene_label}."] if info.scene_label else []), *pog_notes([each.info for each in results])]:
         print(note)
     for result in results:
@@ -102,10 +98,6 @@ def print_ground_table(results: Sequence[GroundResult]) -> None:
             )
     folders = " ".join(str(result.folder) for result in results)
     print(f"Written to {folders}; see it with: personal-viz metrics {folders}")
-
-
-def _homes(info: RunInfo) -> str:
-    return "no home" if info.scene_kind == "oracle-map" else f"{info.scene_kind} homes"
 
 
 def _pooled(figures: Sequence[tuple[float | None, int]]) -> float | None:
