@@ -35,37 +35,33 @@ def distance_figure(table: PogTable) -> Drawn:
 
     A line per method; bands are 95 % intervals by home. Rows without the distances of three have no line on the right.
     """
-    figure = Figure(figsize=(11.5, 4.3), layout="constrained")
-    first, best = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure, first, best = _panels("first answer (top-1)", "best of the first three (top-3)")
     for number, row in enumerate(table.rows):
         metres = [point.metres for point in row.curve]
         colour, dashes = COLOURS[number % len(COLOURS)], ("-", "--")[number // len(COLOURS) % 2]
-        firsts, first_ranges = [point.sr for point in row.curve], [point.by_home for point in row.curve]
-        first.plot(metres, firsts, label=row.name, linewidth=1.6, color=colour, linestyle=dashes)
-        _band(first, metres, first_ranges, colour)
+        style = {"linewidth": 1.6, "color": colour, "linestyle": dashes}
+        first.plot(metres, [point.sr for point in row.curve], label=row.name, **style)
+        _band(first, metres, [point.by_home for point in row.curve], colour)
         threes = [point.top3 for point in row.curve if point.top3 is not None]
         if threes:
-            best.plot(metres, threes, linewidth=1.6, color=colour, linestyle=dashes)
+            best.plot(metres, threes, **style)
             _band(best, metres, [point.top3_by_home for point in row.curve], colour)
     if not best.lines:
-        _say(best, "These run files hold\nthe first answer's distance only.")
-    for axes, title in ((first, "first answer (top-1)"), (best, "best of the first three (top-3)")):
-        axes.set_title(title, fontsize=10)
+        words = "These run files hold\nthe first answer's distance only."
+        best.text(0.5, 0.5, words, transform=best.transAxes, ha="center", va="center", fontsize=9, color="#555")
+    for axes in (first, best):
         axes.axvline(1.0, color="#666", linewidth=0.9, linestyle=":")
         axes.annotate("1 m", (1.0, 1.5), xytext=(3, 0), textcoords="offset points", fontsize=8, color="#444")
-        axes.grid(color="#e4e4e4", linewidth=0.6)
-    first.set_xlim(0, table.rows[0].curve[-1].metres)
-    first.set_xticks(range(0, int(table.rows[0].curve[-1].metres) + 1))
-    first.set_ylim(0, 101)
+    farthest = table.rows[0].curve[-1].metres
+    first.set_xlim(0, farthest)
+    first.set_xticks(range(int(farthest) + 1))
     first.set_ylabel("episodes within d, mean of splits (%)")
     totals = [cell for row in table.rows for cell in row.cells if cell.split == TOTAL]
     counts = points_text([cell.n for cell in totals], [cell.num_homes for cell in totals])
     has_ranges = any(point.by_home or point.top3_by_home for row in table.rows for point in row.curve)
-    figure.suptitle(_over(table.title, table.scene_label, counts, has_ranges=has_ranges, drawn="bands"), fontsize=10)
-    axis = "d: planar distance from the right object's middle (m)"
-    figure.supxlabel("\n".join([axis, *_lines(table.notes, 150)]), fontsize=8)
-    figure.legend(fontsize=8, loc="outside right upper")
-    return _drawn(figure, table.scene_label)
+    over = [table.title, table.scene_label, f"n = {counts}; {_ranges_text('bands', has_ranges)}"]
+    below = ["d: planar distance from the right object's middle (m)", *table.notes]
+    return _drawn_panels(figure, over, below, label=table.scene_label)
 
 
 def methods_figure(table: PogTable) -> Drawn:
@@ -93,7 +89,7 @@ def methods_figure(table: PogTable) -> Drawn:
     axes.set_xlim(-1, 101)
     axes.grid(axis="x", color="#ddd", linewidth=0.6)
     axes.set_xlabel(f"within 1 m, mean of splits (%)\nfilled: first answer, open: any of three, x: {PAPER_IS}")
-    figure.supxlabel("\n".join(_lines(table.notes, 105)), fontsize=7)
+    figure.supxlabel("\n".join(_folded(table.notes, 105)), fontsize=7)
     if table.scene_label:
         figure.suptitle(table.scene_label, fontsize=8)
     return _drawn(figure, table.scene_label)
@@ -105,33 +101,44 @@ def knob_figure(curves: Sequence[KnobCurve], notes: Sequence[str] = ()) -> Drawn
     A line per method, all on one map variant but for the option; bars are 95 % intervals by home; `notes` of the
     tables that the points come from stand below.
     """
-    figure = Figure(figsize=(11.5, 4.3), layout="constrained")
-    first, three = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure, first, three = _panels("first answer (top-1)", "any of the first three (top-3)")
     values = sorted({point.value for curve in curves for point in curve.points})
     aside = 0.008 * (values[-1] - values[0])  # so that bars stand beside each other
     for number, curve in enumerate(curves):
-        style = {"color": COLOURS[number % len(COLOURS)], "marker": _MARKERS[number % len(_MARKERS)], "markersize": 5}
+        style = {"color": COLOURS[number % len(COLOURS)], "marker": _MARKERS[number % len(_MARKERS)]}
         shift = aside * (number - (len(curves) - 1) / 2)
         firsts = [(point.value + shift, point.sr, point.by_home) for point in curve.points]
         threes = [(point.value + shift, point.top3, point.top3_by_home) for point in curve.points]
         _bars(first, firsts, label=curve.name, **style)
         _bars(three, threes, **style)
-    for axes, title in ((first, "first answer (top-1)"), (three, "any of the first three (top-3)")):
-        axes.set_title(title, fontsize=10)
+    for axes in (first, three):
         axes.set_xticks(values, knob_ticks(curves[0].knob, values))
-        axes.grid(color="#e4e4e4", linewidth=0.6)
-    first.set_ylim(0, 101)
     first.set_ylabel("success within 1 m, mean of splits (%)")
     points = [point for curve in curves for point in curve.points]
     has_ranges = any(point.by_home or point.top3_by_home for point in points)
     counts = points_text([point.n for point in points], [point.num_homes for point in points])
-    figure.suptitle(
-        _over(curves[0].title, scene_label(curves[0].scene_kind), counts, has_ranges=has_ranges, drawn="bars"),
-        fontsize=10,
-    )
-    figure.supxlabel("\n".join([knob_axis(curves[0].knob), *_lines(notes, 150)]), fontsize=8)
+    label = scene_label(curves[0].scene_kind)
+    over = [curves[0].title, label, f"n = {counts}; {_ranges_text('bars', has_ranges)}"]
+    return _drawn_panels(figure, over, [knob_axis(curves[0].knob), *notes], label=label)
+
+
+def _panels(left: str, right: str) -> tuple[Figure, Axes, Axes]:
+    """Two panels with these titles, side by side, on one scale of percent."""
+    figure = Figure(figsize=(11.5, 4.3), layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axes, title in zip(panels, (left, right), strict=True):
+        axes.set_title(title, fontsize=10)
+        axes.grid(color="#e4e4e4", linewidth=0.6)
+        axes.set_ylim(0, 101)
+    return figure, *panels
+
+
+def _drawn_panels(figure: Figure, over: Sequence[str], below: Sequence[str], *, label: str) -> Drawn:
+    """The figure with lines over it, lines below it, each of them folded, and its legend on the right."""
+    figure.suptitle("\n".join(filter(None, over)), fontsize=10)
+    figure.supxlabel("\n".join(_folded(below, 150)), fontsize=8)
     figure.legend(fontsize=8, loc="outside right upper")
-    return _drawn(figure, scene_label(curves[0].scene_kind))
+    return _drawn(figure, label)
 
 
 def _bars(
@@ -140,7 +147,6 @@ def _bars(
     *,
     color: str,
     marker: str,
-    markersize: float,
     label: str | None = None,
 ) -> None:
     """A line through (place, value, interval), with a bar for each interval; nothing where values are unknown."""
@@ -148,7 +154,7 @@ def _bars(
     if not known:
         return
     places, shares, _ = zip(*known, strict=True)
-    axes.plot(places, shares, color=color, marker=marker, markersize=markersize, linewidth=1.6, label=label)
+    axes.plot(places, shares, color=color, marker=marker, markersize=5, linewidth=1.6, label=label)
     for place, _, interval in known:
         if interval is not None:
             axes.plot([place, place], interval, color=color, linewidth=1.2, alpha=0.75)
@@ -171,24 +177,17 @@ def points_text(episodes: Sequence[int], homes: Sequence[int]) -> str:
     parts = []
     for counts, noun in ((episodes, "episode"), (homes, "home")):
         low, high = min(counts), max(counts)
-        parts.append((f"{low}" if low == high else f"{low} to {high}") + f" {noun}{'' if high == 1 else 's'}")
+        parts.append((f"{low} to " if low < high else "") + f"{high} {noun}{'' if high == 1 else 's'}")
     return " in ".join(parts)
 
 
-def _over(title: str, label: str, counts: str, *, has_ranges: bool, drawn: str) -> str:
-    """What stands over a figure: the map, what must be said of the homes, how much it is of, and its intervals."""
-    ranges = f"{drawn}: 95 % intervals by home" if has_ranges else "no intervals by home"
-    return "\n".join([title, *([label] if label else []), f"n = {counts}; {ranges}"])
+def _ranges_text(drawn: str, has_ranges: bool) -> str:
+    return f"{drawn}: 95 % intervals by home" if has_ranges else "no intervals by home"
 
 
-def _lines(notes: Sequence[str], width: int) -> list[str]:
-    """Notes as lines of a figure."""
+def _folded(notes: Sequence[str], width: int) -> list[str]:
+    """Notes as lines of at most `width` letters."""
     return [line for note in notes for line in textwrap.wrap(note, width)]
-
-
-def _say(axes: Axes, text: str) -> None:
-    """Words in the middle of an empty panel."""
-    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=9, color="#555")
 
 
 def _band(axes: Axes, places: Sequence[float], intervals: Sequence[Range | None], colour: str) -> None:
