@@ -15,6 +15,7 @@ from ..export.text_tables import markdown_line, markdown_table, one_cell
 from .trials import row_label
 
 NOBODY = "no such trials"
+_TEMPLATES = Path(__file__).parent / "templates"
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 78rem; padding: 0 1rem; color: #1b1b1b; }
 table { border-collapse: collapse; margin: .6rem 0; font-size: 13px; }
@@ -26,9 +27,9 @@ figcaption { color: #4d4d4d; font-size: 13px; }
 """
 
 
-def filled(template: str, **words: Any) -> str:
-    """A template of this folder, filled with these words; sections are one empty line apart."""
-    paragraphs = _environment().get_template(template).render(words).split("\n\n")
+def filled(template: str, *, folder: Path = _TEMPLATES, **words: Any) -> str:
+    """A template of the folder, filled with these words; sections are one empty line apart."""
+    paragraphs = _environment(folder).get_template(template).render(words).split("\n\n")
     return "\n\n".join(text for part in paragraphs if (text := part.strip("\n"))) + "\n"
 
 
@@ -69,9 +70,9 @@ def html_page(markdown: str, pictures: Mapping[str, str]) -> str:
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def _environment(folder: Path) -> jinja2.Environment:
     found = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=jinja2.FileSystemLoader(folder),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

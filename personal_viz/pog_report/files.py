@@ -9,11 +9,10 @@ from human_study.export.text_tables import csv_lines, tex, tex_lines
 from human_study.report.page import html_page
 from sim.homes.kind import scene_label
 
-from .blocks import markdown_text
 from .failure_map import failure_svg
 from .figures import Drawn, distance_figure, knob_figure, methods_figure
 from .gallery import DrawnFailure, Gallery
-from .sections import count_text, distance_name, knob_groups, knob_name, methods_name, paper_text, report_blocks
+from .text import count_text, distance_name, knob_groups, knob_name, methods_name, paper_text, report_markdown
 
 _BESIDE = "figure:has(> svg[role=img]) { display: inline-block; width: 440px; margin: .6rem; vertical-align: top; }\n"
 """Failures stand beside each other."""
@@ -32,7 +31,7 @@ def report_files(report: PogReport, gallery: Gallery | None) -> dict[str, str | 
     }
     failures = {} if gallery is None else {item.file_name: failure_svg(item) for item in gallery.drawn}
     pictures = {name: body for name, body in files.items() if isinstance(body, str)} | failures
-    text = markdown_text(report_blocks(report, gallery))
+    text = report_markdown(report, gallery)
     files |= failures | {
         "index.md": text,
         "index.html": html_page(text, pictures).replace("</style>", f"{_BESIDE}</style>", 1),
