@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pandas import concat
 from scipy.special import stdtr, stdtrit
 
-from sim.types import SPLITS, TaskKind
+from sim.types import SPLITS
 
 from ..design.analysis import LEVEL
 from .measures import MEASURES, measures_of
@@ -31,11 +31,11 @@ _TINY = 1e-9
 class Effect(ReportValue):
     """The change of a measure per unit of a covariate."""
 
-    value: float | None
+    value: float | None = None
     """The effect in units of the measure; None = it cannot be estimated, and `method` says why."""
-    low: float | None
-    high: float | None
-    p: float | None
+    low: float | None = None
+    high: float | None = None
+    p: float | None = None
     """Two-sided p of no effect."""
     n: int
     """Number of trials."""
@@ -44,15 +44,11 @@ class Effect(ReportValue):
     method: str
 
 
-class EffectRow(ReportValue):
-    """An effect on one measure."""
+class EffectRow(PeopleRow):
+    """An effect on one measure, in one condition or in `all` of them."""
 
-    task: TaskKind
-    scene_kind: str
     what: str
     """`CONDITION - none`, `per 10 trials`, `visited before`, or `per minute in the home before`."""
-    condition: str
-    """The condition in which the effect was looked for; `all` = all of them."""
     split: str
     """A split, or `all`."""
     measure: str
@@ -136,9 +132,9 @@ def _effects(group: TrialGroup, what: str, condition: str, split: str, trials: F
         if name not in designs:
             people, episodes = (numbered(known[factor].tolist()) for factor in ("participant", "episode"))
             designs[name] = WithinDesign(known["covariate"].to_numpy(float), people, episodes)
-        found = {"task": group.task, "scene_kind": group.scene_kind, "what": what, "condition": condition}
-        found |= {"split": split, "measure": measure, "effect": designs[name].effect(known[measure].to_numpy(float))}
-        rows.append(EffectRow.model_validate(found))
+        effect = designs[name].effect(known[measure].to_numpy(float))
+        names = {**group.people_names, "condition": condition}
+        rows.append(EffectRow(**names, what=what, split=split, measure=measure, effect=effect))
     return rows
 
 
@@ -148,22 +144,10 @@ def _blocks(group: TrialGroup, by: str, block: str, trials: Frame) -> list[Block
         if trials[measure].isna().all():
             continue
         estimate = estimate_of(trials, measure, Aggregate(total="pooled"), is_share=measure == "sr")
-        interval = estimate.interval
-        rows.append(
-            BlockRow(
-                task=group.task,
-                scene_kind=group.scene_kind,
-                condition=group.condition,
-                by=by,
-                block=block,
-                measure=measure,
-                value=estimate.value,
-                low=interval.low if interval else None,
-                high=interval.high if interval else None,
-                k=int((trials[measure] == 100).sum()) if measure == "sr" else None,
-                n=estimate.n,
-            )
-        )
+        found = {"by": by, "block": block, "measure": measure, "n": estimate.n}
+        k = int((trials[measure] == 100).sum()) if measure == "sr" else None
+        limits = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+        rows.append(BlockRow.model_validate({**group.people_names, **found, **limits, "k": k}))
     return rows
 
 
@@ -171,12 +155,7 @@ class WithinDesign:
     """The trials and their covariate, prepared once; `effect` can then be called for many sets of outcomes."""
 
     def __init__(
-        self,
-        covariate: NDArray[np.float64],
-        participant_index: NDArray[np.intp],
-        episode_index: NDArray[np.intp],
-        *,
-        is_within_episodes: bool = True,
+        self, covariate: NDArray[np.float64], participant_index: NDArray[np.intp], episode_index: NDArray[np.intp]
     ) -> None:
         """Takes the differences between people and between episodes out of the covariate.
 
@@ -184,10 +163,8 @@ class WithinDesign:
             covariate: (N,), such as 1 with memory and 0 without.
             participant_index: (N,), from 0, each at least once.
             episode_index: (N,), from 0, each at least once.
-            is_within_episodes: Whether episodes' own difficulty is taken out too.
         """
-        self._at = (participant_index, episode_index)
-        self._factors = [participant_index, episode_index] if is_within_episodes else [participant_index]
+        self._factors = [participant_index, episode_index]
         self._sizes = [int(index.max()) + 1 for index in self._factors]
         gram = self._sums_of_dummies()
         sizes, axes = np.linalg.eigh(gram)
@@ -197,46 +174,26 @@ class WithinDesign:
         self._spread = float(self._covariate @ self._covariate)
         self._left = len(covariate) - int(kept.sum()) - 1
         self._whole = float(((covariate - covariate.mean()) ** 2).sum())
-        self._what = "people and episodes" if is_within_episodes else "people"
 
     def effect(self, values: NDArray[np.float64]) -> Effect:
         """Slope of the values (N,) on the covariate."""
-        people, episodes = self._at
-
-        def found(
-            method: str,
-            value: float | None = None,
-            low: float | None = None,
-            high: float | None = None,
-            p: float | None = None,
-        ) -> Effect:
-            return Effect(
-                value=value,
-                low=low,
-                high=high,
-                p=p,
-                n=len(values),
-                num_participants=int(people.max()) + 1,
-                num_episodes=int(episodes.max()) + 1,
-                method=method,
-            )
-
+        counts = {"n": len(values), "num_participants": self._sizes[0], "num_episodes": self._sizes[1]}
         if self._spread <= _TINY * max(self._whole, _TINY):
-            return found(f"cannot be told: it does not vary within {self._what}")
+            return Effect(**counts, method="cannot be told: it does not vary within people and episodes")
         if self._left < 1:
-            return found(f"cannot be told: too few trials beside {self._what}")
+            return Effect(**counts, method="cannot be told: too few trials beside people and episodes")
         within = self._within(values)
         slope = float(self._covariate @ within) / self._spread
         residual = within - slope * self._covariate
         correction = np.sqrt(len(values) / self._left)  # residuals lack what was taken out
-        variance, df = clustered_variance(correction * self._covariate * residual / self._spread, people, episodes)
+        variance, df = clustered_variance(correction * self._covariate * residual / self._spread, *self._factors)
         error = float(np.sqrt(variance))
         if not error > _TINY * max(1.0, abs(slope)):
-            return found("no interval: the trials do not differ otherwise", slope)
+            return Effect(**counts, value=slope, method="no interval: the trials do not differ otherwise")
         half = float(stdtrit(df, (1 + LEVEL) / 2)) * error
         p = float(2 * stdtr(df, -abs(slope) / error))
-        method = f"within {self._what}, two-way, t with {df:.1f} df"
-        return found(method, slope, slope - half, slope + half, p)
+        method = f"within people and episodes, two-way, t with {df:.1f} df"
+        return Effect(**counts, value=slope, low=slope - half, high=slope + half, p=p, method=method)
 
     def _within(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """The residuals of values (N,) when each level of each factor has a mean of its own."""

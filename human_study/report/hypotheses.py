@@ -23,14 +23,14 @@ class HypothesisRow(ReportValue):
     """The result of one primary hypothesis."""
 
     name: str
-    value: float | None
-    low: float | None
-    high: float | None
-    p: float | None
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    p: float | None = None
     """Two-sided p of no difference; None = it could not be tested, and `method` says why."""
-    p_holm: float | None
+    p_holm: float | None = None
     """p adjusted over all primary hypotheses, including those not tested."""
-    n: int
+    n: int = 0
     method: str
 
     @property
@@ -77,74 +77,58 @@ def _tested(
 ) -> HypothesisRow:
     match = HYPOTHESIS_NAME.match(name)
     if match is None:
-        return _untested(name, "not tested: the name is none that the report knows, such as human_minus_agent_SR")
-    task, measure = match["task"], _MEASURES[match["measure"]]
+        return _untested(name, "the name is none that the report knows, such as human_minus_agent_SR")
+    task, measure, condition = match["task"], _MEASURES[match["measure"]], match["condition"]
     if match["memory"] is not None:
-        return _memory(name, match["memory"], task, measure, memory)
-    condition = match["condition"] or ""
-    fitting = [
+        effects = [
+            row
+            for row in memory
+            if (row.split, row.measure) == ("all", measure)
+            and task in (None, row.task)
+            and match["memory"] in ("memory", row.what.partition(" - ")[0])
+        ]
+        if len(effects) != 1:
+            found = ", ".join(f"{row.task} {row.what}" for row in effects) or "none"
+            return _untested(name, f"needs exactly one pair of conditions, found {found}")
+        return _of_effect(name, effects[0])
+    groups = [
         group
         for group in differences
-        if (task is None or group.task == task)
+        if task in (None, group.task)
         and (match["agent"] == "agent" or group.who == f"human - {match['agent']}")
         and (group.condition == condition if condition else is_first_condition(group.condition))
         and measure in group.measures
     ]
-    if len(fitting) != 1:
-        found = ", ".join(f"{group.task} {group.who} ({group.condition})" for group in fitting) or "none"
-        return _untested(name, f"not tested: needs exactly one comparison, found {found}")
-    return _difference(name, fitting[0], measure, aggregate)
+    if len(groups) != 1:
+        found = ", ".join(f"{group.task} {group.who} ({group.condition})" for group in groups) or "none"
+        return _untested(name, f"needs exactly one comparison, found {found}")
+    return _of_difference(name, groups[0], measure, aggregate)
 
 
-def _difference(name: str, group: TrialGroup, measure: str, aggregate: Aggregate) -> HypothesisRow:
+def _of_difference(name: str, group: TrialGroup, measure: str, aggregate: Aggregate) -> HypothesisRow:
     trials = counted_trials(group.trials, measure, aggregate)
-    if not len(trials.values):
-        return _untested(name, "not tested: no trial has the measure")
     interval = mean_interval(trials)
-    variance, df = two_way_variance(trials)
     if interval is None:
-        return _untested(name, "not tested: the trials do not differ from each other")
+        return _untested(name, "the trials do not differ from each other")
+    variance, df = two_way_variance(trials)
     return HypothesisRow(
         name=name,
         value=trials.mean,
         low=interval.low,
         high=interval.high,
         p=float(2 * stdtr(df, -abs(trials.mean) / variance**0.5)),
-        p_holm=None,
         n=len(trials.values),
         method=f"{group.who}, {group.task}, {group.condition}: paired on the same episodes, {interval.method}",
     )
 
 
-def _memory(
-    name: str, wanted: str, task: TaskKind | str | None, measure: str, effects: Sequence[EffectRow]
-) -> HypothesisRow:
-    fitting = [
-        row
-        for row in effects
-        if row.split == "all"
-        and row.measure == measure
-        and (task is None or row.task == task)
-        and (wanted == "memory" or row.what.partition(" - ")[0] == wanted)
-    ]
-    if len(fitting) != 1:
-        found = ", ".join(f"{row.task} {row.what}" for row in fitting) or "none"
-        return _untested(name, f"not tested: needs exactly one pair of conditions, found {found}")
-    effect = fitting[0].effect
-    return HypothesisRow(
-        name=name,
-        value=effect.value,
-        low=effect.low,
-        high=effect.high,
-        p=effect.p,
-        p_holm=None,
-        n=effect.n,
-        method=f"{fitting[0].what}, {fitting[0].task}: {effect.method}",
-    )
+def _of_effect(name: str, row: EffectRow) -> HypothesisRow:
+    found = row.effect.model_dump(include={"value", "low", "high", "p", "n"})
+    return HypothesisRow(name=name, **found, method=f"{row.what}, {row.task}: {row.effect.method}")
 
 
 def _untested(name: str, why: str) -> HypothesisRow:
-    return HypothesisRow(name=name, value=None, low=None, high=None, p=None, p_holm=None, n=0, method=why)
+    return HypothesisRow(name=name, method=f"not tested: {why}")
 
 
 def agent_pairs(agents: Sequence[TrialGroup], episodes: AbstractSet[str]) -> list[AgentPairRow]:

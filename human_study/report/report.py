@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from sim.errors import StudyError
 from sim.homes.kind import scene_labels
@@ -144,7 +143,7 @@ def study_report(
         StudyError: There is no run of people, an agent did none of their episodes, or totals need the splits' sizes.
         RunFileError: Runs are on different episode files, or scans and other homes are mixed.
     """
-    source = ReportSource(tuple(runs), records)
+    source = ReportSource(tuple(runs), records or StudyRecords())
     return report_of(source, report_groups(source, rule=rule), split_sizes=split_sizes, objects=objects)
 
 
@@ -156,20 +155,33 @@ def report_of(
     objects: HomeObjects | None = None,
 ) -> StudyReport:
     """The report on these groups of the source; the other arguments are those of `study_report`."""
-    records, rule = source.records, groups.rule
-    runs = sorted(source.runs, key=lambda run: run.info.run_id)
-    config = records.config if records else None
+    runs, records = sorted(source.runs, key=lambda run: run.info.run_id), source.records
+    config, people, rule = records.config, groups.people, groups.rule
+    # without records, the runs say which study they are of
+    told = {name: str(value) for run in runs if run.info.who_kind == "human" for name, value in run.info.config.items()}
     aggregate = Aggregate(split_sizes=split_sizes)
     if config is not None:
         aggregate = Aggregate(config.aggregate.total, config.aggregate.weight, split_sizes)
     aggregate.require_sizes()
-    people, trial_rows = groups.people, records.rows if records else ()
     rows = _rows(groups, aggregate)
     memory = memory_effects(people)
-    sensitivity = [sensitivity_rows(group, trial_rows, aggregate) for group in (*people, *groups.differences)]
+    flow = flow_counts(records.people, records.rows, num_deleted=records.num_deleted) if records.people else []
+    exclusions = exclusion_counts(records.rows, records.exclusions)
+    is_pilot = records.is_pilot or (config is None and told.get("pilot") == "True")
+    questions = []
+    if config is not None:
+        changes = records.plan_changes
+        questions = checklist(
+            config, rows=rows, flow=flow, exclusions=exclusions, is_pilot=is_pilot, plan_changes=changes
+        )
     versions = {f"{name} {version}" for run in runs for name, version in run.info.versions.items()}
+    information = tuple(told["information"].split(",")) if told.get("information") else None
     return StudyReport(
-        **_of_records(records, rows, runs),
+        study=config.study if config else told.get("study"),
+        study_version=config.study_version if config else told.get("study_version"),
+        is_pilot=is_pilot,
+        num_open=sum(row.phase == "main" and row.end_reason is None and not row.is_released for row in records.rows),
+        information=config.information if config else information,
         rule=rule,
         total=aggregate.total,
         weight=aggregate.weight,
@@ -184,11 +196,19 @@ def report_of(
         order=tuple(order_effects(people)),
         blocks=tuple(order_blocks(people)),
         agent_pairs=tuple(agent_pairs(groups.agents, _episodes_of(people))),
-        sensitivity=tuple(row for found in sensitivity for row in found),
+        sensitivity=tuple(
+            row for group in (*people, *groups.differences) for row in sensitivity_rows(group, records.rows, aggregate)
+        ),
         agreement=tuple(agreement_row(group) for group in people),
         places=tuple(place_row(group, objects) for group in people),
         suspects=tuple(suspect for group in people for suspect in suspect_episodes(group, objects)),
+        flow=tuple(flow),
+        verification=tuple(verification_counts(records.rows)),
+        attention=tuple(attention_counts(records.rows)),
+        hidden=hidden_count(records.rows, config.hidden_max_s) if config else None,
+        exclusions=tuple(exclusions),
         left_out=groups.left_out,
+        checklist=tuple(questions),
         outcomes=tuple(outcome for group in (*people, *groups.averaged) for outcome in _outcomes(group)),
         dataset_digest=runs[0].info.dataset_digest,
         versions=tuple(sorted(versions)),
@@ -210,51 +230,9 @@ def _rows(groups: ReportGroups, aggregate: Aggregate) -> list[ReportRow]:
     rows = [row for group in groups.people for row in rows_of(group, aggregate)]
     for full, same in zip(groups.agents, groups.averaged, strict=True):
         rows += rows_of(same, aggregate, behind=full)
-    rows += [row for group in groups.differences for row in rows_of(group, aggregate, kind="difference")]
+    rows += [row for group in groups.differences for row in rows_of(group, aggregate)]
     require_totals(rows)
     return rows
-
-
-def _of_records(records: StudyRecords | None, rows: Sequence[ReportRow], runs: Sequence[Run]) -> dict[str, Any]:
-    """The fields of a report that come from the study's records; without records, the fields that the runs give."""
-    if records is None:
-        told = next(run.info.config for run in runs if run.info.who_kind == "human")
-        information = str(told["information"]).split(",") if "information" in told else None
-        return {
-            **dict.fromkeys(("flow", "verification", "attention", "exclusions", "checklist"), ()),
-            "study": told.get("study"),
-            "study_version": told.get("study_version"),
-            "is_pilot": bool(told.get("pilot")),
-            "num_open": 0,
-            "hidden": None,
-            "information": tuple(information) if information else None,
-        }
-    config = records.config
-    has_people = bool(records.people)
-    flow = flow_counts(records.people, records.rows, num_deleted=records.num_deleted) if has_people else []
-    exclusions = exclusion_counts(records.rows, records.exclusions)
-    return {
-        "study": config.study,
-        "study_version": config.study_version,
-        "is_pilot": records.is_pilot,
-        "num_open": sum(row.phase == "main" and row.end_reason is None and not row.is_released for row in records.rows),
-        "information": config.information,
-        "flow": tuple(flow),
-        "verification": tuple(verification_counts(records.rows)),
-        "attention": tuple(attention_counts(records.rows)),
-        "hidden": hidden_count(records.rows, config.hidden_max_s),
-        "exclusions": tuple(exclusions),
-        "checklist": tuple(
-            checklist(
-                config,
-                rows=rows,
-                flow=flow,
-                exclusions=exclusions,
-                is_pilot=records.is_pilot,
-                plan_changes=records.plan_changes,
-            )
-        ),
-    }
 
 
 def report_groups(source: ReportSource, *, rule: SuccessRule | None = None) -> ReportGroups:
@@ -269,12 +247,12 @@ def report_groups(source: ReportSource, *, rule: SuccessRule | None = None) -> R
         RunFileError: Runs are on different episode files, scans and other homes are mixed, or a trial occurs twice.
     """
     runs, records = sorted(source.runs, key=lambda run: run.info.run_id), source.records
-    rule = rule or (records.config.success if records else "paper")
+    rule = rule or (records.config.success if records.config else "paper")
     require_comparable(run.info for run in runs)
     _require_one_study(runs)
     metric_rows(runs, rule=rule)  # refuses runs that were never scored, and trials that would count twice
-    rows, row_rule = (records.rows, records.config.success) if records else ((), rule)
-    found, left_out = trial_groups(runs, rule, rows, row_rule=row_rule)
+    row_rule = records.config.success if records.config else rule
+    found, left_out = trial_groups(runs, rule, records.rows, row_rule=row_rule)
     people = [group for group in found if group.kind == "human"]
     agents, averaged, differences = [], [], []
     for agent in (group for group in found if group.kind != "human"):

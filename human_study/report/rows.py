@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from sim.errors import StudyError
 from sim.homes.kind import scene_label
@@ -11,11 +11,10 @@ from sim.types import SPLITS, TaskKind
 
 from .measures import MEASURES
 from .statistics import Estimate, Interval, Trials, Weight, mean, rate, trials_of
-from .trials import Frame, ReportValue, TrialGroup
+from .trials import Frame, GroupKind, ReportValue, TrialGroup
 
 TOTAL = "total"
 TotalKind = Literal["mean_of_splits", "pooled", "dataset_weighted"]
-RowKind = Literal["human", "agent", "difference"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +43,7 @@ class ReportRow(ReportValue):
     scene_kind: str
     who: str
     """A row's name; `human - AGENT` for differences on the same episodes."""
-    kind: RowKind
+    kind: GroupKind
     condition: str
     split: str
     """A split, or `total` over the splits present, averaged as `aggregate` says."""
@@ -76,13 +75,7 @@ class ReportRow(ReportValue):
     """Label that results in these homes must carry; empty for scans."""
 
 
-def rows_of(
-    group: TrialGroup,
-    aggregate: Aggregate,
-    *,
-    kind: Literal["difference"] | None = None,
-    behind: TrialGroup | None = None,
-) -> list[ReportRow]:
+def rows_of(group: TrialGroup, aggregate: Aggregate, *, behind: TrialGroup | None = None) -> list[ReportRow]:
     """One row per measure and split, then its total; `behind` holds the trials before averaging, for k and n."""
     rows = []
     for measure in group.measures:
@@ -91,13 +84,13 @@ def rows_of(
         for split in [*splits, TOTAL]:
             found = known if split == TOTAL else known[known["split"] == split]
             counted = found if behind is None else behind.trials[behind.trials["episode"].isin(found["episode"])]
-            row = _row(group, kind, measure, split, found, counted, aggregate)
-            rows.append(row.model_copy(update={"share": _share(split, known, splits, aggregate)}))
+            share = _share(split, known, splits, aggregate)
+            rows.append(_row(group, measure, split, found, counted[measure].dropna(), aggregate, share))
     return rows
 
 
 def estimate_of(
-    trials: Frame, measure: str, aggregate: Aggregate, *, is_share: bool, seed: int | None = None
+    trials: Frame, measure: str, aggregate: Aggregate, *, is_share: bool, seed: int | None = None, by: str = "episode"
 ) -> Estimate:
     """Mean of a measure over at least one trial that has it, in its own unit; shares are in percent.
 
@@ -107,20 +100,21 @@ def estimate_of(
         aggregate: How splits are put together.
         is_share: Whether the measure is 0 or 100, so that the interval must stay between them.
         seed: Seed of the bootstrap; None = none is made.
+        by: Column of the second random factor.
     """
-    found = counted_trials(trials, measure, aggregate)
-    return (
-        _in_percent(rate(replace(found, values=found.values / 100), seed=seed)) if is_share else mean(found, seed=seed)
-    )
+    found = counted_trials(trials, measure, aggregate, by=by)
+    if not is_share:
+        return mean(found, seed=seed)
+    return rate(replace(found, values=found.values / 100), seed=seed).scaled(100)
 
 
-def counted_trials(trials: Frame, measure: str, aggregate: Aggregate) -> Trials:
+def counted_trials(trials: Frame, measure: str, aggregate: Aggregate, *, by: str = "episode") -> Trials:
     """The trials that have the measure, as input for the statistics."""
     known = trials[trials[measure].notna()]
     return trials_of(
         known[measure].tolist(),
         known["participant"].tolist(),
-        known["episode"].tolist(),
+        known[by].tolist(),
         None if aggregate.total == "pooled" else known["split"].tolist(),
         shares=aggregate.split_sizes if aggregate.total == "dataset_weighted" else None,
         weight=aggregate.weight,
@@ -160,24 +154,18 @@ def _share(split: str, known: Frame, splits: Sequence[str], aggregate: Aggregate
 
 
 def _row(
-    group: TrialGroup,
-    kind: Literal["difference"] | None,
-    measure: str,
-    split: str,
-    found: Frame,
-    counted: Frame,
-    aggregate: Aggregate,
+    group: TrialGroup, measure: str, split: str, found: Frame, counted: Any, aggregate: Aggregate, share: float | None
 ) -> ReportRow:
-    told = MEASURES[measure]
-    is_rate, seed = told.is_rate and kind is None, 0 if told.has_bootstrap else None
+    """One row; `counted` holds the values of all runs behind the trials."""
+    told, is_difference = MEASURES[measure], group.kind == "difference"
+    is_rate, seed = told.is_rate and not is_difference, 0 if told.has_bootstrap else None
     estimate = estimate_of(found, measure, aggregate, is_share=is_rate, seed=seed)
-    hits = counted[measure].dropna()
     interval, bootstrap = estimate.interval, estimate.bootstrap
     if interval is not None and not is_rate and told.is_share:
-        interval = _possible(interval, low=-100.0 if kind == "difference" else 0.0)
+        interval = _possible(interval, low=-100.0 if is_difference else 0.0)
     return ReportRow(
         **group.names,
-        kind=kind or ("human" if group.kind == "human" else "agent"),
+        kind=group.kind,
         split=split,
         measure=measure,
         value=estimate.value,
@@ -186,11 +174,11 @@ def _row(
         method=interval.method if interval else "none: a single trial, or all alike, says nothing of others",
         bootstrap_low=bootstrap.low if bootstrap else None,
         bootstrap_high=bootstrap.high if bootstrap else None,
-        k=int((hits == 100).sum()) if is_rate else None,
-        n=len(hits),
+        k=int((counted == 100).sum()) if is_rate else None,
+        n=len(counted),
         num_participants=estimate.num_participants,
         num_episodes=estimate.num_episodes,
-        share=None,
+        share=share,
         scene_label=scene_label(group.scene_kind),
     )
 
@@ -201,12 +189,3 @@ def _possible(interval: Interval, *, low: float) -> Interval:
         return interval
     method = f"{interval.method}, cut to {low:g} to 100"
     return Interval(low=max(interval.low, low), high=min(interval.high, 100.0), method=method)
-
-
-def _in_percent(estimate: Estimate) -> Estimate:
-    scaled = {
-        name: found.model_copy(update={"low": 100 * found.low, "high": 100 * found.high})
-        for name in ("interval", "bootstrap")
-        if (found := getattr(estimate, name)) is not None
-    }
-    return estimate.model_copy(update={"value": 100 * estimate.value, **scaled})

@@ -7,8 +7,7 @@ from pandas import concat
 
 from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
-from .rows import Aggregate, counted_trials, estimate_of
-from .statistics import Interval, mean_interval, numbered, rate_interval
+from .rows import Aggregate, estimate_of
 from .trials import Frame, GroupRow, TrialGroup, row_key, trial_frame
 
 FIRST_TRIALS = 10
@@ -20,10 +19,10 @@ class SensitivityRow(GroupRow):
     """The total success rate, counted in one way."""
 
     way: str
-    value: float | None
+    value: float | None = None
     """Percent, or percent points for differences; None = no trial is left, and `method` says why."""
-    low: float | None
-    high: float | None
+    low: float | None = None
+    high: float | None = None
     k: int | None
     n: int
     method: str
@@ -45,10 +44,12 @@ def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Agg
             f"without each person's first {FIRST_TRIALS} trials": trials[trials["place"] > FIRST_TRIALS],
             "verified trials only": trials[trials["verification"] == "verified"],
         }
-        if " - " not in group.who:
+        if group.kind != "difference":
             ways["technical failures as failures"] = _with_failures(group, rows, "technical")
             ways["abandoned and never ended trials as failures"] = _with_failures(group, rows, "abandoned")
-    return [*(_counted(group, way, found, aggregate) for way, found in ways.items()), _by_house(group, aggregate)]
+    found = [_row(group, way, counted, aggregate) for way, counted in ways.items()]
+    # each episode lies in one home, so people by homes is enough
+    return [*found, _row(group, "homes random too (three-way)", trials, aggregate, by="scene")]
 
 
 def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> Frame:
@@ -66,42 +67,19 @@ def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> 
     return concat([kept, trial_frame(failed.values())]) if failed else kept
 
 
-def _counted(group: TrialGroup, way: str, trials: Frame, aggregate: Aggregate) -> SensitivityRow:
-    if trials["sr"].isna().all():
-        return _row(group, way, trials, None, "no such trials")
-    estimate = estimate_of(trials, "sr", aggregate, is_share=" - " not in group.who)
-    return _row(group, way, trials, estimate.value, estimate.interval or "no interval")
-
-
-def _by_house(group: TrialGroup, aggregate: Aggregate) -> SensitivityRow:
-    """The rate with homes as a third random factor; each episode lies in one home, so people by homes is enough."""
-    way = "homes random too (three-way)"
-    trials = group.trials[group.trials["sr"].notna()]
-    if trials.empty:
-        return _row(group, way, trials, None, "no such trials")
-    found = counted_trials(trials, "sr", aggregate)
-    if trials["scene"].nunique() == 1:
-        return _row(group, way, trials, found.mean, "no interval: a single home")
-    is_share = " - " not in group.who
-    scale = 100.0 if is_share else 1.0
-    by_house = replace(found, values=found.values / scale, episode_index=numbered(trials["scene"].tolist()))
-    interval = rate_interval(by_house) if is_share else mean_interval(by_house)
-    if interval is not None:
-        interval = interval.model_copy(update={"low": scale * interval.low, "high": scale * interval.high})
-    return _row(group, way, trials, found.mean, interval or "no interval")
-
-
-def _row(group: TrialGroup, way: str, trials: Frame, value: float | None, interval: Interval | str) -> SensitivityRow:
-    """A row of these trials; a text as `interval` is the reason why there is none."""
-    has_interval = isinstance(interval, Interval)
-    hits = trials["sr"].dropna()
+def _row(group: TrialGroup, way: str, trials: Frame, aggregate: Aggregate, *, by: str = "episode") -> SensitivityRow:
+    """The rate of these trials, with people and the column `by` as random factors."""
+    known = trials[trials["sr"].notna()]
+    is_share = group.kind != "difference"
+    counts = {"way": way, "k": int((known["sr"] == 100).sum()) if is_share else None, "n": len(known)}
+    if known.empty:
+        return SensitivityRow(**group.names, **counts, method="no such trials")
+    estimate = estimate_of(known, "sr", aggregate, is_share=is_share, by=by)
+    if by == "scene" and known["scene"].nunique() == 1:
+        estimate, why = replace(estimate, interval=None), "no interval: a single home"
+    else:
+        why = "no interval"
+    method = estimate.interval.method if estimate.interval else why
     return SensitivityRow(
-        **group.names,
-        way=way,
-        value=value,
-        low=interval.low if has_interval else None,
-        high=interval.high if has_interval else None,
-        k=None if " - " in group.who else int((hits == 100).sum()),
-        n=len(hits),
-        method=interval.method if has_interval else interval,
+        **group.names, **counts, value=estimate.value, low=estimate.low, high=estimate.high, method=method
     )

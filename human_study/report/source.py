@@ -25,10 +25,10 @@ _PARTICIPANTS_FILE, _EXCLUSIONS_FILE = "participants.jsonl", "exclusions.jsonl"
 
 @dataclass(frozen=True, slots=True)
 class StudyRecords:
-    """The records that a study or its export holds beside the runs."""
+    """The records that a study or its export holds beside the runs; empty where there are only runs."""
 
-    config: StudyConfig
-    rows: tuple[TrialRow, ...]
+    config: StudyConfig | None = None
+    rows: tuple[TrialRow, ...] = ()
     people: tuple[ParticipantRow, ...] = ()
     exclusions: tuple[ExclusionRow, ...] = ()
     num_deleted: int = 0
@@ -43,7 +43,7 @@ class ReportSource:
     """Runs of people and agents, and the records of the people's study if there are any."""
 
     runs: tuple[Run, ...]
-    records: StudyRecords | None = None
+    records: StudyRecords = StudyRecords()
 
 
 def read_source(folders: Sequence[Path]) -> ReportSource:

@@ -7,12 +7,11 @@ episode. An interval that treats trials as independent is therefore too narrow: 
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 from scipy import stats
 from scipy.special import stdtrit
 
@@ -98,22 +97,22 @@ class Trials:
         return int(self.episode_index.max(initial=-1)) + 1
 
 
-class Interval(BaseModel):
+@dataclass(frozen=True, slots=True)
+class Interval:
     """A confidence interval of a mean."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     low: float
     high: float
     method: str
     """Name of the method for the reader of a report, with its limits."""
 
 
-class Estimate(BaseModel):
+@dataclass(frozen=True, slots=True)
+class Estimate:
     """A mean with its intervals, in the unit of the values."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     value: float
-    n: int = Field(ge=1)
+    n: int
     """Trials."""
     num_participants: int
     num_episodes: int
@@ -121,6 +120,24 @@ class Estimate(BaseModel):
     """Two-way interval; None where one participant and one episode, or one trial, say nothing about others."""
     bootstrap: Interval | None
     """Interval from drawing participants and episodes again; None as for `interval`, and where none is made."""
+
+    @property
+    def low(self) -> float | None:
+        """Lower end of the two-way interval."""
+        return self.interval.low if self.interval else None
+
+    @property
+    def high(self) -> float | None:
+        """Upper end of the two-way interval."""
+        return self.interval.high if self.interval else None
+
+    def scaled(self, factor: float) -> "Estimate":
+        """The estimate in another unit."""
+        two_way, bootstrap = (
+            found and replace(found, low=factor * found.low, high=factor * found.high)
+            for found in (self.interval, self.bootstrap)
+        )
+        return replace(self, value=factor * self.value, interval=two_way, bootstrap=bootstrap)
 
 
 def trials_of(

@@ -6,7 +6,7 @@ Input: runs and, if there are any, the study's rows. The frame's groups are the 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict
 
 from pandas import DataFrame
 from pydantic import BaseModel, ConfigDict
@@ -24,6 +24,7 @@ _ALL_MEASURES = list(MEASURES)
 _NAMES = ["task", "scene_kind", "who", "kind", "condition"]
 _ROW_NUMBERS = ("place", "prior_visits", "secs_before")
 _COLUMNS = (*_NAMES, "key", "participant", "end", "item", *_ROW_NUMBERS, "excluded", "verification", *_ALL_MEASURES)
+GroupKind = Literal[WhoKind, "difference"]
 NEVER_ENDED = "begun, never ended (taken as abandoned)"
 """Trials that a person left and nobody else could take, and trials that still run."""
 PEOPLE = {
@@ -70,13 +71,18 @@ class LeftOut(ReportValue):
     n: int
 
 
-class GroupNames(TypedDict):
-    """The fields that name a group in the report's lists."""
+class PeopleNames(TypedDict):
+    """The fields of a `PeopleRow`."""
 
     task: TaskKind
     scene_kind: str
-    who: str
     condition: str
+
+
+class GroupNames(PeopleNames):
+    """The fields of a `GroupRow`."""
+
+    who: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +92,7 @@ class TrialGroup:
     task: TaskKind
     scene_kind: str
     who: str
-    kind: WhoKind
+    kind: GroupKind
     condition: str
     trials: Frame
     """The trials, as `trial_frame` makes them."""
@@ -94,7 +100,12 @@ class TrialGroup:
     @property
     def names(self) -> GroupNames:
         """The names of the group in the report's lists."""
-        return {"task": self.task, "scene_kind": self.scene_kind, "who": self.who, "condition": self.condition}
+        return {**self.people_names, "who": self.who}
+
+    @property
+    def people_names(self) -> PeopleNames:
+        """The names of a group of people in lists of people alone."""
+        return {"task": self.task, "scene_kind": self.scene_kind, "condition": self.condition}
 
     @property
     def measures(self) -> list[str]:
@@ -204,7 +215,7 @@ def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
     apart[_ALL_MEASURES] -= theirs.loc[apart["episode"]].to_numpy()
     apart[FAR] = float("nan")
     name = f"{people.who} - {agent.who}" + ("" if agent.condition == "none" else f" ({agent.condition})")
-    return replace(people, who=name, trials=apart)
+    return replace(people, who=name, kind="difference", trials=apart)
 
 
 def row_key(row: TrialRow) -> EpisodeKey:
