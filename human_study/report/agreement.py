@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from sim.tasks.run_files import Answer, EpisodeRun
-from sim.types import EpisodeKey, TaskKind
+from sim.types import EpisodeKey
 
-from .rows import Aggregate, counted_trials
-from .trials import Frame, PeopleRow, ReportValue, TrialGroup
+from .trials import Frame, PeopleRow, TrialGroup
 
 SUSPECT_SHARE = 0.8
 """An episode is suspect if at least this share of its people chose the same wrong place."""
@@ -49,13 +49,10 @@ class PlaceRow(PeopleRow):
     object_ac1: float | None
 
 
-class SuspectEpisode(ReportValue):
+class SuspectEpisode(PeopleRow):
     """An episode at which people agree on a wrong place: perhaps its label is wrong."""
 
-    task: TaskKind
     episode: str
-    scene_kind: str
-    condition: str
     num_people: int
     num_agreeing: int
     xz: tuple[float, float]
@@ -66,12 +63,10 @@ class SuspectEpisode(ReportValue):
 
 def agreement_row(group: TrialGroup) -> AgreementRow:
     """Agreement of a group of people on success."""
-    trials = counted_trials(group.trials, "sr", Aggregate())
-    counts = counts_of((trials.values == 100).astype(int).tolist(), trials.episode_index, num_categories=2)
+    known = group.trials[group.trials["sr"].notna()]
+    counts = counts_of((known["sr"] == 100).tolist(), known["episode"].tolist())
     return AgreementRow(
-        task=group.task,
-        scene_kind=group.scene_kind,
-        condition=group.condition,
+        **group.people_names,
         num_episodes=int((counts.sum(axis=1) >= 2).sum()),
         krippendorff_alpha=krippendorff_alpha(counts),
         gwet_ac1=gwet_ac1(counts),
@@ -94,9 +89,7 @@ def place_row(group: TrialGroup, objects: HomeObjects | None = None) -> PlaceRow
     place_alpha, place_ac1 = _agreements(places)
     object_alpha, object_ac1 = _agreements(things) if objects else (None, None)
     return PlaceRow(
-        task=group.task,
-        scene_kind=group.scene_kind,
-        condition=group.condition,
+        **group.people_names,
         num_episodes=len(repeated),
         num_choices=len(places),
         spread_lower=lower,
@@ -123,10 +116,8 @@ def suspect_episodes(group: TrialGroup, objects: HomeObjects | None = None) -> l
             agreeing = int((np.linalg.norm(points - place, axis=1) <= SUSPECT_RADIUS).sum())
             found.append(
                 SuspectEpisode(
-                    task=group.task,
+                    **group.people_names,
                     episode=str(key),
-                    scene_kind=group.scene_kind,
-                    condition=group.condition,
                     num_people=number,
                     num_agreeing=agreeing,
                     xz=(float(place[0]), float(place[1])),
@@ -199,10 +190,12 @@ def common_place(points: NDArray[np.float64], *, radius: float, share: float) ->
     return points[best] if near[best].mean() >= share else None
 
 
-def counts_of(labels: Sequence[int], episode_index: NDArray[np.intp], *, num_categories: int) -> NDArray[np.int64]:
-    """Number of labels of each category at each episode, (N, C)."""
-    counts = np.zeros((int(episode_index.max(initial=-1)) + 1, num_categories), np.int64)
-    np.add.at(counts, (episode_index, np.asarray(labels, np.intp)), 1)
+def counts_of(labels: Sequence[object], episodes: Sequence[object]) -> NDArray[np.int64]:
+    """Number of labels of each category at each episode, (N, C); at least two categories."""
+    names, places = ({name: at for at, name in enumerate(dict.fromkeys(found))} for found in (labels, episodes))
+    counts = np.zeros((len(places), max(2, len(names))), np.int64)
+    for label, episode in zip(labels, episodes, strict=True):
+        counts[places[episode], names[label]] += 1
     return counts
 
 
@@ -219,18 +212,10 @@ def _places(trials: Frame) -> dict[EpisodeKey, NDArray[np.float64]]:
 def _clusters(points: NDArray[np.float64]) -> NDArray[np.intp]:
     """Label of each of `points` (N, 2): points linked by steps of at most the radius are one place."""
     near = np.linalg.norm(points[:, None] - points[None], axis=-1) <= SUSPECT_RADIUS
-    labels = np.arange(len(points))
-    for _ in points:
-        labels = np.where(near, labels[None], len(points)).min(axis=1)
-    return labels
+    return connected_components(near)[1]
 
 
 def _agreements(labels: Sequence[tuple[EpisodeKey, object]]) -> tuple[float | None, float | None]:
     """Krippendorff's alpha and Gwet's AC1 of one label per answer."""
-    if not labels:
-        return None, None
-    episodes = {key: at for at, key in enumerate(sorted({key for key, _ in labels}))}
-    names = {name: at for at, name in enumerate(dict.fromkeys(name for _, name in labels))}
-    index = np.array([episodes[key] for key, _ in labels], np.intp)
-    counts = counts_of([names[name] for _, name in labels], index, num_categories=max(2, len(names)))
+    counts = counts_of([label for _, label in labels], [key for key, _ in labels])
     return krippendorff_alpha(counts), gwet_ac1(counts)

@@ -1,7 +1,7 @@
 """Counts and spreads beside the figures: ends, quartiles, attention, the flow of people, verifications, exclusions."""
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from sim.types import SPLITS, EndReason, TaskKind
 from ..export.rows import ExclusionRow, ParticipantRow
 from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
+from ..store.record_types import Stage
 from .measures import MEASURES
 from .trials import GroupRow, PeopleRow, ReportValue, TrialGroup, is_first_condition
 
@@ -74,11 +75,11 @@ class FlowCount(ReportValue):
 class VerificationCount(PeopleRow):
     """Results of doing the counted trials again."""
 
-    num_verified: int
-    num_drift: int
-    num_failed: int
-    num_unsupported: int
-    num_not_yet: int
+    num_verified: int = 0
+    num_drift: int = 0
+    num_failed: int = 0
+    num_unsupported: int = 0
+    num_not_yet: int = 0
 
     @property
     def n(self) -> int:
@@ -105,11 +106,11 @@ def spread_rows(group: TrialGroup) -> list[SpreadRow]:
     for measure in (name for name in group.measures if MEASURES[name].has_spread):
         for split in (*SPLITS, "all"):
             values = group.trials[measure] if split == "all" else group.trials[measure][group.trials["split"] == split]
-            if values.notna().any():
-                lower, median, upper = np.quantile(values.dropna(), [0.25, 0.5, 0.75])
-                found = {"measure": measure, "split": split, "lower": lower, "median": median, "upper": upper}
-                found |= {"n": int(values.notna().sum()), "num_missing": int(values.isna().sum())}
-                rows.append(SpreadRow.model_validate({**group.names, **found}))
+            known = values.dropna()
+            if len(known):
+                found = dict(zip(("lower", "median", "upper"), np.quantile(known, [0.25, 0.5, 0.75]), strict=True))
+                counts = {"n": len(known), "num_missing": len(values) - len(known)}
+                rows.append(SpreadRow(**group.names, measure=measure, split=split, **found, **counts))
     return rows
 
 
@@ -118,28 +119,25 @@ def end_rows(group: TrialGroup) -> list[EndRow]:
     counts = Counter(group.trials["end"].dropna())
     hits = Counter(group.trials["end"][group.trials["sr"] == 100])
     found = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
-    return [EndRow.model_validate({**group.names, "reason": end, "k": hits[end], "n": n}) for end, n in found]
+    return [EndRow(**group.names, reason=end, k=hits[end], n=n) for end, n in found]
 
 
 def attention_counts(rows: Sequence[TrialRow]) -> list[AttentionCount]:
     """Counts per task, over attention trials that ended with a result."""
-    checks = [row for row in rows if row.phase == "check" and row.success is not None]
-    found = []
-    tasks: set[TaskKind] = {row.task for row in checks}
-    for task in sorted(tasks):
-        hits: dict[str, list[bool]] = defaultdict(list)
-        for row in (row for row in checks if row.task == task):
-            hits[row.participant].append(bool(row.success))
-        found.append(
-            AttentionCount(
-                task=task,
-                num_trials=sum(map(len, hits.values())),
-                num_passed=sum(map(sum, hits.values())),
-                num_people=len(hits),
-                num_failing=sum(one.count(False) > 1 for one in hits.values()),
-            )
+    hits: dict[TaskKind, dict[str, list[bool]]] = defaultdict(lambda: defaultdict(list))
+    for row in rows:
+        if row.phase == "check" and row.success is not None:
+            hits[row.task][row.participant].append(row.success)
+    return [
+        AttentionCount(
+            task=task,
+            num_trials=sum(map(len, people.values())),
+            num_passed=sum(map(sum, people.values())),
+            num_people=len(people),
+            num_failing=sum(one.count(False) > 1 for one in people.values()),
         )
-    return found
+        for task, people in sorted(hits.items())
+    ]
 
 
 def hidden_count(rows: Sequence[TrialRow], limit_s: float | None) -> HiddenCount | None:
@@ -164,45 +162,47 @@ def flow_counts(people: Sequence[ParticipantRow], rows: Sequence[TrialRow], *, n
     for row in rows:
         if row.attempt > 0:
             opened[row.participant].add(row.phase)
-    counts: Counter[str] = Counter({"places in the plan": num_deleted, "withdrew, records deleted": num_deleted})
-    for person in people:
-        reached = {entry.stage for entry in person.stages}
-        left = [entry.stage for entry in person.stages if entry.stage in ("dropped_out", "returned")]
-        counts["places in the plan"] += 1
-        counts["came"] += bool(reached)
-        counts["device refused"] += "device_failed" in reached and "device_ok" not in reached
-        counts["declined consent"] += "declined" in reached
-        counts["consented"] += "consented" in reached
-        counts["screened out"] += "screened_out" in reached
-        counts["failed the quiz at least once"] += "quiz_failed" in reached
-        counts["passed the quiz"] += "quiz_passed" in reached
-        counts["began practice"] += "practice" in opened[person.participant]
-        counts["began counted trials"] += "main" in opened[person.participant]
-        counts["withdrew"] += "withdrawn" in reached
-        counts["dropped out"] += left[-1:] == ["dropped_out"] and person.left_by is None
-        counts["study was full"] += "full" in reached
-        counts["finished"] += "finished" in reached
-    return [FlowCount(point=point, n=counts[point], is_aside=is_aside) for point, is_aside in _POINTS]
+    deleted = {"places in the plan": num_deleted, "withdrew, records deleted": num_deleted}
+    passed = [_points_of(person, opened[person.participant]) for person in people]
+    return [
+        FlowCount(point=point, n=deleted.get(point, 0) + sum(point in points for points in passed), is_aside=is_aside)
+        for point, (_, is_aside) in _POINTS.items()
+    ]
 
 
-_POINTS: tuple[tuple[str, bool], ...] = (
-    ("places in the plan", False),
-    ("came", False),
-    ("device refused", True),
-    ("study was full", True),
-    ("declined consent", True),
-    ("consented", False),
-    ("screened out", True),
-    ("failed the quiz at least once", True),
-    ("passed the quiz", False),
-    ("began practice", False),
-    ("began counted trials", False),
-    ("dropped out", True),
-    ("withdrew", True),
-    ("withdrew, records deleted", True),
-    ("finished", False),
-)
-"""Points in study order; True marks ways out and detours."""
+def _points_of(person: ParticipantRow, opened: Set[str]) -> set[str]:
+    """The points that one person passed, whose trials of these phases were opened."""
+    reached = {entry.stage for entry in person.stages}
+    left = [entry.stage for entry in person.stages if entry.stage in ("dropped_out", "returned")]
+    is_true = {
+        "places in the plan": True,
+        "came": bool(reached),
+        "device refused": "device_failed" in reached and "device_ok" not in reached,
+        "began practice": "practice" in opened,
+        "began counted trials": "main" in opened,
+        "dropped out": left[-1:] == ["dropped_out"] and person.left_by is None,
+    }
+    return {point for point, (stage, _) in _POINTS.items() if is_true.get(point, stage in reached)}
+
+
+_POINTS: dict[str, tuple[Stage | None, bool]] = {
+    "places in the plan": (None, False),
+    "came": (None, False),
+    "device refused": (None, True),
+    "study was full": ("full", True),
+    "declined consent": ("declined", True),
+    "consented": ("consented", False),
+    "screened out": ("screened_out", True),
+    "failed the quiz at least once": ("quiz_failed", True),
+    "passed the quiz": ("quiz_passed", False),
+    "began practice": (None, False),
+    "began counted trials": (None, False),
+    "dropped out": (None, True),
+    "withdrew": ("withdrawn", True),
+    "withdrew, records deleted": (None, True),
+    "finished": ("finished", False),
+}
+"""Points in study order: the stage that reaches it, if one does, and whether it is a way out or a detour."""
 
 
 def verification_counts(rows: Sequence[TrialRow]) -> list[VerificationCount]:
@@ -211,13 +211,9 @@ def verification_counts(rows: Sequence[TrialRow]) -> list[VerificationCount]:
     for row in (row for row in rows if row.is_result):
         condition = run_condition(row.condition)
         name = (row.task, row.scene_kind, not is_first_condition(condition), condition)
-        groups[name][row.verification or "not_yet"] += 1
-    statuses = ("verified", "drift", "failed", "unsupported", "not_yet")
+        groups[name][f"num_{row.verification or 'not_yet'}"] += 1
     return [
-        VerificationCount.model_validate(
-            {"task": task, "scene_kind": kind, "condition": condition}
-            | {f"num_{status}": found[status] for status in statuses}
-        )
+        VerificationCount(task=task, scene_kind=kind, condition=condition, **found)
         for (task, kind, _, condition), found in sorted(groups.items())
     ]
 
